@@ -1,0 +1,291 @@
+// Cast rays through a scalar volume and gather the channels of what they meet.
+//
+//     α = 1 − (1 − opacity(v))^(length / step),  C += T α (g s(v) + k_s),  T ← T (1 − α)
+//     g = ambient + diffuse · lambert,  k_s = specular · lambert^shininess      (METHOD §3)
+//
+// NumPy twin: volspec/raycast/reference.py (cast). Same steps, same clipping, same order.
+//
+// Launch: 2-D, one work-item per tile of TILE_WIDTH × TILE_HEIGHT pixels (a packet of LANES
+// rays), offset by whole tiles so that a picture can be cast in bands.
+//
+// Reads   voxels   VOXEL[nz][ny][nx], padded by one voxel before and two after each axis with
+//                  the edge's values: clamping costs nothing and loads may run past the end
+//         leaps    uchar per brick of BRICK³ cells: 0 visible, d = nearer than d all is empty
+//         opacity  float2[TABLE_SIZE]: opacity of one whole step, difference to the next entry
+//         colours  floatR[TABLE_SIZE]: ROW floats, the M channels and zeros
+// Writes  coefficients float[height][width][CHANNELS] premultiplied; alpha and depth_mm
+//         float[height][width] (depth: expected, inf where nothing is seen)
+//
+// The host sets LANES, VOXEL, CHANNELS, ROW (CHANNELS rounded up to 4, 8 or 16), TABLE_SIZE,
+// BRICK, SHADED, SPECULAR.
+
+#include "lanes.clh"
+
+#if ROW == 4
+typedef float4 floatR;
+#elif ROW == 8
+typedef float8 floatR;
+#else
+typedef float16 floatR;
+#endif
+typedef union { floatR v; float s[ROW]; } floatRL;
+
+typedef struct {
+    // rays anchored in the plane through the target (index space), RayField in the twin
+    float4 target;                 // in index space
+    float4 forward, across, down;  // in the world, millimetres
+    float4 index_x, index_y, index_z;  // rows of index_from_world
+    float4 top;          // largest index along x, y, z
+    float4 shade;        // ambient, diffuse, specular, shininess
+    float middle_x, middle_y;  // pixel that looks at the target
+    float distance;      // from the camera to the target, mm
+    float perspective;   // 1, or 0 for parallel rays
+    float phase;         // from the target to step 0, mm; steps are whole ones from the camera
+    float start;         // position of the camera counted from step 0, mm
+    float domain_low;    // value of table entry 0
+    float domain_scale;  // table entries per value
+    float step_mm;
+    float opaque;        // a ray ends when its transmittance falls to this
+    float gradient_floor_squared;
+    int width, height;   // of the picture
+    int row, slice;      // elements from one voxel row, one slice to the next
+    int bricks_x, bricks_y;
+} Cast;
+
+// Eight neighbours cost four loads: x-neighbours lie side by side.
+#define PAIR(offset) convert_float2(vload2(0, voxels + (offset)))
+#define QUAD(offset) convert_float4(vload4(0, voxels + (offset)))
+
+// Entry and exit of the box 0…top along one axis. A ray parallel to a face yields 0/0 = NaN
+// when it lies in it; fmin and fmax then keep the other operand.
+inline void clip(float top, floatN o, floatN d, floatN *near, floatN *far) {
+    const floatN a = (0.0f - o) / d, b = (top - o) / d;
+    *near = fmax(*near, fmin(a, b));
+    *far = fmin(*far, fmax(a, b));
+}
+
+// First step of a ray, at or after step k, that may see something.
+inline int leap(__global const uchar *leaps, const Cast *cast, float3 o, float3 d, float near,
+                float far, int k, int k_end, int *k_check) {
+    const float step = cast->step_mm;
+    while (k < k_end) {
+        const float middle = 0.5f * (fmax(k * step, near) + fmin((k + 1) * step, far));
+        const float3 p = clamp(fma(middle, d, o), 0.0f, cast->top.xyz);
+        const int3 brick = convert_int3(p) / BRICK;
+        const int distance = leaps[(brick.z * cast->bricks_y + brick.y) * cast->bricks_x + brick.x];
+        // The box of bricks known to be alike, and where the ray leaves it.
+        const int reach = max(distance - 1, 0);
+        const float3 low = convert_float3((brick - reach) * BRICK);
+        const float3 high = convert_float3((brick + reach + 1) * BRICK);
+        const float3 exits = (select(low, high, isgreater(d, (float3)(0.0f))) - o) / d;
+        const float leave = fmin(fmin(fabs(d.x) > 1e-9f ? exits.x : INFINITY,
+                                      fabs(d.y) > 1e-9f ? exits.y : INFINITY),
+                                 fabs(d.z) > 1e-9f ? exits.z : INFINITY);
+        // The first step whose middle lies beyond; at least one further, whatever the rounding.
+        const int next = max(k + 1, (int)ceil(fmin(leave, far) / step - 0.5f));
+        if (distance == 0) {
+            *k_check = next;
+            return k;
+        }
+        k = next;
+    }
+    return k;
+}
+
+__kernel void raycast(__global const VOXEL *restrict voxels, __global const uchar *restrict leaps,
+                      __global const float2 *restrict opacity,
+                      __global const float *restrict colours, const Cast cast,
+                      __global float *restrict coefficients, __global float *restrict alpha,
+                      __global float *restrict depth_mm) {
+    const int pixel_x = get_global_id(0) * TILE_WIDTH, pixel_y = get_global_id(1) * TILE_HEIGHT;
+    if (pixel_x >= cast.width || pixel_y >= cast.height) return;
+    const floatN x = (float)pixel_x + LANE_X, y = (float)pixel_y + LANE_Y;
+
+    // Offset in the target's plane; how much longer the ray to it is than the middle one,
+    // without the cancellation of two long lengths.
+    const floatN u = x - cast.middle_x, v = y - cast.middle_y;
+    const floatN rx = u * cast.across.x + v * cast.down.x;
+    const floatN ry = u * cast.across.y + v * cast.down.y;
+    const floatN rz = u * cast.across.z + v * cast.down.z;
+    const floatN spread = cast.perspective * (rx * rx + ry * ry + rz * rz);
+    const floatN ray_length = sqrt(cast.distance * cast.distance + spread);
+    const floatN longer = spread / (ray_length + cast.distance);
+    const floatN wx = (cast.forward.x * cast.distance + cast.perspective * rx) / ray_length;
+    const floatN wy = (cast.forward.y * cast.distance + cast.perspective * ry) / ray_length;
+    const floatN wz = (cast.forward.z * cast.distance + cast.perspective * rz) / ray_length;
+    floatL ox, oy, oz, dx, dy, dz;
+    dx.v = cast.index_x.x * wx + cast.index_x.y * wy + cast.index_x.z * wz;
+    dy.v = cast.index_y.x * wx + cast.index_y.y * wy + cast.index_y.z * wz;
+    dz.v = cast.index_z.x * wx + cast.index_z.y * wy + cast.index_z.z * wz;
+    const floatN shift = cast.phase - longer;
+    ox.v = cast.target.x + cast.index_x.x * rx + cast.index_x.y * ry + cast.index_x.z * rz + shift * dx.v;
+    oy.v = cast.target.y + cast.index_y.x * rx + cast.index_y.y * ry + cast.index_y.z * rz + shift * dy.v;
+    oz.v = cast.target.z + cast.index_z.x * rx + cast.index_z.y * ry + cast.index_z.z * rz + shift * dz.v;
+
+    floatL near, far;
+    near.v = cast.start;
+    far.v = INFINITY;
+    clip(cast.top.x, ox.v, dx.v, &near.v, &far.v);
+    clip(cast.top.y, oy.v, dy.v, &near.v, &far.v);
+    clip(cast.top.z, oz.v, dz.v, &near.v, &far.v);
+    const intN inside = MASK(near.v < far.v) & MASK(x < (float)cast.width);
+    near.v = select((floatN)(0.0f), near.v, inside);
+    far.v = select((floatN)(0.0f), far.v, inside);
+
+    const float step = cast.step_mm;
+    intL k, k_end, k_check;
+    k.v = CONVERT_INT(floor(near.v / step));
+    k_end.v = select((intN)(0), CONVERT_INT(ceil(far.v / step)), inside);
+    k_check.v = k.v;
+
+    floatRL colour[LANES];
+    FOR_LANES(l) colour[l].v = (floatR)(0.0f);
+    floatN through = 1.0f, depth = 0.0f;
+
+    intN live = MASK(k.v < k_end.v);
+    while (any(live)) {
+        if (any(live & MASK(k.v >= k_check.v))) {
+            FOR_LANES(l) {
+                if (k.s[l] < k_end.s[l] && k.s[l] >= k_check.s[l])
+                    k.s[l] = leap(leaps, &cast, (float3)(ox.s[l], oy.s[l], oz.s[l]),
+                                  (float3)(dx.s[l], dy.s[l], dz.s[l]), near.s[l], far.s[l],
+                                  k.s[l], k_end.s[l], &k_check.s[l]);
+            }
+            live &= MASK(k.v < k_end.v);
+            if (!any(live)) break;
+        }
+        // The step's clipped interval, sampled at its middle.
+        const floatN begin = fmax(CONVERT_FLOAT(k.v) * step, near.v);
+        const floatN end = fmin(CONVERT_FLOAT(k.v + 1) * step, far.v);
+        const floatN middle = 0.5f * (begin + end);
+        const floatN px = clamp(fma(middle, dx.v, ox.v), 0.0f, cast.top.x);
+        const floatN py = clamp(fma(middle, dy.v, oy.v), 0.0f, cast.top.y);
+        const floatN pz = clamp(fma(middle, dz.v, oz.v), 0.0f, cast.top.z);
+        const intN ix = CONVERT_INT(px), iy = CONVERT_INT(py), iz = CONVERT_INT(pz);
+        const floatN fx = px - CONVERT_FLOAT(ix), fy = py - CONVERT_FLOAT(iy),
+                     fz = pz - CONVERT_FLOAT(iz);
+        intL at;  // of the cell's first voxel; the padding shifts every axis by one
+        at.v = (iz + 1) * cast.slice + (iy + 1) * cast.row + ix + 1;
+
+        floatL a000, a001, a010, a011, a100, a101, a110, a111;
+        FOR_LANES(l) {
+            const float2 r00 = PAIR(at.s[l]), r01 = PAIR(at.s[l] + cast.row);
+            const float2 r10 = PAIR(at.s[l] + cast.slice);
+            const float2 r11 = PAIR(at.s[l] + cast.slice + cast.row);
+            a000.s[l] = r00.x; a001.s[l] = r00.y; a010.s[l] = r01.x; a011.s[l] = r01.y;
+            a100.s[l] = r10.x; a101.s[l] = r10.y; a110.s[l] = r11.x; a111.s[l] = r11.y;
+        }
+        const floatN c00 = lerp(a000.v, a001.v, fx), c01 = lerp(a010.v, a011.v, fx);
+        const floatN c10 = lerp(a100.v, a101.v, fx), c11 = lerp(a110.v, a111.v, fx);
+        const floatN value = lerp(lerp(c00, c01, fy), lerp(c10, c11, fy), fz);
+
+        const floatN entry = clamp((value - cast.domain_low) * cast.domain_scale, 0.0f,
+                                   (float)(TABLE_SIZE - 1));
+        intL j;
+        j.v = min(CONVERT_INT(entry), (intN)(TABLE_SIZE - 2));
+        floatL f;
+        f.v = entry - CONVERT_FLOAT(j.v);
+        floatL first, rise;
+        FOR_LANES(l) {
+            const float2 entry_l = opacity[j.s[l]];
+            first.s[l] = entry_l.x;
+            rise.s[l] = entry_l.y;
+        }
+        floatN share = fma(f.v, rise.v, first.v);
+        const floatN length = (end - begin) / step;
+        if (any(live & MASK(length < 0.9999f) & MASK(share > 0.0f)))
+            share = select(share, 1.0f - pow(1.0f - share, length), MASK(length < 0.9999f));
+        share = select((floatN)(0.0f), share, live);
+
+        if (any(MASK(share > 0.0f))) {
+            floatL visible, weight, white;
+            visible.v = weight.v = through * share;
+            through -= weight.v;
+            depth = fma(weight.v, middle, depth);
+            live &= MASK(through > cast.opaque);
+#if SHADED
+            // Central differences of the trilinear field: the rows around the cell, each
+            // interpolated along x; the four inner rows need their own x-neighbours too.
+            floatL q0[4], q3[4], outer[16];
+            FOR_LANES(l) {
+                if (visible.s[l] > 0.0f) {
+                    const int o = at.s[l];
+                    const int row = cast.row, slice = cast.slice;
+                    q0[0].s[l] = voxels[o - 1]; q3[0].s[l] = voxels[o + 2];
+                    q0[1].s[l] = voxels[o + row - 1]; q3[1].s[l] = voxels[o + row + 2];
+                    q0[2].s[l] = voxels[o + slice - 1]; q3[2].s[l] = voxels[o + slice + 2];
+                    q0[3].s[l] = voxels[o + slice + row - 1];
+                    q3[3].s[l] = voxels[o + slice + row + 2];
+                    const int rows[8] = {o - row, o + 2 * row, o + slice - row,
+                                         o + slice + 2 * row, o - slice, o - slice + row,
+                                         o + 2 * slice, o + 2 * slice + row};
+                    _Pragma("unroll") for (int r = 0; r < 8; ++r) {
+                        const float2 pair = PAIR(rows[r]);
+                        outer[2 * r].s[l] = pair.x;
+                        outer[2 * r + 1].s[l] = pair.y;
+                    }
+                } else {
+                    _Pragma("unroll") for (int r = 0; r < 4; ++r) q0[r].s[l] = q3[r].s[l] = 0;
+                    _Pragma("unroll") for (int r = 0; r < 16; ++r) outer[r].s[l] = 0;
+                }
+            }
+#define OUTER(r) lerp(outer[2 * (r)].v, outer[2 * (r) + 1].v, fx)
+            const floatN gx = lerp(
+                lerp(lerp(a001.v - q0[0].v, q3[0].v - a000.v, fx),
+                     lerp(a011.v - q0[1].v, q3[1].v - a010.v, fx), fy),
+                lerp(lerp(a101.v - q0[2].v, q3[2].v - a100.v, fx),
+                     lerp(a111.v - q0[3].v, q3[3].v - a110.v, fx), fy), fz);
+            const floatN gy = lerp(lerp(c01 - OUTER(0), OUTER(1) - c00, fy),
+                                   lerp(c11 - OUTER(2), OUTER(3) - c10, fy), fz);
+            const floatN gz = lerp(lerp(c10, c11, fy) - lerp(OUTER(4), OUTER(5), fy),
+                                   lerp(OUTER(6), OUTER(7), fy) - lerp(c00, c01, fy), fz);
+            const floatN nx = 0.5f * (gx * cast.index_x.x + gy * cast.index_y.x + gz * cast.index_z.x);
+            const floatN ny = 0.5f * (gx * cast.index_x.y + gy * cast.index_y.y + gz * cast.index_z.y);
+            const floatN nz = 0.5f * (gx * cast.index_x.z + gy * cast.index_y.z + gz * cast.index_z.z);
+            const floatN square = nx * nx + ny * ny + nz * nz;
+            const floatN trust = square / (square + cast.gradient_floor_squared);
+            const floatN facing = fabs(nx * wx + ny * wy + nz * wz) *
+                                  rsqrt(fmax(square, 1e-30f));
+#if SPECULAR
+            white.v = weight.v * cast.shade.z * trust * pow(facing, (floatN)(cast.shade.w));
+#endif
+            weight.v *= cast.shade.x + cast.shade.y * fma(trust, facing - 1.0f, 1.0f);
+#else
+            weight.v *= cast.shade.x;
+#endif
+            FOR_LANES(l) {
+                if (visible.s[l] > 0.0f) {
+                    const __global float *entry_l = colours + j.s[l] * ROW;
+#if ROW == 4
+                    const floatR s0 = vload4(0, entry_l), s1 = vload4(1, entry_l);
+#elif ROW == 8
+                    const floatR s0 = vload8(0, entry_l), s1 = vload8(1, entry_l);
+#else
+                    const floatR s0 = vload16(0, entry_l), s1 = vload16(1, entry_l);
+#endif
+                    const floatR seen = fma((floatR)(f.s[l]), s1 - s0, s0);
+                    colour[l].v = fma((floatR)(weight.s[l]), seen, colour[l].v);
+#if SPECULAR
+                    colour[l].v += (floatR)(white.s[l]);
+#endif
+                }
+            }
+        }
+        k.v += 1;
+        live &= MASK(k.v < k_end.v);
+    }
+
+    floatL opaque, distance;
+    opaque.v = 1.0f - through;
+    distance.v = depth / opaque.v - cast.start;
+    FOR_LANES(l) {
+        const int column = pixel_x + l % TILE_WIDTH, line = pixel_y + l / TILE_WIDTH;
+        if (column < cast.width && line < cast.height) {
+            const size_t pixel = (size_t)line * cast.width + column;
+            _Pragma("unroll") for (int c = 0; c < CHANNELS; ++c)
+                coefficients[pixel * CHANNELS + c] = colour[l].s[c];
+            alpha[pixel] = opaque.s[l];
+            depth_mm[pixel] = opaque.s[l] > 0.0f ? distance.s[l] : INFINITY;
+        }
+    }
+}

@@ -1,0 +1,51 @@
+// CIECAM02 forward under the scene's conditions and inverse under the display's, in one step.
+//
+//     R  = sign(r) 400 f / (27.13 + f), f = |r|^0.42, r = response_from_XYZ XYZ
+//     x  = 2R + G + B/20 (p2 - 0.305),  a = R - 12G/11 + B/11,  b = (R + G - 2B) / 9
+//     x' = w' (x / w)^γ
+//     (a', b') = κ (x' + 0.305) (a, b) / (x + 0.305 + (κ - 1) (11a + 108b) / 23)
+//     R' = 1/1403 (460 x' + 451 a' + 288 b') ...,  r' = sign(R') (|R'| / (400 - |R'|))^(1/0.42)
+//     linear = linear_from_response r'
+//
+// J, C and h are the same on both sides, so t, e_t and the hue fall out: nothing is divided by
+// t or by a sine, and no angle is formed (volspec.appearance.conditions.Transport derives it).
+// The 0.1 of the compression cancels in a and b and is the 0.305 in p2.
+//
+// NumPy twin: volspec/appearance/ciecam02.py, transport.
+// Total: finite input gives finite output. x <= 0 is black; |R'| stops at RESPONSE_LIMIT, short
+// of the pole at 400; the fraction's denominator stays above CHROMA_FLOOR (x + 0.305).
+//
+// Reads   passage, computed by the host in double precision whenever the white changes.
+// Host sets the numbers of volspec.appearance.constants.shader_constants().
+
+struct Passage {
+    mat3 response_from_XYZ;    // F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, the scene's
+    mat3 linear_from_response; // the display's inverse of it · 27.13^(1/0.42), to linear sRGB
+    float scene_achromatic;    // w, the scene white's p2 - 0.305
+    float display_achromatic;  // w', the display white's
+    float lightness_power;     // γ = cz / (c'z')
+    float chroma_gain;         // κ
+};
+uniform Passage passage;
+
+vec3 displayed_from_scene(vec3 XYZ) {
+    vec3 r = passage.response_from_XYZ * XYZ;
+    vec3 f = pow(abs(r), vec3(RESPONSE_POWER));
+    vec3 R = sign(r) * (RESPONSE_POLE * f / (RESPONSE_HALF + f));
+
+    float x = max(dot(ACHROMATIC, R), 0.0);
+    vec2 ab = vec2(dot(OPPONENT_A, R), dot(OPPONENT_B, R));
+    float p2 = x + ACHROMATIC_NOISE;
+    float x_display =
+        passage.display_achromatic * pow(x / passage.scene_achromatic, passage.lightness_power);
+    float skew = (passage.chroma_gain - 1.0) / 23.0 * dot(vec2(11.0, 108.0), ab);
+    float chroma = passage.chroma_gain * (x_display + ACHROMATIC_NOISE)
+        / max(p2 + skew, CHROMA_FLOOR * p2);
+    ab *= x > 0.0 ? chroma : 0.0;
+
+    vec3 R_display = RESPONSE_FROM_OPPONENT * vec3(x_display, ab);
+    vec3 size = min(abs(R_display), vec3(RESPONSE_LIMIT));
+    vec3 r_display =
+        sign(R_display) * pow(size / (RESPONSE_POLE - size), vec3(1.0 / RESPONSE_POWER));
+    return passage.linear_from_response * r_display;
+}

@@ -1,0 +1,40 @@
+"""Shared fixtures: where the volumes are, small scenes, and what a missing device means."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec.transfer import TransferTable
+from volspec.volume import Volume, load_volume
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def engine() -> Volume:
+    """The bundled engine CT, 256 x 256 x 110."""
+    return load_volume(ROOT / "data" / "engine.nrrd")
+
+
+@pytest.fixture(scope="session")
+def volumes() -> Path:
+    """The folder of the larger real volumes; they do not ship with the project."""
+    for folder in (os.environ.get("VOLSPEC_DATA"), ROOT.parent / "shared" / "data"):
+        if folder and Path(folder).is_dir():
+            return Path(folder)
+    pytest.skip("the larger volumes are not here; set VOLSPEC_DATA to their folder")
+
+
+@pytest.fixture(scope="session")
+def engine_table() -> TransferTable:
+    """Seven channels over the engine's values: a translucent block, denser inserts."""
+    rng = np.random.default_rng(2)
+    at = np.linspace(50, 255, 1024)
+    opacity = np.interp(at, [50, 60, 90, 160, 180, 255], [0, 0, 0.03, 0.1, 0.5, 0.5])
+    knots = [50, 120, 200, 255]
+    channels = [np.interp(at, knots, rng.uniform(0.1, 0.9, 4)) for _ in range(7)]
+    return TransferTable((50.0, 255.0), opacity, np.stack(channels, axis=1), 1.0)

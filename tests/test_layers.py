@@ -1,0 +1,107 @@
+"""The rules of the house, executed: who may import whom, and what stays light."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent / "volspec"
+
+# A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
+LAYERS = (
+    *("errors", "_files", "_gpu", "spectra", "appearance", "basis", "volume", "transfer"),
+    *("raycast", "relight", "pipeline", "scene", "export", "doctor", "cli"),
+)
+MODULES = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT or path.stem in LAYERS)
+
+
+def imports(path: Path) -> list[tuple[str, bool]]:
+    """(module, whether at module level) of every import in a file."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    top = set(map(id, tree.body))
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [(alias.name, id(node) in top) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            found.append((node.module or "", id(node) in top))
+    return found
+
+
+def layer(path: Path) -> str:
+    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_modules_import_only_from_their_left(path: Path) -> None:
+    here = LAYERS.index(layer(path))
+    for module, _ in imports(path):
+        parts = module.split(".")
+        if parts[0] == "volspec" and len(parts) > 1:
+            assert LAYERS.index(parts[1]) <= here, f"{path.name} imports {module}"
+
+
+@pytest.mark.parametrize(
+    ("package", "allowed"),
+    [
+        ("pyopencl", ("_gpu/opencl.py", "raycast/gpu.py")),
+        ("moderngl", ("_gpu/opengl.py", "relight/gpu.py", "relight/relighter.py")),
+        ("glfw", ()),
+        ("pyvista", ("volume/adapt.py", "volume/model.py")),
+        ("SimpleITK", ("volume/load.py",)),
+        ("OpenEXR", ("raycast/image.py",)),
+    ],
+)
+def test_machinery_stays_in_its_files(package: str, allowed: tuple[str, ...]) -> None:
+    users = {
+        path.relative_to(ROOT).as_posix()
+        for path in ROOT.rglob("*.py")
+        if any(module.split(".")[0] == package for module, _ in imports(path))
+    }
+    assert users <= set(allowed)
+
+
+def test_colour_science_is_used_by_spectra_appearance_references_and_reports_only() -> None:
+    for path in ROOT.rglob("*.py"):
+        if any(module.split(".")[0] == "colour" for module, _ in imports(path)):
+            where = path.relative_to(ROOT)
+            assert where.parts[0] in ("spectra", "appearance") or where.stem in (
+                "reference",
+                "report",
+            ), where
+
+
+@pytest.mark.parametrize(
+    "heavy",
+    ["colour", "pyopencl", "moderngl", "pyvista", "SimpleITK", "OpenEXR", "scipy.optimize"],
+)
+def test_heavy_packages_are_imported_inside_functions(heavy: str) -> None:
+    for path in ROOT.rglob("*.py"):
+        top = [module for module, at_top in imports(path) if at_top]
+        assert not any(m == heavy or m.startswith(heavy + ".") for m in top), path
+
+
+def test_importing_volspec_loads_no_numpy() -> None:
+    code = "import sys, volspec; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_stages_on_a_gpu_have_spec_reference_and_launcher() -> None:
+    for launcher in ROOT.rglob("gpu.py"):
+        assert {"spec.py", "reference.py"} <= {path.name for path in launcher.parent.iterdir()}
+
+
+def test_raycast_and_relight_are_functions_of_the_package() -> None:
+    """They are subpackages too, whose import must not hide the functions."""
+    import volspec
+    import volspec.raycast.gpu
+    import volspec.relight
+
+    assert callable(volspec.raycast) and callable(volspec.relight)
+    for name in volspec.__all__:
+        assert getattr(volspec, name) is not None

@@ -1,0 +1,142 @@
+"""The raycast kernel against its float64 reference, pixel by pixel."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from volspec.raycast import Camera, RaycastSpec, reference
+from volspec.raycast.gpu import Raycaster
+from volspec.transfer import TransferTable
+from volspec.volume import Volume, phantom
+
+# Full scale is 1. Positions carry float32 rounding of a few 1e-5 voxels, and the steepest edge
+# of these transfer functions turns that into some 2e-5 of opacity; measured 2e-5.
+TOLERANCE = 1e-4
+
+
+def assert_alike(
+    volume: Volume,
+    table: TransferTable,
+    camera: Camera,
+    spec: RaycastSpec,
+    size: tuple[int, int] = (64, 64),
+    **settings: int,
+) -> None:
+    """Compare every pixel; the message shows the worst with both values."""
+    ours = Raycaster(volume, **settings).cast(table, camera, size, spec)
+    true = reference.cast(volume, table, camera, size, spec)
+    assert true[1].max() > 0.05, "the camera misses the volume: nothing is compared"
+    for name, a, b in zip(("coefficients", "alpha"), ours, true, strict=False):
+        off = np.abs(a - b)
+        worst = np.unravel_index(off.argmax(), off.shape)
+        assert np.isfinite(a).all()
+        assert off.max() < TOLERANCE, f"{name}{worst}: kernel {a[worst]}, reference {b[worst]}"
+    seen = true[1] > 0.01
+    assert np.allclose(ours[2][seen], true[2][seen], atol=2e-2)
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 8, 16])
+def test_engine_matches_reference_at_every_packet_width(
+    engine: Volume, engine_table: TransferTable, lanes: int
+) -> None:
+    spec = RaycastSpec(specular=0.3)
+    assert_alike(engine, engine_table, Camera.orbit(engine), spec, lanes=lanes)
+
+
+@pytest.mark.parametrize("view", [(0, 0), (90, 0), (0, 90), (77, -35), (200, 60)])
+def test_engine_matches_reference_from_every_side(
+    engine: Volume, engine_table: TransferTable, view: tuple[int, int]
+) -> None:
+    """Axis views have rays parallel to faces, whose clipping divides 0 by 0."""
+    camera = Camera.orbit(engine, azimuth_deg=view[0], elevation_deg=view[1])
+    assert_alike(engine, engine_table, camera, RaycastSpec())
+
+
+def test_flat_picture_matches_reference(engine: Volume, engine_table: TransferTable) -> None:
+    assert_alike(engine, engine_table, Camera.orbit(engine), RaycastSpec(ambient=1, diffuse=0))
+
+
+def test_orthographic_picture_matches_reference(
+    engine: Volume, engine_table: TransferTable
+) -> None:
+    camera = Camera.orbit(engine, orthographic=True, zoom=1.5)
+    assert_alike(engine, engine_table, camera, RaycastSpec())
+
+
+def test_camera_inside_the_volume_matches_reference(
+    engine: Volume, engine_table: TransferTable
+) -> None:
+    camera = Camera((130.0, 120.0, 60.0), (200.0, 160.0, 40.0), fov_deg=70)
+    assert_alike(engine, engine_table, camera, RaycastSpec())
+
+
+def test_oblique_anisotropic_volume_matches_reference() -> None:
+    """Shear, rotation and unequal spacing: gradients must be taken in the world."""
+    rng = np.random.default_rng(5)
+    world = np.eye(4)
+    world[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0] @ np.diag([1.0, 1.7, 2.5])
+    world[:3, 3] = 40, -10, 5
+    values = phantom.ball(24).values * 200
+    volume = Volume(values.astype(np.int16) - 50, world_from_index=world)
+    at = np.linspace(-40, 150, 1024)
+    table = TransferTable(
+        (-40.0, 150.0),
+        np.interp(at, [-40, 0, 100, 150], [0, 0.05, 0.1, 0.4]),
+        np.stack([np.linspace(0.1, 0.9, 1024), np.linspace(0.8, 0.3, 1024)], axis=1),
+        1.0,
+    )
+    assert_alike(volume, table, Camera.orbit(volume, azimuth_deg=50), RaycastSpec(specular=0.5))
+
+
+@pytest.mark.parametrize(
+    ("dtype", "channels"), [(np.uint8, 16), (np.uint16, 1), (np.int16, 3), (np.float32, 9)]
+)
+def test_every_voxel_type_and_channel_count(dtype: type, channels: int) -> None:
+    volume = Volume((phantom.ball(20).values * 120).astype(dtype))
+    at = np.linspace(0, 1, 1024)
+    table = TransferTable(
+        (0.0, 120.0),
+        0.3 * at,
+        np.stack([np.abs(np.sin(at * (k + 2))) for k in range(channels)], axis=1),
+        1.0,
+    )
+    assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(), size=(21, 17))
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (1, 9, 9), (2, 3, 4), (17, 8, 9)])
+def test_thin_and_tiny_volumes_do_not_crash(shape: tuple[int, int, int]) -> None:
+    volume = Volume(np.full(shape, 7, np.uint8))
+    table = TransferTable((0.0, 10.0), np.full(1024, 0.4), np.full((1024, 2), 0.5), 1.0)
+    ours = Raycaster(volume).cast(table, Camera.orbit(volume), (24, 24), RaycastSpec())
+    true = reference.cast(volume, table, Camera.orbit(volume), (24, 24), RaycastSpec())
+    assert np.abs(ours[1] - true[1]).max() < TOLERANCE
+
+
+def test_bands_with_progress_give_the_same_picture(
+    engine: Volume, engine_table: TransferTable
+) -> None:
+    caster, camera = Raycaster(engine), Camera.orbit(engine)
+    shares: list[float] = []
+    whole = caster.cast(engine_table, camera, (100, 260), RaycastSpec())
+    banded = caster.cast(engine_table, camera, (100, 260), RaycastSpec(), shares.append)
+    assert all(np.array_equal(a, b) for a, b in zip(whole, banded, strict=True))
+    assert shares == sorted(shares) and shares[-1] == 1 and len(shares) > 8
+
+
+def test_light_before_the_cast_equals_light_after_it(
+    engine: Volume, engine_table: TransferTable
+) -> None:
+    """cast(e ∘ s) = e ∘ cast(s) for flat opacity: the promise of post-illumination (METHOD §3).
+
+    Both sides sum the same positive terms in the same order and differ by float32 rounding:
+    64 visible terms of relative error 6e-8 bound it at 4e-6 of full scale; measured 2e-6.
+    """
+    light = np.random.default_rng(1).uniform(0.1, 3.0, 7)
+    caster, camera = Raycaster(engine), Camera.orbit(engine)
+    lit = dataclasses.replace(engine_table, coefficients=engine_table.coefficients * light)
+    before = caster.cast(lit, camera, (256, 256), RaycastSpec())[0]
+    after = caster.cast(engine_table, camera, (256, 256), RaycastSpec())[0] * light
+    assert np.abs(before - after).max() < 4e-6 * np.abs(after).max()

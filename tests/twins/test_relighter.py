@@ -1,0 +1,260 @@
+"""What a Relighter promises, on a coefficient image of a small hand-made basis."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from volspec._gpu.opengl import headless_context
+from volspec.appearance import Viewing
+from volspec.appearance.srgb import decode, to_uint8
+from volspec.basis.model import SpectralBasis
+from volspec.errors import (
+    OpenGLError,
+    ShapeError,
+    SpectrumError,
+    ViewingError,
+    VolspecWarning,
+)
+from volspec.raycast.image import CoefficientImage
+from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight
+from volspec.relight import gpu as gpu_module
+from volspec.relight.reference import relight_reference
+from volspec.spectra import SpectralGrid, Spectrum, light
+from volspec.spectra.photometry import color_matching_functions
+
+GRID = SpectralGrid()
+RAW = Viewing(model="none")
+
+
+def box_basis(size: int = 5) -> SpectralBasis:
+    """Channels that are means over groups of neighbouring bands."""
+    B = np.zeros((GRID.size, size))
+    B[np.arange(GRID.size), np.arange(GRID.size) * size // GRID.size] = 1.0
+    Q = color_matching_functions(GRID)
+    D = 100.0 * Q @ B / Q[1].sum()
+    return SpectralBasis("boxes", "boxes", GRID, (B / B.sum(0)).T, B, D)
+
+
+def cast(height: int = 6, width: int = 5, seed: int = 0, size: int = 5) -> CoefficientImage:
+    """Random surfaces behind random opacity; the last row is empty, the first opaque white."""
+    rng = np.random.default_rng(seed)
+    alpha = rng.random((height, width)).astype(np.float32)
+    alpha[0], alpha[-1] = 1.0, 0.0
+    surfaces = rng.random((height, width, size)).astype(np.float32)
+    surfaces[0] = 1.0
+    depth = np.full((height, width), np.inf, np.float32)
+    return CoefficientImage(surfaces * alpha[..., None], alpha, depth, box_basis(size))
+
+
+def gl_or_skip(image: CoefficientImage, **options: object) -> Relighter:
+    try:
+        return Relighter(image, backend="gl", **options)
+    except OpenGLError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(params=["gl", "numpy"])
+def backend(request: pytest.FixtureRequest) -> str:
+    if request.param == "gl":
+        gl_or_skip(cast()).close()
+    return str(request.param)
+
+
+@pytest.mark.parametrize("mode", ["componentwise", "exact"])
+@pytest.mark.parametrize("name", ["A", "D65*0.7+FL2*0.3"])
+def test_frame_matches_the_reference_in_both_modes(backend, mode, name):
+    image = cast()
+    truth = relight_reference(image, light(name), RelightSpec(mode=mode))
+    with Relighter(image, backend) as relighter:
+        codes = relighter.frame(light(name), mode=mode)
+        exact = relighter.frame(light(name), mode=mode, dtype=np.float32)
+    assert codes.dtype == np.uint8 and codes.shape == (6, 5, 3)
+    worst = np.unravel_index(np.abs(exact - truth).argmax(), truth.shape)
+    # llvmpipe's pow, measured 5e-5.
+    assert abs(exact[worst] - truth[worst]) < 2e-4, (worst, exact[worst[:2]], truth[worst[:2]])
+    assert np.abs(codes.astype(int) - to_uint8(truth)).max() <= 1
+
+
+def test_row_0_of_the_image_is_row_0_of_the_frame(backend):
+    image = cast()
+    with Relighter(image, backend) as relighter:
+        frame = relighter.frame(light("D65"), backdrop=0.0)
+    # D65 sampled in 31 bands misses the display's white by less than a code.
+    assert frame[0].min() >= 254
+    assert frame[-1].max() == 0
+
+
+def test_column_0_of_the_image_is_column_0_of_the_frame(backend):
+    coefficients = np.zeros((3, 4, 5), np.float32)
+    coefficients[1, 0] = 1.0
+    alpha = np.ones((3, 4), np.float32)
+    image = CoefficientImage(coefficients, alpha, alpha, box_basis())
+    frame = relight(image, light("D65"), backend=backend)
+    assert frame[1, 0].min() > 250
+    assert np.count_nonzero(frame.any(axis=-1)) == 1
+
+
+def test_white_under_a_fully_adapted_eye_is_the_display_s_white(backend):
+    image = cast()
+    frame = relight(image, light("A"), Viewing(D=1.0), backend=backend, dtype=np.float32)
+    # The display's own eye is adapted to D65 by D = 0.83 only, so a trace of tint may stay.
+    assert frame[0].min() > 0.99
+
+
+def test_backdrop_is_a_lit_diffuser(backend):
+    image = cast()
+    with Relighter(image, backend) as relighter:
+        grey = relighter.frame(light("A"), RAW, backdrop=0.2, dtype=np.float32)
+        same = relighter.frame(
+            light("A"), RAW, backdrop=Spectrum([390, 710], [0.2, 0.2]), dtype=np.float32
+        )
+    np.testing.assert_allclose(grey, same, atol=1e-6)
+    # Tungsten unadapted: red above green above blue; Y is the reflectance.
+    linear = decode(grey[-1, 0])
+    assert linear[0] > linear[1] > linear[2]
+    np.testing.assert_allclose(linear @ [0.2126, 0.7152, 0.0722], 0.2, atol=2e-3)
+
+
+def test_lights_of_a_rig_add_up(backend):
+    image = cast()
+    lux = {"A": 200.0, "D65": 300.0}
+    dim = Viewing(model="none", illuminance_lux=2000.0)
+    with Relighter(image, backend) as relighter:
+
+        def linear(rig: LightRig) -> np.ndarray:
+            codes = relighter.frame(rig, dim, level="absolute", mode="exact", dtype=np.float32)
+            return decode(codes)
+
+        alone = [linear(LightRig((light(n),), illuminance_lux=(v,))) for n, v in lux.items()]
+        both = linear(LightRig(tuple(map(light, lux)), illuminance_lux=tuple(lux.values())))
+        half = linear(
+            LightRig(tuple(map(light, lux)), (0.5, 0.5), illuminance_lux=tuple(lux.values()))
+        )
+    assert both.max() < 1.0, "clipping would hide the sum"
+    # float32 codes, steep near black.
+    np.testing.assert_allclose(both, sum(alone), atol=2e-5)
+    np.testing.assert_allclose(half, both / 2.0, atol=2e-5)
+
+
+def test_relative_level_ignores_a_light_s_power(backend):
+    image = cast()
+    with Relighter(image, backend) as relighter:
+        once = relighter.frame(light("A"), dtype=np.float32)
+        thrice = relighter.frame(light("A") * 3.0, dtype=np.float32)
+    np.testing.assert_allclose(once, thrice, atol=1e-6)
+
+
+def test_mixed_light_is_the_weighted_sum_of_analyses():
+    basis = box_basis()
+    rig = LightRig((light("A"), light("FL2")), weights=(0.25, 2.0))
+    expected = 0.25 * basis.analyze(light("A")) + 2.0 * basis.analyze(light("FL2"))
+    np.testing.assert_allclose(basis.analyze(rig.mixed()), expected, rtol=1e-12)
+
+
+def test_light_change_uploads_nothing(monkeypatch):
+    with gl_or_skip(cast()) as relighter:
+        first = relighter.frame(light("A"))
+
+        def refuse(*_: object) -> None:
+            raise AssertionError("the coefficients were uploaded again")
+
+        monkeypatch.setattr(gpu_module.GLEngine, "upload", refuse)
+        monkeypatch.setattr(gpu_module, "pack_layers", refuse)
+        monkeypatch.setattr(gpu_module, "compile_program", refuse)
+        assert not np.array_equal(first, relighter.frame(light("D65")))
+        assert np.array_equal(first, relighter.frame(light("A")))
+
+
+def test_update_shows_another_cast_of_the_same_size(backend):
+    first, second = cast(seed=0), cast(seed=1)
+    with Relighter(first, backend) as relighter:
+        relighter.frame(light("A"))
+        relighter.update(second)
+        updated = relighter.frame(light("A"))
+        with pytest.raises(ShapeError, match="make another Relighter"):
+            relighter.update(cast(height=7))
+    assert np.array_equal(updated, relight(second, light("A"), backend=backend))
+
+
+def test_several_relighters_work_at_once_and_in_any_thread():
+    one, two = gl_or_skip(cast(seed=0)), gl_or_skip(cast(seed=1))
+    first = one.frame(light("A"))
+    second = two.frame(light("A"))
+    frames: list[np.ndarray] = []
+    thread = threading.Thread(target=lambda: frames.append(one.frame(light("A"))))
+    thread.start()
+    thread.join()
+    two.close()
+    assert not np.array_equal(first, second)
+    assert np.array_equal(frames[0], first)
+    assert np.array_equal(one.frame(light("A")), first)
+    one.close()
+
+
+def test_given_context_is_drawn_in_and_left_alive():
+    gl_or_skip(cast()).close()
+    context = headless_context()
+    with Relighter(cast(), context=context) as relighter, context:
+        context.enable(context.BLEND | context.DEPTH_TEST | context.CULL_FACE)
+        frame = relighter.frame(light("A"))
+    with context:
+        assert context.buffer(reserve=16).size == 16
+    assert np.array_equal(frame, relight(cast(), light("A"), backend="gl"))
+    context.release()
+
+
+def test_without_a_gl_context_numpy_draws_and_one_warning_says_why(monkeypatch):
+    def refuse() -> None:
+        raise OpenGLError("OpenGL: no headless context (test)")
+
+    monkeypatch.setattr(gpu_module, "headless_context", refuse)
+    with pytest.warns(VolspecWarning, match="no headless context") as caught:
+        relighter = Relighter(cast())
+    assert len(caught) == 1 and relighter.backend == "numpy"
+    assert relighter.frame(light("A")).shape == (6, 5, 3)
+    with pytest.raises(OpenGLError):
+        Relighter(cast(), backend="gl")
+
+
+def test_backend_names_the_device():
+    with gl_or_skip(cast()) as relighter:
+        assert relighter.backend not in ("", "numpy")
+
+
+def test_unlit_rig_and_other_nonsense_is_refused_in_one_line():
+    image = cast()
+    A = light("A")
+    lit = {"backend": "numpy"}
+    black = Spectrum([390, 710], [0.0, 0.0], name="night")
+    cases = [
+        (lambda: LightRig(()), ViewingError, "at least one Spectrum"),
+        (lambda: LightRig((A,), weights=(0.0,)), ViewingError, "every weight is 0"),
+        (lambda: LightRig((A,), weights=(1.0, 2.0)), ViewingError, "2 numbers for 1 lights"),
+        (lambda: LightRig((A,), weights=(-1.0,)), ViewingError, "number 1 is -1.0"),
+        (lambda: LightRig((A,), illuminance_lux=(0.0,)), ViewingError, "0 lux together"),
+        (lambda: LightRig(("A",)), ViewingError, "expected a Spectrum"),
+        (lambda: RelightSpec(mode="exakt"), ViewingError, "did you mean 'exact'"),
+        (lambda: RelightSpec(level="abs"), ViewingError, "level is 'abs'"),
+        (lambda: RelightSpec(backdrop=1.2), ViewingError, "backdrop reflects 1.2"),
+        (lambda: RelightSpec(backdrop="grey"), ViewingError, "backdrop is 'grey'"),
+        (lambda: RelightSpec(viewing="CIECAM02"), ViewingError, "expected a Viewing"),
+        (lambda: relight(image, "A", **lit), ViewingError, "such as volspec.light"),
+        (lambda: relight(image, black, **lit), SpectrumError, "night"),
+        (lambda: relight(image, A, dtype=np.int8, **lit), ViewingError, "numpy.uint8"),
+        (lambda: relight(image, A, level="absolute", **lit), ViewingError, "needs the lights' lux"),
+        (lambda: Relighter(image, backend="vulkan"), ViewingError, "backend is 'vulkan'"),
+        (lambda: Illumination(np.eye(3), [1.0, 2.0], np.ones(3)), ShapeError, "white_XYZ"),
+    ]
+    for make, kind, message in cases:
+        with pytest.raises(kind, match=message) as caught:
+            make()
+        assert "\n" not in str(caught.value)
+
+
+def test_closed_relighter_says_so(backend):
+    relighter = Relighter(cast(), backend)
+    relighter.close()
+    relighter.close()
+    with pytest.raises(ViewingError, match="already closed"):
+        relighter.frame(light("A"))

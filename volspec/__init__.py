@@ -1,0 +1,56 @@
+"""Swap the light on a volume: cast once, relight for ever.
+
+Nothing heavy is loaded here; a name's module is imported when the name is first used.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "volspec.appearance": ("Display", "Viewing"),
+    "volspec.basis": ("SpectralBasis",),
+    "volspec.errors": ("DeviceError", "InputError", "VolspecError", "VolspecWarning"),
+    "volspec.pipeline": ("Relighter", "raycast", "relight"),
+    "volspec.raycast": ("Camera", "CoefficientImage", "RaycastSpec"),
+    "volspec.relight": ("LightRig",),
+    "volspec.scene": ("Scene",),
+    "volspec.spectra": (
+        *("SpectralGrid", "Spectrum", "light", "light_names"),
+        *("reflectance", "reflectance_names"),
+    ),
+    "volspec.transfer": ("TransferFunction",),
+    "volspec.volume": ("Volume", "load_volume", "phantom"),
+}
+_HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = ["__version__", *sorted(_HOME_OF)]
+
+
+class _Package(ModuleType):
+    """``raycast`` and ``relight`` are stages and functions; as attributes they are functions.
+
+    Importing a subpackage sets it as an attribute of its parent, which would hide the function.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _HOME_OF and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'volspec' has no attribute {name!r}")
+    return getattr(import_module(_HOME_OF[name]), name)
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

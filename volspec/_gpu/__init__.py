@@ -1,0 +1,1 @@
+"""GPU machinery that knows no stage: devices, contexts, sources, the shared prelude."""

@@ -1,0 +1,147 @@
+"""OpenCL devices, programs and buffers; knows no stage.
+
+PoCL (pulled in as a wheel) makes every CPU a device, so that "no device" means a broken
+installation; the message says how to mend it. Compiled programs are cached by PoCL and the
+GPU drivers on disk and here per context.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any
+
+from volspec._gpu.sources import Source
+from volspec.errors import OpenCLError
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+
+_REMEDY = "install PoCL with: pip install 'pyopencl[pocl]'; `volspec doctor` shows more"
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceInfo:
+    """One OpenCL device, as `volspec doctor` lists it."""
+
+    name: str
+    platform: str
+    version: str
+    is_cpu: bool
+    compute_units: int
+    memory_bytes: int
+    max_allocation_bytes: int
+
+
+def devices() -> list[DeviceInfo]:
+    """Every device of every platform, GPUs first; empty where OpenCL is missing."""
+    return [_describe(device) for device in _all_devices()]
+
+
+def _all_devices() -> list[cl.Device]:
+    try:
+        import pyopencl as cl
+
+        found = [device for platform in cl.get_platforms() for device in platform.get_devices()]
+    except (ImportError, OSError):
+        return []
+    except cl.Error:  # the loader's way of saying that no driver is registered
+        return []
+    return sorted(found, key=lambda device: not device.type & cl.device_type.GPU)
+
+
+def _describe(device: cl.Device) -> DeviceInfo:
+    import pyopencl as cl
+
+    return DeviceInfo(
+        name=device.name.strip(),
+        platform=device.platform.name.strip(),
+        version=device.version.strip(),
+        is_cpu=bool(device.type & cl.device_type.CPU),
+        compute_units=device.max_compute_units,
+        memory_bytes=device.global_mem_size,
+        max_allocation_bytes=device.max_mem_alloc_size,
+    )
+
+
+@dataclass(slots=True)
+class Compute:
+    """A context and a queue on one device, and the kernels built there."""
+
+    context: cl.Context
+    queue: cl.CommandQueue
+    info: DeviceInfo
+    _kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel] = field(default_factory=dict)
+
+    @classmethod
+    def open(cls, name: str | None = None) -> Compute:
+        """Open the first device (GPUs first), or the first whose name contains ``name``.
+
+        Raises
+        ------
+        OpenCLError
+            If there is no device, or none of that name.
+        """
+        found = _all_devices()
+        if not found:
+            raise OpenCLError(f"no OpenCL device found; {_REMEDY}")
+        if name is not None:
+            names = [device.name.strip() for device in found]
+            chosen = [d for d, n in zip(found, names, strict=True) if name.lower() in n.lower()]
+            if not chosen:
+                near = get_close_matches(name, names, n=3, cutoff=0.2) or names
+                raise OpenCLError(f"no OpenCL device named {name!r}; there is: {', '.join(near)}")
+            found = chosen
+        import pyopencl as cl
+
+        context = cl.Context([found[0]])
+        return cls(context, cl.CommandQueue(context), _describe(found[0]))
+
+    def kernel(self, source: Source, name: str, options: Sequence[str] = ()) -> cl.Kernel:
+        """Build a program and take a kernel from it, once per source, name and options.
+
+        Raises
+        ------
+        OpenCLError
+            If it does not build; the message carries device, options and the compiler's line.
+        """
+        import pyopencl as cl
+
+        key = (source.text, name, tuple(options))
+        if key not in self._kernels:
+            try:
+                with warnings.catch_warnings():
+                    # Build logs are shown when a build fails, not when it says "ok".
+                    warnings.simplefilter("ignore")
+                    program = cl.Program(self.context, source.text).build(options=list(options))
+            except cl.RuntimeError as error:
+                lines = [
+                    line.strip() for line in str(error).splitlines() if "error" in line.lower()
+                ]
+                raise OpenCLError(
+                    f"{source.files[1]} does not build on {self.info.name} with "
+                    f"{' '.join(options) or 'no options'}: {lines[-1] if lines else error}"
+                ) from error
+            self._kernels[key] = cl.Kernel(program, name)
+        return self._kernels[key]
+
+    def upload(self, array: Any) -> cl.Buffer:
+        """A read-only device copy of a contiguous array."""
+        import pyopencl as cl
+
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self.context, flags, hostbuf=array)
+
+    def output(self, nbytes: int) -> cl.Buffer:
+        """A device buffer that kernels write and the host reads."""
+        import pyopencl as cl
+
+        return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, nbytes)
+
+    def download(self, buffer: cl.Buffer, into: Any) -> None:
+        """Copy a buffer into a contiguous array and wait for it."""
+        import pyopencl as cl
+
+        cl.enqueue_copy(self.queue, into, buffer)

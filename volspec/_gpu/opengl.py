@@ -1,0 +1,84 @@
+"""Headless OpenGL: a context without a window, programs whose errors name real files.
+
+EGL needs no display server; Mesa's llvmpipe draws where there is no GPU.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from volspec._gpu.sources import Source
+from volspec.errors import OpenGLError
+
+if TYPE_CHECKING:
+    import moderngl
+
+MINIMUM_VERSION = 330
+
+
+def headless_context() -> moderngl.Context:
+    """Make an OpenGL 3.3 core context on EGL.
+
+    Returns
+    -------
+    moderngl.Context
+        Current on the calling thread. Release it with ``.release()``.
+
+    Raises
+    ------
+    OpenGLError
+        If moderngl, EGL or a driver is missing; the message holds the remedy.
+    """
+    try:
+        import moderngl
+
+        settings: dict[str, Any] = {"backend": "egl"}
+        return moderngl.create_standalone_context(require=MINIMUM_VERSION, **settings)
+    except Exception as error:  # moderngl and glcontext raise bare Exception and ImportError
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise OpenGLError(
+            f"OpenGL: no headless context of version 3.3 ({reason}); install EGL and a driver, "
+            "on Debian or Ubuntu: apt-get install libegl1 libgl1-mesa-dri"
+        ) from error
+
+
+def compile_program(
+    context: moderngl.Context, vertex: Source, fragment: Source
+) -> moderngl.Program:
+    """Compile and link two shaders.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        Current on the calling thread.
+    vertex, fragment : Source
+        From `volspec._gpu.sources.assemble` with a GLSL version.
+
+    Raises
+    ------
+    OpenGLError
+        If the driver refuses; the compiler's log with the real files' names.
+    """
+    import moderngl
+
+    try:
+        return context.program(vertex_shader=vertex.text, fragment_shader=fragment.text)
+    except moderngl.Error as error:
+        log = str(error)
+        source = vertex if "vertex_shader" in log else fragment
+        raise OpenGLError(
+            f"OpenGL: {source.files[1]} does not compile on "
+            f"{describe(context)['device']}: {source.name_files(log).strip()}"
+        ) from error
+
+
+def describe(context: moderngl.Context) -> dict[str, Any]:
+    """What draws: ``device``, ``vendor``, ``version``, ``max_layers``, ``max_size``."""
+    info = context.info
+    return {
+        "device": info["GL_RENDERER"],
+        "vendor": info["GL_VENDOR"],
+        "version": info["GL_VERSION"],
+        "max_layers": int(info["GL_MAX_ARRAY_TEXTURE_LAYERS"]),
+        "max_size": int(info["GL_MAX_TEXTURE_SIZE"]),
+    }

@@ -1,0 +1,105 @@
+"""Find and assemble the sources and data that ship beside the Python code.
+
+In a checkout they are ``kernels/``, ``shaders/`` and ``data/`` at the root; in a wheel the
+same folders sit in ``volspec/_assets/``. Callers ask for a path relative to either.
+
+``#include "file"`` lines are expanded here for both languages, so that OpenCL C and GLSL
+share one mechanism and compiler messages name the real file and line: OpenCL by its
+standard ``#line N "file"``, GLSL by ``#line N k`` where k is a file number (`Source.files`).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from volspec.errors import VolspecError
+
+_INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
+
+
+@cache
+def asset_root() -> Path:
+    """The folder that holds ``kernels``, ``shaders`` and ``data``."""
+    package = Path(__file__).resolve().parent.parent
+    for root in (package / "_assets", package.parent):
+        if (root / "kernels").is_dir() and (root / "shaders").is_dir():
+            return root
+    raise VolspecError(
+        f"volspec: kernels/ and shaders/ not found beside {package}; "
+        "the installation is incomplete, reinstall the package"
+    )
+
+
+def asset(relative: str) -> Path:
+    """Path of a shipped file, such as ``data/engine.nrrd`` or ``kernels/raycast.cl``."""
+    return asset_root() / relative
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Program text ready for a compiler, and the files its line marks refer to."""
+
+    text: str
+    files: tuple[str, ...]
+
+    def name_files(self, log: str) -> str:
+        """Replace GLSL's file numbers in a compiler log (``2:14`` or ``2(14)``) by names."""
+
+        def named(match: re.Match[str]) -> str:
+            index = int(match[1])
+            name = self.files[index] if index < len(self.files) else match[1]
+            return f"{name}:{match[2]}"
+
+        return re.sub(r"\b(\d+)[:(](\d+)\)?", named, log)
+
+
+def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
+    """Read a kernel or shader, put the prelude before it and expand its includes.
+
+    Parameters
+    ----------
+    relative : str
+        ``kernels/….cl`` or ``shaders/….frag``; includes are looked up in the ``include``
+        folder beside it, each at most once.
+    prelude : str
+        ``#define`` lines (`volspec._gpu.prelude`).
+    glsl_version : str
+        ``"330 core"`` or ``"300 es"``; empty for OpenCL C.
+
+    Raises
+    ------
+    VolspecError
+        If a file is missing.
+    """
+    path = asset(relative)
+    files: list[str] = ["<prelude>"]
+    seen: set[str] = set()
+    out: list[str] = [f"#version {glsl_version}"] if glsl_version else []
+    out.append(prelude.rstrip("\n"))
+
+    def mark(line: int, name: str) -> str:
+        return f"#line {line} {files.index(name)}" if glsl_version else f'#line {line} "{name}"'
+
+    def append(file: Path) -> None:
+        name = file.relative_to(asset_root()).as_posix()
+        if name in seen:
+            return
+        seen.add(name)
+        files.append(name)
+        try:
+            lines = file.read_text(encoding="utf-8").splitlines()
+        except OSError as error:
+            raise VolspecError(f"{relative}: cannot read {name}: {error.strerror}") from error
+        out.append(mark(1, name))
+        for number, line in enumerate(lines, start=1):
+            if match := _INCLUDE.match(line):
+                append(path.parent / "include" / match[1])
+                out.append(mark(number + 1, name))
+            else:
+                out.append(line)
+
+    append(path)
+    return Source("\n".join(out) + "\n", tuple(files))

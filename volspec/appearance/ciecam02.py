@@ -1,0 +1,208 @@
+"""CIECAM02 in NumPy, float64: forward, inverse, and the two in one step as the shader does it.
+
+    relight -> [XYZ -> J, C, h -> XYZ] -> display
+
+Total on finite input: compression carries the sign of its argument, nothing is divided by t
+or by the sine or cosine of the hue, a negative achromatic response is black, and responses
+stop short of the pole at 400.
+
+References
+----------
+[1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity",
+    appendix, eq. 23-37, with the errata.
+[2] Moroney et al. (2002), "The CIECAM02 Color Appearance Model", 10th Color Imaging
+    Conference; CIE 159:2004.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance import constants as k
+from volspec.appearance.conditions import Conditions, Transport, compress
+from volspec.errors import ShapeError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Appearance:
+    """Correlates of CIECAM02, each (...) float64."""
+
+    J: Array
+    """Lightness, 0 to 100 for surfaces."""
+    C: Array
+    """Chroma."""
+    h: Array
+    """Hue angle, degrees within [0, 360)."""
+    H: Array
+    """Hue quadrature, 0 to 400: red 0, yellow 100, green 200, blue 300."""
+    Q: Array
+    """Brightness."""
+    M: Array
+    """Colourfulness."""
+    s: Array
+    """Saturation."""
+
+
+def _triples(name: str, values: ArrayLike) -> Array:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ShapeError(f"{name} has shape {array.shape}; expected (..., 3)")
+    return array
+
+
+def _expand(compressed: Array) -> Array:
+    """(x / (400 - x))^(1/0.42) with the sign of x: `compress` undone but for 27.13^(1/0.42)."""
+    x = np.minimum(np.abs(compressed), k.RESPONSE_LIMIT)
+    return np.copysign((x / (k.RESPONSE_POLE - x)) ** (1.0 / k.RESPONSE_POWER), compressed)
+
+
+def _eccentricity(cos_h: Array, sin_h: Array) -> Array:
+    """cos(h + 2) + 3.8 without an angle (eq. 33)."""
+    cos_2, sin_2 = np.cos(k.ECCENTRICITY_PHASE), np.sin(k.ECCENTRICITY_PHASE)
+    return cos_h * cos_2 - sin_h * sin_2 + k.ECCENTRICITY_OFFSET
+
+
+def _quadrature(h: Array) -> Array:
+    """Hue quadrature H from the hue angle in degrees (CIE 159, table 3)."""
+    turned = np.where(h < k.UNIQUE_HUES_DEG[0], h + 360.0, h)
+    i = np.clip(np.searchsorted(k.UNIQUE_HUES_DEG, turned, side="right") - 1, 0, 3)
+    before = (turned - k.UNIQUE_HUES_DEG[i]) / k.UNIQUE_HUES_ECCENTRICITY[i]
+    after = (k.UNIQUE_HUES_DEG[i + 1] - turned) / k.UNIQUE_HUES_ECCENTRICITY[i + 1]
+    return k.UNIQUE_HUES_H[i] + 100.0 * before / (before + after)
+
+
+def forward(XYZ: ArrayLike, conditions: Conditions) -> Appearance:
+    """XYZ to what the eye makes of them (eq. 23-37).
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        On the scale of the conditions' white.
+    conditions : Conditions
+        Where the colours are seen.
+
+    Returns
+    -------
+    Appearance
+        Each correlate of shape (...).
+
+    Raises
+    ------
+    ShapeError
+        If the last axis is not 3.
+
+    Examples
+    --------
+    The pastel of Neumann et al., table 2, under a Planck radiator of 7500 K:
+
+    >>> seen = forward([61.34, 59.94, 50.07],
+    ...                Conditions.of([87.12, 90.0, 112.95], L_A=954.93, Y_b=18))
+    >>> round(float(seen.J), 2), round(float(seen.C), 2), round(float(seen.h), 2)
+    (81.59, 21.56, 59.4)
+    """
+    responses = compress(_triples("CIECAM02: XYZ", XYZ) @ conditions.response_from_XYZ().T)
+    achromatic = np.maximum(responses @ k.ACHROMATIC, 0.0)
+    a, b = responses @ k.OPPONENT_A, responses @ k.OPPONENT_B
+    radius = np.hypot(a, b)
+    h = np.degrees(np.arctan2(b, a)) % 360.0
+    # A hue of no chroma is anything; taking cos h = 1 there divides by nothing.
+    safe = np.where(radius > 0.0, radius, 1.0)
+    cos_h, sin_h = np.where(radius > 0.0, a, 1.0) / safe, b / safe
+    J = 100.0 * (achromatic / conditions.white_achromatic) ** conditions.lightness_power
+    total = responses @ k.CHROMA_SUM + k.RESPONSE_NOISE * k.CHROMA_SUM.sum()
+    total = np.maximum(total, k.CHROMA_FLOOR * (achromatic + k.ACHROMATIC_NOISE))
+    t = conditions.eccentricity_scale * _eccentricity(cos_h, sin_h) * radius / total
+    C = t**k.CHROMA_POWER * np.sqrt(J / 100.0) * conditions.chroma_scale
+    brightness_scale = 4.0 / conditions.surround.c * (conditions.A_w + 4.0)
+    Q = brightness_scale * np.sqrt(J / 100.0) * conditions.F_L**0.25
+    M = C * conditions.F_L**0.25
+    s = 100.0 * np.sqrt(np.divide(M, Q, out=np.zeros_like(M), where=Q > 0.0))
+    return Appearance(J=J, C=C, h=h, H=_quadrature(h), Q=Q, M=M, s=s)
+
+
+def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: Conditions) -> Array:
+    """Lightness, chroma and hue to XYZ; J at or below 0 is black.
+
+    Parameters
+    ----------
+    J, C, h : (...) array_like
+        Lightness, chroma, hue angle in degrees.
+    conditions : Conditions
+        Where the colours shall be seen.
+
+    Returns
+    -------
+    (..., 3) float64
+        XYZ on the scale of the conditions' white.
+
+    Raises
+    ------
+    ShapeError
+        If the three do not broadcast together.
+    """
+    try:
+        J, C, h = np.broadcast_arrays(
+            np.asarray(J, np.float64), np.asarray(C, np.float64), np.asarray(h, np.float64)
+        )
+    except ValueError as error:
+        shapes = ", ".join(str(np.shape(v)) for v in (J, C, h))
+        raise ShapeError(f"CIECAM02: J, C, h have shapes {shapes}; expected equal ones") from error
+    lit = J > 0.0
+    level = np.where(lit, J, 1.0) / 100.0
+    cos_h, sin_h = np.cos(np.radians(h)), np.sin(np.radians(h))
+    t = np.maximum(C, 0.0) / (np.sqrt(level) * conditions.chroma_scale)
+    t = t ** (1.0 / k.CHROMA_POWER)
+    p1 = conditions.eccentricity_scale * _eccentricity(cos_h, sin_h)
+    achromatic = conditions.white_achromatic * level ** (1.0 / conditions.lightness_power)
+    p2 = achromatic + k.ACHROMATIC_NOISE
+    pole = np.maximum(23.0 * p1 + t * (11.0 * cos_h + 108.0 * sin_h), k.CHROMA_FLOOR * 23.0 * p1)
+    chroma = 23.0 * t * p2 / pole
+    opponent = np.stack([achromatic, chroma * cos_h, chroma * sin_h], axis=-1)
+    responses = _expand(opponent @ k.RESPONSE_FROM_OPPONENT.T)
+    XYZ_from_response = np.linalg.inv(conditions.response_from_XYZ())
+    scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
+    return np.where(lit[..., None], responses @ XYZ_from_response.T * scale, 0.0)
+
+
+def transport(XYZ: ArrayLike, passage: Transport) -> Array:
+    """Scene XYZ to the display XYZ of equal J, C and h: `inverse` after `forward`, in one step.
+
+    The NumPy twin of ``shaders/include/ciecam02.glsl``; `Transport` derives the equations.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        Scene XYZ, Y = 100 for a perfect diffuser.
+    passage : Transport
+        From the scene's to the display's conditions.
+
+    Returns
+    -------
+    (..., 3) float64
+        XYZ, Y = 100 for the display's white.
+
+    Raises
+    ------
+    ShapeError
+        If the last axis is not 3.
+    """
+    responses = compress(_triples("CIECAM02: XYZ", XYZ) @ passage.response_from_XYZ.T)
+    achromatic = responses @ k.ACHROMATIC
+    lit = achromatic > 0.0
+    achromatic = np.maximum(achromatic, 0.0)
+    a, b = responses @ k.OPPONENT_A, responses @ k.OPPONENT_B
+    p2 = achromatic + k.ACHROMATIC_NOISE
+    display = (
+        passage.display_achromatic
+        * (achromatic / passage.scene_achromatic) ** passage.lightness_power
+    )
+    skew = (passage.chroma_gain - 1.0) / 23.0 * (11.0 * a + 108.0 * b)
+    chroma = passage.chroma_gain * (display + k.ACHROMATIC_NOISE)
+    chroma = np.where(lit, chroma / np.maximum(p2 + skew, k.CHROMA_FLOOR * p2), 0.0)
+    opponent = np.stack([display, chroma * a, chroma * b], axis=-1)
+    return _expand(opponent @ k.RESPONSE_FROM_OPPONENT.T) @ passage.XYZ_from_response.T

@@ -1,0 +1,85 @@
+"""Appearance models beside CIECAM02: CIELAB.
+
+    relight -> [models] -> reports
+
+References
+----------
+[1] CIE 15:2018; *Color Appearance Models* (survey 002), eq. 1-7.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.errors import ViewingError
+
+Array = NDArray[np.float64]
+
+_KNEE = (6.0 / 29.0) ** 3
+_SLOPE = (29.0 / 6.0) ** 2 / 3.0
+_OFFSET = 4.0 / 29.0
+
+
+def _white(white_XYZ: ArrayLike) -> Array:
+    white = np.asarray(white_XYZ, dtype=np.float64)
+    if white.shape != (3,) or not np.all(np.isfinite(white)) or not np.all(white > 0.0):
+        raise ViewingError(f"CIELAB: the white is {white}; expected three finite numbers above 0")
+    return white
+
+
+def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
+    """L*, a*, b*.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        On the white's scale.
+    white_XYZ : (3,) array_like
+        The adopted white.
+
+    Returns
+    -------
+    (..., 3) float64
+        L* 0 to 100, a*, b*.
+
+    Raises
+    ------
+    ViewingError
+        If the white is not three numbers above 0.
+
+    Examples
+    --------
+    >>> cielab([57.06, 43.06, 31.96], [95.05, 100, 108.88]).round(2).tolist()
+    [71.6, 44.22, 18.11]
+    """
+    ratio = np.asarray(XYZ, dtype=np.float64) / _white(white_XYZ)
+    f = np.where(ratio > _KNEE, np.cbrt(ratio), _SLOPE * ratio + _OFFSET)
+    x, y, z = np.moveaxis(f, -1, 0)
+    return np.stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)], axis=-1)
+
+
+def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:
+    """XYZ on the white's scale: `cielab` undone.
+
+    Parameters
+    ----------
+    Lab : (..., 3) array_like
+        L*, a*, b*.
+    white_XYZ : (3,) array_like
+        The adopted white.
+
+    Returns
+    -------
+    (..., 3) float64
+
+    Raises
+    ------
+    ViewingError
+        If the white is not three numbers above 0.
+    """
+    L, a, b = np.moveaxis(np.asarray(Lab, dtype=np.float64), -1, 0)
+    y = (L + 16.0) / 116.0
+    f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
+    ratio = np.where(f > 6.0 / 29.0, f**3, (f - _OFFSET) / _SLOPE)
+    return ratio * _white(white_XYZ)

@@ -1,0 +1,77 @@
+"""XYZ to an sRGB display's code values, and back.
+
+    appearance -> [srgb] -> frame
+
+References
+----------
+[1] IEC 61966-2-1:1999.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance import constants as k
+
+Array = NDArray[np.float64]
+
+
+def linear_from_XYZ(XYZ: ArrayLike) -> Array:
+    """Linear sRGB, 1 for the display's white; outside 0 to 1 where the colour is out of gamut.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        Y = 100 for the display's white.
+
+    Returns
+    -------
+    (..., 3) float64
+    """
+    return np.asarray(XYZ, dtype=np.float64) @ k.sRGB_FROM_XYZ.T
+
+
+def encode(linear: ArrayLike) -> Array:
+    """Clip to the gamut and apply sRGB's transfer function.
+
+    Parameters
+    ----------
+    linear : (..., 3) array_like
+        Linear sRGB.
+
+    Returns
+    -------
+    (..., 3) float64
+        Encoded values, 0 to 1.
+
+    Examples
+    --------
+    >>> encode([0.0, 0.5, 2.0]).round(4).tolist()
+    [0.0, 0.7354, 1.0]
+    """
+    x = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0)
+    toe = k.OETF_SLOPE * x
+    return np.where(x <= k.OETF_TOE, toe, k.OETF_GAIN * x**k.OETF_POWER - (k.OETF_GAIN - 1.0))
+
+
+def decode(encoded: ArrayLike) -> Array:
+    """Linear sRGB from encoded values: `encode` undone.
+
+    Parameters
+    ----------
+    encoded : (..., 3) array_like
+        0 to 1.
+
+    Returns
+    -------
+    (..., 3) float64
+    """
+    x = np.asarray(encoded, dtype=np.float64)
+    power = ((x + k.OETF_GAIN - 1.0) / k.OETF_GAIN) ** (1.0 / k.OETF_POWER)
+    return np.where(x <= k.OETF_SLOPE * k.OETF_TOE, x / k.OETF_SLOPE, power)
+
+
+def to_uint8(encoded: ArrayLike) -> NDArray[np.uint8]:
+    """Round encoded values, 0 to 1, to 8-bit codes as GL does: the nearest of 255 steps."""
+    return np.rint(np.clip(np.asarray(encoded), 0.0, 1.0) * 255.0).astype(np.uint8)

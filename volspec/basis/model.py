@@ -1,0 +1,344 @@
+"""A spectral basis: N bands to m channels in which light times surface is componentwise.
+
+    spectra -> [basis] -> transfer function, raycast, relight
+
+A (m x N) analyses spectra, B (N x m) synthesises them, D (3 x m) turns the channels of a
+colour signal into XYZ. Flat white analyses to ones, so a raycast under flat white light is
+its own picture.
+
+References
+----------
+[1] Bergner, Drew, Moeller (2009), "A Tool to Create Illuminant and Reflectance Spectra for
+    Light-Driven Graphics and Visualization", ACM TOG 28(1), sections 2.2-2.3.
+[2] Drew, Finlayson (2003), "Multispectral processing without spectra", JOSA A 20(7).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.basis import storage
+from volspec.errors import BasisError, SpectrumError
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.photometry import color_matching_functions, stack
+from volspec.spectra.spectrum import Spectrum
+
+if TYPE_CHECKING:
+    from volspec.basis.report import BasisReport
+
+_WHITE_TOLERANCE = 1e-6
+# How far D's rows may be stretched to meet a light's white; the rest is added along Y.
+_STRETCH = (0.5, 2.0)
+
+Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpectralBasis:
+    """Analysis, synthesis and display matrices that belong together; read-only.
+
+    Parameters
+    ----------
+    name, method : str
+        What it is called and how it was made.
+    grid : SpectralGrid
+        The N bands.
+    analysis : (m, N) array
+        A; its rows sum to 1.
+    synthesis : (N, m) array
+        B. B 1 = 1 for ``virtual-sensors``; for ``pca-sharpened`` as near as white lies to
+        the subspace.
+    XYZ_from_channels : (3, m) array
+        D; scaled so that the flat light of ones on a perfect diffuser has Y near 100.
+    trained_on : str
+        The lights and reflectances, in words.
+
+    Raises
+    ------
+    BasisError
+        If shapes do not fit, a value is not finite, or flat white is not kept.
+    """
+
+    name: str
+    method: str
+    grid: SpectralGrid
+    analysis: NDArray[np.float64]
+    synthesis: NDArray[np.float64]
+    XYZ_from_channels: NDArray[np.float64]
+    trained_on: str = ""
+
+    def __post_init__(self) -> None:
+        label = f"basis {self.name!r}"
+        for field in ("analysis", "synthesis", "XYZ_from_channels"):
+            try:
+                array = np.array(getattr(self, field), dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise BasisError(f"{label}: {field} is not an array of numbers: {error}") from error
+            if array.ndim != 2 or not np.isfinite(array).all():
+                raise BasisError(f"{label}: {field} is not a matrix of finite numbers")
+            array.flags.writeable = False
+            object.__setattr__(self, field, array)
+        m, N = self.analysis.shape[0], self.grid.size
+        for field, expected in (
+            ("analysis", (m, N)),
+            ("synthesis", (N, m)),
+            ("XYZ_from_channels", (3, m)),
+        ):
+            shape = getattr(self, field).shape
+            if shape != expected or m < 1:
+                raise BasisError(
+                    f"{label}: {field} has shape {shape}, expected {expected} on {self.grid}"
+                )
+        off = float(np.abs(self.analysis.sum(1) - 1).max())
+        if off > _WHITE_TOLERANCE:
+            raise BasisError(
+                f"{label}: flat white does not analyse to ones (a row sums to 1 +- {off:.2g}); "
+                "scale the channels by A 1"
+            )
+
+    @property
+    def size(self) -> int:
+        """Number of channels, m."""
+        return int(self.analysis.shape[0])
+
+    def analyze(self, spectra: Spectra) -> NDArray[np.float64]:
+        """Channels of lights or reflectances.
+
+        Parameters
+        ----------
+        spectra : Spectrum, list of Spectrum, or (..., N) array
+            Spectra are put on the basis' grid; arrays must already be on it.
+
+        Returns
+        -------
+        (m,) or (..., m) float64
+            Linear in the spectrum; ones for flat white.
+
+        Raises
+        ------
+        SpectrumError
+            If a spectrum does not cover the grid or an array has another length.
+        """
+        return stack(spectra, self.grid) @ self.analysis.T
+
+    def synthesize(self, coefficients: ArrayLike) -> NDArray[np.float64]:
+        """(..., m) channels to (..., N) spectra: the basis' best guess."""
+        return self._coefficients(coefficients) @ self.synthesis.T
+
+    def xyz(self, coefficients: ArrayLike, light: Spectrum) -> NDArray[np.float64]:
+        """Colour of reflectance coefficients under a light, componentwise.
+
+        Parameters
+        ----------
+        coefficients : (..., m) array
+            Reflectances (or a coefficient image's pixels) under flat white.
+        light : Spectrum
+
+        Returns
+        -------
+        (..., 3) float64
+            XYZ, Y = 100 for a perfect diffuser.
+        """
+        c = self._coefficients(coefficients)
+        return (c * self.analyze(light)) @ self.display_matrix(light).T
+
+    def display_matrix(self, light: Spectrum) -> NDArray[np.float64]:
+        """K with XYZ = K (e * c), e = analyze(light), c the reflectance's channels.
+
+        K is D with each row scaled so that the light's white is exactly the XYZ of its full
+        spectrum. Where that would stretch a row beyond a factor of two (a light with almost
+        no X or Z), the row stops there and the rest is added in proportion to Y. K varies
+        continuously with the light.
+
+        Returns
+        -------
+        (3, m) float64
+            Y = 100 for a perfect diffuser.
+
+        Raises
+        ------
+        SpectrumError
+            If the light has no luminous energy or does not cover the grid.
+        """
+        E = self._light(light)
+        e = self.analysis @ E
+        Q = color_matching_functions(self.grid)
+        kappa = 100.0 / (Q[1] @ E)
+        white = kappa * (Q @ E)
+        # D is scaled for the flat light of ones; kappa ratios make it relative to this one.
+        D = self.XYZ_from_channels * (kappa * Q[1].sum() / 100.0)
+        predicted = D @ e
+        low, high = _STRETCH
+        # Bounded from both sides, and continuous where a prediction crosses zero.
+        ratio = white / np.maximum(predicted, np.maximum(white / high, 1e-12))
+        K = D * np.maximum(ratio, low)[:, None]
+        rest = white - K @ e
+        # u e = 1: what is missing is shared out in proportion to each channel's own light.
+        luminous = self._luminous_share(K[1], e)
+        return K + rest[:, None] * luminous
+
+    def light_matrix(self, light: Spectrum) -> NDArray[np.float64]:
+        """P_E = kappa Q diag(E) B: XYZ = P_E c with no factor model.
+
+        Returns
+        -------
+        (3, m) float64
+            Y = 100 for a perfect diffuser.
+        """
+        E = self._light(light)
+        Q = color_matching_functions(self.grid)
+        return (100.0 / (Q[1] @ E)) * ((Q * E) @ self.synthesis)
+
+    @classmethod
+    def fit(
+        cls,
+        lights: Sequence[Spectrum] | ArrayLike,
+        reflectances: Sequence[Spectrum] | ArrayLike,
+        size: int = 7,
+        method: str = "virtual-sensors",
+        positive: bool = False,
+        *,
+        grid: SpectralGrid = DEFAULT_GRID,
+        name: str = "",
+        trained_on: str = "",
+        smoothness: float | None = None,
+        restarts: int | None = None,
+        light_weights: ArrayLike | None = None,
+    ) -> SpectralBasis:
+        """Fit a basis to the lights and reflectances it will be used with.
+
+        Parameters
+        ----------
+        lights, reflectances : list of Spectrum or (K, N) array
+            Arrays must be on ``grid``.
+        size : int
+            Channels m.
+        method : {"virtual-sensors", "pca-sharpened"}
+            See `volspec.basis.fit`.
+        positive : bool
+            Keep A >= 0, so that reflectances have channels in 0..1 (``virtual-sensors``).
+        smoothness : float, optional
+            Weight of the second-difference penalty on A's rows.
+        restarts : int, optional
+            Perturbed starts tried besides the regular one; deterministic.
+        light_weights : (J,) array, optional
+            How much each light's colour errors count (``virtual-sensors``); default equally.
+
+        Raises
+        ------
+        BasisError
+            If the method is unknown, the size exceeds what the data can determine, or a
+            light has no energy.
+        """
+        from volspec.basis.fit import fit_basis
+
+        return fit_basis(
+            cls,
+            lights,
+            reflectances,
+            size=size,
+            method=method,
+            positive=positive,
+            grid=grid,
+            name=name,
+            trained_on=trained_on,
+            smoothness=smoothness,
+            restarts=restarts,
+            light_weights=light_weights,
+        )
+
+    def report(
+        self,
+        lights: Sequence[Spectrum] | None = None,
+        reflectances: Sequence[Spectrum] | ArrayLike | None = None,
+    ) -> BasisReport:
+        """CIEDE2000 against full spectra; by default 26 smooth lights x 84 held-out samples.
+
+        See `volspec.basis.report.report`.
+        """
+        from volspec.basis.report import report
+
+        return report(self, lights, reflectances)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as JSON types, with a format version; numbers keep every digit."""
+        return storage.to_dict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> SpectralBasis:
+        """The inverse of `to_dict`.
+
+        Raises
+        ------
+        BasisError
+            If it is not a basis, of another version, or a field is missing or wrong.
+        """
+        return cls(**storage.fields_from_dict(data))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write JSON; the file appears whole or not at all."""
+        storage.write(path, self.to_dict())
+
+    @classmethod
+    def load(cls, name_or_path: str | os.PathLike[str]) -> SpectralBasis:
+        """A shipped basis by name (``"general-7"``), or a file written by `save`.
+
+        Raises
+        ------
+        BasisError
+            Names the file and what is wrong with it; an unknown name lists the shipped ones.
+
+        Examples
+        --------
+        >>> SpectralBasis.load("general-7").size
+        7
+        """
+        path, data = storage.read(name_or_path)
+        try:
+            return cls.from_dict(data)
+        except BasisError as error:
+            raise BasisError(f"{path}: {error}") from None
+
+    @property
+    def fingerprint(self) -> str:
+        """Short hash of the grid and the numbers; equal after save and load."""
+        digest = hashlib.sha256(str(self.grid).encode())
+        for array in (self.analysis, self.synthesis, self.XYZ_from_channels):
+            digest.update(repr(array.shape).encode())
+            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+        return digest.hexdigest()[:12]
+
+    def _coefficients(self, coefficients: ArrayLike) -> NDArray[np.float64]:
+        c = np.asarray(coefficients, dtype=np.float64)
+        if c.ndim == 0 or c.shape[-1] != self.size:
+            raise BasisError(
+                f"coefficients have shape {c.shape}, basis {self.name!r} has {self.size} channels; "
+                "were they made with another basis?"
+            )
+        return c
+
+    def _light(self, light: Spectrum) -> NDArray[np.float64]:
+        E = stack(light, self.grid)
+        if E.ndim != 1:
+            raise SpectrumError(f"one light at a time: got an array of shape {E.shape}")
+        total = float(color_matching_functions(self.grid)[1] @ E)
+        if not total > 0:
+            label = light.name if isinstance(light, Spectrum) else "array"
+            raise SpectrumError(f"light {label!r} has no luminous energy (sum E V = {total:g})")
+        return E
+
+    def _luminous_share(
+        self, luminous: NDArray[np.float64], e: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """A row u proportional to channel luminances, with u e = 1."""
+        total = float(luminous @ e)
+        if total > 0:
+            return luminous / total
+        return e / float(e @ e)

@@ -1,0 +1,107 @@
+"""A basis as JSON: in ``data/bases``, in a user's file, in a coefficient image's header.
+
+SpectralBasis <-> [storage] <-> JSON
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from volspec._files import write_whole
+from volspec._gpu.sources import asset
+from volspec.errors import BasisError, SpectrumError
+from volspec.spectra.grid import SpectralGrid
+
+if TYPE_CHECKING:
+    from volspec.basis.model import SpectralBasis
+
+FORMAT = "volspec-basis"
+FORMAT_VERSION = 1
+
+
+def to_dict(basis: SpectralBasis) -> dict[str, Any]:
+    """JSON types; Python writes floats so that they read back to the last bit."""
+    grid = basis.grid
+    return {
+        "format": FORMAT,
+        "version": FORMAT_VERSION,
+        "name": basis.name,
+        "method": basis.method,
+        "trained_on": basis.trained_on,
+        "grid_nm": [grid.start_nm, grid.stop_nm, grid.step_nm],
+        "analysis": basis.analysis.tolist(),
+        "synthesis": basis.synthesis.tolist(),
+        "XYZ_from_channels": basis.XYZ_from_channels.tolist(),
+    }
+
+
+def fields_from_dict(data: Any) -> dict[str, Any]:
+    """The constructor's arguments; their values are checked by the constructor.
+
+    Raises
+    ------
+    BasisError
+        If it is not a basis, of another version, or a field is missing.
+    """
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise BasisError(f"not a spectral basis: field 'format' is not {FORMAT!r}")
+    if data.get("version") != FORMAT_VERSION:
+        raise BasisError(
+            f"spectral basis of version {data.get('version')!r}; this volspec reads version "
+            f"{FORMAT_VERSION}: fit it again, or use the volspec that wrote it"
+        )
+    names = ("name", "method", "trained_on", "analysis", "synthesis", "XYZ_from_channels")
+    missing = [n for n in (*names, "grid_nm") if n not in data]
+    if missing:
+        raise BasisError(f"spectral basis: field {missing[0]!r} is missing; fit it again")
+    try:
+        grid = SpectralGrid(*data["grid_nm"])
+    except (TypeError, ValueError) as error:
+        if isinstance(error, SpectrumError):
+            raise BasisError(f"spectral basis: field 'grid_nm': {error}") from None
+        raise BasisError(
+            f"spectral basis: field 'grid_nm' is {data['grid_nm']!r}, expected [start, stop, step]"
+        ) from None
+    return {n: data[n] for n in names} | {"grid": grid}
+
+
+def write(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
+    """One matrix row a line, so that two files can be compared."""
+    lines = (f"  {json.dumps(key)}: {_rows(value)}" for key, value in data.items())
+    with write_whole(path) as temporary:
+        temporary.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+
+
+def read(name_or_path: str | os.PathLike[str]) -> tuple[Path, Any]:
+    """The file a name or path means, and its JSON.
+
+    Raises
+    ------
+    BasisError
+        If it is missing or not JSON; an unknown name lists the shipped ones.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".json" and path.name == str(name_or_path):
+        folder = asset("data/bases")
+        path = folder / f"{path.name}.json"
+        if not path.is_file():
+            shipped = ", ".join(sorted(p.stem for p in folder.glob("*.json"))) or "none"
+            raise BasisError(
+                f"basis {str(name_or_path)!r} is unknown; shipped: {shipped}; "
+                "or give the path of a .json file"
+            )
+    try:
+        return path, json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise BasisError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise BasisError(f"{path}: cannot be read as JSON: {error}") from None
+
+
+def _rows(value: Any) -> str:
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return "[\n    " + ",\n    ".join(json.dumps(row) for row in value) + "\n  ]"
+    return json.dumps(value)

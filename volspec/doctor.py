@@ -1,0 +1,105 @@
+"""What this machine offers: OpenCL and GL devices, versions, and how to mend what is missing."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+from volspec import __version__
+from volspec._gpu import opencl
+from volspec.errors import OpenGLError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_PACKAGES = (
+    *("numpy", "scipy", "pyopencl", "pocl-binary-distribution", "moderngl", "glfw", "pyvista"),
+    *("SimpleITK", "colour-science", "OpenEXR", "imageio"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """What was found.
+
+    Parameters
+    ----------
+    opencl : tuple of DeviceInfo
+        The first is the one casts run on.
+    gl : str or None
+        Renderer and version of the headless context relighting draws in.
+    problems : tuple of str
+        Each names what is missing and the command that mends it.
+    healthy : bool
+        Whether pictures can be made: without GL they can, more slowly; without OpenCL not.
+    """
+
+    python: str
+    versions: dict[str, str]
+    opencl: tuple[opencl.DeviceInfo, ...]
+    gl: str | None
+    problems: tuple[str, ...]
+    healthy: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON types."""
+        return {"volspec": __version__, **asdict(self)}
+
+    def print(self, console: Console) -> None:
+        """Write it for a person."""
+        from rich.table import Table
+
+        table = Table(title=f"volspec {__version__}, {self.python}", show_header=False)
+        for i, device in enumerate(self.opencl):
+            memory = f"{device.memory_bytes / 2**30:.1f} GiB"
+            used = " (casts run here)" if i == 0 else ""
+            table.add_row(
+                "OpenCL",
+                f"{device.name}{used}\n{device.platform}, {device.version}, "
+                f"{device.compute_units} compute units, {memory}",
+            )
+        if not self.opencl:
+            table.add_row("OpenCL", "[red]no device[/red]")
+        table.add_row("GL", self.gl or "[yellow]no context: relighting uses NumPy[/yellow]")
+        table.add_row("versions", "\n".join(f"{k} {v}" for k, v in self.versions.items()))
+        console.print(table)
+        for problem in self.problems:
+            console.print(f"[red]missing:[/red] {problem}", highlight=False)
+        if not self.problems:
+            console.print("nothing is missing")
+
+
+def examine() -> Examination:
+    """Look for devices and versions; never raises."""
+    problems = []
+    versions = {}
+    for package in _PACKAGES:
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            # Which PoCL wheel serves pyopencl depends on the platform.
+            if package != "pocl-binary-distribution":
+                problems.append(f"{package}: pip install {package}")
+    devices = opencl.devices()
+    if not devices:
+        problems.append("an OpenCL device: pip install 'pyopencl[pocl]'")
+    gl = None
+    try:
+        from volspec._gpu.opengl import describe, headless_context
+
+        context = headless_context()
+        found = describe(context)
+        gl = f"{found['device']}, OpenGL {found['version']}"
+        context.release()
+    except (OpenGLError, ImportError) as error:
+        problems.append(str(error))
+    return Examination(
+        python=f"Python {platform.python_version()} on {platform.system()} {platform.machine()}",
+        versions=versions,
+        opencl=tuple(devices),
+        gl=gl,
+        problems=tuple(problems),
+        healthy=bool(devices),
+    )

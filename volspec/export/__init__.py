@@ -1,0 +1,6 @@
+"""What leaves the program: frames, contact sheets, the demo."""
+
+from volspec.export.frames import read_frame_text, write_frame
+from volspec.export.sheet import SheetColumn, contact_sheet
+
+__all__ = ["SheetColumn", "contact_sheet", "read_frame_text", "write_frame"]

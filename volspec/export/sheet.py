@@ -1,0 +1,130 @@
+"""Contact sheets: one column a light, its spectrum above, one row a way of seeing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.appearance import srgb
+from volspec.errors import ShapeError
+from volspec.spectra import DEFAULT_GRID, Spectrum, color_matching_functions
+
+if TYPE_CHECKING:
+    from PIL import Image, ImageDraw
+
+_PAPER, _INK, _FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
+_GAP, _MARGIN, _PLOT, _CAPTION = 12, 36, 84, 44
+_OVERSAMPLING = 3  # lines of the spectra are drawn larger and scaled down: smooth edges
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SheetColumn:
+    """A light and its frames, one a row of the sheet.
+
+    Parameters
+    ----------
+    name, label : str
+        Printed large and small.
+    light : Spectrum
+    frames : sequence of (H, W, 3) uint8
+        All of one size.
+    """
+
+    name: str
+    label: str
+    light: Spectrum
+    frames: Sequence[NDArray[np.uint8]]
+
+
+def contact_sheet(
+    title: str, rows: Sequence[str], columns: Sequence[SheetColumn], tile: int = 400
+) -> NDArray[np.uint8]:
+    """Lay out the frames of several lights.
+
+    Parameters
+    ----------
+    title : str
+    rows : sequence of str
+        What the frames of each row show.
+    columns : sequence of SheetColumn
+        Each with one frame a row.
+    tile : int
+        Width of a frame on the sheet, pixels.
+
+    Returns
+    -------
+    (H, W, 3) uint8
+
+    Raises
+    ------
+    ShapeError
+        If a column has another number of frames than there are rows.
+    """
+    from PIL import Image, ImageDraw, ImageFont
+
+    for column in columns:
+        if len(column.frames) != len(rows):
+            raise ShapeError(
+                f"contact sheet: {column.name} has {len(column.frames)} frames for {len(rows)} rows"
+            )
+    height, width = columns[0].frames[0].shape[:2]
+    tall = round(tile * height / width)
+    title_font, name_font, small_font = (ImageFont.load_default(size) for size in (30, 24, 17))
+    top = _MARGIN + 48
+    head = _PLOT + 66
+    row_height = _CAPTION + tall
+    sheet = Image.new(
+        "RGB",
+        (
+            2 * _MARGIN + len(columns) * tile + (len(columns) - 1) * _GAP,
+            top + head + len(rows) * row_height + _MARGIN,
+        ),
+        _PAPER,
+    )
+    draw = ImageDraw.Draw(sheet)
+    draw.text((_MARGIN, _MARGIN - 6), title, _INK, title_font)
+    for j, row in enumerate(rows):
+        draw.text((_MARGIN, top + head + j * row_height + 14), row, _INK, small_font)
+    for i, column in enumerate(columns):
+        x = _MARGIN + i * (tile + _GAP)
+        sheet.paste(spectrum_plot(column.light, tile, _PLOT), (x, top))
+        draw.text((x, top + _PLOT + 8), column.name, _INK, name_font)
+        name_width = draw.textlength(column.name, name_font)
+        draw.text((x + name_width + 12, top + _PLOT + 14), column.label, _FAINT, small_font)
+        for j, frame in enumerate(column.frames):
+            picture = Image.fromarray(frame).resize((tile, tall), Image.Resampling.LANCZOS)
+            sheet.paste(picture, (x, top + head + j * row_height + _CAPTION))
+    return np.asarray(sheet)
+
+
+def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
+    """A light's spectrum, filled with the colours of its wavelengths, highest band full height."""
+    from PIL import Image, ImageDraw
+
+    grid = DEFAULT_GRID
+    values = light.on(grid).values
+    size = (width * _OVERSAMPLING, height * _OVERSAMPLING)
+    at = np.linspace(grid.wavelengths_nm[0], grid.wavelengths_nm[-1], size[0])
+    level = np.interp(at, grid.wavelengths_nm, values / max(values.max(), 1e-12))
+    colour = _wavelength_colours(at)
+    rows = np.arange(size[1], 0, -1)[:, None] / size[1]
+    filled = np.where((rows <= level[None, :])[..., None], colour[None], np.array(_PAPER) / 255)
+    picture = Image.fromarray((filled * 255).round().astype(np.uint8))
+    curve = [(x, (1 - y) * (size[1] - 1)) for x, y in enumerate(level)]
+    draw: ImageDraw.ImageDraw = ImageDraw.Draw(picture)
+    draw.line(curve, _INK, _OVERSAMPLING * 2, joint="curve")
+    draw.line([(0, size[1] - 1), (size[0], size[1] - 1)], _FAINT, _OVERSAMPLING)
+    return picture.resize((width, height), Image.Resampling.LANCZOS)
+
+
+def _wavelength_colours(wavelengths_nm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3) sRGB of monochromatic lights, desaturated into the gamut and dimmed."""
+    Q = color_matching_functions(DEFAULT_GRID)
+    XYZ = np.stack([np.interp(wavelengths_nm, DEFAULT_GRID.wavelengths_nm, row) for row in Q], -1)
+    linear = srgb.linear_from_XYZ(100 * XYZ)
+    linear = linear - linear.min(axis=1, keepdims=True).clip(max=0)
+    return srgb.encode(0.55 * linear / linear.max())

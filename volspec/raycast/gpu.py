@@ -1,0 +1,237 @@
+"""Launch ``kernels/raycast.cl``: a volume stays on the device, casts follow.
+
+    volume -> transfer -> [raycast] -> relight -> appearance
+
+The twin is ``volspec/raycast/reference.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._gpu.opencl import Compute
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sources import assemble
+from volspec.errors import CameraError, OpenCLError
+from volspec.raycast.spec import Camera, RaycastSpec
+from volspec.transfer import TransferTable
+from volspec.volume import Volume
+from volspec.volume.bricks import BRICK, brick_ranges, leap_distances
+
+Progress = Callable[[float], None]
+Result = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+
+# Packet shape by LANES, as kernels/include/lanes.clh defines it: (width, height) in pixels.
+TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
+_VOXEL_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
+# The struct Cast of the kernel, field for field.
+_CAST = np.dtype(
+    [
+        (name, np.float32, 4)
+        for name in (
+            *("target", "forward", "across", "down"),
+            *("index_x", "index_y", "index_z", "top", "shade"),
+        )
+    ]
+    + [
+        (name, np.float32)
+        for name in (
+            *("middle_x", "middle_y", "distance", "perspective", "phase", "start"),
+            *("domain_low", "domain_scale", "step_mm", "opaque", "gradient_floor_squared"),
+        )
+    ]
+    + [(name, np.int32) for name in ("width", "height", "row", "slice", "bricks_x", "bricks_y")]
+    + [("padding", np.int32, 3)]  # to the struct's alignment, that of float4
+)
+_BANDS = 16
+MAX_CHANNELS = 16
+
+
+class Raycaster:
+    """A volume on an OpenCL device, ready to be cast.
+
+    Parameters
+    ----------
+    volume : Volume
+    device : str, optional
+        Part of a device's name; the first GPU, else the first CPU, when left out.
+    lanes : int, optional
+        Rays marched together by a work-item: 1, 4, 8 or 16. Default 8 on CPUs, 1 on GPUs.
+
+    Raises
+    ------
+    OpenCLError
+        If there is no device, or the volume does not fit it.
+    """
+
+    def __init__(
+        self, volume: Volume, *, device: str | None = None, lanes: int | None = None
+    ) -> None:
+        self.volume = volume
+        self._compute = Compute.open(device)
+        self.lanes = lanes or (8 if self._compute.info.is_cpu else 1)
+        if self.lanes not in TILES:
+            raise CameraError(f"raycast: lanes is {lanes}; give one of {sorted(TILES)}")
+        padded = np.pad(volume.values, ((1, 2),) * 3, mode="edge")
+        info = self._compute.info
+        if padded.nbytes > info.max_allocation_bytes or padded.size > np.iinfo(np.int32).max:
+            raise OpenCLError(
+                f"{volume.name}: {padded.nbytes / 2**20:.0f} MiB; {info.name} takes at most "
+                f"{info.max_allocation_bytes / 2**20:.0f} MiB in one buffer, down-sample the volume"
+            )
+        self._padded_shape = padded.shape
+        self._voxels = self._compute.upload(padded)
+        self._low, self._high = brick_ranges(volume.values)
+
+    @property
+    def device(self) -> str:
+        """Name of the device."""
+        return self._compute.info.name
+
+    def cast(
+        self,
+        table: TransferTable,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+        progress: Progress | None = None,
+    ) -> Result:
+        """Cast a picture.
+
+        Parameters
+        ----------
+        size : (width, height)
+            Pixels.
+        progress : callable, optional
+            Called with the finished share, 0…1, after each band of the picture.
+
+        Returns
+        -------
+        coefficients : (H, W, M) float32, premultiplied by opacity
+        alpha : (H, W) float32
+        depth_mm : (H, W) float32
+            Expected distance from the camera of what is seen; inf where nothing is.
+
+        Raises
+        ------
+        CameraError
+            If the size is not positive.
+        """
+        width, height = size
+        if width < 1 or height < 1:
+            raise CameraError(f"raycast: the picture is {width}x{height}; give at least 1x1")
+        step = spec.step_of(self.volume)
+        opacity = table.step_opacity(step)
+        channels = table.coefficients.shape[1]
+        if channels > MAX_CHANNELS:
+            raise CameraError(f"raycast: {channels} channels; at most {MAX_CHANNELS} can be cast")
+        row = next(n for n in (4, 8, 16) if n >= channels)
+        kernel = self._kernel(channels, row, len(opacity), spec)
+        compute = self._compute
+        inputs = [
+            compute.upload(array)
+            for array in (
+                leap_distances(self._low, self._high, table.domain, opacity),
+                _with_differences(opacity),
+                _padded_rows(table.coefficients, row),
+            )
+        ]
+        shapes = ((height, width, channels), (height, width), (height, width))
+        results = tuple(np.empty(shape, np.float32) for shape in shapes)
+        outputs = [compute.output(result.nbytes) for result in results]
+        arguments = self._arguments(table, camera, size, spec, step, len(opacity))
+        kernel.set_args(self._voxels, *inputs, arguments, *outputs)
+        self._launch(kernel, width, height, progress)
+        for buffer, result in zip(outputs, results, strict=True):
+            compute.download(buffer, result)
+        coefficients, alpha, depth = results
+        return coefficients, alpha, depth
+
+    def _kernel(self, channels: int, row: int, table_size: int, spec: RaycastSpec) -> Any:
+        constants = {
+            "LANES": self.lanes,
+            "CHANNELS": channels,
+            "ROW": row,
+            "TABLE_SIZE": table_size,
+            "BRICK": BRICK,
+            "SHADED": spec.shaded,
+            "SPECULAR": spec.specular > 0,
+        }
+        voxel = _VOXEL_TYPES[self.volume.values.dtype.name]
+        text = prelude(constants, "opencl") + f"#define VOXEL {voxel}\n"
+        options = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
+        return self._compute.kernel(assemble("kernels/raycast.cl", text), "raycast", options)
+
+    def _arguments(
+        self,
+        table: TransferTable,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+        step: float,
+        table_size: int,
+    ) -> NDArray[np.void]:
+        volume = self.volume
+        matrix = volume.index_from_world
+        field = camera.ray_field(*size)
+        cast = np.zeros((), _CAST)
+        cast["target"][:3] = matrix[:3, :3] @ field.target + matrix[:3, 3]
+        for name in ("forward", "across", "down"):
+            cast[name][:3] = getattr(field, name)
+        for axis, name in enumerate(("index_x", "index_y", "index_z")):
+            cast[name][:3] = matrix[axis, :3]
+        cast["middle_x"], cast["middle_y"] = field.middle
+        cast["distance"], cast["perspective"] = field.distance, field.perspective
+        # Steps are counted from the camera but numbered from the one next to the target.
+        nearest = round(field.distance / step)
+        cast["start"], cast["phase"] = -nearest * step, nearest * step - field.distance
+        cast["top"][:3] = np.array(volume.shape_xyz) - 1
+        cast["shade"] = spec.ambient, spec.diffuse, spec.specular, spec.shininess
+        low, high = table.domain
+        cast["domain_low"], cast["domain_scale"] = low, (table_size - 1) / (high - low)
+        cast["step_mm"], cast["opaque"] = step, 1 - spec.alpha_stop
+        cast["gradient_floor_squared"] = max(spec.gradient_floor(volume) ** 2, 1e-30)
+        cast["width"], cast["height"] = size
+        cast["row"] = self._padded_shape[2]
+        cast["slice"] = self._padded_shape[1] * self._padded_shape[2]
+        cast["bricks_x"], cast["bricks_y"] = self._low.shape[2], self._low.shape[1]
+        return cast
+
+    def _launch(self, kernel: Any, width: int, height: int, progress: Progress | None) -> None:
+        """Cast in bands of whole work-groups, so that progress can be told."""
+        import pyopencl as cl
+
+        tile_width, tile_height = TILES[self.lanes]
+        local = (8, 8)
+        columns = -(-width // (tile_width * local[0])) * local[0]
+        groups = -(-height // (tile_height * local[1]))
+        bands = min(_BANDS, groups) if progress else 1
+        edges = np.linspace(0, groups, bands + 1).round().astype(int)
+        for first, last in pairwise(edges):
+            cl.enqueue_nd_range_kernel(
+                self._compute.queue,
+                kernel,
+                (columns, int(last - first) * local[1]),
+                local,
+                global_work_offset=(0, int(first) * local[1]),
+            )
+            if progress:
+                self._compute.queue.finish()
+                progress(float(last) / groups)
+        self._compute.queue.finish()
+
+
+def _with_differences(opacity: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(N, 2): each entry and its difference to the next, one load instead of two."""
+    return np.stack([opacity, np.append(np.diff(opacity), 0.0)], axis=1).astype(np.float32)
+
+
+def _padded_rows(coefficients: NDArray[np.float64], row: int) -> NDArray[np.float32]:
+    padded = np.zeros((len(coefficients), row), np.float32)
+    padded[:, : coefficients.shape[1]] = coefficients
+    return padded

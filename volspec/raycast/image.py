@@ -1,0 +1,158 @@
+"""The coefficient image: what a cast leaves, and its OpenEXR file.
+
+    volume -> transfer -> [raycast] -> relight -> appearance
+
+In the file every channel of the basis is one float channel ``coefficients.00``,
+``coefficients.01``, …; ``A`` is the opacity and ``Z`` the depth in millimetres. The header's
+``volspec:basis`` holds the whole basis (JSON), so that an image can be relit without the scene
+that made it, and one of another basis version is refused.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._files import captured_stderr, write_whole
+from volspec.basis import SpectralBasis
+from volspec.errors import BasisError, ImageError, ShapeError
+
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoefficientImage:
+    """Reflection under flat white light, channel by channel.
+
+    Parameters
+    ----------
+    coefficients : (H, W, M) float32
+        Premultiplied by opacity; unitless.
+    alpha : (H, W) float32
+        Opacity, 0…1.
+    depth_mm : (H, W) float32
+        Expected distance of what is seen; inf where nothing is.
+    basis : SpectralBasis
+        With M channels.
+    notes : {str: str}
+        Free text kept in the file's header (scene, camera, software).
+
+    Raises
+    ------
+    ShapeError
+        If the arrays do not belong together.
+    """
+
+    coefficients: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    depth_mm: NDArray[np.float32]
+    basis: SpectralBasis
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.coefficients)
+        if len(shape) != 3 or shape[2] != self.basis.size:
+            raise ShapeError(
+                f"coefficient image: coefficients have shape {shape}, the basis "
+                f"{self.basis.name!r} has {self.basis.size} channels; expected (H, W, M)"
+            )
+        for name in ("alpha", "depth_mm"):
+            if np.shape(getattr(self, name)) != shape[:2]:
+                raise ShapeError(
+                    f"coefficient image: {name} has shape {np.shape(getattr(self, name))}; "
+                    f"expected {shape[:2]}"
+                )
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        height, width = self.alpha.shape
+        return width, height
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an OpenEXR file, whole or not at all.
+
+        Raises
+        ------
+        ImageError
+            If the name does not end in ``.exr`` or the file cannot be written.
+        """
+        import OpenEXR
+
+        if Path(path).suffix.lower() != ".exr":
+            raise ImageError(f"{os.fspath(path)}: coefficient images are OpenEXR; name it .exr")
+        header = {
+            "type": OpenEXR.scanlineimage,
+            "compression": OpenEXR.ZIP_COMPRESSION,
+            "volspec:format": FORMAT,
+            "volspec:basis": json.dumps(self.basis.to_dict()),
+            "volspec:notes": json.dumps(dict(self.notes)),
+        }
+        channels = {
+            f"coefficients.{k:02d}": np.ascontiguousarray(self.coefficients[..., k], np.float32)
+            for k in range(self.basis.size)
+        }
+        channels["A"] = np.ascontiguousarray(self.alpha, np.float32)
+        channels["Z"] = np.ascontiguousarray(self.depth_mm, np.float32)
+        said: list[str] = []
+        with write_whole(path) as temporary:
+            try:
+                with captured_stderr(said):
+                    OpenEXR.File(header, channels).write(os.fspath(temporary))
+            except (RuntimeError, OSError) as error:
+                raise ImageError(f"{os.fspath(path)}: cannot be written: {error}") from error
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> CoefficientImage:
+        """Read a file that `save` wrote.
+
+        Raises
+        ------
+        ImageError
+            If the file is missing, damaged, no coefficient image, or made with a format or
+            basis version this volspec does not know.
+        """
+        name = os.fspath(path)
+        if not Path(path).is_file():
+            raise ImageError(f"{name}: no such file; `volspec render SCENE -o {name}` makes one")
+        header, pixels = _read(name)
+        if "volspec:basis" not in header:
+            raise ImageError(f"{name}: not a coefficient image; `volspec render` makes them")
+        if header.get("volspec:format") != FORMAT:
+            raise ImageError(
+                f"{name}: format {header.get('volspec:format')}, this volspec reads {FORMAT}; "
+                "render the scene again"
+            )
+        try:
+            basis = SpectralBasis.from_dict(json.loads(header["volspec:basis"]))
+            notes = json.loads(header.get("volspec:notes", "{}"))
+        except (BasisError, ValueError, KeyError, TypeError) as error:
+            raise ImageError(f"{name}: its basis is refused ({error}); render again") from error
+        wanted = [f"coefficients.{k:02d}" for k in range(basis.size)]
+        missing = [key for key in [*wanted, "A", "Z"] if key not in pixels]
+        if missing:
+            raise ImageError(f"{name}: channel {missing[0]!r} is missing; render the scene again")
+        coefficients = np.stack([pixels[key] for key in wanted], axis=-1)
+        return cls(coefficients, pixels["A"], pixels["Z"], basis, notes)
+
+
+def _read(name: str) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
+    import OpenEXR
+
+    said: list[str] = []
+    try:
+        with captured_stderr(said), OpenEXR.File(name, separate_channels=True) as file:
+            header = dict(file.header())
+            pixels = {key: np.array(value.pixels) for key, value in file.channels().items()}
+    except (RuntimeError, OSError, ValueError) as error:
+        raise ImageError(f"{name}: not a readable OpenEXR file, or truncated") from error
+    if any("error" in line.lower() or "EXR_ERR" in line for line in said):
+        raise ImageError(f"{name}: damaged ({said[-1].strip()}); render the scene again")
+    return header, pixels

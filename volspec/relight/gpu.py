@@ -1,0 +1,225 @@
+"""Relight on the GPU: one full-screen triangle per light change (shaders/relight.frag).
+
+    illumination -> [gpu] -> frame
+
+The coefficients are uploaded once. A light change sends some sixty numbers and draws.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec._gpu.opengl import compile_program, describe, headless_context
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sources import assemble
+from volspec.appearance.conditions import Transport
+from volspec.appearance.constants import shader_constants, sRGB_FROM_XYZ
+from volspec.appearance.spec import Viewing
+from volspec.errors import OpenGLError, ShapeError
+from volspec.relight.illumination import Illumination
+from volspec.relight.spec import Pixels
+
+if TYPE_CHECKING:
+    import moderngl
+
+_GLSL = "330 core"
+_LIMIT = 1e9
+
+
+def layer_count(channels: int) -> int:
+    """RGBA layers that hold the channels and alpha."""
+    return math.ceil((channels + 1) / 4)
+
+
+def pack_layers(
+    coefficients: NDArray[np.float32], alpha: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """(layers, H, W, 4): the channels, then alpha, then zeros, four to a layer.
+
+    Values stop at ±1e9, so that no finite coefficient overflows the shader's float32.
+    """
+    height, width, channels = coefficients.shape
+    layers = np.zeros((layer_count(channels), height, width, 4), dtype=np.float32)
+    for i in range(channels):
+        # Channel by channel: NumPy moves single numbers at a stride faster than short rows.
+        np.clip(coefficients[..., i], -_LIMIT, _LIMIT, out=layers[i // 4, ..., i % 4])
+    layers[channels // 4, ..., channels % 4] = alpha
+    return layers
+
+
+def uniforms(light: Illumination, viewing: Viewing) -> dict[str, NDArray[np.float32]]:
+    """What a light change sends to ``shaders/relight.frag``, by GLSL name.
+
+    Parameters
+    ----------
+    light : Illumination
+        The light, for M channels.
+    viewing : Viewing
+        Scene and display conditions.
+
+    Returns
+    -------
+    dict
+        Flat float32 arrays; matrices column by column. ``passage.*`` only with CIECAM02.
+
+    Raises
+    ------
+    ViewingError
+        If the light's white has no lightness in CIECAM02.
+    """
+    channels = light.XYZ_from_channels.shape[1]
+    columns = np.zeros((layer_count(channels) * 4, 3))
+    columns[:channels] = light.XYZ_from_channels.T
+    # Opacity takes away what the backdrop gives: (1 - alpha) XYZ_backdrop without a branch.
+    columns[channels] = -light.backdrop_XYZ
+    values: dict[str, ArrayLike] = {"XYZ_from_layer": columns, "backdrop_XYZ": light.backdrop_XYZ}
+    if viewing.model == "CIECAM02":
+        passage = Transport.for_viewing(viewing, light.white_XYZ)
+        values |= {
+            "passage.response_from_XYZ": passage.response_from_XYZ.T,
+            "passage.linear_from_response": (sRGB_FROM_XYZ @ passage.XYZ_from_response).T,
+            "passage.scene_achromatic": passage.scene_achromatic,
+            "passage.display_achromatic": passage.display_achromatic,
+            "passage.lightness_power": passage.lightness_power,
+            "passage.chroma_gain": passage.chroma_gain,
+        }
+    return {name: np.asarray(v, dtype=np.float32).ravel() for name, v in values.items()}
+
+
+class GLEngine:
+    """Draws frames of one coefficient image with OpenGL.
+
+    Parameters
+    ----------
+    coefficients : (H, W, M) float32
+        Premultiplied by alpha.
+    alpha : (H, W) float32
+        Opacity.
+    context : moderngl.Context, optional
+        A context that is current and stays its owner's; None makes a headless one.
+
+    Raises
+    ------
+    OpenGLError
+        If no context can be made, the image does not fit the device, or the driver refuses
+        the shader.
+    """
+
+    def __init__(
+        self,
+        coefficients: NDArray[np.float32],
+        alpha: NDArray[np.float32],
+        context: moderngl.Context | None = None,
+    ) -> None:
+        self._owned = context is None
+        self._context = headless_context() if context is None else context
+        self._resources: list[Any] = []
+        self._programs: dict[str, tuple[Any, Any]] = {}
+        self._targets: dict[str, Any] = {}
+        self._height, self._width, self._channels = coefficients.shape
+        try:
+            with self._context:
+                self._prepare()
+            self.upload(coefficients, alpha)
+        except OpenGLError:
+            self.close()
+            raise
+
+    def _prepare(self) -> None:
+        """Make what every frame needs, so that a driver's refusal shows here."""
+        import moderngl
+
+        device = describe(self._context)
+        self.name = str(device["device"])
+        size = (self._width, self._height, layer_count(self._channels))
+        if max(size) > device["max_size"]:
+            raise OpenGLError(
+                f"OpenGL: the image is {self._width} x {self._height}, the largest texture of "
+                f"{self.name} {device['max_size']}; cast a smaller image"
+            )
+        try:
+            self._texture = self._keep(self._context.texture_array(size, 4, dtype="f4"))
+            self._target("f1")
+        except moderngl.Error as error:
+            raise OpenGLError(
+                f"OpenGL: {self.name} has no room for {size[0]} x {size[1]} pixels of "
+                f"{self._channels} channels ({error}); cast a smaller image"
+            ) from error
+        self._program("CIECAM02")
+
+    def _keep(self, resource: Any) -> Any:
+        self._resources.append(resource)
+        return resource
+
+    def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
+        """Take another image of the first one's shape; (H, W, M) and (H, W)."""
+        with self._context:
+            self._texture.write(pack_layers(coefficients, alpha))
+
+    def _program(self, model: str) -> tuple[Any, Any]:
+        if model not in self._programs:
+            constants = {
+                "LAYERS": layer_count(self._channels),
+                "CIECAM02": int(model == "CIECAM02"),
+                "FIRST_ROW_AT_BOTTOM": 1,
+                "IMAGE_HEIGHT": self._height,
+                **shader_constants(),
+            }
+            lines = prelude(constants, "glsl")
+            vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
+            fragment = assemble("shaders/relight.frag", lines, glsl_version=_GLSL)
+            program = self._keep(compile_program(self._context, vertex, fragment))
+            self._programs[model] = program, self._keep(self._context.vertex_array(program, []))
+        return self._programs[model]
+
+    def _target(self, dtype: str) -> Any:
+        if dtype not in self._targets:
+            size = (self._width, self._height)
+            color = self._keep(self._context.texture(size, 4, dtype=dtype))
+            self._targets[dtype] = self._keep(self._context.framebuffer([color]))
+        return self._targets[dtype]
+
+    def render(
+        self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
+    ) -> Pixels:
+        """(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding.
+
+        Raises
+        ------
+        ShapeError
+            If the light is for another number of channels.
+        """
+        channels = light.XYZ_from_channels.shape[1]
+        if channels != self._channels:
+            raise ShapeError(
+                f"relight: the light has {channels} channels, the image {self._channels}; "
+                "were both made with the same basis?"
+            )
+        with self._context:
+            program, triangle = self._program(viewing.model)
+            for name, value in uniforms(light, viewing).items():
+                program[name].write(value.tobytes())
+            kind = "f1" if dtype is np.uint8 else "f4"
+            target = self._target(kind)
+            # An owner's context may come with blending or a depth test switched on.
+            self._context.enable_only(self._context.NOTHING)
+            target.use()
+            self._texture.use(0)
+            triangle.render(self._context.TRIANGLES, vertices=3)
+            # The driver drops alpha while copying, five times faster than NumPy would.
+            pixels = np.empty((self._height, self._width, 3), dtype=dtype)
+            target.read_into(pixels, components=3, dtype=kind)
+        return pixels
+
+    def close(self) -> None:
+        """Release everything made here."""
+        with self._context:
+            for resource in reversed(self._resources):
+                resource.release()
+        self._resources.clear()
+        if self._owned:
+            self._context.release()

@@ -1,0 +1,54 @@
+"""Relight without a GPU: the shader's arithmetic in NumPy, float64.
+
+    illumination -> [host] -> frame
+
+Used where no OpenGL context can be made; the twin of ``shaders/relight.frag``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.appearance.ciecam02 import transport
+from volspec.appearance.conditions import Transport
+from volspec.appearance.spec import Viewing
+from volspec.appearance.srgb import encode, linear_from_XYZ, to_uint8
+from volspec.relight.illumination import Illumination
+from volspec.relight.spec import Pixels
+
+# Rows at a time: a 512-pixel block of temporaries then stays in the second-level cache.
+_ROWS = 16
+
+
+class HostEngine:
+    """Draws frames of one coefficient image with NumPy."""
+
+    name = "numpy"
+
+    def __init__(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
+        self.upload(coefficients, alpha)
+
+    def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
+        """Take another image; (H, W, M) and (H, W)."""
+        self._coefficients, self._alpha = coefficients, alpha
+
+    def render(
+        self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
+    ) -> Pixels:
+        """(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding."""
+        height, width = self._alpha.shape
+        adapt = viewing.model == "CIECAM02"
+        passage = Transport.for_viewing(viewing, light.white_XYZ) if adapt else None
+        frame = np.empty((height, width, 3), dtype=dtype)
+        for row in range(0, height, _ROWS):
+            rows = slice(row, row + _ROWS)
+            XYZ = light.scene_XYZ(self._coefficients[rows], self._alpha[rows])
+            if passage is not None:
+                XYZ = transport(XYZ, passage)
+            encoded = encode(linear_from_XYZ(XYZ))
+            frame[rows] = to_uint8(encoded) if dtype is np.uint8 else encoded
+        return frame
+
+    def close(self) -> None:
+        """Nothing to release."""

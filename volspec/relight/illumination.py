@@ -1,0 +1,140 @@
+"""A light as what it does to a pixel: one 3 × M matrix and the backdrop's colour.
+
+    light, basis -> [illumination] -> reference | host | gpu
+
+    XYZ = D (e ∘ C) + (1 - alpha) XYZ_backdrop        componentwise, e = A E
+    XYZ = P_E C     + (1 - alpha) XYZ_backdrop        exact
+
+Both are one matrix product: D diag(e), or P_E. Every renderer takes it from here, so they
+differ only in what they do with the XYZ.
+
+References
+----------
+[1] Bergner, Drew & Möller (2009), ACM TOG 28(1) art. 5, section 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.errors import ShapeError, ViewingError
+from volspec.relight.spec import LightRig, RelightSpec
+from volspec.spectra.photometry import XYZ_of, white_XYZ
+from volspec.spectra.spectrum import Spectrum
+
+if TYPE_CHECKING:
+    from volspec.basis.model import SpectralBasis
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Illumination:
+    """What one light does to coefficients; XYZ with Y = 100 for a perfect diffuser.
+
+    Raises
+    ------
+    ShapeError
+        If the arrays are not (3, M), (3,) and (3,).
+    ViewingError
+        If a number is not finite.
+    """
+
+    XYZ_from_channels: Array
+    """(3, M): D diag(e) or P_E, times the level's and exposure's gain."""
+    white_XYZ: Array
+    """(3,): the adopted white, Y = 100 whatever the gain."""
+    backdrop_XYZ: Array
+    """(3,): the lit backdrop, gain included."""
+
+    def __post_init__(self) -> None:
+        for name in ("XYZ_from_channels", "white_XYZ", "backdrop_XYZ"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+            if array.shape[:1] != (3,) or array.ndim != (2 if name == "XYZ_from_channels" else 1):
+                raise ShapeError(f"illumination: {name} has shape {array.shape}; expected 3 rows")
+            if not np.all(np.isfinite(array)):
+                raise ViewingError(f"illumination: {name} is not finite; check the light's values")
+
+    @classmethod
+    def of(
+        cls, basis: SpectralBasis, light: Spectrum | LightRig, spec: RelightSpec
+    ) -> Illumination:
+        """Work out what a light does to the coefficients of a basis.
+
+        Parameters
+        ----------
+        basis : SpectralBasis
+            The basis of the coefficient image.
+        light : Spectrum or LightRig
+            One light, or lights with weights.
+        spec : RelightSpec
+            Mode, backdrop, level and exposure.
+
+        Raises
+        ------
+        ViewingError
+            If ``light`` is neither, or ``level="absolute"`` lacks lux.
+        SpectrumError
+            If the light does not fit the basis or is black.
+        """
+        rig = LightRig((light,)) if isinstance(light, Spectrum) else light
+        if not isinstance(rig, LightRig):
+            raise ViewingError(
+                f"relight: light is {light!r:.60}; expected a Spectrum, such as "
+                "volspec.light('D65'), or a LightRig"
+            )
+        gain = spec.viewing.exposure
+        if spec.level == "absolute":
+            if rig.total_lux is None:
+                raise ViewingError(
+                    "relight: level='absolute' needs the lights' lux; "
+                    "give LightRig(..., illuminance_lux=...) or use level='relative'"
+                )
+            gain *= rig.total_lux / spec.viewing.illuminance_lux
+        mixed = rig.mixed(basis.grid)
+        if spec.mode == "exact":
+            matrix = basis.light_matrix(mixed)
+        else:
+            matrix = basis.display_matrix(mixed) * basis.analyze(mixed)
+        white = white_XYZ(mixed)
+        if isinstance(spec.backdrop, Spectrum):
+            backdrop = XYZ_of(mixed, spec.backdrop)
+        else:
+            backdrop = spec.backdrop * white
+        return cls(gain * np.asarray(matrix), white, gain * backdrop)
+
+    def scene_XYZ(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
+        """Colour of each pixel in the scene.
+
+        Parameters
+        ----------
+        coefficients : (..., M) array_like
+            Premultiplied by alpha.
+        alpha : (...) array_like
+            Opacity, 0 to 1.
+
+        Returns
+        -------
+        (..., 3) float64
+            XYZ, Y = 100 for a perfect diffuser at gain 1.
+
+        Raises
+        ------
+        ShapeError
+            If the channel count differs from the matrix's or the pixels do not match.
+        """
+        C = np.asarray(coefficients)
+        opacity = np.asarray(alpha, dtype=np.float64)
+        if C.shape != opacity.shape + (self.XYZ_from_channels.shape[1],):
+            raise ShapeError(
+                f"relight: coefficients have shape {C.shape}, alpha {opacity.shape}, the light "
+                f"{self.XYZ_from_channels.shape[1]} channels; expected (..., M), (...) and M. "
+                "Were they made with the same basis?"
+            )
+        return C @ self.XYZ_from_channels.T + (1.0 - opacity)[..., None] * self.backdrop_XYZ

@@ -1,0 +1,151 @@
+"""The truth every renderer is measured against: NumPy float64 and colour-science's CIECAM02.
+
+    illumination -> [reference] -> encoded float64, uint8
+
+Slow and independent on purpose: nothing of the appearance model is shared with
+`volspec.appearance.ciecam02` or the shader.
+
+References
+----------
+[1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity".
+[2] colour-science 0.4: ``colour.XYZ_to_CIECAM02``, ``colour.CIECAM02_to_XYZ``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance.spec import SURROUNDS, Viewing
+from volspec.relight.illumination import Illumination
+from volspec.relight.spec import LightRig, RelightSpec
+from volspec.spectra.spectrum import Spectrum
+
+if TYPE_CHECKING:
+    from volspec.raycast.image import CoefficientImage
+
+Array = NDArray[np.float64]
+
+
+def display_XYZ(XYZ: ArrayLike, white_XYZ: ArrayLike, viewing: Viewing) -> Array:
+    """Scene XYZ to the display XYZ of equal appearance, by colour-science.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        Y = 100 for a perfect diffuser.
+    white_XYZ : (3,) array_like
+        The scene's adopted white.
+    viewing : Viewing
+        Scene and display conditions.
+
+    Returns
+    -------
+    (..., 3) float64
+        Y = 100 for the display's white. Colours without lightness are black.
+    """
+    scene = np.asarray(XYZ, dtype=np.float64)
+    if viewing.model == "none":
+        return scene
+    import colour
+    from colour.appearance import CAM_Specification_CIECAM02, InductionFactors_CIECAM02
+
+    F, c, N_c = SURROUNDS[viewing.surround]
+    L_A = viewing.adapting_luminance
+    if viewing.D is not None:
+        # colour-science takes no D; F serves D alone, so this F gives the D asked for.
+        F = viewing.D / (1.0 - math.exp(-(L_A + 42.0) / 92.0) / 3.6)
+    display = viewing.display
+    with np.errstate(all="ignore"):
+        seen = colour.XYZ_to_CIECAM02(
+            scene,
+            np.asarray(white_XYZ, dtype=np.float64),
+            L_A,
+            viewing.Y_b,
+            InductionFactors_CIECAM02(F, c, N_c),
+            compute_H=False,
+        )
+        J = np.asarray(seen.J, dtype=np.float64)
+        lit = J > 0.0
+        shown = colour.CIECAM02_to_XYZ(
+            CAM_Specification_CIECAM02(
+                J=np.where(lit, J, 1.0), C=np.where(lit, seen.C, 0.0), h=seen.h
+            ),
+            _sRGB().whitepoint_XYZ,
+            display.L_A,
+            display.Y_b,
+            InductionFactors_CIECAM02(*SURROUNDS[display.surround]),
+        )
+    return np.where(lit[..., None], shown, 0.0)
+
+
+class _sRGB:
+    """colour-science's sRGB with the matrix derived from its primaries in double precision."""
+
+    def __init__(self) -> None:
+        import colour
+
+        space = colour.RGB_COLOURSPACES["sRGB"].copy()
+        space.use_derived_transformation_matrices(True)
+        self.matrix: Array = np.asarray(space.matrix_XYZ_to_RGB) / 100.0
+        self.whitepoint_XYZ: Array = 100.0 * np.asarray(colour.xy_to_XYZ(space.whitepoint))
+
+
+def encoded_frame(
+    coefficients: ArrayLike, alpha: ArrayLike, light: Illumination, viewing: Viewing
+) -> Array:
+    """Relight coefficients in float64.
+
+    Parameters
+    ----------
+    coefficients : (H, W, M) array_like
+        Premultiplied by alpha.
+    alpha : (H, W) array_like
+        Opacity.
+    light : Illumination
+        What the light does to the channels.
+    viewing : Viewing
+        Scene and display conditions.
+
+    Returns
+    -------
+    (H, W, 3) float64
+        Encoded sRGB, 0 to 1, before rounding; row 0 is the top.
+    """
+    from colour.models import eotf_inverse_sRGB
+
+    XYZ = display_XYZ(light.scene_XYZ(coefficients, alpha), light.white_XYZ, viewing)
+    linear = np.clip(XYZ @ _sRGB().matrix.T, 0.0, 1.0)
+    return np.asarray(eotf_inverse_sRGB(linear), dtype=np.float64)
+
+
+def relight_reference(
+    image: CoefficientImage, light: Spectrum | LightRig, spec: RelightSpec | None = None
+) -> Array:
+    """The reference picture of a coefficient image.
+
+    Parameters
+    ----------
+    image : CoefficientImage
+        From the raycaster.
+    light : Spectrum or LightRig
+        What lights it.
+    spec : RelightSpec, optional
+        Viewing, mode, backdrop, level.
+
+    Returns
+    -------
+    (H, W, 3) float64
+        Encoded sRGB, 0 to 1, before rounding (`volspec.appearance.srgb.to_uint8` rounds).
+
+    Raises
+    ------
+    ViewingError, SpectrumError
+        As `Illumination.of`.
+    """
+    spec = spec or RelightSpec()
+    lit = Illumination.of(image.basis, light, spec)
+    return encoded_frame(image.coefficients, image.alpha, lit, spec.viewing)

@@ -1,0 +1,207 @@
+"""The public face of relighting: one coefficient image, a frame for every light.
+
+    coefficient image + light -> [relighter] -> frame
+
+OpenGL where a context can be made, NumPy with a warning where not.
+"""
+
+from __future__ import annotations
+
+import warnings
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.appearance.spec import Viewing
+from volspec.errors import OpenGLError, ShapeError, ViewingError, VolspecWarning
+from volspec.relight.gpu import GLEngine
+from volspec.relight.host import HostEngine
+from volspec.relight.illumination import Illumination
+from volspec.relight.spec import LightRig, Pixels, RelightSpec
+from volspec.spectra.spectrum import Spectrum
+
+if TYPE_CHECKING:
+    from volspec.raycast.image import CoefficientImage
+
+BACKENDS = ("gl", "numpy")
+
+
+class Relighter:
+    """Turns lights into frames of one coefficient image; a context manager.
+
+    Parameters
+    ----------
+    image : CoefficientImage
+        Cast once; its coefficients are uploaded here.
+    backend : {"gl", "numpy"}, optional
+        None takes GL and falls back to NumPy with a `VolspecWarning`.
+    context : moderngl.Context, optional
+        A current context to draw in, as a viewer's; None makes a headless one.
+
+    Raises
+    ------
+    OpenGLError
+        If ``backend="gl"`` and no context can be made.
+    ViewingError
+        If the backend is unknown.
+    ShapeError
+        If the image's arrays do not fit together.
+
+    Examples
+    --------
+    ::
+
+        with Relighter(image) as relighter:
+            for name in ("D65", "A", "FL2"):
+                frame = relighter.frame(volspec.light(name))
+    """
+
+    def __init__(
+        self,
+        image: CoefficientImage,
+        backend: str | None = None,
+        context: Any = None,
+    ) -> None:
+        if backend is not None and backend not in BACKENDS:
+            raise ViewingError(
+                f"Relighter: backend is {backend!r}; expected {' or '.join(BACKENDS)}, or None"
+            )
+        coefficients, alpha = _arrays(image)
+        self._image = image
+        self._closed = False
+        self._engine: GLEngine | HostEngine
+        if backend == "numpy":
+            self._engine = HostEngine(coefficients, alpha)
+            return
+        try:
+            self._engine = GLEngine(coefficients, alpha, context)
+        except OpenGLError as error:
+            if backend == "gl":
+                raise
+            warnings.warn(f"relighting with NumPy, slowly: {error}", VolspecWarning, stacklevel=2)
+            self._engine = HostEngine(coefficients, alpha)
+
+    @property
+    def backend(self) -> str:
+        """What draws: the GL device's name, or ``"numpy"``."""
+        return self._engine.name
+
+    def update(self, image: CoefficientImage) -> None:
+        """Take another cast of the same size and basis size, as when the camera moves.
+
+        Raises
+        ------
+        ShapeError
+            If size or channel count differ.
+        """
+        self._require_open()
+        old, new = self._image.coefficients.shape, image.coefficients.shape
+        if old != new:
+            raise ShapeError(
+                f"relight: the image has shape {new}, this Relighter was made for {old}; "
+                "make another Relighter"
+            )
+        self._engine.upload(*_arrays(image))
+        self._image = image
+
+    def frame(
+        self,
+        light: Spectrum | LightRig,
+        viewing: Viewing | None = None,
+        mode: str = "componentwise",
+        backdrop: float | Spectrum = 0.2,
+        level: str = "relative",
+        dtype: Any = np.uint8,
+    ) -> Pixels:
+        """The picture under a light.
+
+        Parameters
+        ----------
+        light : Spectrum or LightRig
+            What lights the scene.
+        viewing : Viewing, optional
+            The eye's and the display's conditions; CIECAM02 to an sRGB display by default.
+        mode, backdrop, level
+            As `RelightSpec`.
+        dtype : numpy.uint8 or numpy.float32
+            8-bit codes, or codes 0 to 1 before rounding.
+
+        Returns
+        -------
+        (H, W, 3) uint8 or float32
+            sRGB, row 0 at the top.
+
+        Raises
+        ------
+        ViewingError
+            If an argument is out of range.
+        SpectrumError
+            If the light is black or does not cover the grid.
+        """
+        self._require_open()
+        kind = np.dtype(dtype).type
+        if kind not in (np.uint8, np.float32):
+            raise ViewingError(
+                f"relight: dtype is {dtype!r}; expected numpy.uint8 or numpy.float32"
+            )
+        spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
+        lit = Illumination.of(self._image.basis, light, spec)
+        return self._engine.render(lit, spec.viewing, kind)
+
+    def close(self) -> None:
+        """Release the GPU's memory; a second call does nothing."""
+        if not self._closed:
+            self._closed = True
+            self._engine.close()
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise ViewingError("Relighter: already closed; make another")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _arrays(image: CoefficientImage) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    coefficients = np.ascontiguousarray(image.coefficients, dtype=np.float32)
+    alpha = np.ascontiguousarray(image.alpha, dtype=np.float32)
+    size = image.basis.size
+    if coefficients.ndim != 3 or coefficients.shape != alpha.shape + (size,) or not alpha.size:
+        raise ShapeError(
+            f"relight: coefficients have shape {coefficients.shape}, alpha {alpha.shape}, the "
+            f"basis {size} channels; expected (H, W, M), (H, W) and M"
+        )
+    return coefficients, alpha
+
+
+def relight(
+    image: CoefficientImage,
+    light: Spectrum | LightRig,
+    viewing: Viewing | None = None,
+    mode: str = "componentwise",
+    backdrop: float | Spectrum = 0.2,
+    level: str = "relative",
+    dtype: Any = np.uint8,
+    backend: str | None = None,
+) -> Pixels:
+    """One picture of a coefficient image; for several, a `Relighter` uploads only once.
+
+    Parameters and errors are `Relighter`'s and `Relighter.frame`'s.
+
+    Returns
+    -------
+    (H, W, 3) uint8 or float32
+        sRGB, row 0 at the top.
+    """
+    with Relighter(image, backend) as relighter:
+        return relighter.frame(light, viewing, mode, backdrop, level, dtype)

@@ -1,0 +1,177 @@
+"""What lights a coefficient image and how the picture is to be made: frozen data.
+
+    raycast -> [relight] -> appearance -> frame
+
+References
+----------
+[1] Bergner, Drew & Möller (2009), ACM TOG 28(1) art. 5, section 2 (post-illumination).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import NDArray
+
+from volspec.appearance.spec import Viewing
+from volspec.errors import ViewingError
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.photometry import illuminance_lux
+from volspec.spectra.spectrum import Spectrum
+
+# (H, W, 3), uint8 or float32 as asked for.
+Pixels = NDArray[Any]
+"""(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding; row 0 is the top."""
+MODES = ("componentwise", "exact")
+LEVELS = ("relative", "absolute")
+
+
+def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+    numbers = tuple(float(v) for v in values)
+    if len(numbers) != count:
+        raise ViewingError(f"{name} has {len(numbers)} numbers for {count} lights; give one each")
+    for j, value in enumerate(numbers):
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ViewingError(f"{name} number {j + 1} is {value}; expected finite and at least 0")
+    return numbers
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LightRig:
+    """Lights that add up: e = Σ_j w_j A E_j.
+
+    Parameters
+    ----------
+    lights : tuple of Spectrum
+        Relative or absolute spectral power E_j.
+    weights : tuple of float, optional
+        w_j, at least 0; all 1 by default.
+    illuminance_lux : tuple of float, optional
+        What each light gives at weight 1, lux. The spectra are then only shapes; needed for
+        ``level="absolute"``.
+
+    Raises
+    ------
+    ViewingError
+        If there is no light, counts differ, a number is negative, or everything is off.
+
+    Examples
+    --------
+    >>> flat = Spectrum([390, 710], [1, 1], name="flat")
+    >>> ramp = Spectrum([390, 710], [0, 3.2], name="ramp")
+    >>> LightRig((flat, ramp), weights=(0.5, 1.0)).mixed().values[[0, 15, 30]].round(3).tolist()
+    [0.6, 2.1, 3.6]
+    """
+
+    lights: tuple[Spectrum, ...]
+    weights: tuple[float, ...] = ()
+    illuminance_lux: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        lights = tuple(self.lights)
+        if not lights:
+            raise ViewingError("LightRig: no light; give at least one Spectrum")
+        for j, light in enumerate(lights):
+            if not isinstance(light, Spectrum):
+                raise ViewingError(
+                    f"LightRig: light {j + 1} is {light!r:.60}; expected a Spectrum, "
+                    "such as volspec.light('D65')"
+                )
+        count = len(lights)
+        weights = _numbers("LightRig.weights", self.weights or (1.0,) * count, count)
+        if not any(weights):
+            raise ViewingError("LightRig: every weight is 0, so there is no light; raise one")
+        object.__setattr__(self, "lights", lights)
+        object.__setattr__(self, "weights", weights)
+        if self.illuminance_lux is not None:
+            lux = _numbers("LightRig.illuminance_lux", self.illuminance_lux, count)
+            if not any(w * v for w, v in zip(weights, lux, strict=True)):
+                raise ViewingError("LightRig: the lights give 0 lux together; raise one")
+            object.__setattr__(self, "illuminance_lux", lux)
+
+    def mixed(self, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
+        """The sum of the lights as one Spectrum on a grid, the 31 bands by default.
+
+        Its scale is the lights' own, or W / (m² nm) where the rig has `illuminance_lux`.
+
+        Raises
+        ------
+        SpectrumError
+            If a light does not cover the grid or, with lux, has no luminous energy.
+        """
+        lights = tuple(light.on(grid) for light in self.lights)
+        factors = self.weights
+        if self.illuminance_lux is not None:
+            factors = tuple(
+                w * lux / illuminance_lux(light)
+                for w, lux, light in zip(factors, self.illuminance_lux, lights, strict=True)
+            )
+        mix = lights[0] * factors[0]
+        for light, factor in zip(lights[1:], factors[1:], strict=True):
+            mix = mix + light * factor
+        return mix
+
+    @property
+    def total_lux(self) -> float | None:
+        """Illuminance of the sum, lux; None if the lights carry none."""
+        if self.illuminance_lux is None:
+            return None
+        return sum(w * v for w, v in zip(self.weights, self.illuminance_lux, strict=True))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RelightSpec:
+    """How a picture is made from coefficients and a light.
+
+    Parameters
+    ----------
+    viewing : Viewing
+        The eye's and the display's conditions.
+    mode : str
+        ``"componentwise"``: D (e ∘ C), the factor model; ``"exact"``: P_E C, the light matrix.
+    backdrop : float or Spectrum
+        Reflectance of the diffuser behind the volume, 0 (black) to 1; it is lit too. The
+        default, 0.2, is the grey that the appearance model takes for the surround.
+    level : str
+        ``"relative"``: the light's white has Y = 100, a swap never darkens the picture.
+        ``"absolute"``: Y = 100 is the viewing's ``illuminance_lux``; lights add.
+
+    Raises
+    ------
+    ViewingError
+        If a word is unknown or a reflectance lies outside 0 to 1.
+    """
+
+    viewing: Viewing = field(default_factory=Viewing)
+    mode: str = "componentwise"
+    backdrop: float | Spectrum = 0.2
+    level: str = "relative"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.viewing, Viewing):
+            raise ViewingError(f"relight: viewing is {self.viewing!r:.60}; expected a Viewing")
+        for name, value, known in (("mode", self.mode, MODES), ("level", self.level, LEVELS)):
+            if value not in known:
+                near = difflib.get_close_matches(str(value), known, n=1, cutoff=0.4)
+                guess = f"did you mean {near[0]!r}? " if near else ""
+                raise ViewingError(
+                    f"relight: {name} is {value!r}; {guess}Known: {', '.join(known)}"
+                )
+        if isinstance(self.backdrop, Spectrum):
+            low, high = float(self.backdrop.values.min()), float(self.backdrop.values.max())
+        else:
+            try:
+                low = high = float(self.backdrop)
+            except (TypeError, ValueError):
+                raise ViewingError(
+                    f"relight: backdrop is {self.backdrop!r:.60}; "
+                    "expected a reflectance 0 to 1 or a Spectrum"
+                ) from None
+        if not (low >= 0.0 and high <= 1.0):
+            raise ViewingError(
+                f"relight: backdrop reflects {low:g} to {high:g}; expected within 0 (black) to 1"
+            )

@@ -1,0 +1,38 @@
+"""Light and matter as functions of wavelength: grid, spectrum, photometry, library."""
+
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.library import (
+    light,
+    light_names,
+    light_set,
+    reflectance,
+    reflectance_names,
+    reflectance_set,
+    reflectance_set_names,
+)
+from volspec.spectra.photometry import (
+    XYZ_of,
+    color_matching_functions,
+    illuminance_lux,
+    luminance,
+    white_XYZ,
+)
+from volspec.spectra.spectrum import Spectrum
+
+__all__ = [
+    "DEFAULT_GRID",
+    "SpectralGrid",
+    "Spectrum",
+    "XYZ_of",
+    "color_matching_functions",
+    "illuminance_lux",
+    "light",
+    "light_names",
+    "light_set",
+    "luminance",
+    "reflectance",
+    "reflectance_names",
+    "reflectance_set",
+    "reflectance_set_names",
+    "white_XYZ",
+]

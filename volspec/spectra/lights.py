@@ -1,0 +1,282 @@
+"""Named lights, Planck radiators, daylights, files, and mixes of them.
+
+    grid, spectrum, photometry -> [lights] -> library
+
+Every light is scaled so that its luminous energy equals that of the flat light of ones
+(the V-weighted mean of its values is 1). A weight in a mix is therefore the component's
+share of the illuminance.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import SpectrumError
+from volspec.spectra._colour import colour_science
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.photometry import color_matching_functions, extended_band_means
+from volspec.spectra.spectrum import Spectrum
+
+# Second radiation constant h c / k in nm K (CODATA 2018; 000 eq. 7 has a misprint).
+_C2_NM_K = 1.438776877e7
+
+# Thermal and xenon lamps are smooth; without them and the two "Natural" tubes the class
+# has the 89 lights of METHOD section 2.
+_NOT_SPIKY = {
+    "SA",
+    "SC",
+    "Incandescent",
+    "Neodimium Incandescent",
+    "60 A/W (Soft White)",
+    "Kinoton 75P",
+    "Natural",
+    "F40/N (Natural FL)",
+}
+_SMOOTH = ("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E")
+
+
+def light(text: str, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
+    """A light by name, as the command line writes it.
+
+    Parameters
+    ----------
+    text : str
+        A name of `light_names` (any case), ``planck:KELVIN`` (500-100000),
+        ``daylight:KELVIN`` (4000-25000), ``FILE.csv`` (nm, value), or a mix
+        ``NAME*WEIGHT+NAME*WEIGHT`` whose weights are shares of illuminance (default 1).
+        The name ``3-LED-1 (457/540/605)`` and its like are taken whole.
+    grid : SpectralGrid
+
+    Returns
+    -------
+    Spectrum
+        On the grid, relative power; for a single light the V-weighted mean is 1, for a mix
+        the sum of the weights. Tables that end inside the grid are continued by their last
+        value (CIE 167:2005) where the eye hardly sees.
+
+    Raises
+    ------
+    SpectrumError
+        If the name is unknown (the nearest ones are given), a weight is negative, a
+        temperature out of range, or a light has no energy or does not cover the grid.
+
+    Examples
+    --------
+    >>> light("D65*0.7 + planck:2856*0.3").name
+    'D65*0.7+planck:2856*0.3'
+    """
+    wanted = " ".join(str(text).split())
+    if not wanted:
+        raise SpectrumError("light: empty name; give a name such as D65, planck:3200 or FILE.csv")
+    if _is_known(wanted):
+        return _component(wanted, grid)
+    terms = _parse_mix(wanted)
+    if terms is None:
+        return _component(wanted, grid)
+    for term in terms:
+        if not (np.isfinite(term.weight) and term.weight >= 0):
+            raise SpectrumError(
+                f"light {wanted!r}: the weight of {term.name} is {term.weight:g}; "
+                "a light cannot be taken away, use a weight of 0 or more"
+            )
+    if not any(term.weight > 0 for term in terms):
+        raise SpectrumError(f"light {wanted!r}: every weight is 0; give one a positive weight")
+    values = sum(term.weight * _component(term.name, grid).values for term in terms)
+    name = "+".join(str(term) for term in terms)
+    return Spectrum(grid.wavelengths_nm, np.asarray(values), name)
+
+
+@dataclass(frozen=True)
+class _Term:
+    name: str
+    weight: float
+
+    def __str__(self) -> str:
+        return self.name if self.weight == 1 else f"{self.name}*{self.weight:g}"
+
+
+def light_names() -> tuple[str, ...]:
+    """Every name `light` knows by itself: CIE and ISO illuminants, then measured lamps."""
+    return tuple(_tables())
+
+
+def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
+    """Lights to fit and to test bases with (METHOD section 2).
+
+    ``smooth``: A, B, C, D50, D55, D60, D65, D75, E and Planck 2000-10000 K every 500 K (26).
+    ``spiky``: FL, HP and LED illuminants and measured discharge, fluorescent and LED lamps (89).
+
+    Raises
+    ------
+    SpectrumError
+        If the set is unknown.
+    """
+    if name == "smooth":
+        names = [*_SMOOTH, *(f"planck:{kelvin}" for kelvin in range(2000, 10001, 500))]
+    elif name == "spiky":
+        illuminants = set(colour_science().SDS_ILLUMINANTS)
+        names = [
+            n
+            for n in light_names()
+            if n.startswith(("FL", "HP", "LED")) or (n not in illuminants and n not in _NOT_SPIKY)
+        ]
+    else:
+        raise SpectrumError(f"light set {name!r} is unknown; choose smooth or spiky")
+    return [light(n, grid) for n in names]
+
+
+def _is_known(name: str) -> bool:
+    """Whether the text is one light, not a mix; says nothing about its being valid."""
+    low = name.casefold()
+    if low in _by_folded_name():
+        return True
+    if low.endswith(".csv"):
+        # "A+lamp.csv" is a mix, unless a file is called so.
+        return not set("+*") & set(name) or Path(name).is_file()
+    prefix, _, number = low.partition(":")
+    return prefix in ("planck", "daylight") and _number(number) is not None
+
+
+def _parse_mix(text: str) -> list[_Term] | None:
+    """The terms of a mix; names may hold ``+``, so the longest readable term goes first."""
+
+    def read(parts: list[str]) -> Iterator[list[_Term]]:
+        if not parts:
+            yield []
+        for count in range(len(parts), 0, -1):
+            term = _read_term("+".join(parts[:count]).strip())
+            if term is not None:
+                for rest in read(parts[count:]):
+                    yield [term, *rest]
+
+    terms = next(read(text.split("+")), None)
+    if terms is not None or not ("+" in text or "*" in text):
+        return terms
+    for part in text.split("+"):
+        name, _, weight = part.strip().rpartition("*")
+        bare = name.strip() if name and _number(weight) is not None else part.strip()
+        if not _is_known(bare):
+            raise _unknown(bare, f" in the mix {text!r}")
+    raise SpectrumError(f"light {text!r}: cannot be read as a mix NAME*WEIGHT+NAME*WEIGHT")
+
+
+def _read_term(text: str) -> _Term | None:
+    if _is_known(text):
+        return _Term(_canonical(text), 1.0)
+    for name, weight in (text.rpartition("*")[::2], text.partition("*")[::-2]):
+        number = _number(weight)
+        if number is not None and _is_known(name.strip()):
+            return _Term(_canonical(name.strip()), number)
+    return None
+
+
+def _canonical(name: str) -> str:
+    return _by_folded_name().get(name.casefold(), name)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+@lru_cache(maxsize=1024)
+def _named(name: str, grid: SpectralGrid) -> Spectrum:
+    w, v = _tables()[name]
+    try:
+        return _normalised(extended_band_means(w, v, grid), grid, name)
+    except SpectrumError as error:
+        raise SpectrumError(f"light {name!r}: {error}") from None
+
+
+def _component(name: str, grid: SpectralGrid) -> Spectrum:
+    canonical = _canonical(name)
+    if canonical in _tables():
+        return _named(canonical, grid)
+    prefix, _, number = name.casefold().partition(":")
+    kelvin = _number(number)
+    if prefix in ("planck", "daylight"):
+        if kelvin is None:
+            raise SpectrumError(
+                f"light {name!r}: {number!r} is not a temperature; write {prefix}:5000"
+            )
+        low, high = (500, 100_000) if prefix == "planck" else (4000, 25_000)
+        if not low <= kelvin <= high:
+            raise SpectrumError(
+                f"light {name!r}: {kelvin:g} K is outside {low}-{high} K; choose one inside"
+            )
+        values = _planck(kelvin, grid) if prefix == "planck" else _daylight(kelvin, grid)
+        return _normalised(values, grid, f"{prefix}:{kelvin:g}")
+    if prefix.endswith(".csv"):
+        return _from_file(name, grid)
+    raise _unknown(name)
+
+
+def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
+    measured = Spectrum.from_csv(path)
+    # A spectrometer's dark noise dips below zero a little; a wrong column dips a lot.
+    if measured.values.min() < -0.01 * np.abs(measured.values).max():
+        worst = int(measured.values.argmin())
+        raise SpectrumError(
+            f"{path}: power {measured.values[worst]:g} at {measured.wavelengths_nm[worst]:g} nm "
+            "is negative; a light's values are 0 or more"
+        )
+    try:
+        values = extended_band_means(measured.wavelengths_nm, measured.values, grid)
+    except SpectrumError as error:
+        raise SpectrumError(f"{path}: {error}") from None
+    return _normalised(values, grid, measured.name)
+
+
+def _unknown(name: str, where: str = "") -> SpectrumError:
+    near = difflib.get_close_matches(name.casefold(), _by_folded_name(), n=4, cutoff=0.4)
+    hint = f"; nearest: {', '.join(_by_folded_name()[n] for n in near)}" if near else ""
+    return SpectrumError(
+        f"light {name!r}{where} is unknown{hint}; other forms: planck:3200, daylight:6500, FILE.csv"
+    )
+
+
+def _normalised(values: NDArray[np.float64], grid: SpectralGrid, name: str) -> Spectrum:
+    V = color_matching_functions(grid)[1]
+    energy = float(V @ values)
+    if not energy > 0:
+        raise SpectrumError(f"light {name!r} has no visible energy on {grid}; nothing to scale")
+    return Spectrum(grid.wavelengths_nm, values * (V.sum() / energy), name)
+
+
+def _planck(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
+    w = np.arange(grid.start_nm - grid.step_nm, grid.stop_nm + grid.step_nm + 0.5, 0.5)
+    # Relative to 560 nm: at 500 K the plain formula underflows in the blue.
+    exponent = _C2_NM_K / (kelvin * w) - _C2_NM_K / (kelvin * 560.0)
+    floor = np.exp(-_C2_NM_K / (kelvin * 560.0))
+    return grid.band_means(w, (560.0 / w) ** 5 / (np.exp(np.minimum(exponent, 600.0)) - floor))
+
+
+def _daylight(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
+    colour = colour_science()
+    xy = colour.temperature.CCT_to_xy_CIE_D(kelvin)
+    table = colour.sd_CIE_illuminant_D_series(xy)
+    return extended_band_means(table.wavelengths, table.values, grid)
+
+
+@cache
+def _tables() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    colour = colour_science()
+    tables: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+    for group in (colour.SDS_ILLUMINANTS, colour.SDS_LIGHT_SOURCES):
+        for name in group:
+            tables.setdefault(name, (group[name].wavelengths, group[name].values))
+    return tables
+
+
+@cache
+def _by_folded_name() -> dict[str, str]:
+    return {name.casefold(): name for name in _tables()}

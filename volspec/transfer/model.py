@@ -1,0 +1,162 @@
+"""The spectral transfer function: value -> opacity and a mix of materials.
+
+    volume -> [transfer] -> raycast -> relight -> appearance
+
+Between two points opacity and reflectance run linearly; beyond the first and the last they
+stay. Baking analyses every material in the basis and samples the curve into a table, which is
+all the raycaster sees: reflectances and opacities are gone from there on, channels remain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.basis import SpectralBasis
+from volspec.errors import TransferError
+from volspec.spectra import Spectrum
+
+Mix = str | Mapping[str, float]
+Point = tuple[float, float, Mix]
+
+# Entries enough that a point between two of them moves an edge by less than a 10-bit step.
+TABLE_SIZE = 1024
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TransferTable:
+    """A transfer function as the raycaster reads it.
+
+    Parameters
+    ----------
+    domain : (float, float)
+        Values of the first and the last entry; other values take the nearest end.
+    opacity : (N,)
+        Opacity per reference step, 0…1.
+    coefficients : (N, M)
+        The reflectance's channels, not premultiplied.
+    reference_step_mm : float
+        Length over which ``opacity`` holds.
+    """
+
+    domain: tuple[float, float]
+    opacity: NDArray[np.float64]
+    coefficients: NDArray[np.float64]
+    reference_step_mm: float
+
+    def step_opacity(self, step_mm: float) -> NDArray[np.float64]:
+        """(N,) opacity of one step: 1 − (1 − opacity)^(step / reference step), METHOD §3."""
+        return 1 - (1 - self.opacity) ** (step_mm / self.reference_step_mm)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TransferFunction:
+    """Points of value, opacity per reference step and material mix.
+
+    Parameters
+    ----------
+    points : sequence of (value, opacity, material or {material: share})
+        At least one; values must not decrease (two points of one value make a step).
+        Opacities 0…1. Shares are ≥ 0 and sum to at most 1 (the rest is black).
+    materials : {name: Spectrum}
+        Reflectances the points name.
+    basis : SpectralBasis
+    reference_step_mm : float, optional
+        Length over which an opacity holds; the volume's smallest spacing when left out.
+
+    Raises
+    ------
+    TransferError
+        If there is no point, an opacity is outside 0…1, values decrease, or a material is
+        unknown (the nearest names are given).
+    """
+
+    points: Sequence[Point]
+    materials: Mapping[str, Spectrum]
+    basis: SpectralBasis
+    reference_step_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.points:
+            raise TransferError(
+                "transfer function: no points; give at least one (value, opacity, material)"
+            )
+        step = self.reference_step_mm
+        if step is not None and not (math.isfinite(step) and step > 0):
+            raise TransferError(f"transfer function: reference_step_mm is {step}; give mm above 0")
+        checked = tuple(self._checked(i, point) for i, point in enumerate(self.points))
+        for i, (left, right) in enumerate(pairwise(checked)):
+            if right[0] < left[0]:
+                raise TransferError(
+                    f"transfer function: point {i + 2} has value {right[0]:g} after "
+                    f"{left[0]:g}; sort the points by value"
+                )
+        object.__setattr__(self, "points", checked)
+
+    def _checked(self, index: int, point: Point) -> tuple[float, float, dict[str, float]]:
+        where = f"transfer function: point {index + 1}"
+        try:
+            value, opacity, mix = point
+            value, opacity = float(value), float(opacity)
+            shares = {mix: 1.0} if isinstance(mix, str) else {k: float(v) for k, v in mix.items()}
+        except (TypeError, ValueError, AttributeError) as error:
+            raise TransferError(
+                f"{where} is {point!r}; expected (value, opacity, material or mix)"
+            ) from error
+        if not math.isfinite(value):
+            raise TransferError(f"{where} has value {value}; give a finite number")
+        if not 0 <= opacity <= 1:
+            raise TransferError(f"{where} (value {value:g}) has opacity {opacity}; give 0…1")
+        for name, share in shares.items():
+            if name not in self.materials:
+                near = get_close_matches(name, self.materials, n=3, cutoff=0.4)
+                known = ", ".join(near or sorted(self.materials)) or "none"
+                raise TransferError(f"{where}: no material {name!r}; known: {known}")
+            if not (math.isfinite(share) and share >= 0):
+                raise TransferError(f"{where}: share {share} of {name!r}; give 0…1")
+        if not shares or sum(shares.values()) > 1 + 1e-6:
+            raise TransferError(
+                f"{where}: shares {shares} sum to {sum(shares.values()):g}; give at most 1"
+            )
+        return value, opacity, shares
+
+    def bake(self, smallest_spacing_mm: float, size: int = TABLE_SIZE) -> TransferTable:
+        """Sample the curve into a table over the span of the points.
+
+        Parameters
+        ----------
+        smallest_spacing_mm : float
+            The volume's, used where the function has no reference step of its own.
+        size : int
+            Entries.
+        """
+        names = sorted(self.materials)
+        channels = self.basis.analyze(
+            np.stack([self.materials[name].on(self.basis.grid).values for name in names])
+        )
+        checked = [self._checked(i, point) for i, point in enumerate(self.points)]
+        values = np.array([value for value, _, _ in checked])
+        opacities = np.array([opacity for _, opacity, _ in checked])
+        mixes = np.array([[mix.get(name, 0.0) for name in names] for _, _, mix in checked])
+        low, high = values[0], values[-1]
+        if low == high:  # one value: a table needs two ends
+            low, high = low - 0.5, high + 0.5
+        # np.interp wants rising positions: of two points of one value the later moves up by
+        # one unit in the last place, which leaves a sharp step.
+        for i in range(1, len(values)):
+            values[i] = max(values[i], np.nextafter(values[i - 1], np.inf))
+        at = np.linspace(low, high, size)
+        opacity = np.interp(at, values, opacities)
+        shares = np.stack([np.interp(at, values, mix) for mix in mixes.T], axis=1)
+        return TransferTable(
+            domain=(float(low), float(high)),
+            opacity=opacity,
+            coefficients=shares @ channels,
+            reference_step_mm=self.reference_step_mm or smallest_spacing_mm,
+        )

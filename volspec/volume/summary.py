@@ -1,0 +1,88 @@
+"""A volume in a few lines: what `volspec info` prints."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from volspec.volume.model import Volume
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_BINS = 16
+_BAR = 40
+
+
+@dataclass(frozen=True, slots=True)
+class VolumeSummary:
+    """Size, geometry and distribution of a volume.
+
+    Parameters
+    ----------
+    orientation : (3, 3) nested list
+        Columns are the directions of the x, y and z axes in the world.
+    histogram : list of (from, to, count)
+        Equal bins over the range; whole numbers for integer volumes of few values.
+    """
+
+    name: str
+    shape: tuple[int, int, int]
+    dtype: str
+    spacing_mm: tuple[float, float, float]
+    extent_mm: tuple[float, float, float]
+    origin_mm: tuple[float, float, float]
+    orientation: list[list[float]]
+    range: tuple[float, float]
+    mean: float
+    histogram: list[tuple[float, float, int]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON types."""
+        return asdict(self)
+
+    def table(self) -> Table:
+        """For a terminal; the bars' length follows the logarithm of the count."""
+        from rich.table import Table
+
+        table = Table(title=self.name, show_header=False)
+        table.add_row("size", " × ".join(str(n) for n in self.shape) + f", {self.dtype}")
+        table.add_row("spacing", " × ".join(f"{s:g}" for s in self.spacing_mm) + " mm")
+        table.add_row("extent", " × ".join(f"{s:g}" for s in self.extent_mm) + " mm")
+        table.add_row("origin", ", ".join(f"{s:g}" for s in self.origin_mm) + " mm")
+        columns = np.array(self.orientation).T
+        axes = ["(" + ", ".join(f"{v:g}" for v in column) + ")" for column in columns]
+        table.add_row("axes x y z", " ".join(axes))
+        table.add_row("range", f"{self.range[0]:g} … {self.range[1]:g}, mean {self.mean:.4g}")
+        most = max(count for _, _, count in self.histogram)
+        for low, high, count in self.histogram:
+            length = round(_BAR * np.log1p(count) / np.log1p(most))
+            table.add_row(f"{low:g} … {high:g}", "█" * length + f" {count}")
+        table.caption = "histogram bars: logarithmic"
+        return table
+
+
+def summarize(volume: Volume) -> VolumeSummary:
+    """Look at a volume once."""
+    low, high = volume.range
+    counts, edges = np.histogram(volume.values, bins=_BINS, range=(low, high))
+    spacing = volume.spacing_mm
+    x, y, z = ((n - 1) * s for n, s in zip(volume.shape_xyz, spacing, strict=True))
+    origin = volume.world_from_index[:3, 3]
+    return VolumeSummary(
+        name=volume.name,
+        shape=volume.shape_xyz,
+        dtype=volume.values.dtype.name,
+        spacing_mm=spacing,
+        extent_mm=(x, y, z),
+        origin_mm=(float(origin[0]), float(origin[1]), float(origin[2])),
+        orientation=(volume.world_from_index[:3, :3] / np.asarray(spacing)).tolist(),
+        range=(low, high),
+        mean=float(volume.values.mean(dtype=np.float64)),
+        histogram=[
+            (float(a), float(b), int(n))
+            for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)
+        ],
+    )
