@@ -146,7 +146,7 @@ def test_another_format_version_is_refused(general: SpectralBasis, tmp_path: Pat
         ({"format": "x"}, "field 'format'"),
         ({"analysis": [[1, 2]]}, "analysis has shape"),
         ({"analysis": "abc"}, "analysis is not an array"),
-        ({"grid_nm": [400]}, "grid"),
+        ({"grid_nm": [400]}, r"expected \[start, stop, step\]"),
         ({"grid_nm": 7}, r"expected \[start, stop, step\]"),
         ({"grid_nm": [700, 400, 10]}, "start < stop"),
     ],

@@ -1,6 +1,9 @@
 """What a Relighter promises, on a coefficient image of a small hand-made basis."""
 
+import subprocess
+import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -258,3 +261,27 @@ def test_closed_relighter_says_so(backend):
     relighter.close()
     with pytest.raises(ViewingError, match="already closed"):
         relighter.frame(light("A"))
+
+
+def test_a_vtk_window_opened_between_frames_does_not_blank_them():
+    """VTK's first window ends every earlier context of the display, and no call reports it."""
+    gl_or_skip(cast()).close()
+    script = """
+import numpy as np
+from tests.twins.test_relighter import cast, gl_or_skip
+from volspec import light
+from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+import vtkmodules.vtkRenderingOpenGL2
+relighter = gl_or_skip(cast())
+before = relighter.frame(light("A"))
+window = vtkRenderWindow()
+window.SetOffScreenRendering(True)
+window.AddRenderer(vtkRenderer())
+window.Render()
+assert before.any() and np.array_equal(relighter.frame(light("A")), before)
+relighter.close()
+window.Render()
+"""
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

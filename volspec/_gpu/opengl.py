@@ -5,6 +5,10 @@ EGL needs no display server; Mesa's llvmpipe draws where there is no GPU.
 
 from __future__ import annotations
 
+import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from volspec._gpu.sources import Source
@@ -14,6 +18,10 @@ if TYPE_CHECKING:
     import moderngl
 
 MINIMUM_VERSION = 330
+
+
+class ContextLost(OpenGLError):
+    """Another library on this thread ended the context; what was in it is gone."""
 
 
 def headless_context() -> moderngl.Context:
@@ -40,6 +48,46 @@ def headless_context() -> moderngl.Context:
             f"OpenGL: no headless context of version 3.3 ({reason}); install EGL and a driver, "
             "on Debian or Ubuntu: apt-get install libegl1 libgl1-mesa-dri"
         ) from error
+
+
+@cache
+def _egl() -> ctypes.CDLL | None:
+    try:
+        library = ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        return None
+    library.eglGetCurrentContext.restype = ctypes.c_void_p
+    return library
+
+
+def egl_handle() -> int:
+    """The EGL context current on this thread; 0 where there is none, or no EGL."""
+    egl = _egl()
+    return int(egl.eglGetCurrentContext() or 0) if egl else 0
+
+
+@contextmanager
+def made_current(context: moderngl.Context, handle: int) -> Iterator[None]:
+    """Draw in a context, and be sure that it is this one.
+
+    VTK ends the EGL display that it shares with everyone when it opens its first window; making
+    a context of before current then fails without an error, and every call would land in VTK's
+    own context.
+
+    Parameters
+    ----------
+    handle : int
+        `egl_handle` when the context was made.
+
+    Raises
+    ------
+    ContextLost
+        If the context is gone.
+    """
+    with context:
+        if egl_handle() != handle:
+            raise ContextLost("OpenGL: another library on this thread ended the context")
+        yield
 
 
 def compile_program(

@@ -141,7 +141,7 @@ def best_synthesis(A: Array, S: Array, grid: SpectralGrid) -> Array:
     w = grid.wavelengths_nm
     smooth = np.exp(-0.5 * ((w[:, None] - w) / _PRIOR_WIDTH_NM) ** 2)
     # A little independent variation keeps the smooth prior from being singular on fine grids.
-    prior = smooth + 1e-4 * np.eye(grid.size)
+    prior = smooth + 1e-2 * np.eye(grid.size)
     C = S.T @ S / len(S)
     C = C + _PRIOR * np.trace(C) / grid.size * prior
     gram = A @ C @ A.T
@@ -151,14 +151,13 @@ def best_synthesis(A: Array, S: Array, grid: SpectralGrid) -> Array:
 
 
 def _rows(spectra: Sequence[Spectrum] | ArrayLike, grid: SpectralGrid, what: str) -> Array:
+    if np.size(np.asarray(spectra, dtype=object)) == 0:
+        raise BasisError(f"{what}: the list is empty; give at least one spectrum")
     try:
         array = stack(spectra, grid)
     except SpectrumError as error:
         raise BasisError(f"{what}: {error}") from None
-    array = array.reshape(-1, grid.size)
-    if not len(array):
-        raise BasisError(f"{what}: the list is empty; give at least one spectrum")
-    return array
+    return array.reshape(-1, grid.size)
 
 
 def _check_size(size: int, grid: SpectralGrid) -> None:

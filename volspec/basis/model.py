@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import storage
+from volspec.basis.sensors import NO_COLOUR
 from volspec.errors import BasisError, SpectrumError
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.photometry import color_matching_functions, stack
@@ -153,9 +154,9 @@ class SpectralBasis:
         """K with XYZ = K (e * c), e = analyze(light), c the reflectance's channels.
 
         K is D with each row scaled so that the light's white is exactly the XYZ of its full
-        spectrum. Where that would stretch a row beyond a factor of two (a light with almost
-        no X or Z), the row stops there and the rest is added in proportion to Y. K varies
-        continuously with the light.
+        spectrum. Where that would stretch a row beyond a factor of two (a light with little
+        X or Z), the row stops there and the rest is added in proportion to Y; a row below a
+        thousandth of Y is all in proportion to Y. K varies continuously with the light.
 
         Returns
         -------
@@ -182,7 +183,10 @@ class SpectralBasis:
         rest = white - K @ e
         # u e = 1: what is missing is shared out in proportion to each channel's own light.
         luminous = self._luminous_share(K[1], e)
-        return K + rest[:, None] * luminous
+        K = K + rest[:, None] * luminous
+        # A row of which the light has nearly nothing carries no colour: it follows Y.
+        trust = np.clip(white / (NO_COLOUR * white[1]), 0.0, 1.0)[:, None]
+        return trust * K + (1 - trust) * white[:, None] * luminous
 
     def light_matrix(self, light: Spectrum) -> NDArray[np.float64]:
         """P_E = kappa Q diag(E) B: XYZ = P_E c with no factor model.

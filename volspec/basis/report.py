@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.basis.sensors import NO_COLOUR
 from volspec.errors import BasisError
 from volspec.spectra._colour import colour_science
 from volspec.spectra.library import light_set, reflectance_set, reflectance_set_names
@@ -174,9 +175,9 @@ def rgb_product_delta_e(lights: Sequence[Spectrum], reflectances: Array) -> Arra
 
 
 def _visible_white(light: Spectrum) -> Array:
-    """The light's white; a light wholly without X or Z is given a trace, to divide by."""
+    """The light's white; X and Z below a thousandth of Y, which no eye sees, are taken as that."""
     white = white_XYZ(light)
-    return np.maximum(white, 1e-6 * white[1])
+    return np.maximum(white, NO_COLOUR * white[1])
 
 
 def _lab(ratio: Array) -> Array:

@@ -37,9 +37,11 @@ _DISPLAY_WEIGHT = 0.003
 # A start that reaches this mean square colour error needs no rival.
 _GOOD_ENOUGH = 0.05**2
 _KNOT_NM = 10.0
-_MOST_FREE_BANDS = 100
+_MOST_FREE_BANDS = 64
 _LAB_FROM_F = np.array([[0.0, 116.0, 0.0], [500.0, -500.0, 0.0], [0.0, 200.0, -200.0]])
 _LAB_TOE = (6.0 / 29.0) ** 3
+NO_COLOUR = 1e-3
+"""A light whose X or Z is below this share of its Y has none to speak of."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +51,7 @@ class _Problem:
     E: Array  # (J, N), each with Y = 100 for a perfect diffuser
     S: Array  # (K, N)
     white: Array  # (J, 3)
+    white_scale: Array  # (J, 3), what a white's error is measured against
     target: Array  # (J, K, 3), XYZ / white
     metric: Array  # (J, K, 3, 3), G with the light's weight and 1/sqrt(JK) folded in
     roughness: Array  # (N-2, N), the penalty's rows
@@ -121,21 +124,24 @@ def _problem(
     Q = color_matching_functions(grid)
     E = E * (100.0 / (E @ Q[1]))[:, None]
     white = E @ Q.T
-    # A light without X or Z still needs a finite ratio.
-    white = np.maximum(white, 1e-3 * white[:, 1:2])
+    # Where a light has no X or Z to speak of there is no ratio to fit; `display_matrix`
+    # shows that row in proportion to Y.
+    seen = white > NO_COLOUR * white[:, 1:2]
+    white = np.maximum(white, NO_COLOUR * white[:, 1:2])
     target = np.einsum("ck,jk,ik->jic", Q, E, S) / white[:, None]
     slope = np.where(
         target > _LAB_TOE, np.maximum(target, _LAB_TOE) ** (-2 / 3) / 3, _LAB_TOE ** (-2 / 3) / 3
     )
     w = np.ones(len(E)) if weights is None else weights / weights.mean()
     scale = np.sqrt(w / (len(E) * len(S)))
-    metric = _LAB_FROM_F * slope[..., None, :] * scale[:, None, None, None]
+    metric = _LAB_FROM_F * (slope * seen[:, None])[..., None, :] * scale[:, None, None, None]
     # Curvature of the sensor's density (mean 1) per (10 nm)^2, as a mean square over bands,
     # so that one smoothness means the same on every grid.
     N = grid.size
     second = np.diff(np.eye(N), 2, axis=0) * (10.0 / grid.step_nm) ** 2
     roughness = np.sqrt(smoothness / N) * N * second
-    return _Problem(E, S, white, target, metric, roughness, _knots(grid))
+    white_scale = np.maximum(white, 0.02 * white[:, 1:2])
+    return _Problem(E, S, white, white_scale, target, metric, roughness, _knots(grid))
 
 
 def _knots(grid: SpectralGrid) -> Array:
@@ -186,13 +192,14 @@ def _best_display(problem: _Problem, A: Array) -> Array:
 def _evaluate(problem: _Problem, state: _State) -> _Value:
     A = _sensors(problem, state)
     e, s = problem.E @ A.T, problem.S @ A.T
-    white = e @ state.D.T
+    predicted = e @ state.D.T
     # A trial step may cross zero; a floor keeps it finite and the cost turns it down.
-    white = np.where(white > 1e-6, white, 1e-6)
+    white = np.maximum(predicted, 1e-6)
     ratio = np.einsum("cm,jm,km->jkc", state.D, e, s, optimize=True) / white[:, None]
     residual = np.einsum("jkrc,jkc->jkr", problem.metric, ratio - problem.target)
     rough = A @ problem.roughness.T
-    white_off = (white / problem.white - 1) * (_WHITE_WEIGHT / np.sqrt(len(e)))
+    off = (predicted - problem.white) / problem.white_scale
+    white_off = off * (_WHITE_WEIGHT / np.sqrt(len(e)))
     large = state.D * (_DISPLAY_WEIGHT / 100)
     colour_error = float((residual**2).sum())
     cost = colour_error + float((rough**2).sum() + (white_off**2).sum() + (large**2).sum())
@@ -275,7 +282,7 @@ def _add_display_penalties(
     H: Array, gradient: Array, problem: _Problem, state: _State, value: _Value, dE: Array
 ) -> None:
     m = state.D.shape[1]
-    scale = _WHITE_WEIGHT / np.sqrt(len(value.e)) / problem.white  # (J, 3)
+    scale = _WHITE_WEIGHT / np.sqrt(len(value.e)) / problem.white_scale  # (J, 3)
     by_heights = np.einsum("jc,cm,jmp->jcmp", scale, state.D, dE)
     by_D = np.zeros((len(value.e), 3, 3, m))
     for c in range(3):

@@ -58,13 +58,15 @@ def fields_from_dict(data: Any) -> dict[str, Any]:
     if missing:
         raise BasisError(f"spectral basis: field {missing[0]!r} is missing; fit it again")
     try:
-        grid = SpectralGrid(*data["grid_nm"])
-    except (TypeError, ValueError) as error:
-        if isinstance(error, SpectrumError):
-            raise BasisError(f"spectral basis: field 'grid_nm': {error}") from None
+        start_nm, stop_nm, step_nm = (float(v) for v in data["grid_nm"])
+    except (TypeError, ValueError):
         raise BasisError(
             f"spectral basis: field 'grid_nm' is {data['grid_nm']!r}, expected [start, stop, step]"
         ) from None
+    try:
+        grid = SpectralGrid(start_nm, stop_nm, step_nm)
+    except SpectrumError as error:
+        raise BasisError(f"spectral basis: field 'grid_nm': {error}") from None
     return {n: data[n] for n in names} | {"grid": grid}
 
 

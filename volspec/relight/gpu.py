@@ -8,12 +8,20 @@ The coefficients are uploaded once. A light change sends some sixty numbers and 
 from __future__ import annotations
 
 import math
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec._gpu.opengl import compile_program, describe, headless_context
+from volspec._gpu.opengl import (
+    ContextLost,
+    compile_program,
+    describe,
+    egl_handle,
+    headless_context,
+    made_current,
+)
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
 from volspec.appearance.conditions import Transport
@@ -121,8 +129,10 @@ class GLEngine:
         self._programs: dict[str, tuple[Any, Any]] = {}
         self._targets: dict[str, Any] = {}
         self._height, self._width, self._channels = coefficients.shape
+        with self._context:
+            self._handle = egl_handle()
         try:
-            with self._context:
+            with self._current():
                 self._prepare()
             self.upload(coefficients, alpha)
         except OpenGLError:
@@ -155,9 +165,12 @@ class GLEngine:
         self._resources.append(resource)
         return resource
 
+    def _current(self) -> AbstractContextManager[None]:
+        return made_current(self._context, self._handle)
+
     def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
         """Take another image of the first one's shape; (H, W, M) and (H, W)."""
-        with self._context:
+        with self._current():
             self._texture.write(pack_layers(coefficients, alpha))
 
     def _program(self, model: str) -> tuple[Any, Any]:
@@ -192,6 +205,8 @@ class GLEngine:
         ------
         ShapeError
             If the light is for another number of channels.
+        ContextLost
+            If another library ended the context.
         """
         channels = light.XYZ_from_channels.shape[1]
         if channels != self._channels:
@@ -199,7 +214,7 @@ class GLEngine:
                 f"relight: the light has {channels} channels, the image {self._channels}; "
                 "were both made with the same basis?"
             )
-        with self._context:
+        with self._current():
             program, triangle = self._program(viewing.model)
             for name, value in uniforms(light, viewing).items():
                 program[name].write(value.tobytes())
@@ -217,9 +232,13 @@ class GLEngine:
 
     def close(self) -> None:
         """Release everything made here."""
-        with self._context:
-            for resource in reversed(self._resources):
-                resource.release()
+        try:
+            with self._current():
+                for resource in reversed(self._resources):
+                    resource.release()
+        except ContextLost:
+            pass  # gone with the context; the names now mean another library's objects
+        else:
+            if self._owned:
+                self._context.release()
         self._resources.clear()
-        if self._owned:
-            self._context.release()

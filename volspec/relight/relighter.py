@@ -8,12 +8,14 @@ OpenGL where a context can be made, NumPy with a warning where not.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._gpu.opengl import ContextLost
 from volspec.appearance.spec import Viewing
 from volspec.errors import OpenGLError, ShapeError, ViewingError, VolspecWarning
 from volspec.relight.gpu import GLEngine
@@ -71,6 +73,7 @@ class Relighter:
         coefficients, alpha = _arrays(image)
         self._image = image
         self._closed = False
+        self._lent = context is not None
         self._engine: GLEngine | HostEngine
         if backend == "numpy":
             self._engine = HostEngine(coefficients, alpha)
@@ -103,8 +106,8 @@ class Relighter:
                 f"relight: the image has shape {new}, this Relighter was made for {old}; "
                 "make another Relighter"
             )
-        self._engine.upload(*_arrays(image))
         self._image = image
+        self._on_engine(lambda engine: engine.upload(*_arrays(image)))
 
     def frame(
         self,
@@ -148,7 +151,18 @@ class Relighter:
             )
         spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
         lit = Illumination.of(self._image.basis, light, spec)
-        return self._engine.render(lit, spec.viewing, kind)
+        return self._on_engine(lambda engine: engine.render(lit, spec.viewing, kind))
+
+    def _on_engine(self, call: Callable[[GLEngine | HostEngine], Any]) -> Any:
+        """Call the engine; make it anew once where another library ended its context."""
+        try:
+            return call(self._engine)
+        except ContextLost:
+            if self._lent:  # what a viewer lends is the viewer's to mend
+                raise
+            self._engine.close()
+            self._engine = GLEngine(*_arrays(self._image))
+            return call(self._engine)
 
     def close(self) -> None:
         """Release the GPU's memory; a second call does nothing."""

@@ -1,0 +1,1 @@
+"""Benchmarks: one script per question, both sides measured in the same run."""

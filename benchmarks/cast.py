@@ -1,0 +1,37 @@
+"""How fast is a cast? Against VTK's fixed-point mapper, same data, camera and step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from benchmarks.measure import Comparison, compare
+from benchmarks.vtk_peer import FixedPointPeer
+from volspec._gpu.sources import asset
+from volspec.raycast import Camera, RaycastSpec
+from volspec.raycast.gpu import Raycaster
+from volspec.scene import Scene
+
+SIZE = (512, 512)
+SPECS = {
+    "flat": RaycastSpec(ambient=1, diffuse=0),
+    "shaded": RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24),
+}
+
+
+def rows() -> Iterator[Comparison]:
+    """Cast the demo's engine, seven channels, flat and shaded."""
+    scene = Scene.load(asset("data/scenes/engine.toml"))
+    volume = scene.volume()
+    camera: Camera = scene.camera(volume)
+    table = scene.transfer.bake(min(volume.spacing_mm))
+    caster = Raycaster(volume)
+    points = [(p.value, p.opacity, (0.7, 0.7, 0.75)) for p in scene.file.transfer.points]
+    for name, spec in SPECS.items():
+        peer = FixedPointPeer(volume, points, camera, SIZE, spec)
+        yield compare(
+            f"cast/engine/{name}",
+            "vtk-fixed-point",
+            caster.device,
+            lambda spec=spec: caster.cast(table, camera, SIZE, spec),
+            peer.redraw,
+        )

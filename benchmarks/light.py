@@ -1,0 +1,32 @@
+"""How fast is a light change? Against VTK's fixed-point mapper redrawing with other colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import cycle
+
+from benchmarks.cast import SIZE, SPECS
+from benchmarks.measure import Comparison, compare
+from benchmarks.vtk_peer import FixedPointPeer
+from volspec._gpu.sources import asset
+from volspec.pipeline import Relighter
+from volspec.scene import Scene
+
+
+def rows() -> Iterator[Comparison]:
+    """Swap the light on the demo's engine: new light in, finished 8-bit frame out."""
+    scene = Scene.load(asset("data/scenes/engine.toml"))
+    volume = scene.volume()
+    camera = scene.camera(volume)
+    points = [(p.value, p.opacity, (0.7, 0.7, 0.75)) for p in scene.file.transfer.points]
+    lights = cycle([light.spectrum for light in scene.lights])
+    with Relighter(scene.render(volume)) as relighter:
+        for name, spec in SPECS.items():
+            peer = FixedPointPeer(volume, points, camera, SIZE, spec)
+            yield compare(
+                f"light/engine/{name}",
+                "vtk-fixed-point",
+                relighter.backend,
+                lambda: relighter.frame(next(lights), scene.relight.viewing),
+                peer.redraw,
+            )
