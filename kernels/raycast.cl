@@ -20,6 +20,7 @@
 // BRICK, SHADED, SPECULAR.
 
 #include "lanes.clh"
+#include "voxels.clh"
 
 #if ROW == 4
 typedef float4 floatR;
@@ -52,9 +53,9 @@ typedef struct {
     int bricks_x, bricks_y;
 } Cast;
 
-// Eight neighbours cost four loads: x-neighbours lie side by side.
-#define PAIR(offset) convert_float2(vload2(0, voxels + (offset)))
-#define QUAD(offset) convert_float4(vload4(0, voxels + (offset)))
+#define ROWS(r, count) _Pragma("unroll") for (int r = 0; r < count; ++r)
+// Interpolate four rows along y, then z.
+#define BILERP(y0z0, y1z0, y0z1, y1z1) lerp(lerp(y0z0, y1z0, fy), lerp(y0z1, y1z1, fy), fz)
 
 // Entry and exit of the box 0…top along one axis. A ray parallel to a face yields 0/0 = NaN
 // when it lies in it; fmin and fmax then keep the other operand.
@@ -155,32 +156,29 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             if (!any(live)) break;
         }
         // The step's clipped interval, sampled at its middle.
-        const floatN begin = fmax(CONVERT_FLOAT(k.v) * step, near.v);
-        const floatN end = fmin(CONVERT_FLOAT(k.v + 1) * step, far.v);
+        const floatN begin = max(CONVERT_FLOAT(k.v) * step, near.v);
+        const floatN end = min(CONVERT_FLOAT(k.v + 1) * step, far.v);
         const floatN middle = 0.5f * (begin + end);
-        const floatN px = clamp(fma(middle, dx.v, ox.v), 0.0f, cast.top.x);
-        const floatN py = clamp(fma(middle, dy.v, oy.v), 0.0f, cast.top.y);
-        const floatN pz = clamp(fma(middle, dz.v, oz.v), 0.0f, cast.top.z);
+        const floatN px = min(max(fma(middle, dx.v, ox.v), 0.0f), cast.top.x);
+        const floatN py = min(max(fma(middle, dy.v, oy.v), 0.0f), cast.top.y);
+        const floatN pz = min(max(fma(middle, dz.v, oz.v), 0.0f), cast.top.z);
         const intN ix = CONVERT_INT(px), iy = CONVERT_INT(py), iz = CONVERT_INT(pz);
         const floatN fx = px - CONVERT_FLOAT(ix), fy = py - CONVERT_FLOAT(iy),
                      fz = pz - CONVERT_FLOAT(iz);
-        intL at;  // of the cell's first voxel; the padding shifts every axis by one
-        at.v = (iz + 1) * cast.slice + (iy + 1) * cast.row + ix + 1;
+        // Of the cell's first voxel; the padding shifts every axis by one.
+        const intN at = (iz + 1) * cast.slice + (iy + 1) * cast.row + ix + 1;
 
-        floatL a000, a001, a010, a011, a100, a101, a110, a111;
-        FOR_LANES(l) {
-            const float2 r00 = PAIR(at.s[l]), r01 = PAIR(at.s[l] + cast.row);
-            const float2 r10 = PAIR(at.s[l] + cast.slice);
-            const float2 r11 = PAIR(at.s[l] + cast.slice + cast.row);
-            a000.s[l] = r00.x; a001.s[l] = r00.y; a010.s[l] = r01.x; a011.s[l] = r01.y;
-            a100.s[l] = r10.x; a101.s[l] = r10.y; a110.s[l] = r11.x; a111.s[l] = r11.y;
+        // The cell's four rows along x: (y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1).
+        const int rows[4] = {0, cast.row, cast.slice, cast.slice + cast.row};
+        floatN left[4], right[4], middle_of[4];
+        ROWS(r, 4) {
+            pairs(voxels, at + rows[r], &left[r], &right[r]);
+            middle_of[r] = lerp(left[r], right[r], fx);
         }
-        const floatN c00 = lerp(a000.v, a001.v, fx), c01 = lerp(a010.v, a011.v, fx);
-        const floatN c10 = lerp(a100.v, a101.v, fx), c11 = lerp(a110.v, a111.v, fx);
-        const floatN value = lerp(lerp(c00, c01, fy), lerp(c10, c11, fy), fz);
+        const floatN value = BILERP(middle_of[0], middle_of[1], middle_of[2], middle_of[3]);
 
-        const floatN entry = clamp((value - cast.domain_low) * cast.domain_scale, 0.0f,
-                                   (float)(TABLE_SIZE - 1));
+        const floatN entry = min(max((value - cast.domain_low) * cast.domain_scale, 0.0f),
+                                 (float)(TABLE_SIZE - 1));
         intL j;
         j.v = min(CONVERT_INT(entry), (intN)(TABLE_SIZE - 2));
         floatL f;
@@ -204,41 +202,28 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             depth = fma(weight.v, middle, depth);
             live &= MASK(through > cast.opaque);
 #if SHADED
-            // Central differences of the trilinear field: the rows around the cell, each
-            // interpolated along x; the four inner rows need their own x-neighbours too.
-            floatL q0[4], q3[4], outer[16];
-            FOR_LANES(l) {
-                if (visible.s[l] > 0.0f) {
-                    const int o = at.s[l];
-                    const int row = cast.row, slice = cast.slice;
-                    q0[0].s[l] = voxels[o - 1]; q3[0].s[l] = voxels[o + 2];
-                    q0[1].s[l] = voxels[o + row - 1]; q3[1].s[l] = voxels[o + row + 2];
-                    q0[2].s[l] = voxels[o + slice - 1]; q3[2].s[l] = voxels[o + slice + 2];
-                    q0[3].s[l] = voxels[o + slice + row - 1];
-                    q3[3].s[l] = voxels[o + slice + row + 2];
-                    const int rows[8] = {o - row, o + 2 * row, o + slice - row,
-                                         o + slice + 2 * row, o - slice, o - slice + row,
-                                         o + 2 * slice, o + 2 * slice + row};
-                    _Pragma("unroll") for (int r = 0; r < 8; ++r) {
-                        const float2 pair = PAIR(rows[r]);
-                        outer[2 * r].s[l] = pair.x;
-                        outer[2 * r + 1].s[l] = pair.y;
-                    }
-                } else {
-                    _Pragma("unroll") for (int r = 0; r < 4; ++r) q0[r].s[l] = q3[r].s[l] = 0;
-                    _Pragma("unroll") for (int r = 0; r < 16; ++r) outer[r].s[l] = 0;
-                }
+            // Central differences of the trilinear field are trilinear in the differences of
+            // the voxels: the four rows widened by one along x, and the eight rows around.
+            floatN slope[4], outer[8];
+            ROWS(r, 4) {
+                floatN a, b, c, d;
+                quads(voxels, at + rows[r], &a, &b, &c, &d);
+                slope[r] = lerp(c - a, d - b, fx);
             }
-#define OUTER(r) lerp(outer[2 * (r)].v, outer[2 * (r) + 1].v, fx)
-            const floatN gx = lerp(
-                lerp(lerp(a001.v - q0[0].v, q3[0].v - a000.v, fx),
-                     lerp(a011.v - q0[1].v, q3[1].v - a010.v, fx), fy),
-                lerp(lerp(a101.v - q0[2].v, q3[2].v - a100.v, fx),
-                     lerp(a111.v - q0[3].v, q3[3].v - a110.v, fx), fy), fz);
-            const floatN gy = lerp(lerp(c01 - OUTER(0), OUTER(1) - c00, fy),
-                                   lerp(c11 - OUTER(2), OUTER(3) - c10, fy), fz);
-            const floatN gz = lerp(lerp(c10, c11, fy) - lerp(OUTER(4), OUTER(5), fy),
-                                   lerp(OUTER(6), OUTER(7), fy) - lerp(c00, c01, fy), fz);
+            const int around[8] = {-cast.row, 2 * cast.row,
+                                   cast.slice - cast.row, cast.slice + 2 * cast.row,
+                                   -cast.slice, 2 * cast.slice,
+                                   cast.row - cast.slice, cast.row + 2 * cast.slice};
+            ROWS(r, 8) {
+                floatN a, b;
+                pairs(voxels, at + around[r], &a, &b);
+                outer[r] = lerp(a, b, fx);
+            }
+            const floatN gx = BILERP(slope[0], slope[1], slope[2], slope[3]);
+            const floatN gy = BILERP(middle_of[1] - outer[0], outer[1] - middle_of[0],
+                                     middle_of[3] - outer[2], outer[3] - middle_of[2]);
+            const floatN gz = BILERP(middle_of[2] - outer[4], middle_of[3] - outer[6],
+                                     outer[5] - middle_of[0], outer[7] - middle_of[1]);
             const floatN nx = 0.5f * (gx * cast.index_x.x + gy * cast.index_y.x + gz * cast.index_z.x);
             const floatN ny = 0.5f * (gx * cast.index_x.y + gy * cast.index_y.y + gz * cast.index_z.y);
             const floatN nz = 0.5f * (gx * cast.index_x.z + gy * cast.index_y.z + gz * cast.index_z.z);

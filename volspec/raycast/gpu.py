@@ -161,6 +161,8 @@ class Raycaster:
             "BRICK": BRICK,
             "SHADED": spec.shaded,
             "SPECULAR": spec.specular > 0,
+            "VOXEL_BYTES": self.volume.values.itemsize,
+            "VOXEL_SIGNED": self.volume.values.dtype.kind == "i",
         }
         voxel = _VOXEL_TYPES[self.volume.values.dtype.name]
         text = prelude(constants, "opencl") + f"#define VOXEL {voxel}\n"
