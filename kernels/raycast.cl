@@ -37,7 +37,7 @@ typedef struct {
     float4 forward, across, down;  // in the world, millimetres
     float4 index_x, index_y, index_z;  // rows of index_from_world
     float4 top;          // largest index along x, y, z
-    float4 shade;        // ambient, diffuse, specular, shininess
+    float4 shade;        // ambient, diffuse, specular, unused
     float middle_x, middle_y;  // pixel that looks at the target
     float distance;      // from the camera to the target, mm
     float perspective;   // 1, or 0 for parallel rays
@@ -51,6 +51,7 @@ typedef struct {
     int width, height;   // of the picture
     int row, slice;      // elements from one voxel row, one slice to the next
     int bricks_x, bricks_y;
+    int shininess;       // Blinn-Phong exponent
 } Cast;
 
 #define ROWS(r, count) _Pragma("unroll") for (int r = 0; r < count; ++r)
@@ -65,25 +66,33 @@ inline void clip(float top, floatN o, floatN d, floatN *near, floatN *far) {
     *far = fmin(*far, fmax(a, b));
 }
 
-// First step of a ray, at or after step k, that may see something.
+// Where a ray (one axis of it) leaves the interval low…high.
+inline float leaves(float low, float high, float o, float d, float inverse) {
+    return fabs(d) > 1e-9f ? ((d > 0.0f ? high : low) - o) * inverse : INFINITY;
+}
+
+// First step of a ray, at or after step k, that may see something; k_check: when to look again.
 inline int leap(__global const uchar *leaps, const Cast *cast, float3 o, float3 d, float near,
                 float far, int k, int k_end, int *k_check) {
     const float step = cast->step_mm;
+    const float3 inverse = 1.0f / d;
     while (k < k_end) {
-        const float middle = 0.5f * (fmax(k * step, near) + fmin((k + 1) * step, far));
-        const float3 p = clamp(fma(middle, d, o), 0.0f, cast->top.xyz);
-        const int3 brick = convert_int3(p) / BRICK;
-        const int distance = leaps[(brick.z * cast->bricks_y + brick.y) * cast->bricks_x + brick.x];
+        const float begin = UPPER(k * step, near), end = LOWER((k + 1) * step, far);
+        const float3 p = o + 0.5f * (begin + end) * d;
+        const int x = (int)LOWER(UPPER(p.x, 0.0f), cast->top.x) / BRICK;
+        const int y = (int)LOWER(UPPER(p.y, 0.0f), cast->top.y) / BRICK;
+        const int z = (int)LOWER(UPPER(p.z, 0.0f), cast->top.z) / BRICK;
+        const int distance = leaps[(z * cast->bricks_y + y) * cast->bricks_x + x];
         // The box of bricks known to be alike, and where the ray leaves it.
-        const int reach = max(distance - 1, 0);
-        const float3 low = convert_float3((brick - reach) * BRICK);
-        const float3 high = convert_float3((brick + reach + 1) * BRICK);
-        const float3 exits = (select(low, high, isgreater(d, (float3)(0.0f))) - o) / d;
-        const float leave = fmin(fmin(fabs(d.x) > 1e-9f ? exits.x : INFINITY,
-                                      fabs(d.y) > 1e-9f ? exits.y : INFINITY),
-                                 fabs(d.z) > 1e-9f ? exits.z : INFINITY);
-        // The first step whose middle lies beyond; at least one further, whatever the rounding.
-        const int next = max(k + 1, (int)ceil(fmin(leave, far) / step - 0.5f));
+        const int low = UPPER(distance - 1, 0), high = low + 1;
+        const float leave_x = leaves((x - low) * BRICK, (x + high) * BRICK, o.x, d.x, inverse.x);
+        const float leave_y = leaves((y - low) * BRICK, (y + high) * BRICK, o.y, d.y, inverse.y);
+        const float leave_z = leaves((z - low) * BRICK, (z + high) * BRICK, o.z, d.z, inverse.z);
+        const float leave = LOWER(LOWER(leave_x, leave_y), LOWER(leave_z, far));
+        // The first step whose middle, at k + 1/2, lies beyond; at least one further. Counted
+        // from k, where truncation is rounding down whatever the sign of k.
+        const int ahead = (int)(leave / step - k + 0.5f);
+        const int next = k + UPPER(ahead, 1);
         if (distance == 0) {
             *k_check = next;
             return k;
@@ -95,7 +104,7 @@ inline int leap(__global const uchar *leaps, const Cast *cast, float3 o, float3 
 
 __kernel void raycast(__global const VOXEL *restrict voxels, __global const uchar *restrict leaps,
                       __global const float2 *restrict opacity,
-                      __global const float *restrict colours, const Cast cast,
+                      __global const floatR *restrict colours, const Cast cast,
                       __global float *restrict coefficients, __global float *restrict alpha,
                       __global float *restrict depth_mm) {
     const int pixel_x = get_global_id(0) * TILE_WIDTH, pixel_y = get_global_id(1) * TILE_HEIGHT;
@@ -130,13 +139,13 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
     clip(cast.top.y, oy.v, dy.v, &near.v, &far.v);
     clip(cast.top.z, oz.v, dz.v, &near.v, &far.v);
     const intN inside = MASK(near.v < far.v) & MASK(x < (float)cast.width);
-    near.v = select((floatN)(0.0f), near.v, inside);
-    far.v = select((floatN)(0.0f), far.v, inside);
+    near.v = PICK(inside, near.v, (floatN)(0.0f));
+    far.v = PICK(inside, far.v, (floatN)(0.0f));
 
-    const float step = cast.step_mm;
+    const float step = cast.step_mm, per_step = 1.0f / step;
     intL k, k_end, k_check;
     k.v = CONVERT_INT(floor(near.v / step));
-    k_end.v = select((intN)(0), CONVERT_INT(ceil(far.v / step)), inside);
+    k_end.v = PICK(inside, CONVERT_INT(ceil(far.v / step)), (intN)(0));
     k_check.v = k.v;
 
     floatRL colour[LANES];
@@ -144,8 +153,8 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
     floatN through = 1.0f, depth = 0.0f;
 
     intN live = MASK(k.v < k_end.v);
-    while (any(live)) {
-        if (any(live & MASK(k.v >= k_check.v))) {
+    while (ANY(live)) {
+        if (ANY(live & MASK(k.v >= k_check.v))) {
             FOR_LANES(l) {
                 if (k.s[l] < k_end.s[l] && k.s[l] >= k_check.s[l])
                     k.s[l] = leap(leaps, &cast, (float3)(ox.s[l], oy.s[l], oz.s[l]),
@@ -153,15 +162,15 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
                                   k.s[l], k_end.s[l], &k_check.s[l]);
             }
             live &= MASK(k.v < k_end.v);
-            if (!any(live)) break;
+            if (!ANY(live)) break;
         }
         // The step's clipped interval, sampled at its middle.
-        const floatN begin = max(CONVERT_FLOAT(k.v) * step, near.v);
-        const floatN end = min(CONVERT_FLOAT(k.v + 1) * step, far.v);
+        const floatN begin = UPPER(CONVERT_FLOAT(k.v) * step, near.v);
+        const floatN end = LOWER(CONVERT_FLOAT(k.v + 1) * step, far.v);
         const floatN middle = 0.5f * (begin + end);
-        const floatN px = min(max(fma(middle, dx.v, ox.v), 0.0f), cast.top.x);
-        const floatN py = min(max(fma(middle, dy.v, oy.v), 0.0f), cast.top.y);
-        const floatN pz = min(max(fma(middle, dz.v, oz.v), 0.0f), cast.top.z);
+        const floatN px = LOWER(UPPER(ox.v + middle * dx.v, 0.0f), cast.top.x);
+        const floatN py = LOWER(UPPER(oy.v + middle * dy.v, 0.0f), cast.top.y);
+        const floatN pz = LOWER(UPPER(oz.v + middle * dz.v, 0.0f), cast.top.z);
         const intN ix = CONVERT_INT(px), iy = CONVERT_INT(py), iz = CONVERT_INT(pz);
         const floatN fx = px - CONVERT_FLOAT(ix), fy = py - CONVERT_FLOAT(iy),
                      fz = pz - CONVERT_FLOAT(iz);
@@ -177,29 +186,28 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
         }
         const floatN value = BILERP(middle_of[0], middle_of[1], middle_of[2], middle_of[3]);
 
-        const floatN entry = min(max((value - cast.domain_low) * cast.domain_scale, 0.0f),
-                                 (float)(TABLE_SIZE - 1));
+        const floatN raw = (value - cast.domain_low) * cast.domain_scale;
+        const floatN entry = LOWER(UPPER(raw, 0.0f), (float)(TABLE_SIZE - 1));
         intL j;
-        j.v = min(CONVERT_INT(entry), (intN)(TABLE_SIZE - 2));
-        floatL f;
+        j.v = CONVERT_INT(LOWER(entry, (float)(TABLE_SIZE - 2)));
+        floatL f, first, rise;
         f.v = entry - CONVERT_FLOAT(j.v);
-        floatL first, rise;
         FOR_LANES(l) {
-            const float2 entry_l = opacity[j.s[l]];
-            first.s[l] = entry_l.x;
-            rise.s[l] = entry_l.y;
+            const float2 two = opacity[j.s[l]];
+            first.s[l] = two.x;
+            rise.s[l] = two.y;
         }
-        floatN share = fma(f.v, rise.v, first.v);
-        const floatN length = (end - begin) / step;
-        if (any(live & MASK(length < 0.9999f) & MASK(share > 0.0f)))
-            share = select(share, 1.0f - pow(1.0f - share, length), MASK(length < 0.9999f));
-        share = select((floatN)(0.0f), share, live);
+        floatN share = first.v + f.v * rise.v;
+        const floatN length = (end - begin) * per_step;
+        const intN clipped = live & MASK(length < 0.9999f) & MASK(share > 0.0f);
+        if (ANY(clipped)) share = PICK(clipped, 1.0f - pow(1.0f - share, length), share);
+        share = PICK(live, share, (floatN)(0.0f));
 
-        if (any(MASK(share > 0.0f))) {
+        if (ANY(MASK(share > 0.0f))) {
             floatL visible, weight, white;
             visible.v = weight.v = through * share;
             through -= weight.v;
-            depth = fma(weight.v, middle, depth);
+            depth += weight.v * middle;
             live &= MASK(through > cast.opaque);
 #if SHADED
             // Central differences of the trilinear field are trilinear in the differences of
@@ -229,27 +237,24 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             const floatN nz = 0.5f * (gx * cast.index_x.z + gy * cast.index_y.z + gz * cast.index_z.z);
             const floatN square = nx * nx + ny * ny + nz * nz;
             const floatN trust = square / (square + cast.gradient_floor_squared);
-            const floatN facing = fabs(nx * wx + ny * wy + nz * wz) *
-                                  rsqrt(fmax(square, 1e-30f));
+            const floatN along_ray = nx * wx + ny * wy + nz * wz;
+            const floatN facing = UPPER(along_ray, -along_ray) *
+                                  inverse_root(UPPER(square, 1e-30f));
 #if SPECULAR
-            white.v = weight.v * cast.shade.z * trust * pow(facing, (floatN)(cast.shade.w));
+            white.v = weight.v * cast.shade.z * trust;
+            floatN power = facing;
+            for (int n = cast.shininess; n > 0; n >>= 1, power *= power)
+                if (n & 1) white.v *= power;
 #endif
-            weight.v *= cast.shade.x + cast.shade.y * fma(trust, facing - 1.0f, 1.0f);
+            weight.v *= cast.shade.x + cast.shade.y * (1.0f + trust * (facing - 1.0f));
 #else
             weight.v *= cast.shade.x;
 #endif
             FOR_LANES(l) {
                 if (visible.s[l] > 0.0f) {
-                    const __global float *entry_l = colours + j.s[l] * ROW;
-#if ROW == 4
-                    const floatR s0 = vload4(0, entry_l), s1 = vload4(1, entry_l);
-#elif ROW == 8
-                    const floatR s0 = vload8(0, entry_l), s1 = vload8(1, entry_l);
-#else
-                    const floatR s0 = vload16(0, entry_l), s1 = vload16(1, entry_l);
-#endif
-                    const floatR seen = fma((floatR)(f.s[l]), s1 - s0, s0);
-                    colour[l].v = fma((floatR)(weight.s[l]), seen, colour[l].v);
+                    const floatR s0 = colours[j.s[l]], s1 = colours[j.s[l] + 1];
+                    const floatR seen = s0 + (floatR)(f.s[l]) * (s1 - s0);
+                    colour[l].v += (floatR)(weight.s[l]) * seen;
 #if SPECULAR
                     colour[l].v += (floatR)(white.s[l]);
 #endif

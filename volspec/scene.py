@@ -97,7 +97,7 @@ class RaycastTable(_Table):
     ambient: float = _CAST.ambient
     diffuse: float = _CAST.diffuse
     specular: float = _CAST.specular
-    shininess: float = _CAST.shininess
+    shininess: int = _CAST.shininess
 
 
 class LightTable(_Table):

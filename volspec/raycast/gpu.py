@@ -45,8 +45,11 @@ _CAST = np.dtype(
             *("domain_low", "domain_scale", "step_mm", "opaque", "gradient_floor_squared"),
         )
     ]
-    + [(name, np.int32) for name in ("width", "height", "row", "slice", "bricks_x", "bricks_y")]
-    + [("padding", np.int32, 3)]  # to the struct's alignment, that of float4
+    + [
+        (name, np.int32)
+        for name in ("width", "height", "row", "slice", "bricks_x", "bricks_y", "shininess")
+    ]
+    + [("padding", np.int32, 2)]  # to the struct's alignment, that of float4
 )
 _BANDS = 16
 MAX_CHANNELS = 16
@@ -193,7 +196,8 @@ class Raycaster:
         nearest = round(field.distance / step)
         cast["start"], cast["phase"] = -nearest * step, nearest * step - field.distance
         cast["top"][:3] = np.array(volume.shape_xyz) - 1
-        cast["shade"] = spec.ambient, spec.diffuse, spec.specular, spec.shininess
+        cast["shade"] = spec.ambient, spec.diffuse, spec.specular, 0
+        cast["shininess"] = spec.shininess
         low, high = table.domain
         cast["domain_low"], cast["domain_scale"] = low, (table_size - 1) / (high - low)
         cast["step_mm"], cast["opaque"] = step, 1 - spec.alpha_stop

@@ -173,8 +173,8 @@ class RaycastSpec:
         Weights ≥ 0 of light from everywhere, two-sided Lambert and Blinn-Phong from a
         headlight. With ``diffuse`` and ``specular`` 0 no gradient is computed;
         ``ambient=1, diffuse=0`` shows the plain reflectances.
-    shininess : float
-        Blinn-Phong exponent.
+    shininess : int
+        Blinn-Phong exponent, a whole number of at least 1: integer powers cost a few products.
     alpha_stop : float
         A ray ends when its opacity passes this; above 0, up to 1 (never ends early).
     flat_gradient : float
@@ -186,15 +186,17 @@ class RaycastSpec:
     ambient: float = 0.3
     diffuse: float = 0.7
     specular: float = 0.0
-    shininess: float = 32.0
+    shininess: int = 32
     alpha_stop: float = 0.9995
     flat_gradient: float = 0.005
 
     def __post_init__(self) -> None:
-        for name in ("ambient", "diffuse", "specular", "shininess", "flat_gradient"):
+        for name in ("ambient", "diffuse", "specular", "flat_gradient"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise CameraError(f"raycast: {name} is {value}; give a number of 0 or more")
+        if self.shininess != int(self.shininess) or self.shininess < 1:
+            raise CameraError(f"raycast: shininess is {self.shininess}; give a whole number ≥ 1")
         if self.step_mm is not None and not (math.isfinite(self.step_mm) and self.step_mm > 0):
             raise CameraError(f"raycast: step_mm is {self.step_mm}; give millimetres above 0")
         if not 0 < self.alpha_stop <= 1:
