@@ -18,13 +18,13 @@ from scipy.optimize import linprog
 from volspec.spectra import DEFAULT_GRID, color_matching_functions, light
 
 FOLDER = Path(__file__).parent / "spectra"
-LARGEST_SECOND_DIFFERENCE = 0.06
+LARGEST_SECOND_DIFFERENCE = 0.08
 
 
 def main() -> None:
     """Write ``data/spectra/engine-block.csv`` and ``engine-inserts.csv``."""
     wavelengths = DEFAULT_GRID.wavelengths_nm
-    block = 0.40 - 0.06 * (wavelengths - 550) / 150
+    block = 0.45 - 0.06 * (wavelengths - 550) / 150
     matching = color_matching_functions(DEFAULT_GRID)
     seen = {}
     for name in ("D65", "A"):

@@ -6,7 +6,8 @@
 // NumPy twin: volspec/raycast/reference.py (cast). Same steps, same clipping, same order.
 //
 // Launch: 2-D, one work-item per tile of TILE_WIDTH × TILE_HEIGHT pixels (a packet of LANES
-// rays), offset by whole tiles so that a picture can be cast in bands.
+// rays), in bands: first_tile is the first row of tiles. (PoCL would build a second program for
+// a launch with an offset.)
 //
 // Reads   voxels   VOXEL[nz][ny][nx], padded by one voxel before and two after each axis with
 //                  the edge's values: clamping costs nothing and loads may run past the end
@@ -106,8 +107,9 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
                       __global const float2 *restrict opacity,
                       __global const floatR *restrict colours, const Cast cast,
                       __global float *restrict coefficients, __global float *restrict alpha,
-                      __global float *restrict depth_mm) {
-    const int pixel_x = get_global_id(0) * TILE_WIDTH, pixel_y = get_global_id(1) * TILE_HEIGHT;
+                      __global float *restrict depth_mm, const int first_tile) {
+    const int pixel_x = get_global_id(0) * TILE_WIDTH;
+    const int pixel_y = (first_tile + get_global_id(1)) * TILE_HEIGHT;
     if (pixel_x >= cast.width || pixel_y >= cast.height) return;
     const floatN x = (float)pixel_x + LANE_X, y = (float)pixel_y + LANE_Y;
 

@@ -98,6 +98,7 @@ class RaycastTable(_Table):
     diffuse: float = _CAST.diffuse
     specular: float = _CAST.specular
     shininess: int = _CAST.shininess
+    flat_gradient: float = _CAST.flat_gradient
 
 
 class LightTable(_Table):
@@ -255,8 +256,7 @@ class Scene:
         table = self.file.camera
         with _named("[camera]"):
             if table.position_mm is None:
-                settings = table.model_dump(exclude={"position_mm", "target_mm"})
-                return Camera.orbit(volume, **settings)
+                return Camera.orbit(volume, **table.model_dump(exclude={"position_mm"}))
             target = table.target_mm or tuple(volume.corners_mm.mean(axis=0))
             return Camera(table.position_mm, target, table.up, table.fov_deg)
 

@@ -148,8 +148,7 @@ class Raycaster:
         results = tuple(np.empty(shape, np.float32) for shape in shapes)
         outputs = [compute.output(result.nbytes) for result in results]
         arguments = self._arguments(table, camera, size, spec, step, len(opacity))
-        kernel.set_args(self._voxels, *inputs, arguments, *outputs)
-        self._launch(kernel, width, height, progress)
+        self._launch(kernel, (self._voxels, *inputs, arguments, *outputs), size, progress)
         for buffer, result in zip(outputs, results, strict=True):
             compute.download(buffer, result)
         coefficients, alpha, depth = results
@@ -208,24 +207,24 @@ class Raycaster:
         cast["bricks_x"], cast["bricks_y"] = self._low.shape[2], self._low.shape[1]
         return cast
 
-    def _launch(self, kernel: Any, width: int, height: int, progress: Progress | None) -> None:
+    def _launch(
+        self,
+        kernel: Any,
+        arguments: tuple[Any, ...],
+        size: tuple[int, int],
+        progress: Progress | None,
+    ) -> None:
         """Cast in bands of whole work-groups, so that progress can be told."""
-        import pyopencl as cl
-
         tile_width, tile_height = TILES[self.lanes]
         local = (8, 8)
-        columns = -(-width // (tile_width * local[0])) * local[0]
-        groups = -(-height // (tile_height * local[1]))
+        columns = -(-size[0] // (tile_width * local[0])) * local[0]
+        groups = -(-size[1] // (tile_height * local[1]))
         bands = min(_BANDS, groups) if progress else 1
         edges = np.linspace(0, groups, bands + 1).round().astype(int)
         for first, last in pairwise(edges):
-            cl.enqueue_nd_range_kernel(
-                self._compute.queue,
-                kernel,
-                (columns, int(last - first) * local[1]),
-                local,
-                global_work_offset=(0, int(first) * local[1]),
-            )
+            rows = int(last - first) * local[1]
+            first_tile = np.int32(first * local[1])
+            kernel(self._compute.queue, (columns, rows), local, *arguments, first_tile)
             if progress:
                 self._compute.queue.finish()
                 progress(float(last) / groups)

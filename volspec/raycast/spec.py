@@ -75,9 +75,10 @@ class Camera:
         zoom: float = 1.0,
         fov_deg: float = 30.0,
         up: Vector = (0.0, 0.0, 1.0),
+        target_mm: Vector | None = None,
         orthographic: bool = False,
     ) -> Camera:
-        """Look at a volume's centre from a direction around its ``up`` axis.
+        """Look at a volume's centre, or a target, from a direction around its ``up`` axis.
 
         At zoom 1 the sphere around the volume just fills the picture's height. Azimuth 0
         stands at −y (z up), +90 at +x; an elevation of ±90 looks along ``up`` and takes the
@@ -95,6 +96,7 @@ class Camera:
         corners = volume.corners_mm
         centre = corners.mean(axis=0)
         radius = float(np.linalg.norm(corners - centre, axis=1).max()) or 1.0
+        target = centre if target_mm is None else np.asarray(target_mm, dtype=np.float64)
         axis = np.asarray(up, dtype=np.float64)
         if axis.shape != (3,) or not np.linalg.norm(axis) > 0:
             raise CameraError(f"camera: up is {up}; give a direction")
@@ -112,8 +114,8 @@ class Camera:
         top = math.cos(elevation) * axis - math.sin(elevation) * around
         distance = radius / math.sin(math.radians(fov_deg) / 2) / zoom
         return cls(
-            position_mm=tuple(centre + distance * direction),
-            target_mm=tuple(centre),
+            position_mm=tuple(target + distance * direction),
+            target_mm=tuple(target),
             up=tuple(top),
             fov_deg=fov_deg,
             height_mm=2 * radius / zoom if orthographic else None,
@@ -188,7 +190,7 @@ class RaycastSpec:
     specular: float = 0.0
     shininess: int = 32
     alpha_stop: float = 0.9995
-    flat_gradient: float = 0.005
+    flat_gradient: float = 0.02
 
     def __post_init__(self) -> None:
         for name in ("ambient", "diffuse", "specular", "flat_gradient"):
