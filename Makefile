@@ -18,6 +18,7 @@ $(BIN)/python:
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@tools/system-packages.sh $(BIN)/python
 	@touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed

@@ -85,6 +85,9 @@ def examine() -> Examination:
     devices = opencl.devices()
     if not devices:
         problems.append("an OpenCL device: pip install 'pyopencl[pocl]'")
+    elif devices[0].platform == opencl.POCL and (remedy := opencl.missing_linker()):
+        problems.append(remedy)
+    blocked = bool(problems)
     gl = None
     try:
         from volspec._gpu.opengl import describe, headless_context
@@ -101,5 +104,5 @@ def examine() -> Examination:
         opencl=tuple(devices),
         gl=gl,
         problems=tuple(problems),
-        healthy=bool(devices),
+        healthy=bool(devices) and not blocked,
     )

@@ -7,6 +7,7 @@ GPU drivers on disk and here per context.
 
 from __future__ import annotations
 
+import shutil
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from volspec.errors import OpenCLError
 if TYPE_CHECKING:
     import pyopencl as cl
 
+POCL = "Portable Computing Language"
 _REMEDY = "install PoCL with: pip install 'pyopencl[pocl]'; `volspec doctor` shows more"
 
 
@@ -66,6 +68,21 @@ def _describe(device: cl.Device) -> DeviceInfo:
     )
 
 
+def missing_linker() -> str | None:
+    """The remedy where PoCL would not find the linker it builds kernels with, else None.
+
+    Asked before, since PoCL ends the whole process when the link fails.
+    """
+    if shutil.which("ld"):
+        return None
+    return "PoCL needs the linker `ld` to build kernels: apt-get install binutils"
+
+
+def _require_linker(device: cl.Device) -> None:
+    if device.platform.name == POCL and (remedy := missing_linker()):
+        raise OpenCLError(remedy)
+
+
 @dataclass(slots=True)
 class Compute:
     """A context and a queue on one device, and the kernels built there."""
@@ -96,6 +113,7 @@ class Compute:
             found = chosen
         import pyopencl as cl
 
+        _require_linker(found[0])
         context = cl.Context([found[0]])
         return cls(context, cl.CommandQueue(context), _describe(found[0]))
 
