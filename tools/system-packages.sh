@@ -1,14 +1,15 @@
 #!/bin/sh
 # Install the few system packages that no wheel brings, or say how.
 #
-#   ld           PoCL links each kernel with it (Debian: binutils); nothing casts without
-#   libEGL.so.1  headless OpenGL and its software driver; without it relighting uses NumPy
+#   gcc, libc6-dev  PoCL links each kernel with ld, libgcc and libc; nothing casts without
+#   libegl1         headless OpenGL and its software driver; without it relighting uses NumPy
 #
 # Installs only as root with apt-get. Elsewhere it prints the command and goes on: the package
 # itself explains what is missing when it is needed.
 set -u
 packages=""
-command -v ld >/dev/null 2>&1 || packages="$packages binutils"
+"$1" -c 'import sys; from volspec._gpu.opencl import missing_linker; sys.exit(bool(missing_linker()))' \
+    >/dev/null 2>&1 || packages="$packages gcc libc6-dev"
 "$1" -c 'import ctypes; ctypes.CDLL("libEGL.so.1")' >/dev/null 2>&1 ||
     packages="$packages libegl1 libgl1-mesa-dri"
 [ -n "$packages" ] || exit 0

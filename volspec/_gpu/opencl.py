@@ -8,10 +8,14 @@ GPU drivers on disk and here per context.
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from functools import cache
+from glob import glob
 from typing import TYPE_CHECKING, Any
 
 from volspec._gpu.sources import Source
@@ -68,14 +72,38 @@ def _describe(device: cl.Device) -> DeviceInfo:
     )
 
 
-def missing_linker() -> str | None:
-    """The remedy where PoCL would not find the linker it builds kernels with, else None.
+_TRIAL = """
+import numpy, pyopencl as cl
+platform = next(p for p in cl.get_platforms() if p.name == "Portable Computing Language")
+queue = cl.CommandQueue(cl.Context(platform.get_devices()[:1]))
+kernel = cl.Program(queue.context, "__kernel void f(__global int *x) { x[0] = 1; }").build().f
+kernel(queue, (1,), None, cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, 4))
+queue.finish()
+"""
 
-    Asked before, since PoCL ends the whole process when the link fails.
+
+@cache
+def missing_linker() -> str | None:
+    """The remedy where PoCL cannot link the kernels it builds, else None.
+
+    PoCL links each kernel with ``ld`` against libc and libgcc, and ends the whole process when
+    that fails; so it is asked before. Where they are not in the usual places, a trial build in
+    a process of its own decides.
     """
-    if shutil.which("ld"):
+    usual = (
+        shutil.which("ld"),
+        glob("/usr/lib*/gcc*/*/*/libgcc.a"),
+        glob("/usr/lib*/libc.so") or glob("/usr/lib/*/libc.so"),
+    )
+    if all(usual):
         return None
-    return "PoCL needs the linker `ld` to build kernels: apt-get install binutils"
+    trial = subprocess.run([sys.executable, "-c", _TRIAL], capture_output=True, check=False)
+    if trial.returncode == 0:
+        return None
+    return (
+        "PoCL cannot link kernels: it needs ld, libgcc and libc.so; "
+        "on Debian or Ubuntu: apt-get install gcc libc6-dev"
+    )
 
 
 def _require_linker(device: cl.Device) -> None:
