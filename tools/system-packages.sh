@@ -2,7 +2,8 @@
 # Install the few system packages that no wheel brings, or say how.
 #
 #   gcc, libc6-dev  PoCL links each kernel with ld, libgcc and libc; nothing casts without
-#   libegl1         headless OpenGL and its software driver; without it relighting uses NumPy
+#   libegl1, libgl1, libgl1-mesa-dri
+#                   headless OpenGL and its software driver; without it relighting uses NumPy
 #
 # Installs only as root with apt-get. Elsewhere it prints the command and goes on: the package
 # itself explains what is missing when it is needed.
@@ -10,8 +11,8 @@ set -u
 packages=""
 "$1" -c 'import sys; from volspec._gpu.opencl import missing_linker; sys.exit(bool(missing_linker()))' \
     >/dev/null 2>&1 || packages="$packages gcc libc6-dev"
-"$1" -c 'import ctypes; ctypes.CDLL("libEGL.so.1")' >/dev/null 2>&1 ||
-    packages="$packages libegl1 libgl1-mesa-dri"
+"$1" -c 'from volspec._gpu.opengl import headless_context; headless_context()' \
+    >/dev/null 2>&1 || packages="$packages libegl1 libgl1 libgl1-mesa-dri"
 [ -n "$packages" ] || exit 0
 if command -v apt-get >/dev/null 2>&1 && [ "$(id -u)" = 0 ]; then
     echo "installing system packages:$packages"

@@ -67,11 +67,11 @@ def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json 
         table.add_row(
             row.name,
             row.label,
-            f"{report.cast_ms:.0f}" if i == 0 else "none",
+            f"{report.cast_ms:.0f}" if i == 0 else "–",
             f"{row.relight_ms:.1f}",
             f"{row.ratio:.0f}×",
-            f"{row.delta_e_mean:.3f}",
-            f"{row.delta_e_max:.3f}",
+            _error(row.delta_e_mean),
+            _error(row.delta_e_max),
         )
     console.print(table)
     console.print(
@@ -197,6 +197,10 @@ def relight(
             path = output.with_name(f"{stem}.png")
             write_frame(path, frame, {"light": text, "Software": f"volspec {__version__}"})
             Console().print(f"{path}", highlight=False)
+
+
+def _error(delta_e: float) -> str:
+    return f"{delta_e:.3f}" if delta_e >= 0.001 else "< 0.001"
 
 
 class _bar:

@@ -6,6 +6,7 @@ EGL needs no display server; Mesa's llvmpipe draws where there is no GPU.
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -40,13 +41,16 @@ def headless_context() -> moderngl.Context:
     try:
         import moderngl
 
+        # The names of the runtime libraries; the defaults belong to development packages.
         settings: dict[str, Any] = {"backend": "egl"}
+        if sys.platform == "linux":
+            settings |= {"libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
         return moderngl.create_standalone_context(require=MINIMUM_VERSION, **settings)
     except Exception as error:  # moderngl and glcontext raise bare Exception and ImportError
         reason = " ".join(str(error).split()) or type(error).__name__
         raise OpenGLError(
             f"OpenGL: no headless context of version 3.3 ({reason}); install EGL and a driver, "
-            "on Debian or Ubuntu: apt-get install libegl1 libgl1-mesa-dri"
+            "on Debian or Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri"
         ) from error
 
 
