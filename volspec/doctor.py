@@ -49,6 +49,7 @@ class Examination:
 
     def print(self, console: Console) -> None:
         """Write it for a person."""
+        from rich.markup import escape
         from rich.table import Table
 
         table = Table(title=f"volspec {__version__}, {self.python}", show_header=False)
@@ -66,7 +67,7 @@ class Examination:
         table.add_row("versions", "\n".join(f"{k} {v}" for k, v in self.versions.items()))
         console.print(table)
         for problem in self.problems:
-            console.print(f"[red]missing:[/red] {problem}", highlight=False)
+            console.print(f"[red]missing:[/red] {escape(problem)}", highlight=False)
         if not self.problems:
             console.print("nothing is missing")
 

@@ -1,0 +1,209 @@
+"""The command line: exit codes, one line on stderr, files whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec import cli
+from volspec._gpu import opencl
+from volspec.errors import OpenGLError
+from volspec.export import read_frame_text
+from volspec.relight import gpu as gl_engine
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def run(*words: str, **settings: object) -> subprocess.CompletedProcess[str]:
+    """The installed command in a process of its own, as a user calls it."""
+    return subprocess.run(
+        [sys.executable, "-c", "from volspec.cli import main; main()", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        **settings,  # type: ignore[call-overload]
+    )
+
+
+def call(*words: str) -> int:
+    """The same in this process; returns the exit code."""
+    try:
+        cli.main(list(words))
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("demo") / "out"
+    done = run("demo", "--out", str(folder), "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["channels"] == 7
+    return folder
+
+
+def test_demo_writes_everything_it_promises(demo: Path) -> None:
+    import imageio.v3 as iio
+
+    frames = {path.name: iio.imread(path) for path in (demo / "frames").iterdir()}
+    assert set(frames) == {"D65.png", "A.png", "FL2.png", "HP1.png", "D65+A.png"}
+    for name, frame in frames.items():
+        assert frame.shape == (512, 512, 3)
+        assert 20 < frame.mean() < 200 and frame.std() > 15, f"{name} is dark, bright or empty"
+    assert iio.imread(demo / "sheet.png").shape[1] > 2000
+    report = json.loads((demo / "report.json").read_text())
+    assert len(report["lights"]) == 5 and report["cast_ms"] > report["lights"][0]["relight_ms"]
+    assert max(light["delta_e_max"] for light in report["lights"]) < 0.1
+    assert sorted(path.name for path in demo.iterdir()) == [
+        *("engine.exr", "frames", "report.json", "sheet.png"),
+    ]
+
+
+def test_daylight_hides_the_inserts_and_tungsten_shows_them(demo: Path) -> None:
+    """You should see grey rings under D65 and pink ones under A."""
+    import imageio.v3 as iio
+
+    def redness(name: str) -> float:
+        frame = iio.imread(demo / "frames" / name).astype(float)
+        return float(np.percentile(frame[..., 0] - frame[..., 1], 99))
+
+    assert redness("D65.png") < 8 and redness("A.png") > 30
+
+
+def test_frames_say_which_light_made_them(demo: Path) -> None:
+    assert "A" in read_frame_text(demo / "frames" / "A.png")["light"]
+
+
+def test_relight_of_a_stored_image_gives_the_demo_s_frame(demo: Path, tmp_path: Path) -> None:
+    import imageio.v3 as iio
+
+    words = ("relight", str(demo / "engine.exr"), "--light", "A", "--backdrop", "0.05")
+    assert call(*words, "-o", str(tmp_path / "a.png")) == 0
+    stored, fresh = iio.imread(tmp_path / "a.png"), iio.imread(demo / "frames" / "A.png")
+    assert np.abs(stored.astype(int) - fresh).max() <= 1
+
+
+def test_several_lights_give_several_files(demo: Path, tmp_path: Path) -> None:
+    words = ["relight", str(demo / "engine.exr"), "-o", str(tmp_path / "e.png")]
+    assert call(*words, "--light", "FL2", "--light", "D65*0.7+A*0.3") == 0
+    assert {p.name for p in tmp_path.iterdir()} == {"e-FL2.png", "e-D65-0.7+A-0.3.png"}
+
+
+def test_render_writes_an_image_that_relight_reads(tmp_path: Path) -> None:
+    scene = ROOT / "data" / "scenes" / "engine.toml"
+    small = scene.read_text().replace("width = 512", "width = 64").replace('"../', f'"{ROOT}/data/')
+    (tmp_path / "small.toml").write_text(small)
+    assert call("render", str(tmp_path / "small.toml"), "-o", str(tmp_path / "s.exr")) == 0
+    out = tmp_path / "s.png"
+    assert call("relight", str(tmp_path / "s.exr"), "--light", "planck:3200", "-o", str(out)) == 0
+    assert out.exists()
+
+
+def test_info_prints_figures_for_people_and_machines(capsys: pytest.CaptureFixture[str]) -> None:
+    engine = str(ROOT / "data" / "engine.nrrd")
+    assert call("info", engine) == 0
+    assert "256 × 256 × 110" in capsys.readouterr().out
+    assert call("info", engine, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["shape"] == [256, 256, 110]
+
+
+def test_doctor_lists_devices(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("doctor", "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["healthy"] and report["opencl"][0]["name"]
+    assert call("doctor") == 0
+
+
+BAD = {
+    "missing volume": (("info", "none.nrrd"), 1, "none.nrrd: no such file"),
+    "missing image": (("relight", "n.exr", "--light", "A", "-o", "f.png"), 1, "n.exr: no such"),
+    "unknown light": (("relight", "n.exr", "--light", "D56", "-o", "f.png"), 1, "D65"),
+    "not a png": (("relight", "n.exr", "--light", "A", "-o", "f.jpg"), 1, "name it .png"),
+    "not an exr": (("render", "s.toml", "-o", "f.png"), 1, "name it .exr"),
+    "missing scene": (("render", "s.toml", "-o", "f.exr"), 1, "s.toml"),
+    "unknown model": (
+        ("relight", "n.exr", "--light", "A", "-o", "f.png", "--model", "CIECAM97"),
+        1,
+        "CIECAM02",
+    ),
+    "unknown device": (("demo", "--device", "nonsense"), 1, "no OpenCL device named 'nonsense'"),
+    "unknown command": (("relit",), 2, "relight"),
+    "missing option": (("render", "s.toml"), 2, "--output"),
+    "unknown option": (("demo", "--colour", "red"), 2, "--colour"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_gives_one_line_and_its_exit_code(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words, code, message = BAD[case]
+    monkeypatch.chdir(tmp_path)
+    assert call(*words) == code
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("volspec: ")]
+    assert len(lines) == 1 and message in lines[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_input_shows_no_traceback_unless_asked(tmp_path: Path) -> None:
+    quiet, loud = run("info", "none.nrrd"), run("info", "none.nrrd", "--debug")
+    assert quiet.stderr.count("\n") == 1 and quiet.returncode == 1
+    assert "Traceback" in loud.stderr
+
+
+def test_a_folder_that_cannot_be_written_is_named(demo: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    out = tmp_path / "file" / "below.png"
+    done = run("relight", str(demo / "engine.exr"), "--light", "A", "-o", str(out))
+    assert done.returncode == 1 and "below.png: cannot write there" in done.stderr
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_without_opencl_the_remedy_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(opencl, "_all_devices", list)
+    assert call("demo", "--out", str(tmp_path / "out")) == 1
+    assert "no OpenCL device found; install PoCL with: pip install" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert call("doctor") == 1
+    assert "pip install 'pyopencl[pocl]'" in capsys.readouterr().out
+
+
+def test_without_gl_the_demo_works_with_one_warning(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], demo: Path, tmp_path: Path
+) -> None:
+    import imageio.v3 as iio
+
+    def refuse() -> None:
+        raise OpenGLError("OpenGL: no headless context (test)")
+
+    monkeypatch.setattr(gl_engine, "headless_context", refuse)
+    words = ("relight", str(demo / "engine.exr"), "--light", "A", "--backdrop", "0.05")
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        assert call(*words, "-o", str(tmp_path / "a.png")) == 0
+    said = capsys.readouterr().err
+    assert said.count("warning") == 1 and "relighting with NumPy" in said
+    here, there = iio.imread(tmp_path / "a.png"), iio.imread(demo / "frames" / "A.png")
+    assert np.abs(here.astype(int) - there).max() <= 1
+
+
+def test_a_kernel_that_does_not_build_names_device_options_and_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from volspec._gpu.opencl import Compute
+    from volspec._gpu.sources import Source
+    from volspec.errors import OpenCLError
+
+    text = '#line 7 "kernels/broken.cl"\n__kernel void f(__global int *x) { x[0] = y; }\n'
+    with pytest.raises(OpenCLError, match=r"broken\.cl:7.*undeclared") as caught:
+        Compute.open().kernel(Source(text, ("<prelude>", "kernels/broken.cl")), "f", ["-w"])
+    assert Compute.open().info.name in str(caught.value) and "-w" in str(caught.value)
