@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -105,3 +107,16 @@ def test_raycast_and_relight_are_functions_of_the_package() -> None:
     assert callable(volspec.raycast) and callable(volspec.relight)
     for name in volspec.__all__:
         assert getattr(volspec, name) is not None
+
+
+def test_a_wheel_carries_what_a_checkout_has_beside_the_package() -> None:
+    """`volspec._gpu.sources` looks in ``_assets``: whatever code asks for must be put there."""
+    pyproject = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    included = pyproject["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+    asked = {
+        match
+        for path in ROOT.rglob("*.py")
+        for match in re.findall(r"[\"'](kernels|shaders|data)/", path.read_text(encoding="utf-8"))
+    }
+    assert asked == {"kernels", "shaders", "data"}
+    assert {source: f"volspec/_assets/{source}" for source in asked} == included

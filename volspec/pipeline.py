@@ -34,7 +34,7 @@ def raycast(
 
     Parameters
     ----------
-    volume : Volume or array (Z, Y, X)
+    volume : Volume, pyvista ImageData or array (Z, Y, X)
         NumPy, xarray and Zarr arrays count as 1 mm voxels.
     transfer : TransferFunction
     camera : Camera
@@ -74,8 +74,7 @@ def raycast(
     >>> image.coefficients.shape, bool(image.alpha.max() > 0.9)
     ((48, 64, 7), True)
     """
-    if not isinstance(volume, Volume):
-        volume = Volume(volume)
+    volume = Volume.of(volume)
     spec = spec or RaycastSpec()
     caster = caster or Raycaster(volume, device=device)
     table = transfer.bake(min(volume.spacing_mm))

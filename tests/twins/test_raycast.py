@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
 from volspec.transfer import TransferTable
-from volspec.volume import Volume, phantom
+from volspec.volume import Volume, load_volume, phantom
 
 # Full scale is 1. Positions carry float32 rounding of a few 1e-5 voxels, and the steepest edge
 # of these transfer functions turns that into some 2e-5 of opacity; measured 2e-5.
@@ -104,6 +105,21 @@ def test_every_voxel_type_and_channel_count(dtype: type, channels: int) -> None:
         1.0,
     )
     assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(), size=(21, 17))
+
+
+@pytest.mark.parametrize("name", ["mrbrain", "aneurism", "foot"])
+def test_other_real_volumes_match_reference(volumes: Path, name: str) -> None:
+    """Dense, nearly empty, and with unequal spacing; skipped where the files are not."""
+    volume = load_volume(volumes / f"{name}.nrrd")
+    at = np.linspace(30, 200, 1024)
+    table = TransferTable(
+        (30.0, 200.0),
+        np.interp(at, [30, 60, 200], [0, 0.05, 0.4]),
+        np.stack([np.linspace(0.2, 0.9, 1024), np.linspace(0.7, 0.1, 1024)], axis=1),
+        1.0,
+    )
+    camera = Camera.orbit(volume, azimuth_deg=-40, elevation_deg=15, zoom=1.5)
+    assert_alike(volume, table, camera, RaycastSpec(), size=(40, 32))
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 9, 9), (2, 3, 4), (17, 8, 9)])

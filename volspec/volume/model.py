@@ -91,6 +91,15 @@ class Volume:
         return (np.array(index) @ self.world_from_index.T)[:, :3]
 
     @classmethod
+    def of(cls, given: Volume | pyvista.ImageData | ArrayLike) -> Volume:
+        """A volume as it is, a pyvista ``ImageData``, or an array (Z, Y, X) of 1 mm voxels."""
+        if isinstance(given, cls):
+            return given
+        if hasattr(given, "point_data"):
+            return cls.from_pyvista(given)
+        return cls(np.asarray(given))
+
+    @classmethod
     def from_pyvista(cls, grid: pyvista.ImageData, scalars: str | None = None) -> Volume:
         """Take over a pyvista ``ImageData`` (point scalars, or cell scalars where alone)."""
         from volspec.volume.adapt import volume_from_pyvista
