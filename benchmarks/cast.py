@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from benchmarks.measure import Comparison, compare
 from benchmarks.vtk_peer import FixedPointPeer
 from volspec._gpu.sources import asset
+from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, RaycastSpec
-from volspec.raycast.gpu import Raycaster
 from volspec.scene import Scene
 
 SIZE = (512, 512)
@@ -23,7 +23,6 @@ def rows() -> Iterator[Comparison]:
     scene = Scene.load(asset("data/scenes/engine.toml"))
     volume = scene.volume()
     camera: Camera = scene.camera(volume)
-    table = scene.transfer.bake(min(volume.spacing_mm))
     caster = Raycaster(volume)
     points = [(p.value, p.opacity, (0.7, 0.7, 0.75)) for p in scene.file.transfer.points]
     for name, spec in SPECS.items():
@@ -32,6 +31,6 @@ def rows() -> Iterator[Comparison]:
             f"cast/engine/{name}",
             "vtk-fixed-point",
             caster.device,
-            lambda spec=spec: caster.cast(table, camera, SIZE, spec),
+            lambda spec=spec: raycast(volume, scene.transfer, camera, SIZE, spec, caster=caster),
             peer.redraw,
         )

@@ -19,7 +19,7 @@ def rows() -> Iterator[Comparison]:
     volume = scene.volume()
     camera = scene.camera(volume)
     points = [(p.value, p.opacity, (0.7, 0.7, 0.75)) for p in scene.file.transfer.points]
-    lights = cycle([light.spectrum for light in scene.lights])
+    lights = cycle([light.rig for light in scene.lights])
     with Relighter(scene.render(volume)) as relighter:
         for name, spec in SPECS.items():
             peer = FixedPointPeer(volume, points, camera, SIZE, spec)

@@ -12,13 +12,13 @@
 // Reads   voxels   VOXEL[nz][ny][nx], padded by one voxel before and two after each axis with
 //                  the edge's values: clamping costs nothing and loads may run past the end
 //         leaps    uchar per brick of BRICK³ cells: 0 visible, d = nearer than d all is empty
-//         opacity  float2[TABLE_SIZE]: opacity of one whole step, difference to the next entry
-//         colours  floatR[TABLE_SIZE]: ROW floats, the M channels and zeros
-// Writes  coefficients float[height][width][CHANNELS] premultiplied; alpha and depth_mm
-//         float[height][width] (depth: expected, inf where nothing is seen)
+//         opacity  float2[last_entry + 1]: opacity of one whole step, difference to the next entry
+//         colours  floatR[last_entry + 1]: ROW floats, the M channels and zeros
+// Writes  coefficients float[height][width][CHANNELS] premultiplied; alpha and depth
+//         float[height][width] (expected depth in smallest spacings, inf where nothing is)
 //
-// The host sets LANES, VOXEL, CHANNELS, ROW (CHANNELS rounded up to 4, 8 or 16), TABLE_SIZE,
-// BRICK, SHADED, SPECULAR.
+// The host sets LANES, VOXEL, CHANNELS, TILE_WIDTH, TILE_HEIGHT, ROW (CHANNELS rounded up to 4, 8
+// or 16), BRICK, SHADED, SPECULAR, and what voxels.clh wants.
 
 #include "lanes.clh"
 #include "voxels.clh"
@@ -33,49 +33,57 @@ typedef float16 floatR;
 typedef union { floatR v; float s[ROW]; } floatRL;
 
 typedef struct {
-    // rays anchored in the plane through the target (index space), RayField in the twin
-    float4 target;                 // in index space
-    float4 forward, across, down;  // in the world, millimetres
+    // Lengths are in the volume's smallest spacing, so that no unit of the user's is too large
+    // or too small for float32. Rays are anchored in the plane through the target, as RayField.
+    float4 target;                     // in index space
+    float4 forward, across, down;      // in the world; across and down one pixel long
     float4 index_x, index_y, index_z;  // rows of index_from_world
     float4 top;          // largest index along x, y, z
     float4 shade;        // ambient, diffuse, specular, unused
     float middle_x, middle_y;  // pixel that looks at the target
-    float distance;      // from the camera to the target, mm
+    float distance;      // from the camera to the target
     float perspective;   // 1, or 0 for parallel rays
-    float phase;         // from the target to step 0, mm; steps are whole ones from the camera
-    float start;         // position of the camera counted from step 0, mm
+    float phase;         // from the target to step 0; steps are whole ones from the camera
+    float start;         // position of the camera counted from step 0
     float domain_low;    // value of table entry 0
     float domain_scale;  // table entries per value
-    float step_mm;
+    float last_entry;    // of the table
+    float step;          // length of a step
     float opaque;        // a ray ends when its transmittance falls to this
-    float gradient_floor_squared;
+    float gradient_scale;          // central difference -> share of the volume's range
+    float gradient_floor_squared;  // below it, in those shares, shading fades
     int width, height;   // of the picture
     int row, slice;      // elements from one voxel row, one slice to the next
     int bricks_x, bricks_y;
     int shininess;       // Blinn-Phong exponent
 } Cast;
 
+#define FAR ((floatN)(INFINITY))
 #define ROWS(r, count) _Pragma("unroll") for (int r = 0; r < count; ++r)
 // Interpolate four rows along y, then z.
 #define BILERP(y0z0, y1z0, y0z1, y1z1) lerp(lerp(y0z0, y1z0, fy), lerp(y0z1, y1z1, fy), fz)
 
-// Entry and exit of the box 0…top along one axis. A ray parallel to a face yields 0/0 = NaN
-// when it lies in it; fmin and fmax then keep the other operand.
-inline void clip(float top, floatN o, floatN d, floatN *near, floatN *far) {
+// Entry and exit of the box 0…top along one axis; a ray along a face's plane is never outside
+// of it when it lies between the two faces, and always when it does not.
+static inline void clip(float top, floatN o, floatN d, floatN *near, floatN *far) {
+    const intN parallel = MASK(d == 0.0f);
+    const intN between = MASK(o >= 0.0f) & MASK(o <= top);
     const floatN a = (0.0f - o) / d, b = (top - o) / d;
-    *near = fmax(*near, fmin(a, b));
-    *far = fmin(*far, fmax(a, b));
+    const floatN enter = PICK(parallel, PICK(between, -FAR, FAR), LOWER(a, b));
+    const floatN leave = PICK(parallel, PICK(between, FAR, -FAR), UPPER(a, b));
+    *near = UPPER(enter, *near);
+    *far = LOWER(leave, *far);
 }
 
 // Where a ray (one axis of it) leaves the interval low…high.
-inline float leaves(float low, float high, float o, float d, float inverse) {
-    return fabs(d) > 1e-9f ? ((d > 0.0f ? high : low) - o) * inverse : INFINITY;
+static inline float leaves(float low, float high, float o, float d, float inverse) {
+    return d == 0.0f ? INFINITY : ((d > 0.0f ? high : low) - o) * inverse;
 }
 
 // First step of a ray, at or after step k, that may see something; k_check: when to look again.
-inline int leap(__global const uchar *leaps, const Cast *cast, float3 o, float3 d, float near,
+static inline int leap(__global const uchar *leaps, const Cast *cast, float3 o, float3 d, float near,
                 float far, int k, int k_end, int *k_check) {
-    const float step = cast->step_mm;
+    const float step = cast->step;
     const float3 inverse = 1.0f / d;
     while (k < k_end) {
         const float begin = UPPER(k * step, near), end = LOWER((k + 1) * step, far);
@@ -107,7 +115,7 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
                       __global const float2 *restrict opacity,
                       __global const floatR *restrict colours, const Cast cast,
                       __global float *restrict coefficients, __global float *restrict alpha,
-                      __global float *restrict depth_mm, const int first_tile) {
+                      __global float *restrict depth_out, const int first_tile) {
     const int pixel_x = get_global_id(0) * TILE_WIDTH;
     const int pixel_y = (first_tile + get_global_id(1)) * TILE_HEIGHT;
     if (pixel_x >= cast.width || pixel_y >= cast.height) return;
@@ -144,7 +152,7 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
     near.v = PICK(inside, near.v, (floatN)(0.0f));
     far.v = PICK(inside, far.v, (floatN)(0.0f));
 
-    const float step = cast.step_mm, per_step = 1.0f / step;
+    const float step = cast.step, per_step = 1.0f / step;
     intL k, k_end, k_check;
     k.v = CONVERT_INT(floor(near.v / step));
     k_end.v = PICK(inside, CONVERT_INT(ceil(far.v / step)), (intN)(0));
@@ -152,13 +160,16 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
 
     floatRL colour[LANES];
     FOR_LANES(l) colour[l].v = (floatR)(0.0f);
-    floatN through = 1.0f, depth = 0.0f;
+    // What is covered is summed beside what is left: 1 − through would lose faint media.
+    floatN through = 1.0f, covered = 0.0f, depth = 0.0f;
 
     intN live = MASK(k.v < k_end.v);
     while (ANY(live)) {
         if (ANY(live & MASK(k.v >= k_check.v))) {
+            intL live_lanes;
+            live_lanes.v = live;
             FOR_LANES(l) {
-                if (k.s[l] < k_end.s[l] && k.s[l] >= k_check.s[l])
+                if (live_lanes.s[l] && k.s[l] >= k_check.s[l])
                     k.s[l] = leap(leaps, &cast, (float3)(ox.s[l], oy.s[l], oz.s[l]),
                                   (float3)(dx.s[l], dy.s[l], dz.s[l]), near.s[l], far.s[l],
                                   k.s[l], k_end.s[l], &k_check.s[l]);
@@ -167,8 +178,8 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             if (!ANY(live)) break;
         }
         // The step's clipped interval, sampled at its middle.
-        const floatN begin = UPPER(CONVERT_FLOAT(k.v) * step, near.v);
-        const floatN end = LOWER(CONVERT_FLOAT(k.v + 1) * step, far.v);
+        const floatN first_end = CONVERT_FLOAT(k.v) * step, last_end = CONVERT_FLOAT(k.v + 1) * step;
+        const floatN begin = UPPER(first_end, near.v), end = LOWER(last_end, far.v);
         const floatN middle = 0.5f * (begin + end);
         const floatN px = LOWER(UPPER(ox.v + middle * dx.v, 0.0f), cast.top.x);
         const floatN py = LOWER(UPPER(oy.v + middle * dy.v, 0.0f), cast.top.y);
@@ -189,9 +200,9 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
         const floatN value = BILERP(middle_of[0], middle_of[1], middle_of[2], middle_of[3]);
 
         const floatN raw = (value - cast.domain_low) * cast.domain_scale;
-        const floatN entry = LOWER(UPPER(raw, 0.0f), (float)(TABLE_SIZE - 1));
+        const floatN entry = LOWER(UPPER(raw, 0.0f), cast.last_entry);
         intL j;
-        j.v = CONVERT_INT(LOWER(entry, (float)(TABLE_SIZE - 2)));
+        j.v = CONVERT_INT(LOWER(entry, cast.last_entry - 1.0f));
         floatL f, first, rise;
         f.v = entry - CONVERT_FLOAT(j.v);
         FOR_LANES(l) {
@@ -200,15 +211,16 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             rise.s[l] = two.y;
         }
         floatN share = first.v + f.v * rise.v;
-        const floatN length = (end - begin) * per_step;
-        const intN clipped = live & MASK(length < 0.9999f) & MASK(share > 0.0f);
-        if (ANY(clipped)) share = PICK(clipped, 1.0f - pow(1.0f - share, length), share);
+        const intN clipped = (MASK(begin > first_end) | MASK(end < last_end)) & live;
+        if (ANY(clipped & MASK(share > 0.0f)))
+            share = PICK(clipped, 1.0f - pow(1.0f - share, (end - begin) * per_step), share);
         share = PICK(live, share, (floatN)(0.0f));
 
         if (ANY(MASK(share > 0.0f))) {
             floatL visible, weight, white;
             visible.v = weight.v = through * share;
             through -= weight.v;
+            covered += weight.v;
             depth += weight.v * middle;
             live &= MASK(through > cast.opaque);
 #if SHADED
@@ -234,9 +246,9 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
                                      middle_of[3] - outer[2], outer[3] - middle_of[2]);
             const floatN gz = BILERP(middle_of[2] - outer[4], middle_of[3] - outer[6],
                                      outer[5] - middle_of[0], outer[7] - middle_of[1]);
-            const floatN nx = 0.5f * (gx * cast.index_x.x + gy * cast.index_y.x + gz * cast.index_z.x);
-            const floatN ny = 0.5f * (gx * cast.index_x.y + gy * cast.index_y.y + gz * cast.index_z.y);
-            const floatN nz = 0.5f * (gx * cast.index_x.z + gy * cast.index_y.z + gz * cast.index_z.z);
+            const floatN nx = cast.gradient_scale * (gx * cast.index_x.x + gy * cast.index_y.x + gz * cast.index_z.x);
+            const floatN ny = cast.gradient_scale * (gx * cast.index_x.y + gy * cast.index_y.y + gz * cast.index_z.y);
+            const floatN nz = cast.gradient_scale * (gx * cast.index_x.z + gy * cast.index_y.z + gz * cast.index_z.z);
             const floatN square = nx * nx + ny * ny + nz * nz;
             const floatN trust = square / (square + cast.gradient_floor_squared);
             const floatN along_ray = nx * wx + ny * wy + nz * wz;
@@ -268,7 +280,7 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
     }
 
     floatL opaque, distance;
-    opaque.v = 1.0f - through;
+    opaque.v = covered;
     distance.v = depth / opaque.v - cast.start;
     FOR_LANES(l) {
         const int column = pixel_x + l % TILE_WIDTH, line = pixel_y + l / TILE_WIDTH;
@@ -277,7 +289,7 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             _Pragma("unroll") for (int c = 0; c < CHANNELS; ++c)
                 coefficients[pixel * CHANNELS + c] = colour[l].s[c];
             alpha[pixel] = opaque.s[l];
-            depth_mm[pixel] = opaque.s[l] > 0.0f ? distance.s[l] : INFINITY;
+            depth_out[pixel] = opaque.s[l] > 0.0f ? distance.s[l] : INFINITY;
         }
     }
 }

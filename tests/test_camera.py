@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from volspec.errors import CameraError
+from volspec.basis import SpectralBasis
+from volspec.errors import CameraError, DeviceError, InputError, RaycastError, VolspecWarning
+from volspec.pipeline import raycast
 from volspec.raycast import Camera, RaycastSpec
 from volspec.raycast.gpu import Raycaster
-from volspec.transfer import TransferTable
+from volspec.spectra import reflectance
+from volspec.transfer import TransferFunction, TransferTable
 from volspec.volume import Volume, phantom
+
+BASIS = SpectralBasis.load("general-7")
 
 
 @pytest.mark.parametrize(
@@ -18,10 +25,13 @@ from volspec.volume import Volume, phantom
         (lambda: Camera((0, 0, 0), (0, 0, 0)), "stands on its target"),
         (lambda: Camera((0, 0, 0), (0, 0, 9)), "looks along its up"),
         (lambda: Camera((0, 0, 0), (0, 9, 0), up=(0, 0, 0)), "looks along its up"),
-        (lambda: Camera((0, np.nan, 0), (0, 9, 0)), "give three numbers"),
+        (lambda: Camera((0, np.nan, 0), (0, 9, 0)), "give three"),
         (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg=180), "fov_deg is 180"),
         (lambda: Camera((0, 0, 0), (0, 9, 0), height_mm=0), "height_mm is 0"),
         (lambda: Camera.orbit(phantom.ball(8), zoom=0), "zoom is 0"),
+        (lambda: Camera.orbit(phantom.ball(8), azimuth_deg=np.inf), "azimuth_deg is inf"),
+        (lambda: Camera.orbit(phantom.ball(8), target_mm=(1, 2)), "three numbers"),  # type: ignore[arg-type]
+        (lambda: RaycastSpec(shininess=2.5), "shininess is 2.5"),  # type: ignore[arg-type]
         (lambda: Camera.orbit(phantom.ball(8), up=(0, 0, 0)), "up is"),
         (lambda: RaycastSpec(step_mm=0), "step_mm is 0"),
         (lambda: RaycastSpec(ambient=-1), "ambient is -1"),
@@ -31,7 +41,7 @@ from volspec.volume import Volume, phantom
     ],
 )
 def test_nonsense_is_named(make: object, message: str) -> None:
-    with pytest.raises(CameraError, match=message):
+    with pytest.raises((CameraError, RaycastError), match=message):
         make()  # type: ignore[operator]
 
 
@@ -68,7 +78,41 @@ def test_pictures_need_a_positive_size_and_at_most_sixteen_channels() -> None:
     volume = phantom.ball(8)
     caster, camera = Raycaster(volume), Camera.orbit(volume)
     table = TransferTable((0.0, 1.0), np.linspace(0, 1, 64), np.ones((64, 17)), 1.0)
-    with pytest.raises(CameraError, match="0x5"):
-        caster.cast(table, camera, (0, 5), RaycastSpec())
-    with pytest.raises(CameraError, match="17 channels; at most 16"):
+    for size in [(0, 5), (10**6, 10**6), (64.5, 64), 64, "big"]:
+        with pytest.raises(RaycastError, match=r"1x1 to|whole pixels"):
+            caster.cast(table, camera, size, RaycastSpec())  # type: ignore[arg-type]
+    with pytest.raises(RaycastError, match="17 channels; at most 16"):
         caster.cast(table, camera, (5, 5), RaycastSpec())
+
+
+def test_a_picture_beyond_the_device_s_memory_is_refused_in_one_line() -> None:
+    volume = phantom.ball(8)
+    table = TransferTable((0.0, 1.0), np.linspace(0, 1, 64), np.ones((64, 16)), 1.0)
+    with pytest.raises((DeviceError, MemoryError), match=r"no room for|allocate"):
+        Raycaster(volume).cast(table, Camera.orbit(volume), (16384, 16384), RaycastSpec())
+
+
+def test_an_empty_picture_is_told_with_its_likely_reason() -> None:
+    volume = phantom.ball(12)
+    materials = {"copper": reflectance("copper")}
+    transfer = TransferFunction([(100, 0.5, "copper"), (200, 1, "copper")], materials, BASIS)
+    transfer = dataclasses.replace(transfer, points=[(100, 0, "copper"), (200, 1, "copper")])
+    with pytest.warns(VolspecWarning, match="empty.*from 100 to 200.*from 0 to"):
+        raycast(volume, transfer, Camera.orbit(volume), (16, 16))
+
+
+def test_a_caster_casts_its_own_volume_only() -> None:
+    one, other = phantom.ball(12), phantom.ball(12)
+    transfer = TransferFunction([(0.2, 0.5, "copper")], {"copper": reflectance("copper")}, BASIS)
+    with pytest.raises(InputError, match="give the caster's own"):
+        raycast(one, transfer, Camera.orbit(one), caster=Raycaster(other))
+
+
+def test_arrays_and_pyvista_grids_are_volumes() -> None:
+    ball = phantom.ball(12)
+    transfer = TransferFunction([(0.2, 0.5, "copper")], {"copper": reflectance("copper")}, BASIS)
+    pictures = [
+        raycast(given, transfer, Camera.orbit(given), (16, 16)).alpha  # type: ignore[arg-type]
+        for given in (ball, ball.values, ball.to_pyvista())
+    ]
+    assert all(np.array_equal(picture, pictures[0]) for picture in pictures)

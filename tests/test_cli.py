@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -13,9 +15,15 @@ import pytest
 
 from volspec import cli
 from volspec._gpu import opencl
+from volspec.basis import SpectralBasis
 from volspec.errors import OpenGLError
 from volspec.export import read_frame_text
+from volspec.pipeline import raycast
+from volspec.raycast import Camera
 from volspec.relight import gpu as gl_engine
+from volspec.spectra import light, reflectance
+from volspec.transfer import TransferFunction
+from volspec.volume import phantom
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -84,7 +92,8 @@ def test_frames_say_which_light_made_them(demo: Path) -> None:
 def test_relight_of_a_stored_image_gives_the_demo_s_frame(demo: Path, tmp_path: Path) -> None:
     import imageio.v3 as iio
 
-    words = ("relight", str(demo / "engine.exr"), "--light", "A", "--backdrop", "0.05")
+    """The scene's viewing and backdrop travel in the file."""
+    words = ("relight", str(demo / "engine.exr"), "--light", "A")
     assert call(*words, "-o", str(tmp_path / "a.png")) == 0
     stored, fresh = iio.imread(tmp_path / "a.png"), iio.imread(demo / "frames" / "A.png")
     assert np.abs(stored.astype(int) - fresh).max() <= 1
@@ -94,6 +103,43 @@ def test_several_lights_give_several_files(demo: Path, tmp_path: Path) -> None:
     words = ["relight", str(demo / "engine.exr"), "-o", str(tmp_path / "e.png")]
     assert call(*words, "--light", "FL2", "--light", "D65*0.7+A*0.3") == 0
     assert {p.name for p in tmp_path.iterdir()} == {"e-FL2.png", "e-D65-0.7+A-0.3.png"}
+
+
+def test_two_lights_never_share_a_file(
+    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["relight", str(demo / "engine.exr"), "-o", str(tmp_path / "e.png")]
+    assert call(*words, "--light", "A", "--light", "a") == 1
+    assert "one file" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+def test_a_light_the_basis_does_not_know_is_warned_about(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Trained on daylight alone, the picture under sodium light is wrong and says so."""
+    materials = {"block": reflectance(str(ROOT / "data/spectra/engine-block.csv")),
+                 "inserts": reflectance(str(ROOT / "data/spectra/engine-inserts.csv"))}  # fmt: skip
+    basis = SpectralBasis.fit([light("D65"), light("A")], list(materials.values()), size=5)
+    transfer = TransferFunction([(0.1, 0.1, "block"), (0.7, 0.9, "inserts")], materials, basis)
+    ball = phantom.ball(16)
+    raycast(ball, transfer, Camera.orbit(ball), (32, 32)).save(tmp_path / "b.exr")
+    words = ["relight", str(tmp_path / "b.exr"), "--light", "HP2", "-o", str(tmp_path / "b.png")]
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        assert call(*words) == 0
+        assert "--mode exact shows them right" in capsys.readouterr().err
+        assert call(*words, "--mode", "exact") == 0
+        assert capsys.readouterr().err == ""
+
+
+def test_an_interrupted_demo_says_so_and_leaves_nothing(tmp_path: Path) -> None:
+    words = [sys.executable, "-c", "from volspec.cli import main; main()", "demo", "--out", "out"]
+    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    time.sleep(1.5)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=30)[1]
+    assert process.returncode == 130 and "nothing half-written" in said
+    assert not (tmp_path / "out" / "sheet.png").exists()
 
 
 def test_render_writes_an_image_that_relight_reads(tmp_path: Path) -> None:
@@ -124,12 +170,12 @@ def test_doctor_lists_devices(capsys: pytest.CaptureFixture[str]) -> None:
 BAD = {
     "missing volume": (("info", "none.nrrd"), 1, "none.nrrd: no such file"),
     "missing image": (("relight", "n.exr", "--light", "A", "-o", "f.png"), 1, "n.exr: no such"),
-    "unknown light": (("relight", "n.exr", "--light", "D56", "-o", "f.png"), 1, "D65"),
+    "unknown light": (("relight", "DEMO", "--light", "D56", "-o", "f.png"), 1, "'D65'"),
     "not a png": (("relight", "n.exr", "--light", "A", "-o", "f.jpg"), 1, "name it .png"),
     "not an exr": (("render", "s.toml", "-o", "f.png"), 1, "name it .exr"),
     "missing scene": (("render", "s.toml", "-o", "f.exr"), 1, "s.toml"),
     "unknown model": (
-        ("relight", "n.exr", "--light", "A", "-o", "f.png", "--model", "CIECAM97"),
+        ("relight", "DEMO", "--light", "A", "-o", "f.png", "--model", "CIECAM97"),
         1,
         "CIECAM02",
     ),
@@ -142,9 +188,14 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_gives_one_line_and_its_exit_code(
-    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    case: str,
+    demo: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     words, code, message = BAD[case]
+    words = tuple(str(demo / "engine.exr") if word == "DEMO" else word for word in words)
     monkeypatch.chdir(tmp_path)
     assert call(*words) == code
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("volspec: ")]
@@ -186,7 +237,7 @@ def test_without_gl_the_demo_works_with_one_warning(
         raise OpenGLError("OpenGL: no headless context (test)")
 
     monkeypatch.setattr(gl_engine, "headless_context", refuse)
-    words = ("relight", str(demo / "engine.exr"), "--light", "A", "--backdrop", "0.05")
+    words = ("relight", str(demo / "engine.exr"), "--light", "A")
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         assert call(*words, "-o", str(tmp_path / "a.png")) == 0

@@ -52,7 +52,7 @@ def test_modules_import_only_from_their_left(path: Path) -> None:
     ("package", "allowed"),
     [
         ("pyopencl", ("_gpu/opencl.py", "raycast/gpu.py")),
-        ("moderngl", ("_gpu/opengl.py", "relight/gpu.py", "relight/relighter.py")),
+        ("moderngl", ("_gpu/opengl.py", "relight/gpu.py")),
         ("glfw", ()),
         ("pyvista", ("volume/adapt.py", "volume/model.py")),
         ("SimpleITK", ("volume/load.py",)),

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from volspec.basis import SpectralBasis
-from volspec.errors import TransferError
-from volspec.spectra import reflectance
-from volspec.transfer import TransferFunction
+from volspec.errors import TransferError, VolspecWarning
+from volspec.spectra import Spectrum, reflectance
+from volspec.transfer import TransferFunction, TransferTable
 
 BASIS = SpectralBasis.load("general-7")
 MATERIALS = {"copper": reflectance("copper"), "steel": reflectance("steel")}
@@ -39,6 +39,55 @@ def test_two_points_of_one_value_make_a_step() -> None:
     assert (table.opacity > 0).argmax() in (500, 501)
 
 
+def test_a_step_at_an_end_holds_beyond_it() -> None:
+    table = function((0, 0.0, "steel"), (60, 0.0, "steel"), (60, 1.0, "copper")).bake(1.0)
+    assert table.opacity[-1] == 1 and table.opacity[-2] == 0
+    assert np.allclose(table.coefficients[-1], BASIS.analyze(MATERIALS["copper"]))
+    table = function((0, 0.3, "steel"), (0, 1.0, "steel"), (60, 1.0, "copper")).bake(1.0)
+    assert table.opacity[0] == 0.3 and table.opacity[1] == 1
+
+
+def test_narrow_peaks_are_not_missed() -> None:
+    peak = [(0, 0, "steel"), (1000, 0, "steel"), (1010, 1, "steel"), (1020, 0, "steel")]
+    table = function(*peak, (65535, 0, "steel")).bake(1.0)
+    assert table.opacity.max() > 0.8 and len(table.opacity) <= 65536
+    with pytest.warns(VolspecWarning, match=r"1010.*too close"):
+        function(
+            (0, 0, "steel"), (1010, 0, "steel"), (1010.01, 1, "steel"), (1e6, 0, "steel")
+        ).bake(1)
+
+
+def test_materials_must_be_reflectances() -> None:
+    def one(material: object, basis: object = BASIS) -> TransferFunction:
+        return TransferFunction([(0, 0.5, "m")], {"m": material}, basis)  # type: ignore[arg-type,dict-item]
+
+    with pytest.raises(TransferError, match="'m' reflects -1 at 400 nm"):
+        one(Spectrum([400, 700], [-1, 0.5]))
+    with pytest.raises(TransferError, match="expected a Spectrum"):
+        one("copper")
+    with pytest.raises(TransferError, match="expected a SpectralBasis"):
+        one(MATERIALS["steel"], "general-7")
+    with pytest.warns(VolspecWarning, match="reflects up to 5"):
+        one(Spectrum([390, 710], [5, 5]))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"domain": (5.0, 5.0)},
+        {"opacity": np.full(8, 2.0)},
+        {"opacity": np.zeros(1), "coefficients": np.zeros((1, 2))},
+        {"coefficients": np.zeros((7, 2))},
+        {"reference_step_mm": 0.0},
+    ],
+)
+def test_tables_are_valid_at_birth(change: dict) -> None:
+    good = {"domain": (0.0, 1.0), "opacity": np.zeros(8), "coefficients": np.zeros((8, 2))}
+    TransferTable(**good, reference_step_mm=1.0)
+    with pytest.raises(TransferError, match="transfer table"):
+        TransferTable(**{**good, "reference_step_mm": 1.0, **change})
+
+
 def test_step_opacity_is_corrected_for_the_step() -> None:
     table = function((0, 0.5, "steel"), (1, 1.0, "steel"), reference_step_mm=2.0).bake(9.0)
     assert table.reference_step_mm == 2
@@ -59,8 +108,8 @@ def test_reference_step_defaults_to_the_smallest_spacing() -> None:
         (((0, float("nan"), "steel"),), "opacity nan"),
         (((float("inf"), 0.5, "steel"),), "value inf"),
         (((5, 0.5, "steel"), (4, 0.5, "steel")), "sort the points"),
-        (((0, 0.5, "coper"),), "no material 'coper'; known: copper"),
-        (((0, 0.5, {"steel": 0.9, "copper": 0.3}),), "sum to 1.2; give at most 1"),
+        (((0, 0.5, "coper"),), "no material 'coper'; did you mean 'copper'"),
+        (((0, 0.5, {"steel": 0.9, "copper": 0.3}),), "sum to 1.2; give above 0 and at most 1"),
         (((0, 0.5, {"steel": -1}),), "share -1"),
         (((0, 0.5, {}),), "sum to 0"),
         (((0, 0.5),), "expected"),

@@ -69,6 +69,11 @@ def test_raw_bytes_are_read_as_the_name_says(files: Path) -> None:
     assert np.array_equal(big.values, VALUES) and big.values.dtype.isnative
 
 
+def test_raw_files_longer_than_their_layout_are_warned_about(files: Path) -> None:
+    with pytest.warns(VolspecWarning, match="holds 48 bytes.*takes 24"):
+        load_volume(f"{files}/v.raw?shape=4x3x2&dtype=uint8")
+
+
 def test_npy_is_read(tmp_path: Path) -> None:
     np.save(tmp_path / "v.npy", VALUES.astype(np.float64))
     volume = load_volume(tmp_path / "v.npy")
@@ -126,12 +131,15 @@ def test_unreadable_files_are_named_in_one_line(
 @pytest.mark.parametrize(
     ("query", "message"),
     [
-        ("", "raw bytes need their layout"),
-        ("?shape=4x3", "not XxYxZ"),
+        ("", "shape is missing"),
+        ("?shape=4x3x2", "dtype is missing"),
+        ("?shape=4x3&dtype=uint8", "not XxYxZ"),
         ("?shape=4x3x20&dtype=int16", "needs 480"),
-        ("?shape=4x3x2&dtype=nonsense", "raw bytes need"),
-        ("?shape=4x3x2&spacing=1,-1,1", "must be positive"),
-        ("?shape=4x3x2&spacing=1,0,1", "must be positive"),
+        ("?shape=4x3x2&dtype=nonsense", "dtype=nonsense cannot be read"),
+        ("?shape=axb&dtype=uint8", "shape=axb cannot be read"),
+        ("?shape=4x3x2&dtype=int16&order=odd", "order=odd"),
+        ("?shape=4x3x2&dtype=int16&spacing=1,-1,1", "must be positive"),
+        ("?shape=4x3x2&dtype=int16&spacing=1,0,1", "must be positive"),
         ("?shape=4x3x2&colour=red", "unknown option 'colour'"),
     ],
 )
@@ -147,9 +155,10 @@ def test_constant_and_wrongly_shaped_arrays_are_refused(tmp_path: Path) -> None:
     for values, message in [
         (np.zeros((3, 3)), "3-D"),
         (np.zeros((3, 3, 3, 2)), "3-D"),
-        (np.zeros((0, 3, 3)), "no voxel"),
+        (np.zeros((0, 3, 3)), "two voxels"),
+        (np.zeros((1, 3, 3)), "single slice"),
         (np.zeros((3, 3, 3), complex), "not real numbers"),
-        (np.full((3, 3, 3), np.nan), "none of the 27 voxels"),
+        (np.full((3, 3, 3), np.nan), "none of the 27 voxels is a finite"),
     ]:
         with pytest.raises(VolumeError, match=message):
             Volume(values)

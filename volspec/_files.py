@@ -50,15 +50,37 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 @contextmanager
-def captured_stderr(lines: list[str]) -> Iterator[None]:
-    """Collect what C++ readers print to the process's stderr, so that one line is left."""
+def captured_output(lines: list[str]) -> Iterator[None]:
+    """Collect what C++ readers print to the process's stdout and stderr, so that one line is left.
+
+    It redirects the file descriptors of the whole process while the body runs.
+    """
     with tempfile.TemporaryFile() as sink:
-        kept = os.dup(2)
-        os.dup2(sink.fileno(), 2)
+        kept = [(number, os.dup(number)) for number in (1, 2)]
         try:
+            for number, _ in kept:
+                os.dup2(sink.fileno(), number)
             yield
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+            for number, copy in kept:
+                os.dup2(copy, number)
+                os.close(copy)
             sink.seek(0)
             lines.extend(sink.read().decode(errors="replace").splitlines())
+
+
+def require_writable(path: str | os.PathLike[str]) -> None:
+    """Refuse an output that cannot be written, before the work for it is done.
+
+    Raises
+    ------
+    InputError
+        If the path is a folder, or its folder cannot be made or written to.
+    """
+    if Path(path).is_dir():
+        raise InputError(f"{Path(path)}: is a folder; give a file name")
+    folder = Path(path).absolute().parent
+    while not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise InputError(f"{Path(path)}: cannot write there; choose another folder with -o")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _PACKAGES = (
-    *("numpy", "scipy", "pyopencl", "pocl-binary-distribution", "moderngl", "glfw", "pyvista"),
+    *("numpy", "scipy", "pyopencl", "pocl-binary-distribution", "moderngl", "pyvista"),
     *("SimpleITK", "colour-science", "OpenEXR", "imageio"),
 )
 

@@ -7,6 +7,9 @@ says who complains, what it got, what it expected, and the likely remedy.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class VolspecError(Exception):
     """Base of every exception raised on purpose by this package."""
@@ -41,7 +44,11 @@ class TransferError(InputError):
 
 
 class CameraError(InputError):
-    """A camera or raycast setting is degenerate."""
+    """A camera is degenerate."""
+
+
+class RaycastError(InputError):
+    """A raycast setting is out of range."""
 
 
 class ImageError(InputError):
@@ -50,6 +57,10 @@ class ImageError(InputError):
 
 class ViewingError(InputError):
     """A viewing condition, appearance model or light rig is out of range."""
+
+
+class RelightError(InputError):
+    """A relighter cannot do what is asked: it is closed, or the kind of frame is unknown."""
 
 
 class SceneError(InputError):
@@ -66,3 +77,41 @@ class OpenCLError(DeviceError):
 
 class OpenGLError(DeviceError):
     """No GL context could be made; see ``volspec doctor``."""
+
+
+def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
+    """A guess at what a misspelt name meant, to stand inside a message.
+
+    Parameters
+    ----------
+    name : str
+        What was given, in any case; anything else is taken by its ``str``.
+    known : iterable of str
+        The names there are. One with a ``/`` is also found by what follows the last one.
+    count : int
+        The most guesses made.
+
+    Returns
+    -------
+    str
+        A question that ends in a space, or ``""`` where no known name is near.
+
+    Examples
+    --------
+    >>> nearest("d56", ["D50", "D65", "FL2"], count=2)
+    "did you mean 'D65' or 'D50'? "
+    >>> nearest("banana", ["PMC/Banana", "PMC/Carrot"])
+    "did you mean 'PMC/Banana'? "
+    >>> nearest("sunshine", ["D50", "D65", "FL2"])
+    ''
+    """
+    words = tuple(known)
+    folded = {word.rpartition("/")[2].casefold(): word for word in reversed(words)}
+    folded |= {word.casefold(): word for word in reversed(words)}
+    # Twice as many: a word may be hit whole and by its last part.
+    hits = difflib.get_close_matches(str(name).casefold(), folded, n=2 * count, cutoff=0.5)
+    quoted = [repr(word) for word in dict.fromkeys(folded[hit] for hit in hits)][:count]
+    if not quoted:
+        return ""
+    rest = ", ".join(quoted[:-1])
+    return f"did you mean {rest} or {quoted[-1]}? " if rest else f"did you mean {quoted[-1]}? "

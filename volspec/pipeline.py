@@ -8,8 +8,11 @@ The demo, the command line, the exporters and the viewer all come through here.
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Mapping
 from typing import Any
 
+from volspec.errors import RaycastError, VolspecWarning
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.gpu import Progress, Raycaster
 from volspec.relight import Relighter, relight
@@ -29,6 +32,7 @@ def raycast(
     device: str | None = None,
     progress: Progress | None = None,
     caster: Raycaster | None = None,
+    notes: Mapping[str, str] | None = None,
 ) -> CoefficientImage:
     """Cast a volume once, for every light to come.
 
@@ -49,6 +53,8 @@ def raycast(
     caster : Raycaster, optional
         The volume already on a device, for several casts of it; ``device`` is then the
         caster's.
+    notes : {str: str}, optional
+        Kept in the image beside what this function notes.
 
     Returns
     -------
@@ -59,8 +65,8 @@ def raycast(
     ------
     OpenCLError
         If there is no device or the volume does not fit it.
-    VolumeError, CameraError
-        If the volume or the picture's size cannot be cast.
+    VolumeError, RaycastError
+        If the volume or the picture's size cannot be cast, or the caster holds another volume.
 
     Examples
     --------
@@ -76,13 +82,29 @@ def raycast(
     """
     volume = Volume.of(volume)
     spec = spec or RaycastSpec()
-    caster = caster or Raycaster(volume, device=device)
+    if caster is None:
+        caster = Raycaster(volume, device=device)
+    elif caster.volume is not volume:
+        raise RaycastError(
+            f"raycast: the caster holds {caster.volume.name!r}, the volume is {volume.name!r}; "
+            "give the caster's own"
+        )
     table = transfer.bake(min(volume.spacing_mm))
     coefficients, alpha, depth = caster.cast(table, camera, size, spec, progress)
-    notes = {
+    if not alpha.any():
+        warnings.warn(
+            f"{volume.name}: the picture is empty. The transfer function runs from "
+            f"{table.domain[0]:g} to {table.domain[1]:g} with opacity up to "
+            f"{table.opacity.max():g}, the volume's values from {volume.range[0]:g} to "
+            f"{volume.range[1]:g}; or the camera looks past it",
+            VolspecWarning,
+            stacklevel=2,
+        )
+    kept = {
         "volume": volume.name,
         "camera": repr(camera),
         "raycast": repr(spec),
         "device": caster.device,
+        **(notes or {}),
     }
-    return CoefficientImage(coefficients, alpha, depth, transfer.basis, notes)
+    return CoefficientImage(coefficients, alpha, depth, transfer.basis, kept)

@@ -38,7 +38,7 @@ vec3 displayed_from_scene(vec3 XYZ) {
     float p2 = x + ACHROMATIC_NOISE;
     float x_display =
         passage.display_achromatic * pow(x / passage.scene_achromatic, passage.lightness_power);
-    float skew = (passage.chroma_gain - 1.0) / 23.0 * dot(vec2(11.0, 108.0), ab);
+    float skew = (passage.chroma_gain - 1.0) * dot(CHROMA_SKEW, ab);
     float chroma = passage.chroma_gain * (x_display + ACHROMATIC_NOISE)
         / max(p2 + skew, CHROMA_FLOOR * p2);
     ab *= x > 0.0 ? chroma : 0.0;

@@ -10,12 +10,15 @@ from volspec.appearance.ciecam02 import forward, inverse, transport
 from volspec.appearance.conditions import Conditions, Transport
 from volspec.appearance.constants import (
     ACHROMATIC,
+    CHROMA_SKEW,
+    CHROMA_SUM,
     DISPLAY_WHITE_XYZ,
     OPPONENT_A,
     OPPONENT_B,
     RESPONSE_FROM_OPPONENT,
     XYZ_FROM_sRGB,
 )
+from volspec.appearance.models import cielab, cielab_derivative
 from volspec.appearance.srgb import decode, encode, linear_from_XYZ, to_uint8
 from volspec.errors import ShapeError, ViewingError
 
@@ -89,9 +92,20 @@ def test_transport_between_equal_conditions_changes_nothing():
     np.testing.assert_allclose(transport(XYZ, Transport.between(c, c)), XYZ, atol=1e-10)
 
 
-def test_opponent_matrix_is_the_exact_inverse():
-    stacked = np.stack([ACHROMATIC, OPPONENT_A, OPPONENT_B])
-    np.testing.assert_allclose(stacked @ RESPONSE_FROM_OPPONENT, np.eye(3), atol=1e-15)
+def test_opponent_weights_give_the_standard_s_inverse():
+    printed = [[460.0, 451.0, 288.0], [460.0, -891.0, -261.0], [460.0, -220.0, -6300.0]]
+    np.testing.assert_allclose(RESPONSE_FROM_OPPONENT * 1403.0, printed, atol=1e-9)
+    # 23 (R + G + 21/20 B) + 11 a + 108 b = 23 p2, which the inverse of t rests on.
+    skewed = CHROMA_SUM + CHROMA_SKEW @ np.stack([OPPONENT_A, OPPONENT_B])
+    np.testing.assert_allclose(skewed, ACHROMATIC, atol=1e-15)
+
+
+def test_cielab_derivative_is_its_slope():
+    ratio = np.array([[0.5, 0.3, 0.9], [0.001, 0.02, 0.0], [-0.01, 1.0, 0.008]])
+    h = 1e-6
+    moved = (ratio[:, None] + h * np.eye(3), ratio[:, None] - h * np.eye(3))
+    slope = (cielab(moved[0], np.ones(3)) - cielab(moved[1], np.ones(3))) / (2 * h)
+    np.testing.assert_allclose(cielab_derivative(ratio), slope.swapaxes(1, 2), rtol=1e-6)
 
 
 @pytest.mark.parametrize("size", [1e6, 1e3, 1.0, 1e-9, 1e-30])

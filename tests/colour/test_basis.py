@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from volspec.appearance.models import cielab
 from volspec.basis import SpectralBasis
 from volspec.errors import BasisError, SpectrumError
 from volspec.spectra import (
@@ -16,10 +17,13 @@ from volspec.spectra import (
     SpectralGrid,
     Spectrum,
     XYZ_of,
+    color_matching_functions,
     light,
     reflectance,
+    reflectance_set,
     white_XYZ,
 )
+from volspec.spectra._colour import colour_science
 
 LIGHTS = [light(n) for n in ("D65", "A", "FL2")]
 REFLECTANCES = [reflectance(f"ColorChecker/{n}") for n in ("red", "green", "blue", "yellow")]
@@ -55,10 +59,51 @@ def test_white_is_exact_under_every_light(basis: SpectralBasis, name: str) -> No
     assert basis.xyz(np.ones(basis.size), lamp) == pytest.approx(white_XYZ(lamp), abs=1e-9)
 
 
-def test_exact_light_matrix_keeps_white(general: SpectralBasis) -> None:
-    for lamp in LIGHTS:
-        shown = general.light_matrix(lamp) @ np.ones(7)
-        assert shown == pytest.approx(white_XYZ(lamp), abs=1e-6)
+@pytest.mark.parametrize("name", ["D65", "A", "planck:2000", "FL2", "HP1", "LPS", "LED-RGB1"])
+def test_exact_light_matrix_keeps_white(basis: SpectralBasis, name: str) -> None:
+    # The sharpened basis has B 1 != 1: without the rows' stretch Z is off by 5.6 under D65.
+    lamp = light(name)
+    shown = basis.light_matrix(lamp) @ np.ones(basis.size)
+    assert shown == pytest.approx(white_XYZ(lamp), abs=1e-9)
+
+
+def test_a_basis_that_holds_white_shows_its_light_matrix_unstretched(
+    general: SpectralBasis,
+) -> None:
+    for lamp in (*LIGHTS, light("LPS")):
+        Q = color_matching_functions(general.grid)
+        plain = 100.0 / (Q[1] @ lamp.values) * (Q * lamp.values) @ general.synthesis
+        assert general.light_matrix(lamp) == pytest.approx(plain, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("names", "componentwise"),
+    # Largest CIEDE2000, measured .0003, .0005, .0007 and .024: K follows the light's white, so
+    # the componentwise picture of a sum is not quite the sum of pictures.
+    [
+        (("D65", "A"), 0.002),
+        (("D65", "planck:2000"), 0.002),
+        (("A", "FL2"), 0.002),
+        (("D65", "LPS"), 0.05),
+    ],
+)
+def test_pictures_under_two_lights_add_up(
+    general: SpectralBasis, names: tuple[str, str], componentwise: float
+) -> None:
+    # Named lights have equal luminous energy, so the mean picture is that of the mixed light.
+    one, other = map(light, names)
+    both = light(f"{names[0]}*0.5+{names[1]}*0.5")
+    S = reflectance_set("test")
+    c = general.analyze(S)
+    summed = [(general.light_matrix(one) + general.light_matrix(other)) / 2.0]
+    assert summed[0] == pytest.approx(general.light_matrix(both), abs=1e-9)
+    Lab = [
+        cielab(XYZ, white_XYZ(both))
+        for XYZ in (general.xyz(c, both), (general.xyz(c, one) + general.xyz(c, other)) / 2.0)
+    ]
+    off = colour_science().delta_E(*Lab, method="CIE 2000")
+    print(f"{names}: CIEDE2000 mean {off.mean():.4f}, max {off.max():.4f}")
+    assert off.max() <= componentwise
 
 
 def test_analysis_reads_back_what_synthesis_makes(basis: SpectralBasis) -> None:
@@ -66,7 +111,9 @@ def test_analysis_reads_back_what_synthesis_makes(basis: SpectralBasis) -> None:
     assert basis.analyze(basis.synthesize(c)) == pytest.approx(c, abs=1e-7)
 
 
+@pytest.mark.parametrize("basis", ["general", "scene"], indirect=True)
 def test_spectra_in_the_span_have_the_exact_colour(basis: SpectralBasis) -> None:
+    # Not sharpened: where white lies outside the span, its exactness costs the others'.
     c = np.random.default_rng(4).random(basis.size)
     S = basis.synthesize(c)
     for lamp in LIGHTS:
@@ -180,6 +227,12 @@ def test_a_basis_that_loses_white_is_refused(general: SpectralBasis) -> None:
         dataclasses.replace(general, analysis=general.analysis * 1.01)
 
 
+def test_rounding_below_zero_is_taken_as_no_power(general: SpectralBasis) -> None:
+    dip = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - (1.0 + 1e-7) * np.eye(31)[3])
+    none = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - np.eye(31)[3])
+    assert np.array_equal(general.light_matrix(dip), general.light_matrix(none))
+
+
 def test_matrices_are_read_only(general: SpectralBasis) -> None:
     with pytest.raises(ValueError, match="read-only"):
         general.analysis[0, 0] = 1
@@ -189,9 +242,14 @@ def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis
     with pytest.raises(BasisError, match="made with another basis"):
         general.xyz(np.ones(5), LIGHTS[0])
     dark = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark")
-    for matrix in (general.display_matrix, general.light_matrix):
+    minus = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - 1.01 * np.eye(31)[3], "minus")
+    for matrix in (general.display_matrix, general.light_matrix, white_XYZ):
         with pytest.raises(SpectrumError, match="'dark' has no luminous energy"):
             matrix(dark)
+        with pytest.raises(SpectrumError, match=r"'minus' has negative power, -0\.01 at 430 nm"):
+            matrix(minus)
+    with pytest.raises(SpectrumError, match=r"shape \(2, 31\); give one light"):
+        general.light_matrix(np.ones((2, 31)))  # type: ignore[arg-type]
     with pytest.raises(SpectrumError, match="another grid"):
         general.analyze(np.ones(30))
 

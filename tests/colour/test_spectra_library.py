@@ -120,7 +120,7 @@ def test_extreme_planck_lights_stay_finite(kelvin: int) -> None:
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("D66", "nearest: .*D65"),
+        ("D66", "did you mean .*D65"),
         ("D65*0.7+Q", "'Q' in the mix"),
         ("A*-1", "weight of A is -1"),
         ("A*nan", "weight of A is nan"),
@@ -147,7 +147,7 @@ def test_light_files_are_scaled_like_names_and_mix_with_them(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("level", "part"), [("0", "no visible energy"), ("-1", "negative"), ("nan", "not finite")]
+    ("level", "part"), [("0", "no luminous energy"), ("-1", "negative"), ("nan", "not finite")]
 )
 def test_dark_or_negative_light_files_are_refused(tmp_path: Path, level: str, part: str) -> None:
     path = tmp_path / "lamp.csv"
@@ -210,7 +210,7 @@ def test_metals_reflect_as_published() -> None:
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("golden", "nearest: gold"),
+        ("golden", "did you mean .*'gold'"),
         ("dark skin", "ColorChecker/dark skin"),
         ("grey:1.5", r"not in 0\.\.1"),
         ("grey:x", "grey:0.18"),

@@ -14,6 +14,7 @@ from volspec.appearance.srgb import decode, to_uint8
 from volspec.basis.model import SpectralBasis
 from volspec.errors import (
     OpenGLError,
+    RelightError,
     ShapeError,
     SpectrumError,
     ViewingError,
@@ -152,7 +153,15 @@ def test_mixed_light_is_the_weighted_sum_of_analyses():
     basis = box_basis()
     rig = LightRig((light("A"), light("FL2")), weights=(0.25, 2.0))
     expected = 0.25 * basis.analyze(light("A")) + 2.0 * basis.analyze(light("FL2"))
-    np.testing.assert_allclose(basis.analyze(rig.mixed()), expected, rtol=1e-12)
+    np.testing.assert_allclose(basis.analyze(rig.mixed(GRID)), expected, rtol=1e-12)
+
+
+def test_weights_may_be_an_array():
+    A, D65 = light("A"), light("D65")
+    given = LightRig((A, D65), weights=np.array([0.25, 2.0]), illuminance_lux=np.array([5, 7]))
+    assert given.weights == (0.25, 2.0)
+    assert given.total_lux == 0.25 * 5 + 2 * 7
+    assert LightRig((A, D65), weights=np.array([])).weights == (1.0, 1.0)
 
 
 def test_light_change_uploads_nothing(monkeypatch):
@@ -230,13 +239,25 @@ def test_unlit_rig_and_other_nonsense_is_refused_in_one_line():
     A = light("A")
     lit = {"backend": "numpy"}
     black = Spectrum([390, 710], [0.0, 0.0], name="night")
+    stolen = Spectrum([390, 710], [1.0, -0.1], name="stolen")
+    lux = (100.0, 100.0)
     cases = [
         (lambda: LightRig(()), ViewingError, "at least one Spectrum"),
         (lambda: LightRig((A,), weights=(0.0,)), ViewingError, "every weight is 0"),
         (lambda: LightRig((A,), weights=(1.0, 2.0)), ViewingError, "2 numbers for 1 lights"),
         (lambda: LightRig((A,), weights=(-1.0,)), ViewingError, "number 1 is -1.0"),
         (lambda: LightRig((A,), illuminance_lux=(0.0,)), ViewingError, "0 lux together"),
+        (lambda: LightRig((A,), weights=("much",)), ViewingError, "weights is"),
         (lambda: LightRig(("A",)), ViewingError, "expected a Spectrum"),
+        (lambda: LightRig((A, black), (), lux).mixed(GRID), SpectrumError, "'night' has no lum"),
+        (lambda: LightRig((A, stolen)).mixed(GRID), SpectrumError, "'stolen' has negative power"),
+        (
+            lambda: relight(image, stolen, **lit),
+            SpectrumError,
+            "negative power, -0.0656.* at 700 nm",
+        ),
+        (lambda: relight(image, A, dtype="wide", **lit), RelightError, "dtype is 'wide'"),
+        (lambda: relight(image, A, Viewing(exposure=1e30), **lit), ViewingError, "the exposure"),
         (lambda: RelightSpec(mode="exakt"), ViewingError, "did you mean 'exact'"),
         (lambda: RelightSpec(level="abs"), ViewingError, "level is 'abs'"),
         (lambda: RelightSpec(backdrop=1.2), ViewingError, "backdrop reflects 1.2"),
@@ -244,9 +265,9 @@ def test_unlit_rig_and_other_nonsense_is_refused_in_one_line():
         (lambda: RelightSpec(viewing="CIECAM02"), ViewingError, "expected a Viewing"),
         (lambda: relight(image, "A", **lit), ViewingError, "such as volspec.light"),
         (lambda: relight(image, black, **lit), SpectrumError, "night"),
-        (lambda: relight(image, A, dtype=np.int8, **lit), ViewingError, "numpy.uint8"),
+        (lambda: relight(image, A, dtype=np.int8, **lit), RelightError, "numpy.uint8"),
         (lambda: relight(image, A, level="absolute", **lit), ViewingError, "needs the lights' lux"),
-        (lambda: Relighter(image, backend="vulkan"), ViewingError, "backend is 'vulkan'"),
+        (lambda: Relighter(image, backend="vulkan"), RelightError, "backend is 'vulkan'"),
         (lambda: Illumination(np.eye(3), [1.0, 2.0], np.ones(3)), ShapeError, "white_XYZ"),
     ]
     for make, kind, message in cases:
@@ -259,8 +280,9 @@ def test_closed_relighter_says_so(backend):
     relighter = Relighter(cast(), backend)
     relighter.close()
     relighter.close()
-    with pytest.raises(ViewingError, match="already closed"):
-        relighter.frame(light("A"))
+    for call in (lambda: relighter.frame(light("A")), lambda: relighter.update(cast())):
+        with pytest.raises(RelightError, match="already closed"):
+            call()
 
 
 def test_a_vtk_window_opened_between_frames_does_not_blank_them():

@@ -11,15 +11,15 @@ import shutil
 import subprocess
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from functools import cache
 from glob import glob
 from typing import TYPE_CHECKING, Any
 
 from volspec._gpu.sources import Source
-from volspec.errors import OpenCLError
+from volspec.errors import OpenCLError, nearest
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -136,8 +136,10 @@ class Compute:
             names = [device.name.strip() for device in found]
             chosen = [d for d, n in zip(found, names, strict=True) if name.lower() in n.lower()]
             if not chosen:
-                near = get_close_matches(name, names, n=3, cutoff=0.2) or names
-                raise OpenCLError(f"no OpenCL device named {name!r}; there is: {', '.join(near)}")
+                raise OpenCLError(
+                    f"no OpenCL device named {name!r}; {nearest(name, names)}"
+                    f"there is: {', '.join(names)}"
+                )
             found = chosen
         import pyopencl as cl
 
@@ -174,17 +176,47 @@ class Compute:
         return self._kernels[key]
 
     def upload(self, array: Any) -> cl.Buffer:
-        """A read-only device copy of a contiguous array."""
+        """A read-only device copy of a contiguous array.
+
+        Raises
+        ------
+        OpenCLError
+            If the device has no room for it.
+        """
         import pyopencl as cl
 
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self.context, flags, hostbuf=array)
+        with self._told(array.nbytes):
+            return cl.Buffer(self.context, flags, hostbuf=array)
 
     def output(self, nbytes: int) -> cl.Buffer:
-        """A device buffer that kernels write and the host reads."""
+        """A device buffer that kernels write and the host reads.
+
+        Raises
+        ------
+        OpenCLError
+            If the device has no room for it.
+        """
         import pyopencl as cl
 
-        return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, nbytes)
+        with self._told(nbytes):
+            return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, nbytes)
+
+    @contextmanager
+    def _told(self, nbytes: int) -> Iterator[None]:
+        """Say in one line that memory does not suffice."""
+        import pyopencl as cl
+
+        limit = self.info.max_allocation_bytes
+        try:
+            if nbytes > limit:
+                raise cl.MemoryError("more than the device's largest buffer")
+            yield
+        except cl.Error as error:
+            raise OpenCLError(
+                f"{self.info.name} has no room for {nbytes / 2**20:.0f} MiB (its largest buffer is "
+                f"{limit / 2**20:.0f} MiB); cast a smaller picture or a down-sampled volume"
+            ) from error
 
     def download(self, buffer: cl.Buffer, into: Any) -> None:
         """Copy a buffer into a contiguous array and wait for it."""

@@ -160,8 +160,8 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: Conditions) ->
     p1 = conditions.eccentricity_scale * _eccentricity(cos_h, sin_h)
     achromatic = conditions.white_achromatic * level ** (1.0 / conditions.lightness_power)
     p2 = achromatic + k.ACHROMATIC_NOISE
-    pole = np.maximum(23.0 * p1 + t * (11.0 * cos_h + 108.0 * sin_h), k.CHROMA_FLOOR * 23.0 * p1)
-    chroma = 23.0 * t * p2 / pole
+    skew = k.CHROMA_SKEW[0] * cos_h + k.CHROMA_SKEW[1] * sin_h
+    chroma = t * p2 / np.maximum(p1 + t * skew, k.CHROMA_FLOOR * p1)
     opponent = np.stack([achromatic, chroma * cos_h, chroma * sin_h], axis=-1)
     responses = _expand(opponent @ k.RESPONSE_FROM_OPPONENT.T)
     XYZ_from_response = np.linalg.inv(conditions.response_from_XYZ())
@@ -201,7 +201,7 @@ def transport(XYZ: ArrayLike, passage: Transport) -> Array:
         passage.display_achromatic
         * (achromatic / passage.scene_achromatic) ** passage.lightness_power
     )
-    skew = (passage.chroma_gain - 1.0) / 23.0 * (11.0 * a + 108.0 * b)
+    skew = (passage.chroma_gain - 1.0) * (k.CHROMA_SKEW[0] * a + k.CHROMA_SKEW[1] * b)
     chroma = passage.chroma_gain * (display + k.ACHROMATIC_NOISE)
     chroma = np.where(lit, chroma / np.maximum(p2 + skew, k.CHROMA_FLOOR * p2), 0.0)
     opponent = np.stack([display, chroma * a, chroma * b], axis=-1)

@@ -46,10 +46,10 @@ ACHROMATIC_NOISE = 0.305
 OPPONENT_A = _frozen([1.0, -12.0 / 11.0, 1.0 / 11.0])
 OPPONENT_B = _frozen([1.0 / 9.0, 1.0 / 9.0, -2.0 / 9.0])
 CHROMA_SUM = _frozen([1.0, 1.0, 21.0 / 20.0])
-# The inverse of (ACHROMATIC, OPPONENT_A, OPPONENT_B), exactly.
-RESPONSE_FROM_OPPONENT = _frozen(
-    np.array([[460.0, 451.0, 288.0], [460.0, -891.0, -261.0], [460.0, -220.0, -6300.0]]) / 1403.0
-)
+# What a and b add to that sum to make the achromatic signal; the inverse of t needs it:
+# ACHROMATIC = CHROMA_SUM + 11/23 OPPONENT_A + 108/23 OPPONENT_B.
+CHROMA_SKEW = _frozen([11.0 / 23.0, 108.0 / 23.0])
+RESPONSE_FROM_OPPONENT = _frozen(np.linalg.inv([ACHROMATIC, OPPONENT_A, OPPONENT_B]))
 # eq. 33-34: t = 50000/13 N_c N_cb e_t √(a² + b²) / sum, e_t = (cos(h + 2) + 3.8) / 4.
 ECCENTRICITY_SCALE = 50000.0 / 13.0
 ECCENTRICITY_PHASE = 2.0
@@ -95,7 +95,7 @@ def shader_constants() -> dict[str, float | NDArray[np.float64]]:
     Returns
     -------
     dict
-        Name in GLSL -> scalar, (3,) vector or (3, 3) matrix.
+        Name in GLSL -> scalar, vector or (3, 3) matrix.
     """
     return {
         "RESPONSE_POLE": RESPONSE_POLE,
@@ -106,6 +106,7 @@ def shader_constants() -> dict[str, float | NDArray[np.float64]]:
         "ACHROMATIC_NOISE": ACHROMATIC_NOISE,
         "OPPONENT_A": OPPONENT_A,
         "OPPONENT_B": OPPONENT_B,
+        "CHROMA_SKEW": CHROMA_SKEW,
         "CHROMA_FLOOR": CHROMA_FLOOR,
         "RESPONSE_FROM_OPPONENT": RESPONSE_FROM_OPPONENT,
         "RGB_FROM_XYZ": sRGB_FROM_XYZ,

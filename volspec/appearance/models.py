@@ -16,9 +16,12 @@ from volspec.errors import ViewingError
 
 Array = NDArray[np.float64]
 
+# f of the ratio XYZ / white: its cube root above the knee, a straight line below.
 _KNEE = (6.0 / 29.0) ** 3
 _SLOPE = (29.0 / 6.0) ** 2 / 3.0
 _OFFSET = 4.0 / 29.0
+_LAB_FROM_F = np.array([[0.0, 116.0, 0.0], [500.0, -500.0, 0.0], [0.0, 200.0, -200.0]])
+_LAB_AT_0 = np.array([-16.0, 0.0, 0.0])
 
 
 def _white(white_XYZ: ArrayLike) -> Array:
@@ -34,7 +37,7 @@ def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
     Parameters
     ----------
     XYZ : (..., 3) array_like
-        On the white's scale.
+        On the white's scale; the straight toe takes negative predictions too.
     white_XYZ : (3,) array_like
         The adopted white.
 
@@ -55,8 +58,25 @@ def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
     """
     ratio = np.asarray(XYZ, dtype=np.float64) / _white(white_XYZ)
     f = np.where(ratio > _KNEE, np.cbrt(ratio), _SLOPE * ratio + _OFFSET)
-    x, y, z = np.moveaxis(f, -1, 0)
-    return np.stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)], axis=-1)
+    return f @ _LAB_FROM_F.T + _LAB_AT_0
+
+
+def cielab_derivative(ratio: ArrayLike) -> Array:
+    """How CIELAB follows XYZ / white: the metric of small colour differences.
+
+    Parameters
+    ----------
+    ratio : (..., 3) array_like
+        XYZ over the white's.
+
+    Returns
+    -------
+    (..., 3, 3) float64
+        Row L*, a* or b*, column X, Y or Z.
+    """
+    t = np.asarray(ratio, dtype=np.float64)
+    slope = np.where(t > _KNEE, np.maximum(t, _KNEE) ** (-2.0 / 3.0) / 3.0, _SLOPE)
+    return _LAB_FROM_F * slope[..., None, :]
 
 
 def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:

@@ -11,14 +11,13 @@ References
 
 from __future__ import annotations
 
-import difflib
 import math
 import numbers
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
-from volspec.errors import ViewingError
+from volspec.errors import ViewingError, nearest
 
 MODELS = ("CIECAM02", "none")
 
@@ -46,12 +45,9 @@ SURROUNDS = MappingProxyType(
 def _require_known(name: str, value: object, known: tuple[str, ...]) -> None:
     if value in known:
         return
-    near = difflib.get_close_matches(
-        str(value).lower(), [k.lower() for k in known], n=1, cutoff=0.4
+    raise ViewingError(
+        f"{name} is {value!r}; {nearest(str(value), known)}known: {', '.join(known)}"
     )
-    hint = [k for k in known if k.lower() in near]
-    guess = f"did you mean {hint[0]!r}? " if hint else ""
-    raise ViewingError(f"{name} is {value!r}; {guess}Known: {', '.join(known)}")
 
 
 def _require_positive(name: str, value: float, remedy: str) -> None:
@@ -104,10 +100,11 @@ class Viewing:
         ``"CIECAM02"`` shows what an eye adapted to the scene's light sees; ``"none"`` shows
         scene XYZ as they are beside the display's white, so tungsten looks orange.
     illuminance_lux : float
-        E_v of the light on the scene. Gives L_A where that is None, and is the level that
-        ``level="absolute"`` compares lights with.
+        E_v of the light on the scene, lux, where the light itself carries none. Also the
+        level that ``level="absolute"`` compares lights with.
     L_A : float, optional
-        Luminance of the scene's adapting field, cd/m²; None is E_v/π · Y_b/100.
+        Luminance of the scene's adapting field, cd/m²; None is E_v/π · Y_b/100, with the E_v
+        of a `volspec.LightRig` that carries one, else ``illuminance_lux``.
     Y_b : float
         Luminance factor of the scene's background, percent of a perfect diffuser.
     surround : str
@@ -162,7 +159,7 @@ class Viewing:
 
     @property
     def adapting_luminance(self) -> float:
-        """L_A of the scene, cd/m²."""
+        """L_A of the scene, cd/m²: ``L_A``, or that of a background under ``illuminance_lux``."""
         if self.L_A is not None:
             return self.L_A
         return self.illuminance_lux / math.pi * self.Y_b / 100.0

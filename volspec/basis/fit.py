@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis.sensors import fit_sensors
-from volspec.errors import BasisError, SpectrumError
+from volspec.errors import BasisError, SpectrumError, nearest
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import color_matching_functions, stack
+from volspec.spectra.photometry import color_matching_functions, light_power, stack
 from volspec.spectra.spectrum import Spectrum
 
 Array = NDArray[np.float64]
@@ -54,10 +54,13 @@ def fit_basis(
 ) -> Any:
     """Fit and build; `SpectralBasis.fit` is the public face and documents the arguments."""
     if method not in METHODS:
-        raise BasisError(f"basis method {method!r} is unknown; choose {' or '.join(METHODS)}")
+        raise BasisError(
+            f"basis method {method!r} is unknown; {nearest(method, METHODS)}"
+            f"choose {' or '.join(METHODS)}"
+        )
     E, S = _rows(lights, grid, "lights"), _rows(reflectances, grid, "reflectances")
     _check_size(size, grid)
-    _check_lights(E, lights, grid)
+    E = _powers(E, lights, grid)
     if not np.any(S > 0):
         raise BasisError("reflectances are all black: there is nothing to fit")
     if method == "pca-sharpened":
@@ -168,16 +171,17 @@ def _check_size(size: int, grid: SpectralGrid) -> None:
         )
 
 
-def _check_lights(E: Array, lights: Sequence[Spectrum] | ArrayLike, grid: SpectralGrid) -> None:
-    energy = E @ color_matching_functions(grid)[1]
-    if not (energy > 0).all():
-        k = int(np.argmin(energy))
-        name = f"light {k + 1}"
+def _powers(E: Array, lights: Sequence[Spectrum] | ArrayLike, grid: SpectralGrid) -> Array:
+    powers = np.empty_like(E)
+    for k, row in enumerate(E):
+        label = f"light {k + 1}"
         if isinstance(lights, list | tuple) and isinstance(lights[k], Spectrum):
-            name += f" ({lights[k].name})"
-        raise BasisError(
-            f"{name} has no luminous energy (sum E V = {energy[k]:g}); leave it out of the fit"
-        )
+            label += f" ({lights[k].name})"
+        try:
+            powers[k] = light_power(row, grid, label)
+        except SpectrumError as error:
+            raise BasisError(str(error)) from None
+    return powers
 
 
 def _smoothness(value: float | None, pairs: int) -> float:

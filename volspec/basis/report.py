@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.basis.sensors import NO_COLOUR
+from volspec.appearance.models import cielab
+from volspec.basis.display import NO_COLOUR
 from volspec.errors import BasisError
 from volspec.spectra._colour import colour_science
 from volspec.spectra.library import light_set, reflectance_set, reflectance_set_names
@@ -148,8 +149,8 @@ def delta_e_table(lights: Sequence[Spectrum], reflectances: Array, XYZ: Sequence
     reference, predicted = [], []
     for light, XYZ_light in zip(lights, XYZ, strict=True):
         white = _visible_white(light)
-        reference.append(_lab(XYZ_of(light, reflectances) / white))
-        predicted.append(_lab(np.asarray(XYZ_light) / white))
+        reference.append(cielab(XYZ_of(light, reflectances), white))
+        predicted.append(cielab(XYZ_light, white))
     return np.asarray(
         colour_science().delta_E(np.array(reference), np.array(predicted), method="CIE 2000")
     )
@@ -178,11 +179,3 @@ def _visible_white(light: Spectrum) -> Array:
     """The light's white; X and Z below a thousandth of Y, which no eye sees, are taken as that."""
     white = white_XYZ(light)
     return np.maximum(white, NO_COLOUR * white[1])
-
-
-def _lab(ratio: Array) -> Array:
-    """CIELAB of XYZ / white; the linear toe also takes negative predictions."""
-    toe = (6.0 / 29.0) ** 3
-    f = np.where(ratio > toe, np.cbrt(np.maximum(ratio, toe)), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
-    x, y, z = np.moveaxis(f, -1, 0)
-    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)

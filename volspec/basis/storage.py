@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from volspec._files import write_whole
 from volspec._gpu.sources import asset
-from volspec.errors import BasisError, SpectrumError
+from volspec.errors import BasisError, SpectrumError, nearest
 from volspec.spectra.grid import SpectralGrid
 
 if TYPE_CHECKING:
@@ -90,10 +90,10 @@ def read(name_or_path: str | os.PathLike[str]) -> tuple[Path, Any]:
         folder = asset("data/bases")
         path = folder / f"{path.name}.json"
         if not path.is_file():
-            shipped = ", ".join(sorted(p.stem for p in folder.glob("*.json"))) or "none"
+            shipped = sorted(p.stem for p in folder.glob("*.json"))
             raise BasisError(
-                f"basis {str(name_or_path)!r} is unknown; shipped: {shipped}; "
-                "or give the path of a .json file"
+                f"basis {path.name!r} is unknown; {nearest(path.name, shipped)}"
+                f"shipped: {', '.join(shipped) or 'none'}; or give the path of a .json file"
             )
     try:
         return path, json.loads(path.read_text(encoding="utf-8"))

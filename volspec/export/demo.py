@@ -9,14 +9,13 @@ import json
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 from volspec import __version__
 from volspec._files import write_whole
-from volspec.appearance import Viewing
 from volspec.basis.report import report
 from volspec.export.frames import file_stem, write_frame
 from volspec.export.sheet import SheetColumn, contact_sheet
@@ -42,7 +41,7 @@ class LightReport:
     ratio : float
         Cast time over relight time.
     delta_e_mean, delta_e_max : float
-        CIEDE2000 of the scene's materials, componentwise against full spectra.
+        CIEDE2000 of the scene's materials against full spectra, in the scene's mode.
     """
 
     name: str
@@ -96,24 +95,23 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
     started = time.perf_counter()
     image = scene.render(volume, caster=caster, progress=lambda share: tell("cast", share))
     cast_ms = 1e3 * (time.perf_counter() - started)
-    image.save(out / f"{Path(volume.name).stem}.exr")
-
-    columns, reports = [], []
+    columns, reports, frames = [], [], {}
     materials = list(scene.materials.values())
     relit = scene.relight
-    unadapted = Viewing(model="none")
+    unadapted = replace(relit.viewing, model="none")
+    seen: dict[str, Any] = {"mode": relit.mode, "backdrop": relit.backdrop, "level": relit.level}
     with Relighter(image) as relighter:
         for i, light in enumerate(scene.lights):
             times = []
             for _ in range(_REPEATS):
                 started = time.perf_counter()
-                frame = relighter.frame(light.spectrum, relit.viewing, relit.mode, relit.backdrop)
+                frame = relighter.frame(light.rig, relit.viewing, **seen)
                 times.append(1e3 * (time.perf_counter() - started))
-            plain = relighter.frame(light.spectrum, unadapted, relit.mode, relit.backdrop)
-            text = {"light": light.spectrum.name, "Software": f"volspec {__version__}"}
-            write_frame(out / "frames" / f"{file_stem(light.name)}.png", frame, text)
+            plain = relighter.frame(light.rig, unadapted, **seen)
+            frames[light.name] = frame
             columns.append(SheetColumn(light.name, light.label, light.spectrum, [frame, plain]))
-            error = report(scene.basis, [light.spectrum], materials).componentwise
+            errors = report(scene.basis, [light.spectrum], materials)
+            error = errors.exact if relit.mode == "exact" else errors.componentwise
             reports.append(
                 LightReport(
                     light.name,
@@ -131,7 +129,13 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
         f"{scene.file.title or volume.name}: cast once in {cast_ms:.0f} ms, "
         f"relit in {relight_ms:.0f} ms a light"
     )
-    write_frame(out / "sheet.png", contact_sheet(title, _ROWS, columns))
+    sheet = contact_sheet(title, _ROWS, columns)
+    # Everything is made; now write it, so that an interruption before leaves nothing behind.
+    image.save(out / f"{Path(volume.name).stem}.exr")
+    for name, frame in frames.items():
+        text = {"light": name, "Software": f"volspec {__version__}"}
+        write_frame(out / "frames" / f"{file_stem(name)}.png", frame, text)
+    write_frame(out / "sheet.png", sheet)
     result = DemoReport(
         scene=scene.file.title,
         size=image.size,

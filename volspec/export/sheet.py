@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _PAPER, _INK, _FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
 _GAP, _MARGIN, _PLOT, _CAPTION = 12, 36, 84, 44
+_PLOTTED_NM = (400.0, 700.0)
 _OVERSAMPLING = 3  # lines of the spectra are drawn larger and scaled down: smooth edges
 
 
@@ -105,11 +106,10 @@ def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
     """A light's spectrum, filled with the colours of its wavelengths, highest band full height."""
     from PIL import Image, ImageDraw
 
-    grid = DEFAULT_GRID
-    values = light.on(grid).values
+    values = light.values / max(light.values.max(), 1e-12)
     size = (width * _OVERSAMPLING, height * _OVERSAMPLING)
-    at = np.linspace(grid.wavelengths_nm[0], grid.wavelengths_nm[-1], size[0])
-    level = np.interp(at, grid.wavelengths_nm, values / max(values.max(), 1e-12))
+    at = np.linspace(*_PLOTTED_NM, size[0])
+    level = np.interp(at, light.wavelengths_nm, values, left=0, right=0)
     colour = _wavelength_colours(at)
     rows = np.arange(size[1], 0, -1)[:, None] / size[1]
     filled = np.where((rows <= level[None, :])[..., None], colour[None], np.array(_PAPER) / 255)

@@ -7,6 +7,7 @@ The twin is ``volspec/raycast/reference.py``.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
-from volspec.errors import CameraError, OpenCLError
+from volspec.errors import OpenCLError, RaycastError
 from volspec.raycast.spec import Camera, RaycastSpec
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
@@ -26,7 +27,7 @@ from volspec.volume.bricks import BRICK, brick_ranges, leap_distances
 Progress = Callable[[float], None]
 Result = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
 
-# Packet shape by LANES, as kernels/include/lanes.clh defines it: (width, height) in pixels.
+# Packet shape by LANES, (width, height) in pixels; lanes.clh numbers the lanes row by row.
 TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
 _VOXEL_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
 # The struct Cast of the kernel, field for field.
@@ -42,17 +43,18 @@ _CAST = np.dtype(
         (name, np.float32)
         for name in (
             *("middle_x", "middle_y", "distance", "perspective", "phase", "start"),
-            *("domain_low", "domain_scale", "step_mm", "opaque", "gradient_floor_squared"),
+            *("domain_low", "domain_scale", "last_entry", "step", "opaque"),
+            *("gradient_scale", "gradient_floor_squared"),
         )
     ]
     + [
         (name, np.int32)
         for name in ("width", "height", "row", "slice", "bricks_x", "bricks_y", "shininess")
     ]
-    + [("padding", np.int32, 2)]  # to the struct's alignment, that of float4
 )
 _BANDS = 16
 MAX_CHANNELS = 16
+MAX_SIDE = 16384
 
 
 class Raycaster:
@@ -79,13 +81,12 @@ class Raycaster:
         self._compute = Compute.open(device)
         self.lanes = lanes or (8 if self._compute.info.is_cpu else 1)
         if self.lanes not in TILES:
-            raise CameraError(f"raycast: lanes is {lanes}; give one of {sorted(TILES)}")
+            raise RaycastError(f"raycast: lanes is {lanes}; give one of {sorted(TILES)}")
         padded = np.pad(volume.values, ((1, 2),) * 3, mode="edge")
-        info = self._compute.info
-        if padded.nbytes > info.max_allocation_bytes or padded.size > np.iinfo(np.int32).max:
+        if padded.size > np.iinfo(np.int32).max:
             raise OpenCLError(
-                f"{volume.name}: {padded.nbytes / 2**20:.0f} MiB; {info.name} takes at most "
-                f"{info.max_allocation_bytes / 2**20:.0f} MiB in one buffer, down-sample the volume"
+                f"{volume.name}: {padded.size / 2**30:.1f} Gi voxels; at most 2 Gi can be cast, "
+                "down-sample the volume"
             )
         self._padded_shape = padded.shape
         self._voxels = self._compute.upload(padded)
@@ -122,19 +123,17 @@ class Raycaster:
 
         Raises
         ------
-        CameraError
+        RaycastError
             If the size is not positive.
         """
-        width, height = size
-        if width < 1 or height < 1:
-            raise CameraError(f"raycast: the picture is {width}x{height}; give at least 1x1")
+        width, height = _checked_size(size)
         step = spec.step_of(self.volume)
         opacity = table.step_opacity(step)
         channels = table.coefficients.shape[1]
         if channels > MAX_CHANNELS:
-            raise CameraError(f"raycast: {channels} channels; at most {MAX_CHANNELS} can be cast")
+            raise RaycastError(f"raycast: {channels} channels; at most {MAX_CHANNELS} can be cast")
         row = next(n for n in (4, 8, 16) if n >= channels)
-        kernel = self._kernel(channels, row, len(opacity), spec)
+        kernel = self._kernel(channels, row, spec)
         compute = self._compute
         inputs = [
             compute.upload(array)
@@ -152,14 +151,16 @@ class Raycaster:
         for buffer, result in zip(outputs, results, strict=True):
             compute.download(buffer, result)
         coefficients, alpha, depth = results
-        return coefficients, alpha, depth
+        return coefficients, alpha, depth * np.float32(min(self.volume.spacing_mm))
 
-    def _kernel(self, channels: int, row: int, table_size: int, spec: RaycastSpec) -> Any:
+    def _kernel(self, channels: int, row: int, spec: RaycastSpec) -> Any:
+        tile_width, tile_height = TILES[self.lanes]
         constants = {
             "LANES": self.lanes,
+            "TILE_WIDTH": tile_width,
+            "TILE_HEIGHT": tile_height,
             "CHANNELS": channels,
             "ROW": row,
-            "TABLE_SIZE": table_size,
             "BRICK": BRICK,
             "SHADED": spec.shaded,
             "SPECULAR": spec.specular > 0,
@@ -181,26 +182,35 @@ class Raycaster:
         table_size: int,
     ) -> NDArray[np.void]:
         volume = self.volume
+        unit = min(volume.spacing_mm)
         matrix = volume.index_from_world
         field = camera.ray_field(*size)
         cast = np.zeros((), _CAST)
         cast["target"][:3] = matrix[:3, :3] @ field.target + matrix[:3, 3]
-        for name in ("forward", "across", "down"):
-            cast[name][:3] = getattr(field, name)
+        cast["forward"][:3] = field.forward
+        cast["across"][:3], cast["down"][:3] = field.across / unit, field.down / unit
         for axis, name in enumerate(("index_x", "index_y", "index_z")):
-            cast[name][:3] = matrix[axis, :3]
+            cast[name][:3] = matrix[axis, :3] * unit
         cast["middle_x"], cast["middle_y"] = field.middle
-        cast["distance"], cast["perspective"] = field.distance, field.perspective
+        cast["distance"], cast["perspective"] = field.distance / unit, field.perspective
         # Steps are counted from the camera but numbered from the one next to the target.
         nearest = round(field.distance / step)
-        cast["start"], cast["phase"] = -nearest * step, nearest * step - field.distance
+        cast["start"] = -nearest * step / unit
+        cast["phase"] = (nearest * step - field.distance) / unit
         cast["top"][:3] = np.array(volume.shape_xyz) - 1
         cast["shade"] = spec.ambient, spec.diffuse, spec.specular, 0
         cast["shininess"] = spec.shininess
         low, high = table.domain
+        if (table_size - 1) / (high - low) > np.finfo(np.float32).max:
+            raise RaycastError(
+                f"{volume.name}: the transfer function spans {high - low:g}, too little for "
+                "float32; multiply the volume's values"
+            )
+        cast["last_entry"] = table_size - 1
         cast["domain_low"], cast["domain_scale"] = low, (table_size - 1) / (high - low)
-        cast["step_mm"], cast["opaque"] = step, 1 - spec.alpha_stop
-        cast["gradient_floor_squared"] = max(spec.gradient_floor(volume) ** 2, 1e-30)
+        cast["step"], cast["opaque"] = step / unit, 1 - spec.alpha_stop
+        cast["gradient_scale"] = 0.5 * spec.gradient_scale(volume)
+        cast["gradient_floor_squared"] = spec.gradient_floor_squared
         cast["width"], cast["height"] = size
         cast["row"] = self._padded_shape[2]
         cast["slice"] = self._padded_shape[1] * self._padded_shape[2]
@@ -214,12 +224,12 @@ class Raycaster:
         size: tuple[int, int],
         progress: Progress | None,
     ) -> None:
-        """Cast in bands of whole work-groups, so that progress can be told."""
+        """Cast in bands of whole work-groups: progress can be told, drivers are not blocked."""
         tile_width, tile_height = TILES[self.lanes]
         local = (8, 8)
         columns = -(-size[0] // (tile_width * local[0])) * local[0]
         groups = -(-size[1] // (tile_height * local[1]))
-        bands = min(_BANDS, groups) if progress else 1
+        bands = min(_BANDS, groups)
         edges = np.linspace(0, groups, bands + 1).round().astype(int)
         for first, last in pairwise(edges):
             rows = int(last - first) * local[1]
@@ -229,6 +239,20 @@ class Raycaster:
                 self._compute.queue.finish()
                 progress(float(last) / groups)
         self._compute.queue.finish()
+
+
+def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    try:
+        width, height = (operator.index(n) for n in size)
+    except (TypeError, ValueError):
+        raise RaycastError(
+            f"raycast: size is {size!r:.40}; give (width, height) in whole pixels"
+        ) from None
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise RaycastError(
+            f"raycast: the picture is {width}x{height}; give 1x1 to {MAX_SIDE}x{MAX_SIDE}"
+        )
+    return width, height
 
 
 def _with_differences(opacity: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._files import captured_stderr, write_whole
+from volspec._files import captured_output, write_whole
 from volspec.basis import SpectralBasis
 from volspec.errors import BasisError, ImageError, ShapeError
 
@@ -55,6 +55,10 @@ class CoefficientImage:
     depth_mm: NDArray[np.float32]
     basis: SpectralBasis
     notes: Mapping[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        width, height = self.size
+        return f"CoefficientImage({width}x{height}, {self.basis.size} channels)"
 
     def __post_init__(self) -> None:
         shape = np.shape(self.coefficients)
@@ -101,10 +105,9 @@ class CoefficientImage:
         }
         channels["A"] = np.ascontiguousarray(self.alpha, np.float32)
         channels["Z"] = np.ascontiguousarray(self.depth_mm, np.float32)
-        said: list[str] = []
         with write_whole(path) as temporary:
             try:
-                with captured_stderr(said):
+                with captured_output([]):
                     OpenEXR.File(header, channels).write(os.fspath(temporary))
             except (RuntimeError, OSError) as error:
                 raise ImageError(f"{os.fspath(path)}: cannot be written: {error}") from error
@@ -120,6 +123,8 @@ class CoefficientImage:
             basis version this volspec does not know.
         """
         name = os.fspath(path)
+        if Path(path).is_dir():
+            raise ImageError(f"{name}: is a folder; give a file that `volspec render` made")
         if not Path(path).is_file():
             raise ImageError(f"{name}: no such file; `volspec render SCENE -o {name}` makes one")
         header, pixels = _read(name)
@@ -140,6 +145,8 @@ class CoefficientImage:
         if missing:
             raise ImageError(f"{name}: channel {missing[0]!r} is missing; render the scene again")
         coefficients = np.stack([pixels[key] for key in wanted], axis=-1)
+        if not (np.isfinite(coefficients).all() and np.isfinite(pixels["A"]).all()):
+            raise ImageError(f"{name}: holds NaN or infinite values; render the scene again")
         return cls(coefficients, pixels["A"], pixels["Z"], basis, notes)
 
 
@@ -148,7 +155,7 @@ def _read(name: str) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
 
     said: list[str] = []
     try:
-        with captured_stderr(said), OpenEXR.File(name, separate_channels=True) as file:
+        with captured_output(said), OpenEXR.File(name, separate_channels=True) as file:
             header = dict(file.header())
             pixels = {key: np.array(value.pixels) for key, value in file.channels().items()}
     except (RuntimeError, OSError, ValueError) as error:

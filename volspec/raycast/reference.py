@@ -59,6 +59,7 @@ def cast(
     last = len(opacity) - 1
 
     rays = len(near)
+    covered = np.zeros(rays)
     colour = np.zeros((rays, channels.shape[1]))
     through = np.ones(rays)
     depth = np.zeros(rays)
@@ -81,14 +82,14 @@ def cast(
         diffuse, specular = _shading(gradient, direction[live], matrix, volume, spec)
         weight = through[live] * alpha
         colour[live] += weight[:, None] * (diffuse[:, None] * seen + specular[:, None])
+        covered[live] += weight
         depth[live] += weight * middle
         through[live] *= 1 - alpha
         k[live] += 1
-    alpha = 1 - through
     with np.errstate(divide="ignore", invalid="ignore"):
-        expected = np.where(alpha > 0, depth / alpha, np.inf)
+        expected = np.where(covered > 0, depth / covered, np.inf)
     shape = (height, width)
-    return colour.reshape(*shape, -1), alpha.reshape(shape), expected.reshape(shape)
+    return colour.reshape(*shape, -1), covered.reshape(shape), expected.reshape(shape)
 
 
 def _rays(
@@ -111,11 +112,13 @@ def _clip(
     start: NDArray[np.float64], along: NDArray[np.float64], top: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where rays enter and leave the box 0…top (index space); empty where near ≥ far."""
+    parallel = along == 0
+    between = (start >= 0) & (start <= top)
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = (0 - start) / along, (top - start) / along
-    # A ray parallel to a face it lies in gives 0/0: that face does not limit it.
-    enter = np.where(np.isnan(a) | np.isnan(b), -np.inf, np.minimum(a, b)).max(axis=1)
-    leave = np.where(np.isnan(a) | np.isnan(b), np.inf, np.maximum(a, b)).min(axis=1)
+    # A ray parallel to two faces lies between them for ever or never.
+    enter = np.where(parallel, np.where(between, -np.inf, np.inf), np.minimum(a, b)).max(axis=1)
+    leave = np.where(parallel, np.where(between, np.inf, -np.inf), np.maximum(a, b)).min(axis=1)
     return np.maximum(enter, 0.0), np.maximum(leave, 0.0)
 
 
@@ -159,10 +162,10 @@ def _shading(
     """Factor of the reflectance and the light-coloured addition; headlight along the ray."""
     if not spec.shaded:
         return np.full(len(gradient), spec.ambient), np.zeros(len(gradient))
-    world = gradient @ index_from_world[:3, :3]
+    per_spacing = index_from_world[:3, :3] * min(volume.spacing_mm)
+    world = (gradient * spec.gradient_scale(volume)) @ per_spacing
     square = (world**2).sum(axis=1)
-    floor = spec.gradient_floor(volume) ** 2
-    trust = square / (square + floor)
+    trust = square / (square + spec.gradient_floor_squared)
     facing = np.abs((world * direction).sum(axis=1)) / np.sqrt(np.maximum(square, 1e-30))
     lambert = 1 + trust * (facing - 1)
     return (

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import CameraError
+from volspec.errors import CameraError, RaycastError
 from volspec.volume import Volume
 
 Vector = tuple[float, float, float]
@@ -46,10 +46,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         for name in ("position_mm", "target_mm", "up"):
-            vector = np.asarray(getattr(self, name), dtype=np.float64)
-            if vector.shape != (3,) or not np.isfinite(vector).all():
-                raise CameraError(f"camera: {name} is {getattr(self, name)}; give three numbers")
-            object.__setattr__(self, name, tuple(float(v) for v in vector))
+            object.__setattr__(self, name, _three(name, getattr(self, name)))
         if not 0 < self.fov_deg < 180:
             raise CameraError(f"camera: fov_deg is {self.fov_deg}; give degrees between 0 and 180")
         if self.height_mm is not None and not (
@@ -89,6 +86,10 @@ class Camera:
         >>> [round(x, 3) for x in camera.position_mm]
         [1.0, -5.692, 1.0]
         """
+        volume = Volume.of(volume)
+        for name, angle in (("azimuth_deg", azimuth_deg), ("elevation_deg", elevation_deg)):
+            if not math.isfinite(angle):
+                raise CameraError(f"camera: {name} is {angle}; give degrees")
         if not (math.isfinite(zoom) and zoom > 0):
             raise CameraError(f"camera: zoom is {zoom}; give a number above 0")
         if not 0 < fov_deg < 180:
@@ -96,7 +97,7 @@ class Camera:
         corners = volume.corners_mm
         centre = corners.mean(axis=0)
         radius = float(np.linalg.norm(corners - centre, axis=1).max()) or 1.0
-        target = centre if target_mm is None else np.asarray(target_mm, dtype=np.float64)
+        target = centre if target_mm is None else np.array(_three("target_mm", target_mm))
         axis = np.asarray(up, dtype=np.float64)
         if axis.shape != (3,) or not np.linalg.norm(axis) > 0:
             raise CameraError(f"camera: up is {up}; give a direction")
@@ -145,6 +146,16 @@ class Camera:
         )
 
 
+def _three(name: str, given: Vector) -> Vector:
+    try:
+        x, y, z = (float(v) for v in given)
+    except (TypeError, ValueError):
+        raise CameraError(f"camera: {name} is {given!r:.60}; give three numbers") from None
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        raise CameraError(f"camera: {name} is {(x, y, z)}; give three finite numbers")
+    return x, y, z
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RayField:
     """Rays as offsets in the plane through the camera's target, square to its view.
@@ -176,7 +187,7 @@ class RaycastSpec:
         headlight. With ``diffuse`` and ``specular`` 0 no gradient is computed;
         ``ambient=1, diffuse=0`` shows the plain reflectances.
     shininess : int
-        Blinn-Phong exponent, a whole number of at least 1: integer powers cost a few products.
+        Blinn-Phong exponent, 1 to 1024; whole, since integer powers cost a few products.
     alpha_stop : float
         A ray ends when its opacity passes this; above 0, up to 1 (never ends early).
     flat_gradient : float
@@ -196,13 +207,15 @@ class RaycastSpec:
         for name in ("ambient", "diffuse", "specular", "flat_gradient"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
-                raise CameraError(f"raycast: {name} is {value}; give a number of 0 or more")
-        if self.shininess != int(self.shininess) or self.shininess < 1:
-            raise CameraError(f"raycast: shininess is {self.shininess}; give a whole number ≥ 1")
+                raise RaycastError(f"raycast: {name} is {value}; give a number of 0 or more")
+        if self.shininess not in range(1, 1025):
+            raise RaycastError(
+                f"raycast: shininess is {self.shininess}; give a whole number of 1 to 1024"
+            )
         if self.step_mm is not None and not (math.isfinite(self.step_mm) and self.step_mm > 0):
-            raise CameraError(f"raycast: step_mm is {self.step_mm}; give millimetres above 0")
+            raise RaycastError(f"raycast: step_mm is {self.step_mm}; give millimetres above 0")
         if not 0 < self.alpha_stop <= 1:
-            raise CameraError(f"raycast: alpha_stop is {self.alpha_stop}; give 0…1, above 0")
+            raise RaycastError(f"raycast: alpha_stop is {self.alpha_stop}; give 0…1, above 0")
 
     @property
     def shaded(self) -> bool:
@@ -213,7 +226,12 @@ class RaycastSpec:
         """The step in millimetres for a volume."""
         return self.step_mm or 0.5 * min(volume.spacing_mm)
 
-    def gradient_floor(self, volume: Volume) -> float:
-        """`flat_gradient` in value units per millimetre; never 0, so that 0/0 cannot arise."""
+    def gradient_scale(self, volume: Volume) -> float:
+        """Value per smallest spacing -> share of the volume's range; 0 for a constant one."""
         low, high = volume.range
-        return max(self.flat_gradient * (high - low) / min(volume.spacing_mm), 1e-12)
+        return 1 / (high - low) if high > low else 0.0
+
+    @property
+    def gradient_floor_squared(self) -> float:
+        """`flat_gradient` squared; never 0, so that 0/0 cannot arise."""
+        return max(self.flat_gradient**2, 1e-12)

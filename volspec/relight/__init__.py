@@ -3,8 +3,16 @@
 raycast -> [relight] -> appearance -> frame
 """
 
+from volspec.relight.check import componentwise_error
 from volspec.relight.illumination import Illumination
 from volspec.relight.relighter import Relighter, relight
 from volspec.relight.spec import LightRig, RelightSpec
 
-__all__ = ["Illumination", "LightRig", "RelightSpec", "Relighter", "relight"]
+__all__ = [
+    "Illumination",
+    "LightRig",
+    "RelightSpec",
+    "Relighter",
+    "componentwise_error",
+    "relight",
+]

@@ -7,7 +7,6 @@ The coefficients are uploaded once. A light change sends some sixty numbers and 
 
 from __future__ import annotations
 
-import math
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
@@ -29,34 +28,13 @@ from volspec.appearance.constants import shader_constants, sRGB_FROM_XYZ
 from volspec.appearance.spec import Viewing
 from volspec.errors import OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
+from volspec.relight.packed import layer_count, pack_layers
 from volspec.relight.spec import Pixels
 
 if TYPE_CHECKING:
     import moderngl
 
 _GLSL = "330 core"
-_LIMIT = 1e9
-
-
-def layer_count(channels: int) -> int:
-    """RGBA layers that hold the channels and alpha."""
-    return math.ceil((channels + 1) / 4)
-
-
-def pack_layers(
-    coefficients: NDArray[np.float32], alpha: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """(layers, H, W, 4): the channels, then alpha, then zeros, four to a layer.
-
-    Values stop at ±1e9, so that no finite coefficient overflows the shader's float32.
-    """
-    height, width, channels = coefficients.shape
-    layers = np.zeros((layer_count(channels), height, width, 4), dtype=np.float32)
-    for i in range(channels):
-        # Channel by channel: NumPy moves single numbers at a stride faster than short rows.
-        np.clip(coefficients[..., i], -_LIMIT, _LIMIT, out=layers[i // 4, ..., i % 4])
-    layers[channels // 4, ..., channels % 4] = alpha
-    return layers
 
 
 def uniforms(light: Illumination, viewing: Viewing) -> dict[str, NDArray[np.float32]]:
@@ -86,7 +64,7 @@ def uniforms(light: Illumination, viewing: Viewing) -> dict[str, NDArray[np.floa
     columns[channels] = -light.backdrop_XYZ
     values: dict[str, ArrayLike] = {"XYZ_from_layer": columns, "backdrop_XYZ": light.backdrop_XYZ}
     if viewing.model == "CIECAM02":
-        passage = Transport.for_viewing(viewing, light.white_XYZ)
+        passage = Transport.for_viewing(light.viewed(viewing), light.white_XYZ)
         values |= {
             "passage.response_from_XYZ": passage.response_from_XYZ.T,
             "passage.linear_from_response": (sRGB_FROM_XYZ @ passage.XYZ_from_response).T,

@@ -15,6 +15,7 @@ from volspec.appearance.conditions import Transport
 from volspec.appearance.spec import Viewing
 from volspec.appearance.srgb import encode, linear_from_XYZ, to_uint8
 from volspec.relight.illumination import Illumination
+from volspec.relight.packed import bounded
 from volspec.relight.spec import Pixels
 
 # Rows at a time: a 512-pixel block of temporaries then stays in the second-level cache.
@@ -30,8 +31,8 @@ class HostEngine:
         self.upload(coefficients, alpha)
 
     def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
-        """Take another image; (H, W, M) and (H, W)."""
-        self._coefficients, self._alpha = coefficients, alpha
+        """Take another image, `bounded`; (H, W, M) and (H, W)."""
+        self._coefficients, self._alpha = bounded(coefficients), bounded(alpha)
 
     def render(
         self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
@@ -39,7 +40,7 @@ class HostEngine:
         """(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding."""
         height, width = self._alpha.shape
         adapt = viewing.model == "CIECAM02"
-        passage = Transport.for_viewing(viewing, light.white_XYZ) if adapt else None
+        passage = Transport.for_viewing(light.viewed(viewing), light.white_XYZ) if adapt else None
         frame = np.empty((height, width, 3), dtype=dtype)
         for row in range(0, height, _ROWS):
             rows = slice(row, row + _ROWS)

@@ -15,12 +15,13 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.appearance.spec import Viewing
 from volspec.errors import ShapeError, ViewingError
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.photometry import XYZ_of, white_XYZ
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from volspec.basis.model import SpectralBasis
 
 Array = NDArray[np.float64]
+
+# Times a coefficient of 1e9 and sixteen channels this stays far inside float32.
+_LARGEST = 1e20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +45,7 @@ class Illumination:
     ShapeError
         If the arrays are not (3, M), (3,) and (3,).
     ViewingError
-        If a number is not finite.
+        If a number is not finite or beyond 1e20.
     """
 
     XYZ_from_channels: Array
@@ -50,6 +54,8 @@ class Illumination:
     """(3,): the adopted white, Y = 100 whatever the gain."""
     backdrop_XYZ: Array
     """(3,): the lit backdrop, gain included."""
+    illuminance_lux: float | None = None
+    """E_v of the light, lux; None where it carries none and the viewing's counts."""
 
     def __post_init__(self) -> None:
         for name in ("XYZ_from_channels", "white_XYZ", "backdrop_XYZ"):
@@ -58,8 +64,11 @@ class Illumination:
             object.__setattr__(self, name, array)
             if array.shape[:1] != (3,) or array.ndim != (2 if name == "XYZ_from_channels" else 1):
                 raise ShapeError(f"illumination: {name} has shape {array.shape}; expected 3 rows")
-            if not np.all(np.isfinite(array)):
-                raise ViewingError(f"illumination: {name} is not finite; check the light's values")
+            if not np.all(np.abs(array) <= _LARGEST):
+                raise ViewingError(
+                    f"illumination: {name} is not finite or beyond {_LARGEST:g}; check the "
+                    "light's values, its lux and the exposure"
+                )
 
     @classmethod
     def of(
@@ -81,7 +90,7 @@ class Illumination:
         ViewingError
             If ``light`` is neither, or ``level="absolute"`` lacks lux.
         SpectrumError
-            If the light does not fit the basis or is black.
+            If a light does not cover the basis' grid, has negative power or is black.
         """
         rig = LightRig((light,)) if isinstance(light, Spectrum) else light
         if not isinstance(rig, LightRig):
@@ -107,7 +116,16 @@ class Illumination:
             backdrop = XYZ_of(mixed, spec.backdrop)
         else:
             backdrop = spec.backdrop * white
-        return cls(gain * np.asarray(matrix), white, gain * backdrop)
+        return cls(gain * np.asarray(matrix), white, gain * backdrop, rig.total_lux)
+
+    def viewed(self, viewing: Viewing) -> Viewing:
+        """A viewing under this light: its E_v, where it carries one, gives the scene's L_A.
+
+        L_A = E_v/π · Y_b/100; a `Viewing.L_A` that is given stays.
+        """
+        if self.illuminance_lux is None:
+            return viewing
+        return replace(viewing, illuminance_lux=self.illuminance_lux)
 
     def scene_XYZ(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
         """Colour of each pixel in the scene.
@@ -129,7 +147,7 @@ class Illumination:
         ShapeError
             If the channel count differs from the matrix's or the pixels do not match.
         """
-        C = np.asarray(coefficients)
+        C = np.asarray(coefficients, dtype=np.float64)
         opacity = np.asarray(alpha, dtype=np.float64)
         if C.shape != opacity.shape + (self.XYZ_from_channels.shape[1],):
             raise ShapeError(

@@ -3,7 +3,8 @@
     illumination -> [reference] -> encoded float64, uint8
 
 Slow and independent on purpose: nothing of the appearance model is shared with
-`volspec.appearance.ciecam02` or the shader.
+`volspec.appearance.ciecam02` or the shader. The light's matrix is shared by all; a test
+compares it with 31 bands (`test_relight_is_method_4_in_31_bands`).
 
 References
 ----------
@@ -22,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.appearance.spec import SURROUNDS, Viewing
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
+from volspec.spectra._colour import colour_science
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
@@ -50,9 +52,8 @@ def display_XYZ(XYZ: ArrayLike, white_XYZ: ArrayLike, viewing: Viewing) -> Array
     scene = np.asarray(XYZ, dtype=np.float64)
     if viewing.model == "none":
         return scene
-    import colour
-    from colour.appearance import CAM_Specification_CIECAM02, InductionFactors_CIECAM02
-
+    colour = colour_science()
+    InductionFactors = colour.appearance.InductionFactors_CIECAM02
     F, c, N_c = SURROUNDS[viewing.surround]
     L_A = viewing.adapting_luminance
     if viewing.D is not None:
@@ -65,19 +66,19 @@ def display_XYZ(XYZ: ArrayLike, white_XYZ: ArrayLike, viewing: Viewing) -> Array
             np.asarray(white_XYZ, dtype=np.float64),
             L_A,
             viewing.Y_b,
-            InductionFactors_CIECAM02(F, c, N_c),
+            InductionFactors(F, c, N_c),
             compute_H=False,
         )
         J = np.asarray(seen.J, dtype=np.float64)
         lit = J > 0.0
         shown = colour.CIECAM02_to_XYZ(
-            CAM_Specification_CIECAM02(
+            colour.CAM_Specification_CIECAM02(
                 J=np.where(lit, J, 1.0), C=np.where(lit, seen.C, 0.0), h=seen.h
             ),
             _sRGB().whitepoint_XYZ,
             display.L_A,
             display.Y_b,
-            InductionFactors_CIECAM02(*SURROUNDS[display.surround]),
+            InductionFactors(*SURROUNDS[display.surround]),
         )
     return np.where(lit[..., None], shown, 0.0)
 
@@ -86,8 +87,7 @@ class _sRGB:
     """colour-science's sRGB with the matrix derived from its primaries in double precision."""
 
     def __init__(self) -> None:
-        import colour
-
+        colour = colour_science()
         space = colour.RGB_COLOURSPACES["sRGB"].copy()
         space.use_derived_transformation_matrices(True)
         self.matrix: Array = np.asarray(space.matrix_XYZ_to_RGB) / 100.0
@@ -115,11 +115,10 @@ def encoded_frame(
     (H, W, 3) float64
         Encoded sRGB, 0 to 1, before rounding; row 0 is the top.
     """
-    from colour.models import eotf_inverse_sRGB
-
-    XYZ = display_XYZ(light.scene_XYZ(coefficients, alpha), light.white_XYZ, viewing)
+    scene = light.scene_XYZ(coefficients, alpha)
+    XYZ = display_XYZ(scene, light.white_XYZ, light.viewed(viewing))
     linear = np.clip(XYZ @ _sRGB().matrix.T, 0.0, 1.0)
-    return np.asarray(eotf_inverse_sRGB(linear), dtype=np.float64)
+    return np.asarray(colour_science().models.eotf_inverse_sRGB(linear), dtype=np.float64)
 
 
 def relight_reference(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from volspec._gpu.opengl import ContextLost
 from volspec.appearance.spec import Viewing
-from volspec.errors import OpenGLError, ShapeError, ViewingError, VolspecWarning
+from volspec.errors import OpenGLError, RelightError, ShapeError, VolspecWarning, nearest
 from volspec.relight.gpu import GLEngine
 from volspec.relight.host import HostEngine
 from volspec.relight.illumination import Illumination
@@ -46,18 +46,25 @@ class Relighter:
     ------
     OpenGLError
         If ``backend="gl"`` and no context can be made.
-    ViewingError
+    RelightError
         If the backend is unknown.
     ShapeError
         If the image's arrays do not fit together.
 
     Examples
     --------
-    ::
+    Grey under tungsten, to an eye that adapts and as bare XYZ:
 
-        with Relighter(image) as relighter:
-            for name in ("D65", "A", "FL2"):
-                frame = relighter.frame(volspec.light(name))
+    >>> from volspec.basis import SpectralBasis
+    >>> from volspec.raycast.image import CoefficientImage
+    >>> from volspec.spectra import light
+    >>> grey, opaque = np.full((1, 1, 7), 0.5, np.float32), np.ones((1, 1), np.float32)
+    >>> image = CoefficientImage(grey, opaque, opaque, SpectralBasis.load("general-7"))
+    >>> with Relighter(image, backend="numpy") as relighter:
+    ...     for model in ("CIECAM02", "none"):
+    ...         relighter.frame(light("A"), Viewing(model=model, D=1.0))[0, 0].tolist()
+    [191, 187, 186]
+    [246, 172, 96]
     """
 
     def __init__(
@@ -67,8 +74,9 @@ class Relighter:
         context: Any = None,
     ) -> None:
         if backend is not None and backend not in BACKENDS:
-            raise ViewingError(
-                f"Relighter: backend is {backend!r}; expected {' or '.join(BACKENDS)}, or None"
+            raise RelightError(
+                f"Relighter: backend is {backend!r}; {nearest(str(backend), BACKENDS)}"
+                f"expected {' or '.join(BACKENDS)}, or None"
             )
         coefficients, alpha = _arrays(image)
         self._image = image
@@ -96,6 +104,8 @@ class Relighter:
 
         Raises
         ------
+        RelightError
+            If it is closed.
         ShapeError
             If size or channel count differ.
         """
@@ -138,15 +148,20 @@ class Relighter:
 
         Raises
         ------
+        RelightError
+            If it is closed or the dtype is another.
         ViewingError
             If an argument is out of range.
         SpectrumError
-            If the light is black or does not cover the grid.
+            If a light is black, has negative power or does not cover the grid.
         """
         self._require_open()
-        kind = np.dtype(dtype).type
+        try:
+            kind = np.dtype(dtype).type
+        except TypeError:
+            kind = np.void
         if kind not in (np.uint8, np.float32):
-            raise ViewingError(
+            raise RelightError(
                 f"relight: dtype is {dtype!r}; expected numpy.uint8 or numpy.float32"
             )
         spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
@@ -172,7 +187,7 @@ class Relighter:
 
     def _require_open(self) -> None:
         if self._closed:
-            raise ViewingError("Relighter: already closed; make another")
+            raise RelightError("Relighter: already closed; make another")
 
     def __enter__(self) -> Self:
         return self

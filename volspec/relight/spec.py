@@ -9,18 +9,18 @@ References
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.spec import Viewing
-from volspec.errors import ViewingError
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.photometry import illuminance_lux
+from volspec.errors import ViewingError, nearest
+from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.photometry import illuminance_lux, light_power
 from volspec.spectra.spectrum import Spectrum
 
 # (H, W, 3), uint8 or float32 as asked for.
@@ -31,7 +31,10 @@ LEVELS = ("relative", "absolute")
 
 
 def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
-    numbers = tuple(float(v) for v in values)
+    try:
+        numbers = tuple(float(v) for v in values)
+    except (TypeError, ValueError):
+        raise ViewingError(f"{name} is {values!r:.60}; expected one number a light") from None
     if len(numbers) != count:
         raise ViewingError(f"{name} has {len(numbers)} numbers for {count} lights; give one each")
     for j, value in enumerate(numbers):
@@ -48,11 +51,12 @@ class LightRig:
     ----------
     lights : tuple of Spectrum
         Relative or absolute spectral power E_j.
-    weights : tuple of float, optional
-        w_j, at least 0; all 1 by default.
-    illuminance_lux : tuple of float, optional
-        What each light gives at weight 1, lux. The spectra are then only shapes; needed for
-        ``level="absolute"``.
+    weights : sequence of float, optional
+        w_j, at least 0; empty is all 1.
+    illuminance_lux : sequence of float, optional
+        What each light gives at weight 1, lux. The spectra are then only shapes. Their sum is
+        the E_v from which the scene's L_A follows (unless `Viewing.L_A` is given): dim light
+        looks dim at ``level="relative"`` too. Needed for ``level="absolute"``.
 
     Raises
     ------
@@ -63,8 +67,9 @@ class LightRig:
     --------
     >>> flat = Spectrum([390, 710], [1, 1], name="flat")
     >>> ramp = Spectrum([390, 710], [0, 3.2], name="ramp")
-    >>> LightRig((flat, ramp), weights=(0.5, 1.0)).mixed().values[[0, 15, 30]].round(3).tolist()
-    [0.6, 2.1, 3.6]
+    >>> rig = LightRig((flat, ramp), weights=(0.5, 1.0))
+    >>> rig.mixed(SpectralGrid(400, 700, 150)).values.round(3).tolist()
+    [0.925, 2.1, 3.275]
     """
 
     lights: tuple[Spectrum, ...]
@@ -82,7 +87,8 @@ class LightRig:
                     "such as volspec.light('D65')"
                 )
         count = len(lights)
-        weights = _numbers("LightRig.weights", self.weights or (1.0,) * count, count)
+        given = self.weights if np.size(self.weights) else (1.0,) * count
+        weights = _numbers("LightRig.weights", given, count)
         if not any(weights):
             raise ViewingError("LightRig: every weight is 0, so there is no light; raise one")
         object.__setattr__(self, "lights", lights)
@@ -93,27 +99,25 @@ class LightRig:
                 raise ViewingError("LightRig: the lights give 0 lux together; raise one")
             object.__setattr__(self, "illuminance_lux", lux)
 
-    def mixed(self, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
-        """The sum of the lights as one Spectrum on a grid, the 31 bands by default.
+    def mixed(self, grid: SpectralGrid) -> Spectrum:
+        """The sum of the lights as one Spectrum on a grid.
 
         Its scale is the lights' own, or W / (m² nm) where the rig has `illuminance_lux`.
 
         Raises
         ------
         SpectrumError
-            If a light does not cover the grid or, with lux, has no luminous energy.
+            If a light does not cover the grid, has negative power or no luminous energy.
         """
-        lights = tuple(light.on(grid) for light in self.lights)
-        factors = self.weights
-        if self.illuminance_lux is not None:
-            factors = tuple(
-                w * lux / illuminance_lux(light)
-                for w, lux, light in zip(factors, self.illuminance_lux, lights, strict=True)
-            )
-        mix = lights[0] * factors[0]
-        for light, factor in zip(lights[1:], factors[1:], strict=True):
-            mix = mix + light * factor
-        return mix
+        total = np.zeros(grid.size)
+        for j, (light, weight) in enumerate(zip(self.lights, self.weights, strict=True)):
+            power = light_power(light, grid)
+            if self.illuminance_lux is not None:
+                lux = illuminance_lux(Spectrum(grid.wavelengths_nm, power))
+                weight = weight * self.illuminance_lux[j] / lux
+            total += weight * power
+        name = "+".join(light.name for light in self.lights if light.name)
+        return Spectrum(grid.wavelengths_nm, total, name)
 
     @property
     def total_lux(self) -> float | None:
@@ -138,7 +142,8 @@ class RelightSpec:
         default, 0.2, is the grey that the appearance model takes for the surround.
     level : str
         ``"relative"``: the light's white has Y = 100, a swap never darkens the picture.
-        ``"absolute"``: Y = 100 is the viewing's ``illuminance_lux``; lights add.
+        ``"absolute"``: Y = 100 is the viewing's ``illuminance_lux``; lights add. At both levels
+        the eye adapts to the rig's lux where it carries them, else to the viewing's.
 
     Raises
     ------
@@ -156,10 +161,9 @@ class RelightSpec:
             raise ViewingError(f"relight: viewing is {self.viewing!r:.60}; expected a Viewing")
         for name, value, known in (("mode", self.mode, MODES), ("level", self.level, LEVELS)):
             if value not in known:
-                near = difflib.get_close_matches(str(value), known, n=1, cutoff=0.4)
-                guess = f"did you mean {near[0]!r}? " if near else ""
                 raise ViewingError(
-                    f"relight: {name} is {value!r}; {guess}Known: {', '.join(known)}"
+                    f"relight: {name} is {value!r}; {nearest(str(value), known)}"
+                    f"known: {', '.join(known)}"
                 )
         if isinstance(self.backdrop, Spectrum):
             low, high = float(self.backdrop.values.min()), float(self.backdrop.values.max())

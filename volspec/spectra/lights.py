@@ -9,7 +9,7 @@ share of the illuminance.
 
 from __future__ import annotations
 
-import difflib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -18,10 +18,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import SpectrumError
+from volspec.errors import SpectrumError, nearest
 from volspec.spectra._colour import colour_science
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.photometry import color_matching_functions, extended_band_means
+from volspec.spectra.photometry import (
+    color_matching_functions,
+    extended_band_means,
+    light_power,
+)
 from volspec.spectra.spectrum import Spectrum
 
 # Second radiation constant h c / k in nm K (CODATA 2018; 000 eq. 7 has a misprint).
@@ -39,10 +43,11 @@ _NOT_SPIKY = {
     "Natural",
     "F40/N (Natural FL)",
 }
+Folder = str | os.PathLike[str]
 _SMOOTH = ("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E")
 
 
-def light(text: str, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
+def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".") -> Spectrum:
     """A light by name, as the command line writes it.
 
     Parameters
@@ -53,6 +58,8 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
         ``NAME*WEIGHT+NAME*WEIGHT`` whose weights are shares of illuminance (default 1).
         The name ``3-LED-1 (457/540/605)`` and its like are taken whole.
     grid : SpectralGrid
+    folder : path
+        What a file's relative name starts from.
 
     Returns
     -------
@@ -75,11 +82,9 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
     wanted = " ".join(str(text).split())
     if not wanted:
         raise SpectrumError("light: empty name; give a name such as D65, planck:3200 or FILE.csv")
-    if _is_known(wanted):
-        return _component(wanted, grid)
-    terms = _parse_mix(wanted)
+    terms = None if _is_known(wanted, folder) else _parse_mix(wanted, folder)
     if terms is None:
-        return _component(wanted, grid)
+        return _component(wanted, grid, folder)
     for term in terms:
         if not (np.isfinite(term.weight) and term.weight >= 0):
             raise SpectrumError(
@@ -88,7 +93,7 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
             )
     if not any(term.weight > 0 for term in terms):
         raise SpectrumError(f"light {wanted!r}: every weight is 0; give one a positive weight")
-    values = sum(term.weight * _component(term.name, grid).values for term in terms)
+    values = sum(term.weight * _component(term.name, grid, folder).values for term in terms)
     name = "+".join(str(term) for term in terms)
     return Spectrum(grid.wavelengths_nm, np.asarray(values), name)
 
@@ -128,30 +133,33 @@ def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
             if n.startswith(("FL", "HP", "LED")) or (n not in illuminants and n not in _NOT_SPIKY)
         ]
     else:
-        raise SpectrumError(f"light set {name!r} is unknown; choose smooth or spiky")
+        raise SpectrumError(
+            f"light set {name!r} is unknown; {nearest(name, ('smooth', 'spiky'))}"
+            "choose smooth or spiky"
+        )
     return [light(n, grid) for n in names]
 
 
-def _is_known(name: str) -> bool:
+def _is_known(name: str, folder: Folder) -> bool:
     """Whether the text is one light, not a mix; says nothing about its being valid."""
     low = name.casefold()
     if low in _by_folded_name():
         return True
     if low.endswith(".csv"):
         # "A+lamp.csv" is a mix, unless a file is called so.
-        return not set("+*") & set(name) or Path(name).is_file()
+        return not set("+*") & set(name) or Path(folder, name).is_file()
     prefix, _, number = low.partition(":")
     return prefix in ("planck", "daylight") and _number(number) is not None
 
 
-def _parse_mix(text: str) -> list[_Term] | None:
+def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
     """The terms of a mix; names may hold ``+``, so the longest readable term goes first."""
 
     def read(parts: list[str]) -> Iterator[list[_Term]]:
         if not parts:
             yield []
         for count in range(len(parts), 0, -1):
-            term = _read_term("+".join(parts[:count]).strip())
+            term = _read_term("+".join(parts[:count]).strip(), folder)
             if term is not None:
                 for rest in read(parts[count:]):
                     yield [term, *rest]
@@ -160,19 +168,23 @@ def _parse_mix(text: str) -> list[_Term] | None:
     if terms is not None or not ("+" in text or "*" in text):
         return terms
     for part in text.split("+"):
+        if not part.strip("* "):
+            raise SpectrumError(f"light {text!r}: a name is missing; write NAME*WEIGHT+NAME*WEIGHT")
+        if part.rstrip().endswith("*"):
+            raise SpectrumError(f"light {text!r}: a weight is missing after {part.strip()!r}")
         name, _, weight = part.strip().rpartition("*")
         bare = name.strip() if name and _number(weight) is not None else part.strip()
-        if not _is_known(bare):
+        if not _is_known(bare, folder):
             raise _unknown(bare, f" in the mix {text!r}")
     raise SpectrumError(f"light {text!r}: cannot be read as a mix NAME*WEIGHT+NAME*WEIGHT")
 
 
-def _read_term(text: str) -> _Term | None:
-    if _is_known(text):
+def _read_term(text: str, folder: Folder) -> _Term | None:
+    if _is_known(text, folder):
         return _Term(_canonical(text), 1.0)
     for name, weight in (text.rpartition("*")[::2], text.partition("*")[::-2]):
         number = _number(weight)
-        if number is not None and _is_known(name.strip()):
+        if number is not None and _is_known(name.strip(), folder):
             return _Term(_canonical(name.strip()), number)
     return None
 
@@ -197,7 +209,7 @@ def _named(name: str, grid: SpectralGrid) -> Spectrum:
         raise SpectrumError(f"light {name!r}: {error}") from None
 
 
-def _component(name: str, grid: SpectralGrid) -> Spectrum:
+def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
     canonical = _canonical(name)
     if canonical in _tables():
         return _named(canonical, grid)
@@ -216,7 +228,7 @@ def _component(name: str, grid: SpectralGrid) -> Spectrum:
         values = _planck(kelvin, grid) if prefix == "planck" else _daylight(kelvin, grid)
         return _normalised(values, grid, f"{prefix}:{kelvin:g}")
     if prefix.endswith(".csv"):
-        return _from_file(name, grid)
+        return _from_file(os.fspath(Path(folder, name)), grid)
     raise _unknown(name)
 
 
@@ -237,19 +249,16 @@ def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
 
 
 def _unknown(name: str, where: str = "") -> SpectrumError:
-    near = difflib.get_close_matches(name.casefold(), _by_folded_name(), n=4, cutoff=0.4)
-    hint = f"; nearest: {', '.join(_by_folded_name()[n] for n in near)}" if near else ""
     return SpectrumError(
-        f"light {name!r}{where} is unknown{hint}; other forms: planck:3200, daylight:6500, FILE.csv"
+        f"light {name!r}{where} is unknown; {nearest(name, light_names())}"
+        "other forms: planck:3200, daylight:6500, FILE.csv"
     )
 
 
 def _normalised(values: NDArray[np.float64], grid: SpectralGrid, name: str) -> Spectrum:
     V = color_matching_functions(grid)[1]
-    energy = float(V @ values)
-    if not energy > 0:
-        raise SpectrumError(f"light {name!r} has no visible energy on {grid}; nothing to scale")
-    return Spectrum(grid.wavelengths_nm, values * (V.sum() / energy), name)
+    power = light_power(values, grid, f"light {name!r}")
+    return Spectrum(grid.wavelengths_nm, power * (V.sum() / (V @ power)), name)
 
 
 def _planck(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:

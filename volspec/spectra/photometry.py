@@ -23,6 +23,8 @@ LUMINOUS_EFFICACY = 683.0
 """lm/W at 555 nm."""
 
 _FULL_RANGE_NM = (360.0, 830.0)
+# Band means of a measured table may dip this far below zero, as a share of the peak.
+_ROUNDING = 1e-6
 
 
 @cache
@@ -76,12 +78,13 @@ def XYZ_of(
     Raises
     ------
     SpectrumError
-        If shapes differ, the light is not equidistant, or it has no luminous energy.
+        If shapes differ, the light is not equidistant, or it is no light (`light_power`).
     """
     grid = light.grid
     S = stack(reflectances, grid)
+    E = light_power(light, grid)
     Q = color_matching_functions(grid)
-    return (S * light.values) @ (Q.T * (100.0 / _luminous_sum(light, Q)))
+    return (S * E) @ (Q.T * (100.0 / (Q[1] @ E)))
 
 
 def white_XYZ(light: Spectrum) -> NDArray[np.float64]:
@@ -123,6 +126,52 @@ def stack(
     return array
 
 
+def light_power(
+    light: Spectrum | ArrayLike, grid: SpectralGrid, label: str = ""
+) -> NDArray[np.float64]:
+    """The power of one light on a grid, checked: what can be seen by.
+
+    Parameters
+    ----------
+    light : Spectrum or (N,) array
+        Relative or absolute spectral power.
+    grid : SpectralGrid
+        N bands within 360-830 nm.
+    label : str, optional
+        What messages call it; the light's own name by default.
+
+    Returns
+    -------
+    (N,) float64
+        At least 0: what lies below by no more than a millionth of the peak becomes 0.
+
+    Raises
+    ------
+    SpectrumError
+        If it is more than one light, does not cover the grid, has negative power or no
+        luminous energy.
+    """
+    E = stack(light, grid)
+    own = f"light {light.name!r}" if isinstance(light, Spectrum) and light.name else "light"
+    label = label or own
+    if E.ndim != 1:
+        raise SpectrumError(f"{label}: an array of shape {E.shape}; give one light at a time")
+    lowest = int(E.argmin())
+    if E[lowest] < -_ROUNDING * np.abs(E).max():
+        raise SpectrumError(
+            f"{label} has negative power, {E[lowest]:g} at {grid.wavelengths_nm[lowest]:g} nm; "
+            "a light's values are 0 or more"
+        )
+    E = np.maximum(E, 0.0)
+    total = float(color_matching_functions(grid)[1] @ E)
+    if not total > 0:
+        raise SpectrumError(
+            f"{label} has no luminous energy (sum E V = {total:g}); "
+            f"give power within {grid.start_nm:g}-{grid.stop_nm:g} nm, or leave it out"
+        )
+    return E
+
+
 def extended_band_means(
     wavelengths_nm: NDArray[np.float64], values: NDArray[np.float64], grid: SpectralGrid
 ) -> NDArray[np.float64]:
@@ -144,13 +193,3 @@ def extended_band_means(
         )
         values = np.pad(values, [pad] + [(0, 0)] * (values.ndim - 1), mode="edge")
     return grid.band_means(wavelengths_nm, values)
-
-
-def _luminous_sum(light: Spectrum, Q: NDArray[np.float64]) -> float:
-    total = float(Q[1] @ light.values)
-    if not total > 0:
-        raise SpectrumError(
-            f"light {light.name!r} has no luminous energy (sum E V = {total:g}); "
-            "give a light with power between 400 and 700 nm"
-        )
-    return total

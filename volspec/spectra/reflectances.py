@@ -5,14 +5,15 @@ grid, spectrum -> [reflectances] -> library
 
 from __future__ import annotations
 
-import difflib
+import os
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.sources import asset
-from volspec.errors import SpectrumError
+from volspec.errors import SpectrumError, nearest
 from volspec.spectra._colour import colour_science
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.photometry import extended_band_means
@@ -26,7 +27,9 @@ _SETS = {
 }
 
 
-def reflectance(text: str, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
+def reflectance(
+    text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: str | os.PathLike[str] = "."
+) -> Spectrum:
     """A reflectance by name, as scene files write it.
 
     Parameters
@@ -38,6 +41,8 @@ def reflectance(text: str, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
         a metal such as ``aluminium``; ``white``, ``black``, ``grey:0.18``; or ``FILE.csv``
         (nm, value in 0..1).
     grid : SpectralGrid
+    folder : path
+        What a file's relative name starts from.
 
     Returns
     -------
@@ -62,10 +67,13 @@ def reflectance(text: str, grid: SpectralGrid = DEFAULT_GRID) -> Spectrum:
     if folded in ("white", "black") or prefix in ("grey", "gray"):
         return _flat(name, {"white": "1", "black": "0"}.get(folded, number), grid)
     if folded.endswith(".csv"):
-        return _from_file(name, grid)
+        return _from_file(os.fspath(Path(folder, name)), grid)
     known = {n.casefold(): n for n in _tables()}
     if folded not in known:
-        raise _unknown(name, known)
+        raise SpectrumError(
+            f"reflectance {name!r} is unknown; {nearest(name, reflectance_names())}"
+            "other forms: grey:0.18, white, black, FILE.csv"
+        )
     w, v = _tables()[known[folded]]
     try:
         values = extended_band_means(w, v, grid)
@@ -101,7 +109,9 @@ def reflectance_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> NDArray[np.
 def reflectance_set_names(name: str) -> tuple[str, ...]:
     """The names behind the rows of `reflectance_set`."""
     if name not in _SETS:
-        raise SpectrumError(f"reflectance set {name!r} is unknown; choose training or test")
+        raise SpectrumError(
+            f"reflectance set {name!r} is unknown; {nearest(name, _SETS)}choose training or test"
+        )
     return tuple(n for start in _SETS[name] for n in _tables() if n.startswith(start))
 
 
@@ -126,17 +136,6 @@ def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
     except SpectrumError as error:
         raise SpectrumError(f"{path}: {error}") from None
     return Spectrum(grid.wavelengths_nm, values, measured.name)
-
-
-def _unknown(name: str, known: dict[str, str]) -> SpectrumError:
-    folded = name.casefold()
-    tails = {n.rpartition("/")[2]: n for n in known}
-    near = difflib.get_close_matches(folded, [*known, *tails], n=4, cutoff=0.5)
-    nearest = list(dict.fromkeys(known[tails.get(n, n)] for n in near))
-    hint = f"; nearest: {', '.join(nearest)}" if nearest else ""
-    return SpectrumError(
-        f"reflectance {name!r} is unknown{hint}; other forms: grey:0.18, white, black, FILE.csv"
-    )
 
 
 @cache
@@ -168,9 +167,8 @@ def _tables() -> dict[str, _Table]:
 
 
 def _colour_evaluation_samples() -> list[_Table]:
-    from colour.quality.cfi2017 import load_TCS_CIE2017
-
-    samples = load_TCS_CIE2017(colour_science().SpectralShape(380, 780, 5))
+    colour = colour_science()
+    samples = colour.quality.cfi2017.load_TCS_CIE2017(colour.SpectralShape(380, 780, 5))
     return [(samples.wavelengths, column) for column in samples.values.T]
 
 

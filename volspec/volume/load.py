@@ -9,13 +9,14 @@ VTK's readers for the medical formats: docs/decisions/0001.
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 from urllib.parse import parse_qsl
 
 import numpy as np
 
-from volspec._files import captured_stderr
-from volspec.errors import VolumeError
+from volspec._files import captured_output
+from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume.adapt import read_vtk_image
 from volspec.volume.model import Volume
 
@@ -50,6 +51,8 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     if target.stat().st_size == 0:
         raise VolumeError(f"{file}: the file is empty; copy or download it again")
     lower = target.name.lower()
+    if lower.endswith((*_ITK_SUFFIXES, *_VTK_SUFFIXES, ".npy")) and query:
+        raise VolumeError(f"{file}: ?{query} is for raw bytes; this format states its own layout")
     if lower.endswith(".raw") or query:
         volume = _load_raw(target, query)
     elif lower.endswith(".npy"):
@@ -73,7 +76,9 @@ def _load_npy(path: Path) -> Volume:
     try:
         values = np.load(path, allow_pickle=False)
     except (ValueError, EOFError, OSError) as error:
-        raise VolumeError(f"{path}: not a readable .npy file: {_first_line(error)}") from error
+        raise VolumeError(
+            f"{path}: not a readable .npy file of numbers; is it complete, and saved by numpy.save?"
+        ) from error
     return Volume(values, name=str(path))
 
 
@@ -84,18 +89,31 @@ def _load_raw(path: Path, query: str) -> Volume:
         raise VolumeError(
             f"{path}: unknown option {unknown[0]!r}; known are shape, dtype, spacing, offset, order"
         )
-    try:
-        shape = tuple(int(n) for n in options["shape"].lower().split("x"))
-        dtype = np.dtype(options.get("dtype", "uint8"))
-        spacing = tuple(float(s) for s in options.get("spacing", "1,1,1").split(","))
-        offset = int(options.get("offset", "0"))
-        if options.get("order", "little") == "big":
-            dtype = dtype.newbyteorder(">")
-    except (KeyError, ValueError, TypeError) as error:
+    if missing := [key for key in ("shape", "dtype") if key not in options]:
         raise VolumeError(
-            f"{path}?{query}: raw bytes need their layout, as in "
-            f"{path.name}?shape=256x256x110&dtype=uint8&spacing=1,1,1 ({_first_line(error)})"
+            f"{path}: raw bytes need their layout, {missing[0]} is missing; write "
+            f"{path.name}?shape=256x256x110&dtype=uint8&spacing=1,1,1"
+        )
+    try:
+        key = "shape"
+        shape = tuple(int(n) for n in options["shape"].lower().split("x"))
+        key = "dtype"
+        dtype = np.dtype(options["dtype"])
+        if dtype.kind not in "buif":
+            raise TypeError
+        key = "spacing"
+        spacing = tuple(float(s) for s in options.get("spacing", "1,1,1").split(","))
+        key = "offset"
+        offset = int(options.get("offset", "0"))
+    except (ValueError, TypeError) as error:
+        raise VolumeError(
+            f"{path}: {key}={options[key]} cannot be read; write it as in "
+            f"{path.name}?shape=256x256x110&dtype=uint8&spacing=1,1,1"
         ) from error
+    if options.get("order", "little") not in ("little", "big"):
+        raise VolumeError(f"{path}: order={options['order']}; give little or big")
+    if options.get("order") == "big":
+        dtype = dtype.newbyteorder(">")
     if len(shape) != 3 or min(shape) < 1:
         raise VolumeError(f"{path}: shape {options['shape']} is not XxYxZ with positive counts")
     expected = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
@@ -104,6 +122,13 @@ def _load_raw(path: Path, query: str) -> Volume:
         raise VolumeError(
             f"{path}: holds {max(held, 0)} bytes after the offset, but shape {options['shape']} "
             f"of {dtype} needs {expected}; truncated, or is the shape wrong?"
+        )
+    if held > expected:
+        warnings.warn(
+            f"{path}: holds {held} bytes, shape {options['shape']} of {dtype} takes {expected} of "
+            "them; are shape, dtype and offset right?",
+            VolspecWarning,
+            stacklevel=3,
         )
     flat = np.fromfile(path, dtype, count=int(np.prod(shape)), offset=offset)
     return Volume(flat.reshape(shape[::-1]), spacing_mm=spacing, name=str(path))  # type: ignore[arg-type]
@@ -114,7 +139,7 @@ def _load_with_itk(path: Path) -> Volume:
 
     said: list[str] = []
     try:
-        with captured_stderr(said):
+        with captured_output(said):
             image = sitk.ReadImage(os.fspath(path))
     except RuntimeError as error:
         lines = [line.strip() for line in [*str(error).splitlines(), *said] if line.strip()]
@@ -140,7 +165,3 @@ def _load_with_itk(path: Path) -> Volume:
         world_from_index=world,
         name=str(path),
     )
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

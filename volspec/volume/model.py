@@ -48,7 +48,8 @@ class Volume:
     Raises
     ------
     VolumeError
-        If the array is not 3-D, is empty, has no finite value, or the geometry is singular.
+        If the array is not 3-D, has fewer than two voxels along an axis or no finite value, or
+        the geometry is singular.
 
     Examples
     --------
@@ -72,6 +73,10 @@ class Volume:
         object.__setattr__(self, "world_from_index", world)
         object.__setattr__(self, "range", (float(values.min()), float(values.max())))
 
+    def __repr__(self) -> str:
+        x, y, z = self.shape_xyz
+        return f"Volume({self.name!r}, {x}x{y}x{z} {self.values.dtype}, {self.spacing_mm} mm)"
+
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
         """Voxel counts along x, y, z."""
@@ -89,6 +94,19 @@ class Volume:
         x, y, z = self.shape_xyz
         index = [(i, j, k, 1.0) for k in (0, z - 1) for j in (0, y - 1) for i in (0, x - 1)]
         return (np.array(index) @ self.world_from_index.T)[:, :3]
+
+    def with_spacing(self, spacing_mm: tuple[float, float, float]) -> Volume:
+        """The same volume with another spacing; directions and the first voxel stay.
+
+        Raises
+        ------
+        VolumeError
+            If a number is not positive.
+        """
+        spacing, _ = _checked_geometry(spacing_mm, None, self.name)
+        world = self.world_from_index.copy()
+        world[:3, :3] *= np.asarray(spacing) / np.asarray(self.spacing_mm)
+        return Volume(self.values, world_from_index=world, name=self.name)
 
     @classmethod
     def of(cls, given: Volume | pyvista.ImageData | ArrayLike) -> Volume:
@@ -120,8 +138,11 @@ def _checked_values(given: ArrayLike, name: str) -> NDArray[Any]:
             f"{name}: the array has shape {values.shape}; a volume is 3-D (Z, Y, X), "
             "one scalar a voxel. Choose one channel or time step"
         )
-    if values.size == 0:
-        raise VolumeError(f"{name}: the array has shape {values.shape} and holds no voxel")
+    if min(values.shape) < 2:
+        raise VolumeError(
+            f"{name}: the array has shape {values.shape}; a volume has at least two voxels along "
+            "each axis, was a single slice given?"
+        )
     if values.dtype.kind not in "buif":
         raise VolumeError(f"{name}: values of type {values.dtype} are not real numbers")
     if values.dtype.newbyteorder("=") not in KEPT_DTYPES:
@@ -143,7 +164,7 @@ def _finite(values: NDArray[Any], name: str) -> NDArray[Any]:
     if not count:
         return values
     if count == values.size:
-        raise VolumeError(f"{name}: none of the {count} voxels is a finite number")
+        raise VolumeError(f"{name}: none of the {count} voxels is a finite float32 number")
     least = values[~bad].min()
     warnings.warn(
         f"{name}: {count} of {values.size} voxels are NaN or infinite; "

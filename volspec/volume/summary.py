@@ -25,7 +25,7 @@ class VolumeSummary:
     orientation : (3, 3) nested list
         Columns are the directions of the x, y and z axes in the world.
     histogram : list of (from, to, count)
-        Equal bins over the range; whole numbers for integer volumes of few values.
+        Equal bins over the range; of integer volumes both ends belong to the bin.
     """
 
     name: str
@@ -59,7 +59,7 @@ class VolumeSummary:
         most = max(count for _, _, count in self.histogram)
         for low, high, count in self.histogram:
             length = round(_BAR * np.log1p(count) / np.log1p(most))
-            table.add_row(f"{low:g} … {high:g}", "█" * length + f" {count}")
+            table.add_row(f"{low:g} … {high:g}", "█" * length + f" {count:,}")
         table.caption = "histogram bars: logarithmic"
         return table
 
@@ -67,7 +67,11 @@ class VolumeSummary:
 def summarize(volume: Volume) -> VolumeSummary:
     """Look at a volume once."""
     low, high = volume.range
-    counts, edges = np.histogram(volume.values, bins=_BINS, range=(low, high))
+    edges = np.linspace(low, high, _BINS + 1)
+    if volume.values.dtype.kind in "ui":  # whole numbers fall into bins of whole numbers
+        edges = np.unique(np.linspace(low, high + 1, _BINS + 1).round())
+    counts, edges = np.histogram(volume.values, bins=edges)
+    ends = edges[1:] - 1 if volume.values.dtype.kind in "ui" else edges[1:]
     spacing = volume.spacing_mm
     x, y, z = ((n - 1) * s for n, s in zip(volume.shape_xyz, spacing, strict=True))
     origin = volume.world_from_index[:3, 3]
@@ -82,7 +86,6 @@ def summarize(volume: Volume) -> VolumeSummary:
         range=(low, high),
         mean=float(volume.values.mean(dtype=np.float64)),
         histogram=[
-            (float(a), float(b), int(n))
-            for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)
+            (float(a), float(b), int(n)) for a, b, n in zip(edges[:-1], ends, counts, strict=True)
         ],
     )

@@ -1,0 +1,149 @@
+"""METHOD sections 4 and 5 written out once more in plain NumPy, and every backend against it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.twins.test_relighter import GRID, RAW, gl_or_skip
+from volspec.appearance import Viewing
+from volspec.appearance.constants import DISPLAY_WHITE_XYZ, XYZ_FROM_sRGB
+from volspec.appearance.models import cielab
+from volspec.appearance.srgb import decode, encode, linear_from_XYZ
+from volspec.basis import SpectralBasis
+from volspec.raycast.image import CoefficientImage
+from volspec.relight import LightRig, Relighter, RelightSpec, relight
+from volspec.relight.reference import relight_reference
+from volspec.spectra import Spectrum, color_matching_functions, light, reflectance
+
+
+@pytest.fixture(scope="module")
+def general() -> SpectralBasis:
+    return SpectralBasis.load("general-7")
+
+
+@pytest.fixture(params=["gl", "numpy"])
+def backend(request: pytest.FixtureRequest, general: SpectralBasis) -> str:
+    if request.param == "gl":
+        gl_or_skip(two_materials(general)[0]).close()
+    return str(request.param)
+
+
+def two_materials(basis: SpectralBasis) -> tuple[CoefficientImage, np.ndarray, np.ndarray]:
+    """An image, the (H, W, N) spectra of its mixed surfaces, and their opacity.
+
+    Both materials lie in the basis' span, so that 31 bands and the light matrix must agree.
+    """
+    names = ("ColorChecker/orange", "ColorChecker/blue sky")
+    spans = basis.synthesize(basis.analyze([reflectance(name) for name in names]))
+    rng = np.random.default_rng(8)
+    share = rng.random((6, 5, 1))
+    alpha = rng.random((6, 5)).astype(np.float32)
+    alpha[0], alpha[-1] = 1.0, 0.0
+    spectra = share * spans[0] + (1.0 - share) * spans[1]
+    coefficients = (basis.analyze(spectra) * alpha[..., None]).astype(np.float32)
+    depth = np.full(alpha.shape, np.inf, np.float32)
+    return CoefficientImage(coefficients, alpha, depth, basis), spectra, alpha
+
+
+@pytest.mark.parametrize("name", ["D65", "A", "FL2", "LPS"])
+def test_relight_is_method_4_in_31_bands(backend, general, name):
+    image, S, alpha = two_materials(general)
+    behind = reflectance("ColorChecker/red")
+    E, Q = light(name).values, color_matching_functions(GRID)
+    kappa = 100.0 / (Q[1] @ E)
+    surface = kappa * (E * S) @ Q.T
+    backdrop = kappa * (E * behind.values) @ Q.T
+    opacity = alpha[..., None].astype(float)
+    XYZ = opacity * surface + (1.0 - opacity) * backdrop
+    truth = encode(linear_from_XYZ(0.5 * XYZ))
+    spec = RelightSpec(Viewing(model="none", exposure=0.5), "exact", behind)
+    np.testing.assert_allclose(relight_reference(image, light(name), spec), truth, atol=1e-5)
+    frame = relight(
+        image, light(name), spec.viewing, "exact", behind, dtype=np.float32, backend=backend
+    )
+    # llvmpipe's pow, measured 5e-5.
+    np.testing.assert_allclose(frame, truth, atol=2e-4)
+
+
+def lab(frame: np.ndarray) -> np.ndarray:
+    return cielab(decode(frame) @ XYZ_FROM_sRGB.T, DISPLAY_WHITE_XYZ)
+
+
+def test_brighter_light_looks_more_colourful_at_equal_level(backend, general):
+    """Hunt's effect: 50 000 lx against 5 lx, both shown with their white at Y = 100."""
+    image, _, alpha = two_materials(general)
+    opaque = alpha == 1.0
+    chroma = {}
+    for lux in (5.0, 50_000.0):
+        rig = LightRig((light("D65"),), illuminance_lux=(lux,))
+        frame = relight(image, rig, dtype=np.float32, backend=backend)
+        seen = lab(frame)[opaque]
+        chroma[lux] = np.hypot(seen[:, 1], seen[:, 2]).mean()
+        given = Viewing(illuminance_lux=lux)
+        same = relight(image, light("D65"), given, dtype=np.float32, backend=backend)
+        np.testing.assert_array_equal(frame, same)
+    # Measured 35.9 and 37.3.
+    assert chroma[50_000.0] > chroma[5.0] + 1.0
+
+
+def test_the_rig_s_lux_gives_L_A_unless_the_viewing_does(general):
+    image, *_ = two_materials(general)
+    A = light("A")
+    rig = LightRig((A, A), weights=(0.5, 0.25), illuminance_lux=(40.0, 80.0))
+    L_A = 40.0 / math.pi * 30.0 / 100.0
+
+    def frame(what: Spectrum | LightRig, **viewing: float) -> np.ndarray:
+        return relight(image, what, Viewing(Y_b=30.0, **viewing), dtype=np.float32, backend="numpy")
+
+    np.testing.assert_allclose(frame(rig), frame(A, L_A=L_A), atol=1e-6)
+    np.testing.assert_allclose(frame(rig, L_A=300.0), frame(A, L_A=300.0), atol=1e-6)
+    assert not np.allclose(frame(rig), frame(A), atol=1e-3)
+    reference = relight_reference(image, rig, RelightSpec(Viewing(Y_b=30.0)))
+    np.testing.assert_allclose(reference, frame(rig), atol=1e-6)
+
+
+def test_exposure_multiplies_light(backend, general):
+    image, *_ = two_materials(general)
+    with Relighter(image, backend) as relighter:
+        once, half = (
+            decode(relighter.frame(light("D65"), Viewing(model="none", exposure=f), dtype="f4"))
+            for f in (1.0, 0.5)
+        )
+    # llvmpipe's pow, and codes are steep near black.
+    np.testing.assert_allclose(half, once / 2.0, atol=2e-4)
+
+
+def test_dark_surround_lowers_contrast_on_an_average_display(backend, general):
+    """A scene seen in the dark looks flat (Bartleson-Breneman); the frame must show it flat."""
+    image, *_ = two_materials(general)
+    with Relighter(image, backend) as relighter:
+        average, dim, dark = (
+            lab(relighter.frame(light("D65"), Viewing(surround=name), dtype=np.float32))
+            for name in ("average", "dim", "dark")
+        )
+    inside = (average[..., 0] > 5.0) & (average[..., 0] < 95.0)
+    assert (dim[..., 0] > average[..., 0])[inside].all()
+    assert (dark[..., 0] > dim[..., 0])[inside].all()
+
+
+@pytest.mark.parametrize("viewing", [Viewing(), RAW], ids=["CIECAM02", "none"])
+def test_broken_coefficients_give_the_same_finite_frame_everywhere(general, viewing):
+    image, *_ = two_materials(general)
+    for row, value in enumerate((np.nan, np.inf, -np.inf, 3e38, -3e38)):
+        image.coefficients[row, 0, 2] = value
+        image.alpha[row, 1] = value
+    gl_or_skip(image).close()
+    frames = [
+        relight(image, light("A"), viewing, dtype=np.float32, backend=backend)
+        for backend in ("gl", "numpy")
+    ]
+    for frame in frames:
+        assert np.isfinite(frame).all()
+        assert frame.min() >= 0.0 and frame.max() <= 1.0
+    # llvmpipe's pow, measured 5e-5.
+    np.testing.assert_allclose(*frames, atol=2e-4)
+    whole, *_ = two_materials(general)
+    whole.coefficients[0, 0, 2] = whole.alpha[0, 1] = 0.0
+    zeroed = relight(whole, light("A"), viewing, dtype=np.float32, backend="numpy")
+    np.testing.assert_array_equal(frames[1][0], zeroed[0], "NaN counts as 0")
