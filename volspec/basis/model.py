@@ -74,6 +74,10 @@ class SpectralBasis:
         for field, matrix in checks.matrices(self).items():
             object.__setattr__(self, field, matrix)
 
+    def __repr__(self) -> str:
+        bands = f"{self.grid.size} bands"
+        return f"SpectralBasis({self.name!r}, {self.method}, {self.size} channels, {bands})"
+
     @property
     def size(self) -> int:
         """Number of channels, m."""
