@@ -29,12 +29,13 @@ class Comparison:
 def in_turn(
     ours: Callable[[], object], peer: Callable[[], object], runs: int = 7
 ) -> tuple[float, float, float]:
-    """Median milliseconds of both, run alternately after a warm-up, and the median ratio.
+    """Median milliseconds of both, run alternately, and the median ratio.
 
-    The ratio is taken pair by pair, so that a machine whose speed drifts does not move it.
+    Each side is timed right after an untimed call of its own: neither pays for the caches the
+    other has filled, as neither does when a user drags a slider. The ratio is taken pair by
+    pair, so that a machine whose speed drifts does not move it.
     """
-    ours(), peer()
-    pairs = [(_ms(ours), _ms(peer)) for _ in range(runs)]
+    pairs = [(_warm_ms(ours), _warm_ms(peer)) for _ in range(runs)]
     return (
         median(a for a, _ in pairs),
         median(b for _, b in pairs),
@@ -42,7 +43,8 @@ def in_turn(
     )
 
 
-def _ms(call: Callable[[], object]) -> float:
+def _warm_ms(call: Callable[[], object]) -> float:
+    call()
     started = time.perf_counter()
     call()
     return 1e3 * (time.perf_counter() - started)

@@ -6,6 +6,7 @@ import os
 
 import numpy as np
 import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  registers the mappers
+from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
 from vtkmodules.vtkRenderingCore import (
     vtkColorTransferFunction,
@@ -18,6 +19,9 @@ from vtkmodules.vtkRenderingVolume import vtkFixedPointVolumeRayCastMapper
 
 from volspec.raycast import Camera, RaycastSpec
 from volspec.volume import Volume
+
+# A machine without a display is no warning: VTK then draws through EGL.
+vtkObject.GlobalWarningDisplayOff()
 
 Points = list[tuple[float, float, tuple[float, float, float]]]
 
