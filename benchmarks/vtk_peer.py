@@ -84,6 +84,7 @@ class FixedPointPeer:
         for value, _, rgb in self._points:
             self._colour.AddRGBPoint(value, *np.clip(np.array(rgb) + self._shift, 0, 1))
         self._window.Render()
+        self._window.ReleaseCurrent()
 
     def picture(self) -> np.ndarray:
         """(H, W, 3) uint8 of the last redraw, the first row on top."""

@@ -13,7 +13,7 @@
 //         backdrop_XYZ   XYZ where nothing covers the backdrop.
 //         passage        CIECAM02's numbers (include/ciecam02.glsl); absent for model "none".
 // Writes  frame          sRGB code values 0 to 1, alpha 1.
-// Host    LAYERS, CIECAM02 (1 or 0), FIRST_ROW_AT_BOTTOM (1 where what is drawn will be read
+// Host    LAYERS, CIECAM02 (1 or 0), SAME_SURROUND (1 or 0), FIRST_ROW_AT_BOTTOM (1 where what is drawn will be read
 //         back, GL's rows running up; 0 for a canvas or window), IMAGE_HEIGHT (pixels, used if
 //         0), and volspec.appearance.constants.shader_constants().
 //

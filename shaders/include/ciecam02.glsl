@@ -16,15 +16,18 @@
 // of the pole at 400; the fraction's denominator stays above CHROMA_FLOOR (x + 0.305).
 //
 // Reads   passage, computed by the host in double precision whenever the white changes.
-// Host sets the numbers of volspec.appearance.constants.shader_constants().
+// Host sets SAME_SURROUND where γ = κ = 1 (equal Y_b and surround, the default): a power and the
+// skew less, a tenth of the frame; and the numbers of volspec.appearance.constants.shader_constants().
 
 struct Passage {
     mat3 response_from_XYZ;    // F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, the scene's
     mat3 linear_from_response; // the display's inverse of it · 27.13^(1/0.42), to linear sRGB
     float scene_achromatic;    // w, the scene white's p2 - 0.305
     float display_achromatic;  // w', the display white's
+#if !SAME_SURROUND
     float lightness_power;     // γ = cz / (c'z')
     float chroma_gain;         // κ
+#endif
 };
 uniform Passage passage;
 
@@ -36,11 +39,16 @@ vec3 displayed_from_scene(vec3 XYZ) {
     float x = max(dot(ACHROMATIC, R), 0.0);
     vec2 ab = vec2(dot(OPPONENT_A, R), dot(OPPONENT_B, R));
     float p2 = x + ACHROMATIC_NOISE;
-    float x_display =
-        passage.display_achromatic * pow(x / passage.scene_achromatic, passage.lightness_power);
+    float lightness = x / passage.scene_achromatic;
+#if SAME_SURROUND
+    float x_display = passage.display_achromatic * lightness;
+    float chroma = (x_display + ACHROMATIC_NOISE) / p2;
+#else
+    float x_display = passage.display_achromatic * pow(lightness, passage.lightness_power);
     float skew = (passage.chroma_gain - 1.0) * dot(CHROMA_SKEW, ab);
     float chroma = passage.chroma_gain * (x_display + ACHROMATIC_NOISE)
         / max(p2 + skew, CHROMA_FLOOR * p2);
+#endif
     ab *= x > 0.0 ? chroma : 0.0;
 
     vec3 R_display = RESPONSE_FROM_OPPONENT * vec3(x_display, ab);

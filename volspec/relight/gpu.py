@@ -50,7 +50,8 @@ def uniforms(light: Illumination, viewing: Viewing) -> dict[str, NDArray[np.floa
     Returns
     -------
     dict
-        Flat float32 arrays; matrices column by column. ``passage.*`` only with CIECAM02.
+        Flat float32 arrays; matrices column by column. ``passage.*`` only with CIECAM02, its
+        ``lightness_power`` and ``chroma_gain`` only where they are not 1.
 
     Raises
     ------
@@ -70,9 +71,12 @@ def uniforms(light: Illumination, viewing: Viewing) -> dict[str, NDArray[np.floa
             "passage.linear_from_response": (sRGB_FROM_XYZ @ passage.XYZ_from_response).T,
             "passage.scene_achromatic": passage.scene_achromatic,
             "passage.display_achromatic": passage.display_achromatic,
-            "passage.lightness_power": passage.lightness_power,
-            "passage.chroma_gain": passage.chroma_gain,
         }
+        if not np.allclose((passage.lightness_power, passage.chroma_gain), 1, rtol=0, atol=1e-7):
+            values |= {
+                "passage.lightness_power": passage.lightness_power,
+                "passage.chroma_gain": passage.chroma_gain,
+            }
     return {name: np.asarray(v, dtype=np.float32).ravel() for name, v in values.items()}
 
 
@@ -104,7 +108,7 @@ class GLEngine:
         self._owned = context is None
         self._context = headless_context() if context is None else context
         self._resources: list[Any] = []
-        self._programs: dict[str, tuple[Any, Any]] = {}
+        self._programs: dict[tuple[str, bool], tuple[Any, Any]] = {}
         self._targets: dict[str, Any] = {}
         self._height, self._width, self._channels = coefficients.shape
         with self._context:
@@ -137,7 +141,7 @@ class GLEngine:
                 f"OpenGL: {self.name} has no room for {size[0]} x {size[1]} pixels of "
                 f"{self._channels} channels ({error}); cast a smaller image"
             ) from error
-        self._program("CIECAM02")
+        self._program("CIECAM02", same_surround=True)
 
     def _keep(self, resource: Any) -> Any:
         self._resources.append(resource)
@@ -151,11 +155,13 @@ class GLEngine:
         with self._current():
             self._texture.write(pack_layers(coefficients, alpha))
 
-    def _program(self, model: str) -> tuple[Any, Any]:
-        if model not in self._programs:
+    def _program(self, model: str, same_surround: bool) -> tuple[Any, Any]:
+        key = (model, same_surround)
+        if key not in self._programs:
             constants = {
                 "LAYERS": layer_count(self._channels),
                 "CIECAM02": int(model == "CIECAM02"),
+                "SAME_SURROUND": int(same_surround),
                 "FIRST_ROW_AT_BOTTOM": 1,
                 "IMAGE_HEIGHT": self._height,
                 **shader_constants(),
@@ -164,8 +170,8 @@ class GLEngine:
             vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
             fragment = assemble("shaders/relight.frag", lines, glsl_version=_GLSL)
             program = self._keep(compile_program(self._context, vertex, fragment))
-            self._programs[model] = program, self._keep(self._context.vertex_array(program, []))
-        return self._programs[model]
+            self._programs[key] = program, self._keep(self._context.vertex_array(program, []))
+        return self._programs[key]
 
     def _target(self, dtype: str) -> Any:
         if dtype not in self._targets:
@@ -193,8 +199,11 @@ class GLEngine:
                 "were both made with the same basis?"
             )
         with self._current():
-            program, triangle = self._program(viewing.model)
-            for name, value in uniforms(light, viewing).items():
+            values = uniforms(light, viewing)
+            program, triangle = self._program(
+                viewing.model, same_surround="passage.lightness_power" not in values
+            )
+            for name, value in values.items():
                 program[name].write(value.tobytes())
             kind = "f1" if dtype is np.uint8 else "f4"
             target = self._target(kind)
