@@ -60,6 +60,7 @@ typedef struct {
 
 #define FAR ((floatN)(INFINITY))
 #define ROWS(r, count) _Pragma("unroll") for (int r = 0; r < count; ++r)
+#define DOT(row, a, b, c) ((row).x * (a) + (row).y * (b) + (row).z * (c))
 // Interpolate four rows along y, then z.
 #define BILERP(y0z0, y1z0, y0z1, y1z1) lerp(lerp(y0z0, y1z0, fy), lerp(y0z1, y1z1, fy), fz)
 
@@ -81,8 +82,8 @@ static inline float leaves(float low, float high, float o, float d, float invers
 }
 
 // First step of a ray, at or after step k, that may see something; k_check: when to look again.
-static inline int leap(__global const uchar *leaps, const Cast *cast, float3 o, float3 d, float near,
-                float far, int k, int k_end, int *k_check) {
+static inline int leap(__global const uchar *leaps, const Cast *cast, float3 o, float3 d,
+                       float near, float far, int k, int k_end, int *k_check) {
     const float step = cast->step;
     const float3 inverse = 1.0f / d;
     while (k < k_end) {
@@ -134,13 +135,13 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
     const floatN wy = (cast.forward.y * cast.distance + cast.perspective * ry) / ray_length;
     const floatN wz = (cast.forward.z * cast.distance + cast.perspective * rz) / ray_length;
     floatL ox, oy, oz, dx, dy, dz;
-    dx.v = cast.index_x.x * wx + cast.index_x.y * wy + cast.index_x.z * wz;
-    dy.v = cast.index_y.x * wx + cast.index_y.y * wy + cast.index_y.z * wz;
-    dz.v = cast.index_z.x * wx + cast.index_z.y * wy + cast.index_z.z * wz;
+    dx.v = DOT(cast.index_x, wx, wy, wz);
+    dy.v = DOT(cast.index_y, wx, wy, wz);
+    dz.v = DOT(cast.index_z, wx, wy, wz);
     const floatN shift = cast.phase - longer;
-    ox.v = cast.target.x + cast.index_x.x * rx + cast.index_x.y * ry + cast.index_x.z * rz + shift * dx.v;
-    oy.v = cast.target.y + cast.index_y.x * rx + cast.index_y.y * ry + cast.index_y.z * rz + shift * dy.v;
-    oz.v = cast.target.z + cast.index_z.x * rx + cast.index_z.y * ry + cast.index_z.z * rz + shift * dz.v;
+    ox.v = cast.target.x + DOT(cast.index_x, rx, ry, rz) + shift * dx.v;
+    oy.v = cast.target.y + DOT(cast.index_y, rx, ry, rz) + shift * dy.v;
+    oz.v = cast.target.z + DOT(cast.index_z, rx, ry, rz) + shift * dz.v;
 
     floatL near, far;
     near.v = cast.start;
@@ -178,8 +179,9 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             if (!ANY(live)) break;
         }
         // The step's clipped interval, sampled at its middle.
-        const floatN first_end = CONVERT_FLOAT(k.v) * step, last_end = CONVERT_FLOAT(k.v + 1) * step;
-        const floatN begin = UPPER(first_end, near.v), end = LOWER(last_end, far.v);
+        const floatN step_begin = CONVERT_FLOAT(k.v) * step;
+        const floatN step_end = CONVERT_FLOAT(k.v + 1) * step;
+        const floatN begin = UPPER(step_begin, near.v), end = LOWER(step_end, far.v);
         const floatN middle = 0.5f * (begin + end);
         const floatN px = LOWER(UPPER(ox.v + middle * dx.v, 0.0f), cast.top.x);
         const floatN py = LOWER(UPPER(oy.v + middle * dy.v, 0.0f), cast.top.y);
@@ -192,12 +194,12 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
 
         // The cell's four rows along x: (y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1).
         const int rows[4] = {0, cast.row, cast.slice, cast.slice + cast.row};
-        floatN left[4], right[4], middle_of[4];
+        floatN left[4], right[4], along_x[4];
         ROWS(r, 4) {
             pairs(voxels, at + rows[r], &left[r], &right[r]);
-            middle_of[r] = lerp(left[r], right[r], fx);
+            along_x[r] = lerp(left[r], right[r], fx);
         }
-        const floatN value = BILERP(middle_of[0], middle_of[1], middle_of[2], middle_of[3]);
+        const floatN value = BILERP(along_x[0], along_x[1], along_x[2], along_x[3]);
 
         const floatN raw = (value - cast.domain_low) * cast.domain_scale;
         const floatN entry = LOWER(UPPER(raw, 0.0f), cast.last_entry);
@@ -211,7 +213,7 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             rise.s[l] = two.y;
         }
         floatN share = first.v + f.v * rise.v;
-        const intN clipped = (MASK(begin > first_end) | MASK(end < last_end)) & live;
+        const intN clipped = (MASK(begin > step_begin) | MASK(end < step_end)) & live;
         if (ANY(clipped & MASK(share > 0.0f)))
             share = PICK(clipped, 1.0f - pow(1.0f - share, (end - begin) * per_step), share);
         share = PICK(live, share, (floatN)(0.0f));
@@ -241,14 +243,15 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
                 pairs(voxels, at + around[r], &a, &b);
                 outer[r] = lerp(a, b, fx);
             }
-            const floatN gx = BILERP(slope[0], slope[1], slope[2], slope[3]);
-            const floatN gy = BILERP(middle_of[1] - outer[0], outer[1] - middle_of[0],
-                                     middle_of[3] - outer[2], outer[3] - middle_of[2]);
-            const floatN gz = BILERP(middle_of[2] - outer[4], middle_of[3] - outer[6],
-                                     outer[5] - middle_of[0], outer[7] - middle_of[1]);
-            const floatN nx = cast.gradient_scale * (gx * cast.index_x.x + gy * cast.index_y.x + gz * cast.index_z.x);
-            const floatN ny = cast.gradient_scale * (gx * cast.index_x.y + gy * cast.index_y.y + gz * cast.index_z.y);
-            const floatN nz = cast.gradient_scale * (gx * cast.index_x.z + gy * cast.index_y.z + gz * cast.index_z.z);
+            const float scale = cast.gradient_scale;
+            const floatN gx = scale * BILERP(slope[0], slope[1], slope[2], slope[3]);
+            const floatN gy = scale * BILERP(along_x[1] - outer[0], outer[1] - along_x[0],
+                                             along_x[3] - outer[2], outer[3] - along_x[2]);
+            const floatN gz = scale * BILERP(along_x[2] - outer[4], along_x[3] - outer[6],
+                                             outer[5] - along_x[0], outer[7] - along_x[1]);
+            const floatN nx = gx * cast.index_x.x + gy * cast.index_y.x + gz * cast.index_z.x;
+            const floatN ny = gx * cast.index_x.y + gy * cast.index_y.y + gz * cast.index_z.y;
+            const floatN nz = gx * cast.index_x.z + gy * cast.index_y.z + gz * cast.index_z.z;
             const floatN square = nx * nx + ny * ny + nz * nz;
             const floatN trust = square / (square + cast.gradient_floor_squared);
             const floatN along_ray = nx * wx + ny * wy + nz * wz;
