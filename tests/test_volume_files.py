@@ -191,6 +191,12 @@ def test_integer_types_are_kept_and_others_widened() -> None:
         assert Volume(np.ones((2, 2, 2), given)).values.dtype == np.dtype(kept), given
 
 
+def test_integers_that_float32_cannot_hold_are_warned_about() -> None:
+    Volume(np.full((2, 2, 2), 2**24, np.int64))
+    with pytest.warns(VolspecWarning, match="int64 values beyond 2"):
+        Volume(np.full((2, 2, 2), 2**24 + 1, np.int64))
+
+
 def test_summary_counts_every_voxel() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -149,7 +149,15 @@ def _checked_values(given: ArrayLike, name: str) -> NDArray[Any]:
         wider = _WIDENED.get(f"{values.dtype.kind}{values.dtype.itemsize}", np.float32)
         # Doubles beyond float32 become infinite here and are counted below.
         with np.errstate(over="ignore"):
-            values = values.astype(wider)
+            widened = values.astype(wider)
+        if values.dtype.kind in "iu" and not np.array_equal(widened.astype(values.dtype), values):
+            warnings.warn(
+                f"{name}: {values.dtype} values beyond 2^24 lose their last digits as float32; "
+                "subtract an offset first",
+                VolspecWarning,
+                stacklevel=4,
+            )
+        values = widened
     values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
     if values.dtype.kind == "f":
         values = _finite(values, name)
