@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import struct
 import warnings
 from pathlib import Path
@@ -189,6 +190,42 @@ def test_integer_types_are_kept_and_others_widened() -> None:
         ("i1", "i2"), ("?", "u1"), ("i4", "f4"), ("f8", "f4"), (">i2", "i2"), (">f4", "f4"),
     ]:  # fmt: skip
         assert Volume(np.ones((2, 2, 2), given)).values.dtype == np.dtype(kept), given
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_truncated_nifti_is_refused(tmp_path: Path, suffix: str) -> None:
+    """ITK fills what is missing without a word."""
+    whole = nifti(VALUES, np.eye(4))
+    path = tmp_path / f"v{suffix}"
+    path.write_bytes(whole if suffix == ".nii" else gzip.compress(whole))
+    assert load_volume(path).shape_xyz == (4, 3, 2)
+    cut = whole[:-9]
+    path.write_bytes(cut if suffix == ".nii" else gzip.compress(cut))
+    with pytest.raises(VolumeError, match="asks for 400; truncated"):
+        load_volume(path)
+    path.write_bytes((whole if suffix == ".nii" else gzip.compress(whole))[:-12])
+    with pytest.raises(VolumeError, match=path.name):
+        load_volume(path)
+
+
+@pytest.mark.parametrize("spacing", ["-1 1 1", "1 0 1", "1 1 nan"])
+def test_spacings_that_are_not_positive_are_refused(files: Path, spacing: str) -> None:
+    """ITK mirrors a negative axis and takes NaN for 1."""
+    head = f"NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\nspacings: {spacing}\n"
+    text = head + "endian: little\nencoding: raw\n\n"
+    (files / "s.nrrd").write_bytes(text.encode() + VALUES.tobytes())
+    mhd = (files / "v.mhd").read_text().replace("= 2 1 3", f"= {spacing}")
+    (files / "s.mhd").write_text(mhd)
+    for name in ("s.nrrd", "s.mhd"):
+        with pytest.raises(VolumeError, match=f"spacing {spacing}; each of x, y, z"):
+            load_volume(files / name)
+
+
+def test_doubles_beyond_float32_are_refused() -> None:
+    values = np.ones((2, 2, 2))
+    values[0, 0, 0] = 1e300
+    with pytest.raises(VolumeError, match=r"1e\+300 exceed float32; rescale"):
+        Volume(values)
 
 
 def test_integers_that_float32_cannot_hold_are_warned_about() -> None:

@@ -137,7 +137,7 @@ class CoefficientImage:
             )
         try:
             basis = SpectralBasis.from_dict(json.loads(header["volspec:basis"]))
-            notes = json.loads(header.get("volspec:notes", "{}"))
+            notes = dict(json.loads(header.get("volspec:notes", "{}")))
         except (BasisError, ValueError, KeyError, TypeError) as error:
             raise ImageError(f"{name}: its basis is refused ({error}); render again") from error
         wanted = [f"coefficients.{k:02d}" for k in range(basis.size)]

@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from volspec.basis import SpectralBasis
-from volspec.errors import DeviceError, SceneError, VolspecError
+from volspec.errors import DeviceError, ImageError, SceneError, VolspecError
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.gpu import Progress
@@ -40,8 +40,19 @@ _LIBRARY_SHARE = 0.1
 
 
 def viewing_of(image: CoefficientImage) -> ViewingTable:
-    """The ``[viewing]`` of the scene an image was cast from; the defaults where it has none."""
-    return ViewingTable.model_validate(json.loads(image.notes.get("viewing", "{}")))
+    """The ``[viewing]`` of the scene an image was cast from; the defaults where it has none.
+
+    Raises
+    ------
+    ImageError
+        If the image's note cannot be read.
+    """
+    try:
+        return ViewingTable.model_validate(json.loads(image.notes.get("viewing", "{}")))
+    except (ValueError, TypeError) as error:  # pydantic's and json's errors are ValueErrors
+        raise ImageError(
+            "the image's viewing note cannot be read; was it made by a later version? Render again"
+        ) from error
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -150,6 +150,11 @@ def _checked_values(given: ArrayLike, name: str) -> NDArray[Any]:
         # Doubles beyond float32 become infinite here and are counted below.
         with np.errstate(over="ignore"):
             widened = values.astype(wider)
+        if values.dtype.kind == "f" and (np.isfinite(values) & ~np.isfinite(widened)).any():
+            raise VolumeError(
+                f"{name}: values up to {np.abs(values[np.isfinite(values)]).max():g} exceed "
+                "float32; rescale the volume"
+            )
         if values.dtype.kind in "iu" and not np.array_equal(widened.astype(values.dtype), values):
             warnings.warn(
                 f"{name}: {values.dtype} values beyond 2^24 lose their last digits as float32; "
