@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import cycle
 
-from benchmarks.cast import SIZE, SPECS
+from benchmarks.cast import SIZE, SPECS, grey_points
 from benchmarks.measure import Comparison, compare
 from benchmarks.vtk_peer import FixedPointPeer
 from volspec._gpu.sources import asset
@@ -22,7 +22,7 @@ def rows() -> Iterator[Comparison]:
     scene = Scene.load(asset("data/scenes/engine.toml"))
     volume = scene.volume()
     camera = scene.camera(volume)
-    points = [(p.value, p.opacity, (0.7, 0.7, 0.75)) for p in scene.file.transfer.points]
+    points = grey_points(scene)
     lights = cycle([light.rig for light in scene.lights])
     with Relighter(scene.render(volume)) as relighter:
         for name, spec in SPECS.items():

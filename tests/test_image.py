@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from volspec._files import write_whole
 from volspec.basis import SpectralBasis
 from volspec.errors import ImageError, InputError, ShapeError
 from volspec.raycast import CoefficientImage
+from volspec.scene import viewing_of
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +81,23 @@ def test_images_of_another_making_are_refused(
     with pytest.raises(ImageError, match=message) as caught:
         CoefficientImage.load(path)
     assert "image.exr" in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("note", ["garbage", '{"model": 3}', '{"newkey": 3}', "[1]"])
+def test_a_viewing_note_that_cannot_be_read_is_told_in_one_line(
+    image: CoefficientImage, note: str
+) -> None:
+    noted = dataclasses.replace(image, notes={"viewing": note})
+    with pytest.raises(ImageError, match="viewing note cannot be read") as caught:
+        viewing_of(noted)
+    assert "\n" not in str(caught.value)
+
+
+def test_notes_that_are_no_table_are_refused(image: CoefficientImage, tmp_path: Path) -> None:
+    image.save(tmp_path / "image.exr")
+    edited(tmp_path / "image.exr", lambda h, c: h.update({"volspec:notes": "5"}))
+    with pytest.raises(ImageError, match=r"image\.exr"):
+        CoefficientImage.load(tmp_path / "image.exr")
 
 
 def test_missing_truncated_and_foreign_files_are_refused(
