@@ -13,24 +13,23 @@
 //                  the edge's values: clamping costs nothing and loads may run past the end
 //         leaps    uchar per brick of BRICK³ cells: 0 visible, d = nearer than d all is empty
 //         opacity  float2[last_entry + 1]: opacity of one whole step, difference to the next entry
-//         colours  floatR[last_entry + 1]: ROW floats, the M channels and zeros
+//         colours  floatP[last_entry + 2][PARTS]: the M channels and zeros; the row after the
+//                  table's last entry is white, the channels that a highlight adds to
 // Writes  coefficients float[height][width][CHANNELS] premultiplied; alpha and depth
 //         float[height][width] (expected depth in smallest spacings, inf where nothing is)
 //
-// The host sets LANES, VOXEL, CHANNELS, TILE_WIDTH, TILE_HEIGHT, ROW (CHANNELS rounded up to 4, 8
-// or 16), BRICK, SHADED, SPECULAR, and what voxels.clh wants.
+// The host sets LANES, VOXEL, CHANNELS, TILE_WIDTH, TILE_HEIGHT, PART and PARTS (vectors of 4 or 8
+// that hold the channels), BRICK, SHADED, SPECULAR, and what voxels.clh wants.
 
 #include "lanes.clh"
 #include "voxels.clh"
 
-#if ROW == 4
-typedef float4 floatR;
-#elif ROW == 8
-typedef float8 floatR;
+#if PART == 4
+typedef float4 floatP;
 #else
-typedef float16 floatR;
+typedef float8 floatP;
 #endif
-typedef union { floatR v; float s[ROW]; } floatRL;
+typedef union { floatP v[PARTS]; float s[PARTS * PART]; } channelsL;
 
 typedef struct {
     // Lengths are in the volume's smallest spacing, so that no unit of the user's is too large
@@ -114,7 +113,7 @@ static inline int leap(__global const uchar *leaps, const Cast *cast, float3 o, 
 
 __kernel void raycast(__global const VOXEL *restrict voxels, __global const uchar *restrict leaps,
                       __global const float2 *restrict opacity,
-                      __global const floatR *restrict colours, const Cast cast,
+                      __global const floatP *restrict colours, const Cast cast,
                       __global float *restrict coefficients, __global float *restrict alpha,
                       __global float *restrict depth_out, const int first_tile) {
     const int pixel_x = get_global_id(0) * TILE_WIDTH;
@@ -129,7 +128,8 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
     const floatN ry = u * cast.across.y + v * cast.down.y;
     const floatN rz = u * cast.across.z + v * cast.down.z;
     const floatN spread = cast.perspective * (rx * rx + ry * ry + rz * rz);
-    const floatN ray_length = sqrt(cast.distance * cast.distance + spread);
+    const floatN ray_squared = cast.distance * cast.distance + spread;
+    const floatN ray_length = ray_squared * inverse_root(ray_squared);
     const floatN longer = spread / (ray_length + cast.distance);
     const floatN wx = (cast.forward.x * cast.distance + cast.perspective * rx) / ray_length;
     const floatN wy = (cast.forward.y * cast.distance + cast.perspective * ry) / ray_length;
@@ -159,8 +159,12 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
     k_end.v = PICK(inside, CONVERT_INT(ceil(far.v / step)), (intN)(0));
     k_check.v = k.v;
 
-    floatRL colour[LANES];
-    FOR_LANES(l) colour[l].v = (floatR)(0.0f);
+    channelsL colour[LANES];
+    FOR_LANES(l) { ROWS(p, PARTS) colour[l].v[p] = (floatP)(0.0f); }
+#if SPECULAR
+    floatP gloss[PARTS];
+    ROWS(p, PARTS) gloss[p] = colours[((int)cast.last_entry + 1) * PARTS + p];
+#endif
     // What is covered is summed beside what is left: 1 − through would lose faint media.
     floatN through = 1.0f, covered = 0.0f, depth = 0.0f;
 
@@ -269,12 +273,15 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
 #endif
             FOR_LANES(l) {
                 if (visible.s[l] > 0.0f) {
-                    const floatR s0 = colours[j.s[l]], s1 = colours[j.s[l] + 1];
-                    const floatR seen = s0 + (floatR)(f.s[l]) * (s1 - s0);
-                    colour[l].v += (floatR)(weight.s[l]) * seen;
+                    __global const floatP *two = colours + j.s[l] * PARTS;
+                    ROWS(p, PARTS) {
+                        const floatP s0 = two[p], s1 = two[PARTS + p];
+                        const floatP seen = s0 + (floatP)(f.s[l]) * (s1 - s0);
+                        colour[l].v[p] += (floatP)(weight.s[l]) * seen;
 #if SPECULAR
-                    colour[l].v += (floatR)(white.s[l]);
+                        colour[l].v[p] += (floatP)(white.s[l]) * gloss[p];
 #endif
+                    }
                 }
             }
         }

@@ -39,7 +39,7 @@ def assert_alike(
     assert np.allclose(ours[2][seen], true[2][seen], atol=2e-2)
 
 
-@pytest.mark.parametrize("lanes", [1, 4, 8, 16])
+@pytest.mark.parametrize("lanes", [1, 4, 8])
 def test_engine_matches_reference_at_every_packet_width(
     engine: Volume, engine_table: TransferTable, lanes: int
 ) -> None:
@@ -93,7 +93,7 @@ def test_oblique_anisotropic_volume_matches_reference() -> None:
 
 
 @pytest.mark.parametrize(
-    ("dtype", "channels"), [(np.uint8, 16), (np.uint16, 1), (np.int16, 3), (np.float32, 9)]
+    ("dtype", "channels"), [(np.uint8, 24), (np.uint16, 1), (np.int16, 3), (np.float32, 9)]
 )
 def test_every_voxel_type_and_channel_count(dtype: type, channels: int) -> None:
     volume = Volume((phantom.ball(20).values * 120).astype(dtype))
@@ -103,8 +103,9 @@ def test_every_voxel_type_and_channel_count(dtype: type, channels: int) -> None:
         0.3 * at,
         np.stack([np.abs(np.sin(at * (k + 2))) for k in range(channels)], axis=1),
         1.0,
+        white=np.linspace(0, 1, channels),
     )
-    assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(), size=(21, 17))
+    assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(specular=0.4), size=(21, 17))
 
 
 @pytest.mark.parametrize("name", ["mrbrain", "aneurism", "foot"])

@@ -81,7 +81,8 @@ def cast(
         seen = (1 - f)[:, None] * channels[j] + f[:, None] * channels[j + 1]
         diffuse, specular = _shading(gradient, direction[live], matrix, volume, spec)
         weight = through[live] * alpha
-        colour[live] += weight[:, None] * (diffuse[:, None] * seen + specular[:, None])
+        gloss = specular[:, None] * table.white
+        colour[live] += weight[:, None] * (diffuse[:, None] * seen + gloss)
         covered[live] += weight
         depth[live] += weight * middle
         through[live] *= 1 - alpha

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import cast
 
@@ -44,12 +44,15 @@ class TransferTable:
         The reflectance's channels, not premultiplied.
     reference_step_mm : float
         Length over which ``opacity`` holds.
+    white : (M,), optional
+        Channels of the perfect diffuser, to which a highlight adds; ones when left out.
     """
 
     domain: tuple[float, float]
     opacity: NDArray[np.float64]
     coefficients: NDArray[np.float64]
     reference_step_mm: float
+    white: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self) -> None:
         low, high = self.domain
@@ -65,6 +68,11 @@ class TransferTable:
             )
         if not (math.isfinite(self.reference_step_mm) and self.reference_step_mm > 0):
             raise TransferError(f"transfer table: reference step {self.reference_step_mm} mm")
+        M = coefficients.shape[1]
+        white = np.asarray(self.white, dtype=np.float64) if len(self.white) else np.ones(M)
+        if white.shape != (M,):
+            raise TransferError(f"transfer table: white has shape {white.shape}; expected ({M},)")
+        object.__setattr__(self, "white", white)
 
     def step_opacity(self, step_mm: float) -> NDArray[np.float64]:
         """(N,) opacity of one step: 1 − (1 − opacity)^(step / reference step), METHOD §3."""
