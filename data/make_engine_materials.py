@@ -43,7 +43,10 @@ def main() -> None:
         rows = "\n".join(
             f"{nm:g},{value:.6f}" for nm, value in zip(wavelengths, values, strict=True)
         )
-        text = f"# Engine {name}: made by data/make_engine_materials.py, BSD-3-Clause\nnm,value\n"
+        text = (
+            f"# Engine {name}, BSD-3-Clause\n"
+            "# designed: by data/make_engine_materials.py\nnm,value\n"
+        )
         (FOLDER / f"engine-{name}.csv").write_text(text + rows + "\n", encoding="utf-8")
 
 

@@ -146,7 +146,11 @@ CHANGES = {
         "position_mm or zoom",
     ),
     "negative weight": ('"D65"', '"D65"\nweight = -1', r"\[\[light\]\].*-1"),
-    "size of a shipped basis": ("[output]", "[basis]\nsize = 5\n[output]", "belong to train"),
+    "size of a shipped basis": (
+        "[output]",
+        '[basis]\nname = "general-5"\nsize = 5\n[output]',
+        "not both",
+    ),
     "not TOML": ("[volume]", "[volume", "not valid TOML"),
     "missing volume": ("ball.npy", "bell.npy", "bell.npy: no such file"),
 }

@@ -14,7 +14,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "volspec.appearance": ("Display", "Viewing"),
-    "volspec.basis": ("SpectralBasis",),
+    "volspec.basis": ("MaterialBasis", "SpectralBasis"),
     "volspec.export": ("write_frame",),
     "volspec.errors": ("DeviceError", "InputError", "VolspecError", "VolspecWarning"),
     "volspec.pipeline": ("Relighter", "raycast", "relight"),

@@ -196,6 +196,7 @@ def test_another_format_version_is_refused(general: SpectralBasis, tmp_path: Pat
         ({"grid_nm": [400]}, r"expected \[start, stop, step\]"),
         ({"grid_nm": 7}, r"expected \[start, stop, step\]"),
         ({"grid_nm": [700, 400, 10]}, "start < stop"),
+        ({"observer_deg": 5}, "observer_deg 5 is unknown"),
     ],
 )
 def test_damaged_bases_name_the_field(
@@ -220,6 +221,15 @@ def test_unknown_names_list_the_shipped_bases(tmp_path: Path) -> None:
     (tmp_path / "text.json").write_text("not json")
     with pytest.raises(BasisError, match="cannot be read as JSON"):
         SpectralBasis.load(tmp_path / "text.json")
+
+
+def test_edited_numbers_are_refused(general: SpectralBasis, tmp_path: Path) -> None:
+    data = general.to_dict()
+    data["synthesis"][12][3] += 0.01
+    path = tmp_path / "edited.json"
+    path.write_text(json.dumps(data))
+    with pytest.raises(BasisError, match=r"edited\.json.*do not belong together .A B differs"):
+        SpectralBasis.load(path)
 
 
 def test_a_basis_that_loses_white_is_refused(general: SpectralBasis) -> None:
@@ -257,15 +267,25 @@ def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis
 @pytest.mark.parametrize(
     ("options", "part"),
     [
-        ({"method": "magic"}, "choose virtual-sensors or pca-sharpened"),
+        ({"method": "magic"}, "choose virtual-sensors, reduced-rank, pca-sharpened, pca"),
+        ({"method": "reduced-rnk"}, "did you mean 'reduced-rank'"),
+        ({"method": "materials"}, r"use volspec\.MaterialBasis\(materials\)"),
         ({"size": 32}, "3 to 31"),
         ({"size": 2}, "3 to 31"),
         ({"size": 5.5}, "whole number"),
         ({"smoothness": -1.0}, "smoothness"),
         ({"restarts": -1}, "restarts"),
-        ({"light_weights": [1.0]}, "light_weights"),
+        ({"light_weights": [1.0]}, r"light_weights have shape \(1,\); expected \(3,\)"),
+        ({"light_weights": [1, 0, 1]}, "light_weights: number 2 is 0; weights are above 0"),
+        ({"light_weights": "heavy"}, "light_weights are not a list of numbers"),
+        ({"reflectance_weights": np.ones(5)}, r"reflectance_weights have shape .5,.; .*\(4,\)"),
+        ({"reflectance_weights": [1, 1, 1, np.nan]}, "reflectance_weights: number 4 is nan"),
+        ({"observer_deg": 4}, r"observer_deg 4 is unknown; use 2 \(CIE 1931\) or 10 \(CIE 1964\)"),
         ({"method": "pca-sharpened", "positive": True}, "cannot keep its analysis positive"),
-        ({"method": "pca-sharpened", "size": 20}, "exceeds the 15 dimensions"),
+        ({"method": "reduced-rank", "positive": True}, "cannot keep its analysis positive"),
+        ({"method": "pca-sharpened", "size": 20}, "exceeds the 15 dimensions that 3 lights x 4"),
+        ({"method": "pca", "size": 20}, "use a size of 15 or less, or more spectra"),
+        ({"method": "reduced-rank"}, "size 7 exceeds the 5 dimensions that 4 reflectances and wh"),
     ],
 )
 def test_bad_fits_name_the_remedy(options: dict[str, object], part: str) -> None:
@@ -282,5 +302,9 @@ def test_fits_refuse_dark_lights_and_empty_lists() -> None:
     with pytest.raises(BasisError, match="all black"):
         SpectralBasis.fit(LIGHTS, np.zeros((2, 31)))
     short = Spectrum(np.array([450.0, 600.0]), np.ones(2), "short")
-    with pytest.raises(BasisError, match=r"reflectances: 'short'.*missing"):
+    with pytest.raises(BasisError, match=r"reflectances: 'short'.*400-450 nm and 600-700 nm miss"):
         SpectralBasis.fit(LIGHTS, [short])
+    with pytest.raises(BasisError, match=r"lights: 'short'.*400-450 nm and 600-700 nm missing"):
+        SpectralBasis.fit([short], REFLECTANCES)
+    with pytest.raises(BasisError, match=r"reflectances: spectra have shape .2, 30.*another grid"):
+        SpectralBasis.fit(LIGHTS, np.ones((2, 30)))

@@ -1,7 +1,8 @@
 """How good the colours are: figures of METHOD section 2, in CIEDE2000.
 
 All errors are against full spectra, on reflectances no basis was trained on, with the light
-as white. Limits are the figures asked for; the measured ones are given beside them.
+as white. Limits are about a tenth above what was measured, since another BLAS stops the descent
+elsewhere; the prototype's figures of METHOD are given beside them where they are worse.
 """
 
 from __future__ import annotations
@@ -10,11 +11,10 @@ import numpy as np
 import pytest
 
 from volspec.basis import SpectralBasis
-from volspec.basis.make import fit_general
+from volspec.basis.make import NAMES, fit_shipped
 from volspec.errors import BasisError
 from volspec.spectra import (
     DEFAULT_GRID,
-    SpectralGrid,
     Spectrum,
     light,
     light_set,
@@ -54,25 +54,59 @@ def general() -> SpectralBasis:
     return SpectralBasis.load("general-7")
 
 
-def test_general_basis_on_smooth_lights(general: SpectralBasis) -> None:
-    report = general.report()
-    # Measured .021 / .016 / .058 / .183; the prototype reached .07 / .06 / .19 / .45.
-    assert report.componentwise.mean <= 0.03
-    assert report.componentwise.p95 <= 0.08
-    assert report.componentwise.max <= 0.25
-    assert report.exact.mean <= 0.03
+@pytest.mark.parametrize(
+    ("name", "mean", "maximum"),
+    # METHOD, mean and max: .13, 1.1; .07, .45; .04, .30; positive .44, 1.9; .32, 1.7; .15, .84.
+    [
+        ("smooth-5", 0.056, 0.63),
+        ("smooth-7", 0.011, 0.10),
+        ("smooth-9", 0.009, 0.12),
+        ("smooth-5-positive", 0.34, 2.6),
+        ("smooth-7-positive", 0.13, 0.70),
+        ("smooth-9-positive", 0.035, 0.22),
+        ("general-5", 0.095, 0.80),
+        ("general-7", 0.025, 0.20),
+        ("general-9", 0.010, 0.16),
+        ("general-5-positive", 0.39, 3.1),
+        ("general-7-positive", 0.11, 0.72),
+        ("general-9-positive", 0.062, 0.40),
+    ],
+)
+def test_shipped_sensors_under_smooth_lights(name: str, mean: float, maximum: float) -> None:
+    report = SpectralBasis.load(name).report()
+    print(name, report.componentwise)
+    assert report.componentwise.mean <= mean
+    assert report.componentwise.max <= maximum
+
+
+@pytest.mark.parametrize(
+    ("name", "mean"),
+    # METHOD: 1.11, .43, .16.
+    [("general-5", 1.05), ("general-7", 0.36), ("general-9", 0.158)],
+)
+def test_general_sensors_under_spiky_lights(name: str, mean: float) -> None:
+    report = SpectralBasis.load(name).report(light_set("spiky"))
+    assert report.componentwise.mean <= mean
+
+
+@pytest.mark.parametrize(
+    ("name", "mean", "componentwise"),
+    # METHOD: .49, .20, .07. The componentwise picture is what such channels allow.
+    [("exact-5", 0.489, 2.3), ("exact-7", 0.18, 1.1), ("exact-9", 0.0699, 0.45)],
+)
+def test_reduced_rank_holds_any_light_through_its_exact_matrix(
+    name: str, mean: float, componentwise: float
+) -> None:
+    report = SpectralBasis.load(name).report(light_set("spiky"))
+    assert report.exact.mean <= mean
+    assert report.componentwise.mean <= componentwise
+
+
+def test_rgb_product_is_as_far_off_as_in_the_method(general: SpectralBasis) -> None:
     # METHOD: .95 / .62 / 3.1 / 9.1.
+    report = general.report()
     assert report.rgb_product.mean == pytest.approx(0.95, abs=0.01)
     assert report.rgb_product.max == pytest.approx(9.1, abs=0.15)
-
-
-def test_general_basis_on_spiky_lights(general: SpectralBasis) -> None:
-    report = general.report(light_set("spiky"))
-    # Measured .33 / .21 / 1.0; 10.2 under the low-pressure sodium lamp, which is one line.
-    assert report.componentwise.mean <= 0.40
-    assert report.componentwise.median <= 0.25
-    assert report.componentwise.p95 <= 1.2
-    assert report.worst.light == "LPS"
 
 
 def test_mixed_lights_are_no_worse_than_their_components(general: SpectralBasis) -> None:
@@ -80,23 +114,40 @@ def test_mixed_lights_are_no_worse_than_their_components(general: SpectralBasis)
     assert general.report(mixes).componentwise.max <= 0.2
 
 
-def test_general_basis_has_coefficients_in_0_to_1(general: SpectralBasis) -> None:
-    # Signed sensors, yet measured reflectances stay inside: 8-bit textures hold them.
-    c = general.analyze(np.concatenate([reflectance_set("training"), reflectance_set("test")]))
+@pytest.mark.parametrize("name", ["general-7", "general-7-positive", "smooth-5-positive"])
+def test_measured_reflectances_have_coefficients_in_0_to_1(name: str) -> None:
+    # 8-bit textures need this; the signed sensors of general-7 happen to give it too.
+    basis = SpectralBasis.load(name)
+    c = basis.analyze(np.concatenate([reflectance_set("training"), reflectance_set("test")]))
     assert c.min() >= 0
     assert c.max() <= 1
 
 
-def test_shipped_basis_is_what_the_command_fits(general: SpectralBasis) -> None:
-    again = fit_general()
-    # Another BLAS rounds differently and the descent stops elsewhere in a flat valley.
-    assert again.analysis == pytest.approx(general.analysis, abs=5e-3)
-    assert again.trained_on == general.trained_on
+@pytest.mark.parametrize("name", [n for n in NAMES if n.endswith("-positive")])
+def test_positive_sensors_are_positive(name: str) -> None:
+    assert SpectralBasis.load(name).analysis.min() >= 0
 
 
-@pytest.mark.parametrize(("size", "mean", "maximum"), [(5, 2.2, 36.0), (7, 0.27, 4.8)])
+@pytest.mark.parametrize("name", ["general-7", "smooth-5-positive", "exact-5"])
+def test_shipped_basis_is_what_the_command_fits(name: str) -> None:
+    shipped, again = SpectralBasis.load(name), fit_shipped(name)
+    # Another BLAS rounds differently and the descent stops elsewhere in a flat valley; what
+    # counts, the colour, does not follow.
+    assert again.analysis == pytest.approx(shipped.analysis, abs=1e-2)
+    assert again.trained_on == shipped.trained_on
+
+
+def test_all_that_the_command_makes_ships() -> None:
+    assert [SpectralBasis.load(n).name for n in NAMES] == list(NAMES)
+    with pytest.raises(BasisError, match="did you mean 'general-7'"):
+        fit_shipped("general7")
+
+
+@pytest.mark.parametrize(
+    ("size", "mean", "maximum"), [(5, 2.2, 36.0), (7, 0.27, 4.8), (9, 0.10, 1.2)]
+)
 def test_sharpened_pca_reaches_the_papers_model(size: int, mean: float, maximum: float) -> None:
-    # Measured 2.19 (max 35.8) and .254; METHOD: 2.2 (33) and .27 (4.8).
+    # Measured 2.19 (max 35.8), .253 and .093; METHOD: 2.2 (33), .27 (4.8) and .07.
     basis = SpectralBasis.fit(
         light_set("smooth"), reflectance_set("training"), size=size, method="pca-sharpened"
     )
@@ -105,54 +156,19 @@ def test_sharpened_pca_reaches_the_papers_model(size: int, mean: float, maximum:
     assert report.componentwise.max <= maximum
 
 
-def test_virtual_sensors_beat_the_prototype_with_five_channels() -> None:
-    basis = SpectralBasis.fit(light_set("smooth"), reflectance_set("training")[::2], size=5)
-    assert basis.report().componentwise.mean <= 0.13
-
-
-def test_positive_sensors_keep_reflectances_in_0_to_1() -> None:
-    basis = SpectralBasis.fit(
-        light_set("smooth")[::3], reflectance_set("training")[::3], size=7, positive=True
-    )
-    assert basis.analysis.min() >= 0
-    c = basis.analyze(reflectance_set("test"))
-    assert c.min() >= 0
-    assert c.max() <= 1
-    # METHOD: .32 when trained on all.
-    assert basis.report().componentwise.mean <= 0.32
-
-
 def test_designed_palette_trains_for_itself(general: SpectralBasis) -> None:
     basis = SpectralBasis.fit(PALETTE_LIGHTS, PALETTE_REFLECTANCES, size=7)
     report = basis.report(PALETTE_LIGHTS, PALETTE_REFLECTANCES)
-    # Measured .000 in .4 s; METHOD has .014 in 3 s. The general basis is far off here.
-    assert report.componentwise.mean <= 0.014
+    # Measured .000 in .3 s; METHOD has .014 in 3 s. The general basis is far off here.
+    assert report.componentwise.mean <= 0.002
     outside = general.report(PALETTE_LIGHTS, PALETTE_REFLECTANCES)
     assert outside.componentwise.mean > 5
 
 
-def test_five_channels_hold_the_palette_within_a_just_noticeable_difference() -> None:
+def test_five_channels_hold_the_palette() -> None:
     basis = SpectralBasis.fit(PALETTE_LIGHTS, PALETTE_REFLECTANCES, size=5)
-    # METHOD: .85.
-    assert basis.report(PALETTE_LIGHTS, PALETTE_REFLECTANCES).componentwise.mean <= 0.85
-
-
-def test_fits_are_deterministic() -> None:
-    first, second = (
-        SpectralBasis.fit(PALETTE_LIGHTS, PALETTE_REFLECTANCES, size=4, restarts=1).fingerprint
-        for _ in range(2)
-    )
-    assert first == second
-
-
-@pytest.mark.parametrize("step", [5, 1])
-def test_any_grid_works(step: int) -> None:
-    grid = SpectralGrid(360, 830, step)
-    lights = [light(n, grid) for n in ("D65", "A", "planck:4000")]
-    samples = [reflectance(f"CES/{k}", grid) for k in (5, 25, 45, 65, 85)]
-    basis = SpectralBasis.fit(lights, samples, size=6, grid=grid, restarts=0)
-    assert basis.analysis.shape == (6, grid.size)
-    assert basis.report(lights, samples).componentwise.max <= 0.2
+    # Measured .03; METHOD: .85. Nine colours under three lights, and one of several minima.
+    assert basis.report(PALETTE_LIGHTS, PALETTE_REFLECTANCES).componentwise.mean <= 0.1
 
 
 def test_lights_of_one_line_each_are_held() -> None:

@@ -166,7 +166,9 @@ def test_reflectance_sets_have_the_sizes_of_method_section_2() -> None:
     assert reflectance_set("training").shape == (128, 31)
     assert reflectance_set("test").shape == (84, 31)
     assert len(reflectance_set_names("test")) == 84
-    with pytest.raises(SpectrumError, match="choose training or test"):
+    assert reflectance_set("natural").shape == (170, 31)
+    assert reflectance_set("patches").shape == (175, 31)
+    with pytest.raises(SpectrumError, match="choose training, test, natural"):
         reflectance_set("all")
 
 
@@ -234,3 +236,14 @@ def test_arrays_of_another_grid_are_refused() -> None:
         XYZ_of(light("D65"), np.ones(30))
     with pytest.raises(SpectrumError, match="no luminous energy"):
         white_XYZ(Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark"))
+
+
+def test_the_held_out_sets_repeat_nothing_of_the_others() -> None:
+    """Nearest chromatic spectrum of training and test at least 1 degree away, or 0.005 RMS."""
+    known = np.concatenate([reflectance_set("training"), reflectance_set("test")])
+    for name in ("natural", "patches"):
+        fresh = reflectance_set(name)
+        cosine = (fresh @ known.T) / np.outer(*(np.linalg.norm(r, axis=1) for r in (fresh, known)))
+        grey = [r.std(axis=1) <= 0.1 * r.mean(axis=1) for r in (fresh, known)]
+        angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        assert angle[~np.outer(*grey)].min() > 1, name

@@ -12,7 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.twins.test_raycast import TOLERANCE, assert_alike
-from volspec._gpu.sources import asset
+from volspec._gpu.opencl import Compute
+from volspec._gpu.sources import Source, asset
+from volspec.errors import OpenCLError
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.gpu import _CAST, Raycaster
 from volspec.transfer import TransferTable
@@ -137,3 +139,10 @@ def test_lanes_are_numbered_row_by_row_in_their_tile() -> None:
             y = ", ".join(str(i // width) for i in range(lanes))
             assert f"LANE_X ((float{lanes})({x}))" in text
             assert f"LANE_Y ((float{lanes})({y}))" in text
+
+
+def test_an_empty_program_names_the_cache_it_came_from() -> None:
+    """A compiler that was killed leaves one there, and PoCL takes it for good."""
+    source = Source("__kernel void f(__global int *x) { x[0] = 1; }\n", ("<prelude>", "f.cl"))
+    with pytest.raises(OpenCLError, match=r"f\.cl: .* is empty; delete the cache .*pocl"):
+        Compute.open().kernel(source, "raycast")

@@ -7,6 +7,7 @@ GPU drivers on disk and here per context.
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from glob import glob
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from volspec._gpu.sources import Source
@@ -172,7 +174,14 @@ class Compute:
                     f"{source.files[1]} does not build on {self.info.name} with "
                     f"{' '.join(options) or 'no options'}: {lines[-1] if lines else error}"
                 ) from error
-            self._kernels[key] = cl.Kernel(program, name)
+            try:
+                self._kernels[key] = cl.Kernel(program, name)
+            except cl.LogicError as error:
+                # A compiler that died half-way leaves an empty program in PoCL's cache.
+                raise OpenCLError(
+                    f"{source.files[1]}: the program that {self.info.name} built is empty; "
+                    f"delete the cache of compiled programs ({_cache_folder()}) and try again"
+                ) from error
         return self._kernels[key]
 
     def upload(self, array: Any) -> cl.Buffer:
@@ -223,3 +232,9 @@ class Compute:
         import pyopencl as cl
 
         cl.enqueue_copy(self.queue, into, buffer)
+
+
+def _cache_folder() -> str:
+    """Where PoCL keeps compiled programs."""
+    default = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")) / "pocl"
+    return os.environ.get("POCL_CACHE_DIR", str(default))

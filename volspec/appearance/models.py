@@ -1,4 +1,4 @@
-"""Appearance models beside CIECAM02: CIELAB.
+"""Appearance models beside CIECAM02: CIELAB and its colour difference.
 
     relight -> [models] -> reports
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import ViewingError
+from volspec.spectra._colour import colour_science
 
 Array = NDArray[np.float64]
 
@@ -59,6 +60,28 @@ def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
     ratio = np.asarray(XYZ, dtype=np.float64) / _white(white_XYZ)
     f = np.where(ratio > _KNEE, np.cbrt(ratio), _SLOPE * ratio + _OFFSET)
     return f @ _LAB_FROM_F.T + _LAB_AT_0
+
+
+def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
+    """CIEDE2000 of pairs of CIELAB colours; 1 is about what an eye can just tell apart.
+
+    Parameters
+    ----------
+    Lab_1, Lab_2 : (..., 3) array_like
+        Shapes that broadcast.
+
+    Returns
+    -------
+    (...) float64
+
+    Examples
+    --------
+    The first pair of Sharma, Wu & Dalal (2005):
+
+    >>> float(delta_E_2000([50, 2.6772, -79.7751], [50, 0, -82.7485]).round(4))
+    2.0425
+    """
+    return np.asarray(colour_science().delta_E(Lab_1, Lab_2, method="CIE 2000"), dtype=np.float64)
 
 
 def cielab_derivative(ratio: ArrayLike) -> Array:

@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import BasisError
+from volspec.errors import BasisError, SpectrumError
+from volspec.spectra.photometry import check_observer
 
 if TYPE_CHECKING:
+    from volspec.basis.materials import MaterialBasis
     from volspec.basis.model import SpectralBasis
 
 Array = NDArray[np.float64]
 
 _WHITE_TOLERANCE = 1e-6
+# Channels lose this much on the way to a spectrum and back: rounding, where B is large.
+_ROUND_TRIP_TOLERANCE = 1e-5
 
 
 def matrices(basis: SpectralBasis) -> dict[str, Array]:
@@ -26,9 +30,14 @@ def matrices(basis: SpectralBasis) -> dict[str, Array]:
     Raises
     ------
     BasisError
-        If shapes do not fit, a value is not finite, or flat white is not kept.
+        If shapes do not fit, a value is not finite, flat white is not kept, or the synthesis
+        is not the analysis' own.
     """
     label = f"basis {basis.name!r}"
+    try:
+        check_observer(basis.observer_deg)
+    except SpectrumError as error:
+        raise BasisError(f"{label}: {error}") from None
     found: dict[str, Array] = {}
     for field in ("analysis", "synthesis", "XYZ_from_channels"):
         try:
@@ -52,10 +61,16 @@ def matrices(basis: SpectralBasis) -> dict[str, Array]:
             f"{label}: flat white does not analyse to ones (a row sums to 1 +- {off:.2g}); "
             "scale the channels by A 1"
         )
+    loss = float(np.abs(found["analysis"] @ found["synthesis"] - np.eye(m)).max())
+    if loss > _ROUND_TRIP_TOLERANCE:
+        raise BasisError(
+            f"{label}: analysis and synthesis do not belong together (A B differs from the "
+            f"identity by {loss:.2g}); were the numbers edited? Fit the basis again"
+        )
     return found
 
 
-def channels(basis: SpectralBasis, coefficients: ArrayLike) -> Array:
+def channels(basis: SpectralBasis | MaterialBasis, coefficients: ArrayLike) -> Array:
     """(..., m) float64 coefficients of a basis.
 
     Raises

@@ -2,8 +2,9 @@
 
     analysis, synthesis, light -> [display] -> 3 x m matrix
 
-Neither D nor the light matrix of a basis that does not hold flat white gives a light's white
-by itself; `white_exact` mends both in the same way.
+Neither D, nor D R(e), nor the light matrix of a basis that does not hold flat white gives a
+light's white by itself; `white_exact` mends all in the same way. Q stands for the observer's
+colour-matching functions.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import color_matching_functions
+from volspec.errors import BasisError, nearest
 
 Array = NDArray[np.float64]
+
+MODES = ("componentwise", "exact", "linear-model")
+"""How channels become XYZ: D diag(e), kappa Q diag(E) B, or D R(e)."""
 
 NO_COLOUR = 1e-3
 """A light whose X or Z is below this share of its Y has none to speak of."""
@@ -49,24 +52,23 @@ def white_exact(matrix: Array, channels: Array, white: Array) -> Array:
     return stretched + rest[:, None] * _luminous_share(stretched[1], channels)
 
 
-def display_matrix(D: Array, e: Array, E: Array, grid: SpectralGrid) -> Array:
+def display_matrix(D: Array, e: Array, E: Array, Q: Array) -> Array:
     """K with XYZ = K (e * c), Y = 100 for a perfect diffuser.
 
     Parameters
     ----------
     D : (3, m) float64
-        The basis', scaled for the flat light of ones.
+        Scaled for the flat light of ones.
     e : (m,) float64
-        The light's channels.
+        The perfect diffuser's channels under the light.
     E : (N,) float64
         The light's power on the grid.
-    grid : SpectralGrid
+    Q : (3, N) float64
 
     Returns
     -------
     (3, m) float64
     """
-    Q = color_matching_functions(grid)
     kappa = 100.0 / (Q[1] @ E)
     white = kappa * (Q @ E)
     # kappa ratios make D, scaled for the flat light of ones, relative to this one.
@@ -76,11 +78,28 @@ def display_matrix(D: Array, e: Array, E: Array, grid: SpectralGrid) -> Array:
     return trust * K + (1 - trust) * white[:, None] * _luminous_share(K[1], e)
 
 
-def light_matrix(B: Array, E: Array, grid: SpectralGrid) -> Array:
+def light_matrix(B: Array, E: Array, Q: Array) -> Array:
     """P_E = kappa Q diag(E) B, (3, m), with its rows stretched where B does not hold white."""
-    Q = color_matching_functions(grid)
     kappa = 100.0 / (Q[1] @ E)
     return white_exact(kappa * ((Q * E) @ B), np.ones(B.shape[1]), kappa * (Q @ E))
+
+
+def illumination_matrix(A: Array, B: Array, e: Array) -> Array:
+    """R(e), (m, m): the channels of (B e) * (B s) are R(e) s."""
+    return A @ (B * (B @ e)[:, None])
+
+
+def require_mode(mode: str) -> None:
+    """Refuse what is not one of `MODES`.
+
+    Raises
+    ------
+    BasisError
+    """
+    if mode not in MODES:
+        raise BasisError(
+            f"mode {mode!r} is unknown; {nearest(str(mode), MODES)}choose {', '.join(MODES)}"
+        )
 
 
 def _luminous_share(luminous: Array, channels: Array) -> Array:

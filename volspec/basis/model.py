@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +25,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import checks, display, storage
+from volspec.basis.training import training_set
 from volspec.errors import BasisError
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.photometry import light_power, stack
+from volspec.spectra.photometry import color_matching_functions, light_power, stack
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
@@ -49,17 +50,20 @@ class SpectralBasis:
     analysis : (m, N) array
         A; its rows sum to 1.
     synthesis : (N, m) array
-        B. B 1 = 1 for ``virtual-sensors``; for ``pca-sharpened`` as near as white lies to
-        the subspace.
+        B, with A B = I. B 1 = 1 for ``virtual-sensors`` and ``reduced-rank``; for the
+        methods of principal components as near as white lies to the subspace.
     XYZ_from_channels : (3, m) array
         D; scaled so that the flat light of ones on a perfect diffuser has Y near 100.
     trained_on : str
         The lights and reflectances, in words.
+    observer_deg : {2, 10}
+        Whose colours D gives: CIE 1931 2 degrees or CIE 1964 10 degrees.
 
     Raises
     ------
     BasisError
-        If shapes do not fit, a value is not finite, or flat white is not kept.
+        If shapes do not fit, a value is not finite, flat white is not kept, A B is not the
+        identity, or the observer is unknown.
     """
 
     name: str
@@ -69,6 +73,7 @@ class SpectralBasis:
     synthesis: NDArray[np.float64]
     XYZ_from_channels: NDArray[np.float64]
     trained_on: str = ""
+    observer_deg: int = 2
 
     def __post_init__(self) -> None:
         for field, matrix in checks.matrices(self).items():
@@ -82,6 +87,11 @@ class SpectralBasis:
     def size(self) -> int:
         """Number of channels, m."""
         return int(self.analysis.shape[0])
+
+    @property
+    def white(self) -> NDArray[np.float64]:
+        """(m,) channels of the perfect diffuser: ones."""
+        return np.ones(self.size)
 
     def analyze(self, spectra: Spectra) -> NDArray[np.float64]:
         """Channels of lights or reflectances.
@@ -103,6 +113,10 @@ class SpectralBasis:
         """
         return stack(spectra, self.grid) @ self.analysis.T
 
+    def channels_of(self, materials: Mapping[str, Spectrum]) -> NDArray[np.float64]:
+        """(K, m) channels of the materials of a transfer function, in the mapping's order."""
+        return self.analyze(list(materials.values())).reshape(-1, self.size)
+
     def synthesize(self, coefficients: ArrayLike) -> NDArray[np.float64]:
         """(..., m) channels to (..., N) spectra: the basis' best guess."""
         return checks.channels(self, coefficients) @ self.synthesis.T
@@ -121,8 +135,40 @@ class SpectralBasis:
         (..., 3) float64
             XYZ, Y = 100 for a perfect diffuser.
         """
-        c = checks.channels(self, coefficients)
-        return (c * self.analyze(light)) @ self.display_matrix(light).T
+        return checks.channels(self, coefficients) @ self.color_matrix(light).T
+
+    def color_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[np.float64]:
+        """What takes a picture's channels to XYZ under a light.
+
+        Parameters
+        ----------
+        light : Spectrum
+        mode : {"componentwise", "exact", "linear-model"}
+            ``display_matrix(light) * analyze(light)``, what post-illumination shows;
+            ``light_matrix(light)``, no factor model; or D R(e), the product inside the
+            subspace that the componentwise one approximates ([1] eq. 7).
+
+        Returns
+        -------
+        (3, m) float64
+            Times `white`, the light's white to rounding, Y = 100.
+
+        Raises
+        ------
+        BasisError
+            If the mode is unknown.
+        SpectrumError
+            As `display_matrix`.
+        """
+        display.require_mode(mode)
+        if mode == "exact":
+            return self.light_matrix(light)
+        E = light_power(light, self.grid)
+        e = self.analysis @ E
+        if mode == "componentwise":
+            return display.display_matrix(self.XYZ_from_channels, e, E, self._Q) * e
+        R = display.illumination_matrix(self.analysis, self.synthesis, e)
+        return display.display_matrix(self.XYZ_from_channels @ R, self.white, E, self._Q)
 
     def display_matrix(self, light: Spectrum) -> NDArray[np.float64]:
         """K with XYZ = K (e * c), e = analyze(light), c the reflectance's channels.
@@ -144,14 +190,14 @@ class SpectralBasis:
             If the light has negative power or no luminous energy, or does not cover the grid.
         """
         E = light_power(light, self.grid)
-        return display.display_matrix(self.XYZ_from_channels, self.analysis @ E, E, self.grid)
+        return display.display_matrix(self.XYZ_from_channels, self.analysis @ E, E, self._Q)
 
     def light_matrix(self, light: Spectrum) -> NDArray[np.float64]:
         """P_E = kappa Q diag(E) B: XYZ = P_E c with no factor model.
 
         Linear in the light's share where B 1 = 1, so that lights add. Elsewhere
-        (``pca-sharpened``) its rows are stretched as `display_matrix`'s are, so that white is
-        exact.
+        (``pca``, ``pca-sharpened``) its rows are stretched as `display_matrix`'s are, so that
+        white is exact.
 
         Returns
         -------
@@ -163,7 +209,26 @@ class SpectralBasis:
         SpectrumError
             As `display_matrix`.
         """
-        return display.light_matrix(self.synthesis, light_power(light, self.grid), self.grid)
+        return display.light_matrix(self.synthesis, light_power(light, self.grid), self._Q)
+
+    def illumination_matrix(self, light: Spectrum) -> NDArray[np.float64]:
+        """R(e): a reflectance's channels to the colour signal's, inside the subspace.
+
+        R(e)_ij = sum_k A_i (B_j * B_k) e_k ([1] eq. 7, where A = B^+). Linear in the light;
+        diagonal where the componentwise product is exact.
+
+        Returns
+        -------
+        (m, m) float64
+            On the light's own scale, as `analyze`.
+
+        Raises
+        ------
+        SpectrumError
+            As `display_matrix`.
+        """
+        e = self.analysis @ light_power(light, self.grid)
+        return display.illumination_matrix(self.analysis, self.synthesis, e)
 
     @classmethod
     def fit(
@@ -177,9 +242,11 @@ class SpectralBasis:
         grid: SpectralGrid = DEFAULT_GRID,
         name: str = "",
         trained_on: str = "",
+        observer_deg: int = 2,
         smoothness: float | None = None,
         restarts: int | None = None,
         light_weights: ArrayLike | None = None,
+        reflectance_weights: ArrayLike | None = None,
     ) -> SpectralBasis:
         """Fit a basis to the lights and reflectances it will be used with.
 
@@ -189,38 +256,54 @@ class SpectralBasis:
             Arrays must be on ``grid``.
         size : int
             Channels m.
-        method : {"virtual-sensors", "pca-sharpened"}
+        method : {"virtual-sensors", "pca", "pca-sharpened", "reduced-rank"}
             See `volspec.basis.fit`.
         positive : bool
             Keep A >= 0, so that reflectances have channels in 0..1 (``virtual-sensors``).
+        observer_deg : {2, 10}
+            Whose colours shall be right.
         smoothness : float, optional
-            Weight of the second-difference penalty on A's rows.
+            Weight of the second-difference penalty on A's rows (``virtual-sensors``).
         restarts : int, optional
-            Perturbed starts tried besides the regular one; deterministic.
-        light_weights : (J,) array, optional
-            How much each light's colour errors count (``virtual-sensors``); default equally.
+            Perturbed starts tried besides the regular one; deterministic
+            (``virtual-sensors``).
+        light_weights, reflectance_weights : (J,) and (K,) array, optional
+            How much each light's and each reflectance's errors count, by use; above 0, of
+            any scale. Equally by default.
 
         Raises
         ------
         BasisError
-            If the method is unknown, the size exceeds what the data can determine, or a
-            light has no energy.
+            If the method is unknown, the size exceeds what the data can determine, weights
+            do not fit, or a light has no energy.
         """
         from volspec.basis.fit import fit_basis
 
-        return fit_basis(
-            cls,
+        training = training_set(
             lights,
             reflectances,
-            size=size,
-            method=method,
+            grid,
+            observer_deg=observer_deg,
+            light_weights=light_weights,
+            reflectance_weights=reflectance_weights,
+        )
+        A, B, D = fit_basis(
+            training,
+            size,
+            method,
             positive=positive,
-            grid=grid,
-            name=name,
-            trained_on=trained_on,
             smoothness=smoothness,
             restarts=restarts,
-            light_weights=light_weights,
+        )
+        return cls(
+            name=name or f"{method}-{size}",
+            method=method,
+            grid=grid,
+            analysis=A,
+            synthesis=B,
+            XYZ_from_channels=D,
+            trained_on=trained_on or training.label,
+            observer_deg=observer_deg,
         )
 
     def report(
@@ -285,9 +368,13 @@ class SpectralBasis:
 
     @property
     def fingerprint(self) -> str:
-        """Short hash of the grid and the numbers; equal after save and load."""
-        digest = hashlib.sha256(str(self.grid).encode())
+        """Short hash of the grid, the observer and the numbers; equal after save and load."""
+        digest = hashlib.sha256(f"{self.grid}, {self.observer_deg} degrees".encode())
         for array in (self.analysis, self.synthesis, self.XYZ_from_channels):
             digest.update(repr(array.shape).encode())
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
         return digest.hexdigest()[:12]
+
+    @property
+    def _Q(self) -> NDArray[np.float64]:
+        return color_matching_functions(self.grid, self.observer_deg)

@@ -1,32 +1,39 @@
 """How far the m-channel picture is from the full spectra, in CIEDE2000.
 
-    basis, lights, reflectances -> [report] -> error table
+    basis, lights, reflectances -> [report] -> error table -> figure
 
 The reference is the XYZ of the full spectra, the white is the light. Every error is that of
-one reflectance under one light; 1 is about what an eye can just tell apart.
+one reflectance, or one product of reflectances, under one light; 1 is about what an eye can just
+tell apart.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.models import cielab
-from volspec.basis.display import NO_COLOUR
+from volspec.appearance import constants as k
+from volspec.appearance import srgb
+from volspec.basis.report_pairs import PairErrors, pair_errors
+from volspec.basis.report_pairs import rgb_product_delta_e as rgb_product_delta_e
 from volspec.errors import BasisError
-from volspec.spectra._colour import colour_science
 from volspec.spectra.library import light_set, reflectance_set, reflectance_set_names
-from volspec.spectra.photometry import XYZ_of, color_matching_functions, stack, white_XYZ
+from volspec.spectra.photometry import stack
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
+    from volspec.basis.materials import MaterialBasis
     from volspec.basis.model import SpectralBasis
 
 Array = NDArray[np.float64]
+Reflectances = Sequence[Spectrum] | ArrayLike
+
+ADAPTATION = "CAT02, complete, to the display's D65"
+"""How colours under other lights are carried to the display, to be shown side by side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +56,46 @@ class ErrorSummary:
 
 
 @dataclass(frozen=True, slots=True)
+class ProductErrors:
+    """CIEDE2000 of componentwise products of reflectances, and of the RGB renderer's."""
+
+    componentwise: ErrorSummary
+    rgb_product: ErrorSummary
+
+
+@dataclass(frozen=True, slots=True)
 class WorstPair:
-    """The light and reflectance with the largest componentwise error."""
+    """A light and a reflectance far off: its true colour, and the one shown by the channels.
+
+    XYZ have Y = 100 for white; the sRGB codes are the same colours carried to the display
+    (`ADAPTATION`).
+    """
 
     light: str
     reflectance: str
     delta_e: float
+    XYZ: tuple[float, ...] = ()
+    XYZ_shown: tuple[float, ...] = ()
+    sRGB: str = ""
+    sRGB_shown: str = ""
+
+    @classmethod
+    def at(
+        cls, pairs: PairErrors, light: int, reflectance: int, way: str = "componentwise"
+    ) -> WorstPair:
+        """One pair of many, shown one way: ``componentwise``, ``exact`` or ``linear_model``."""
+        true, shown = pairs.XYZ[light, reflectance], pairs.shown_XYZ[way][light, reflectance]
+        codes = displayed(np.array([true, shown]), pairs.white_XYZ[light])
+        sRGB, sRGB_shown = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in codes.tolist())
+        return cls(
+            light=pairs.lights[light],
+            reflectance=pairs.reflectances[reflectance],
+            delta_e=float(getattr(pairs, way)[light, reflectance]),
+            XYZ=tuple(map(float, true)),
+            XYZ_shown=tuple(map(float, shown)),
+            sRGB=sRGB,
+            sRGB_shown=sRGB_shown,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,21 +108,40 @@ class BasisReport:
     trained_on: str
     componentwise: ErrorSummary
     exact: ErrorSummary
+    linear_model: ErrorSummary
     rgb_product: ErrorSummary
+    products: dict[int, ProductErrors]
+    """By the number of surfaces, 2 and 3; empty where channels do not multiply (materials)."""
     worst: WorstPair
+    pairs: PairErrors = field(repr=False, compare=False)
+    """Every single error, for figures."""
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return asdict(self)
+        """As JSON types, without the single pairs."""
+        kept = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "pairs"}
+        kept["products"] = {str(n): asdict(p) for n, p in self.products.items()}
+        return {
+            name: value if isinstance(value, str | int | dict) else asdict(value)
+            for name, value in kept.items()
+        }
 
     def __str__(self) -> str:
+        rows = [
+            ("componentwise", self.componentwise),
+            ("exact light matrix", self.exact),
+            ("linear model", self.linear_model),
+            ("RGB product", self.rgb_product),
+        ]
+        for n, errors in self.products.items():
+            rows += [
+                (f"{n} surfaces", errors.componentwise),
+                (f"{n} surfaces, RGB", errors.rgb_product),
+            ]
         return "\n".join(
             [
                 f"{self.basis}: {self.method}, {self.size} channels, trained on {self.trained_on}",
                 "CIEDE2000 against full spectra: mean / median / 95 % / max",
-                f"  componentwise       {self.componentwise}",
-                f"  exact light matrix  {self.exact}",
-                f"  RGB product         {self.rgb_product}",
+                *(f"  {name:18s}  {summary}" for name, summary in rows),
                 f"  worst: {self.worst.reflectance} under {self.worst.light}, "
                 f"{self.worst.delta_e:.3f}",
             ]
@@ -89,34 +149,39 @@ class BasisReport:
 
 
 def report(
-    basis: SpectralBasis,
+    basis: SpectralBasis | MaterialBasis,
     lights: Sequence[Spectrum] | None = None,
-    reflectances: Sequence[Spectrum] | ArrayLike | None = None,
+    reflectances: Reflectances | None = None,
     names: Sequence[str] | None = None,
 ) -> BasisReport:
-    """Compare the componentwise and the exact picture with the full spectra.
+    """Compare the picture by components, by matrix and by RGB with the full spectra.
 
     Parameters
     ----------
-    basis : SpectralBasis
+    basis : SpectralBasis or MaterialBasis
     lights : list of Spectrum, optional
         Default: the 26 smooth lights.
     reflectances : list of Spectrum or (K, N) array, optional
-        Default: the 84 held-out samples of ``reflectance_set("test")``.
+        Default: the 84 held-out samples of ``reflectance_set("test")``; a `MaterialBasis` knows
+        its own materials only.
     names : list of str, optional
-        What to call the reflectances when an array is given.
+        What to call the reflectances; a list of Spectrum brings its own.
 
     Raises
     ------
     BasisError
-        If a list is empty or the names do not match.
+        If a list is empty, the names do not match, or a basis of materials is given a
+        reflectance that is none of them.
     SpectrumError
         If a spectrum does not cover the basis' grid.
     """
     grid = basis.grid
     if lights is None:
         lights = light_set("smooth", grid)
-    if reflectances is None:
+    own = getattr(basis, "materials", None)
+    if reflectances is None and own is not None:
+        reflectances, names = list(own.values()), list(own)
+    elif reflectances is None:
         reflectances = reflectance_set("test", grid)
         names = reflectance_set_names("test")
     if names is None and isinstance(reflectances, list | tuple):
@@ -127,55 +192,49 @@ def report(
         raise BasisError("report: no lights or no reflectances given; nothing to compare")
     if names is not None and len(names) != len(S):
         raise BasisError(f"report: {len(names)} names for {len(S)} reflectances; give one each")
-    c = basis.analyze(S)
-    componentwise = delta_e_table(lights, S, [basis.xyz(c, light) for light in lights])
-    exact = delta_e_table(lights, S, [c @ basis.light_matrix(light).T for light in lights])
-    j, k = divmod(int(componentwise.argmax()), len(S))
-    label = names[k] if names is not None and names[k] else f"reflectance {k + 1}"
+    names = [name or f"reflectance {i + 1}" for i, name in enumerate(names or [""] * len(S))]
+    pairs = pair_errors(basis, lights, S, _channels(basis, S, names), names, chained=own is None)
+    j, i = divmod(int(pairs.componentwise.argmax()), len(S))
     return BasisReport(
         basis=basis.name,
         size=basis.size,
         method=basis.method,
         trained_on=basis.trained_on,
-        componentwise=ErrorSummary.of(componentwise),
-        exact=ErrorSummary.of(exact),
-        rgb_product=ErrorSummary.of(rgb_product_delta_e(lights, S)),
-        worst=WorstPair(lights[j].name or f"light {j + 1}", label, float(componentwise[j, k])),
+        componentwise=ErrorSummary.of(pairs.componentwise),
+        exact=ErrorSummary.of(pairs.exact),
+        linear_model=ErrorSummary.of(pairs.linear_model),
+        rgb_product=ErrorSummary.of(pairs.rgb_product),
+        products={
+            n: ProductErrors(ErrorSummary.of(d), ErrorSummary.of(pairs.rgb_products[n]))
+            for n, d in pairs.products.items()
+        },
+        worst=WorstPair.at(pairs, j, i),
+        pairs=pairs,
     )
 
 
-def delta_e_table(lights: Sequence[Spectrum], reflectances: Array, XYZ: Sequence[Array]) -> Array:
-    """(J, K) CIEDE2000 of predicted XYZ, J arrays (K, 3), against the full spectra."""
-    reference, predicted = [], []
-    for light, XYZ_light in zip(lights, XYZ, strict=True):
-        white = _visible_white(light)
-        reference.append(cielab(XYZ_of(light, reflectances), white))
-        predicted.append(cielab(XYZ_light, white))
-    return np.asarray(
-        colour_science().delta_E(np.array(reference), np.array(predicted), method="CIE 2000")
-    )
+def displayed(XYZ: Array, white_XYZ: Array) -> NDArray[np.uint8]:
+    """(..., 3) sRGB codes of colours seen under a white, by `ADAPTATION`, clipped to the gamut."""
+    CAT02 = k.CAT02_FROM_XYZ
+    # A nearly monochromatic white may have a response near 0: keep its gain finite.
+    white = np.maximum(CAT02 @ white_XYZ, 1e-3 * white_XYZ[1])
+    adapted = (XYZ @ CAT02.T) * ((CAT02 @ k.DISPLAY_WHITE_XYZ) / white)
+    return srgb.to_uint8(srgb.encode(srgb.linear_from_XYZ(adapted @ np.linalg.inv(CAT02).T)))
 
 
-def rgb_product_delta_e(lights: Sequence[Spectrum], reflectances: Array) -> Array:
-    """(J, K) CIEDE2000 of the RGB renderer's way: light times surface in three sharp sensors.
-
-    The surface's XYZ under the flat light and the light's own XYZ are multiplied in the Sharp
-    sensors of Finlayson and Suesstrunk (2000), the best of the usual ones here.
-    """
-    sharp = np.asarray(colour_science().CHROMATIC_ADAPTATION_TRANSFORMS["Sharp"])
-    grid = lights[0].grid
-    Q = color_matching_functions(grid)
-    flat = Q.sum(1)
-    surface = ((reflectances @ Q.T) @ sharp.T) / (sharp @ flat)
-    back = np.linalg.inv(sharp)
-    return delta_e_table(
-        lights,
-        reflectances,
-        [(surface * (sharp @ white_XYZ(light))) @ back.T for light in lights],
-    )
-
-
-def _visible_white(light: Spectrum) -> Array:
-    """The light's white; X and Z below a thousandth of Y, which no eye sees, are taken as that."""
-    white = white_XYZ(light)
-    return np.maximum(white, NO_COLOUR * white[1])
+def _channels(basis: SpectralBasis | MaterialBasis, S: Array, names: Sequence[str]) -> Array:
+    """(K, m): measured by the basis, or looked up among its materials."""
+    own = getattr(basis, "materials", None)
+    if own is None:
+        return np.asarray(basis.analyze(S))  # type: ignore[union-attr]
+    values = np.array([spectrum.on(basis.grid).values for spectrum in own.values()])
+    found = []
+    for row, name in zip(S, names, strict=True):
+        match = np.flatnonzero(np.isclose(values, row, atol=1e-9).all(axis=1))
+        if not match.size:
+            raise BasisError(
+                f"report: {name} is none of the materials of basis {basis.name!r}, which holds "
+                f"{', '.join(own)}; it has no channels for others"
+            )
+        found.append(int(match[0]))
+    return np.asarray(basis.channels_of(own))[found]

@@ -1,9 +1,11 @@
-"""What a fit of ``virtual-sensors`` minimises: residuals and their derivatives.
+"""What a fit of ``virtual-sensors`` minimises: residuals and their normal equations.
 
-    lights, reflectances -> [residuals] -> sensors
+    training set -> [residuals] -> sensors
 
-J lights, K reflectances, m channels, N bands, P knots. The equations stand in
-`volspec.basis.sensors`.
+J lights, K reflectances, m channels, P knots. The equations stand in `volspec.basis.sensors`.
+A residual follows the sensors only through its light's channels e_j and its reflectance's s_k,
+so J^T J is summed up from small blocks by light and by reflectance; the Jacobian itself,
+(3 J K) x (m P), is never formed.
 """
 
 from __future__ import annotations
@@ -13,154 +15,165 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models import cielab_derivative
-from volspec.basis.display import NO_COLOUR
-from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import color_matching_functions
+from volspec.basis.metric import relative_colours
+from volspec.basis.training import Training
 
 Array = NDArray[np.float64]
 
 # Penalties in colour differences: a white off by 100 %, and an entry of D of 100 (all of Y).
 _WHITE_WEIGHT = 20.0
-_DISPLAY_WEIGHT = 0.003
+_DISPLAY_WEIGHT = 0.0012
+_LEAST_WHITE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """What does not change while A and D do; J lights, K reflectances, N bands."""
+    """What does not change while the sensors and D do."""
 
-    E: Array  # (J, N), each with Y = 100 for a perfect diffuser
-    S: Array  # (K, N)
+    E: Array  # (J, P), each light on the knots
+    S: Array  # (K, P)
+    area: Array  # (P,), the knots' sums over bands
     white: Array  # (J, 3)
-    white_scale: Array  # (J, 3), what a white's error is measured against
+    white_scale: Array  # (J, 3), a white off by 100 % costs this
     target: Array  # (J, K, 3), XYZ / white
-    metric: Array  # (J, K, 3, 3), G with the light's weight and 1/sqrt(JK) folded in
-    roughness: Array  # (N-2, N), the penalty's rows
-    knots: Array  # (P, N), what a sensor may be made of
+    metric: Array  # (J, K, 3, 3), G with the weights and 1/sqrt(JK) folded in
+    roughness: Array  # (R, P), the penalty's rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    heights: Array  # (m, P), at the knots; positive=True keeps them >= 0
+    """The unknowns: sensors A = heights @ knots, each of sum 1 over bands, and D."""
+
+    heights: Array  # (m, P), heights @ area = 1; positive=True keeps them >= 0
     D: Array  # (3, m)
     positive: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Value:
-    A: Array
-    e: Array
-    s: Array
-    white: Array
-    ratio: Array
-    residual: Array
-    rough: Array
-    white_off: Array
+    e: Array  # (J, m)
+    s: Array  # (K, m)
+    white: Array  # (J, 3), as predicted
+    ratio: Array  # (J, K, 3), XYZ / white as predicted
+    residual: Array  # (J, K, 3)
+    rough: Array  # (m, R)
+    white_off: Array  # (J, 3)
     colour_error: float
     cost: float
 
 
 def pose(
-    E: Array,
-    S: Array,
-    grid: SpectralGrid,
-    knots: Array,
-    smoothness: float,
-    weights: Array | None,
+    training: Training, knots: Array, roughness: Array, white_weight: float = _WHITE_WEIGHT
 ) -> Problem:
-    """The problem of lights E (J, N), reflectances S (K, N) and knots (P, N)."""
-    Q = color_matching_functions(grid)
-    E = E * (100.0 / (E @ Q[1]))[:, None]
-    white = E @ Q.T
-    # Where a light has no X or Z to speak of there is no ratio to fit; `display_matrix`
-    # shows that row in proportion to Y.
-    seen = white > NO_COLOUR * white[:, 1:2]
-    white = np.maximum(white, NO_COLOUR * white[:, 1:2])
-    target = np.einsum("ck,jk,ik->jic", Q, E, S) / white[:, None]
-    w = np.ones(len(E)) if weights is None else weights / weights.mean()
-    scale = np.sqrt(w / (len(E) * len(S)))
-    metric = cielab_derivative(target) * seen[:, None, None, :] * scale[:, None, None, None]
-    # Curvature of the sensor's density (mean 1) per (10 nm)^2, as a mean square over bands,
-    # so that one smoothness means the same on every grid.
-    N = grid.size
-    second = np.diff(np.eye(N), 2, axis=0) * (10.0 / grid.step_nm) ** 2
-    roughness = np.sqrt(smoothness / N) * N * second
+    """The problem of a training set for sensors made of knots (P, N)."""
+    white, target, metric = relative_colours(training)
     white_scale = np.maximum(white, 0.02 * white[:, 1:2])
-    return Problem(E, S, white, white_scale, target, metric, roughness, knots)
-
-
-def sensors_of(problem: Problem, state: State) -> Array:
-    A = state.heights @ problem.knots
-    return A / A.sum(1, keepdims=True)
+    return Problem(
+        E=training.E @ knots.T,
+        S=training.S @ knots.T,
+        area=knots.sum(1),
+        white=white,
+        white_scale=white_scale * (np.sqrt(len(white)) / white_weight),
+        target=target,
+        metric=metric,
+        roughness=roughness,
+    )
 
 
 def evaluate(problem: Problem, state: State) -> Value:
-    A = sensors_of(problem, state)
-    e, s = problem.E @ A.T, problem.S @ A.T
+    """The residuals and their sum of squares."""
+    e, s = problem.E @ state.heights.T, problem.S @ state.heights.T
     predicted = e @ state.D.T
-    # A trial step may cross zero; a floor keeps it finite and the cost turns it down.
-    white = np.maximum(predicted, 1e-6)
-    ratio = np.einsum("cm,jm,km->jkc", state.D, e, s, optimize=True) / white[:, None]
-    residual = np.einsum("jkrc,jkc->jkr", problem.metric, ratio - problem.target)
-    rough = A @ problem.roughness.T
-    off = (predicted - problem.white) / problem.white_scale
-    white_off = off * (_WHITE_WEIGHT / np.sqrt(len(e)))
+    # A light's predicted white may be far too small, or negative; a floor keeps errors in
+    # bounds while the penalty on whites mends it.
+    white = np.maximum(predicted, _LEAST_WHITE * problem.white)
+    display = state.D * e[:, None] / white[..., None]  # (J, 3, m)
+    ratio = np.matmul(s, display.swapaxes(1, 2))
+    residual = _applied(problem.metric, ratio - problem.target)
+    rough = state.heights @ problem.roughness.T
+    white_off = (predicted - problem.white) / problem.white_scale
     large = state.D * (_DISPLAY_WEIGHT / 100)
     colour_error = float((residual**2).sum())
     cost = colour_error + float((rough**2).sum() + (white_off**2).sum() + (large**2).sum())
-    return Value(A, e, s, white, ratio, residual, rough, white_off, colour_error, cost)
+    return Value(e, s, white, ratio, residual, rough, white_off, colour_error, cost)
 
 
 def normal_equations(problem: Problem, state: State, value: Value) -> tuple[Array, Array]:
-    """J^T J and J^T r for the unknowns (heights, D)."""
-    D, e, s = state.D, value.e, value.s
-    m = D.shape[1]
-    A_of = _sensor_derivative(problem, state, value.A)  # (m, P, N)
-    dE = np.einsum("jn,mpn->jmp", problem.E, A_of, optimize=True)
-    dS = np.einsum("kn,mpn->kmp", problem.S, A_of, optimize=True)
-    # ratio_c = D_c (e * s) / (D_c e): quotient rule, first by e and s, then by D.
-    inverse = 1.0 / value.white  # (J, 3)
-    relative = s[None, :, None, :] - value.ratio[..., None]  # (J, K, 3, m)
-    G = problem.metric * inverse[:, None, None, :]
-    by_e = np.einsum("jkrc,cm,jkcm->jkrm", G, D, relative, optimize=True)
-    by_s = np.einsum("jkrc,cm,jm->jkrm", G, D, e, optimize=True)
-    by_heights = by_e[..., None] * dE[:, None, None] + by_s[..., None] * dS[None, :, None]
-    by_D = G[..., None] * (relative * e[:, None, None])[:, :, None]
-    count = value.residual.size
-    jacobian = np.concatenate([by_heights.reshape(count, -1), by_D.reshape(count, -1)], axis=1)
-    H = jacobian.T @ jacobian
-    gradient = jacobian.T @ value.residual.ravel()
-    _add_display_penalties(H, gradient, problem, state, value, dE)
-    bend = A_of @ problem.roughness.T  # (m, P, N-2)
-    P = bend.shape[1]
-    for i in range(m):
-        block = slice(i * P, (i + 1) * P)
-        H[block, block] += bend[i] @ bend[i].T
-        gradient[block] += bend[i] @ value.rough[i]
-    return H, gradient
+    """J^T J, (n, n), and J^T r, (n,), for the n = m P + 3 m unknowns (heights, D)."""
+    by_e, by_s, by_D = _derivatives(problem, state, value)
+    m, P = state.heights.shape
+    J, K = len(value.e), len(value.s)
+    r = value.residual[..., None]
+    by_light = np.concatenate([by_e, by_D, r], axis=3).reshape(J, 3 * K, 4 * m + 1)
+    by_light = np.concatenate([by_light, _white_rows(problem, state, value)], axis=1)
+    by_reflectance = np.concatenate([by_s, by_D, r], axis=3)
+    by_reflectance = by_reflectance.swapaxes(0, 1).reshape(K, 3 * J, 4 * m + 1)
+    light = np.matmul(by_light.swapaxes(1, 2), by_light)  # (J, 4m + 1, 4m + 1)
+    reflectance = np.matmul(by_reflectance[..., :m].swapaxes(1, 2), by_reflectance)
+    cross = np.matmul(by_e.swapaxes(2, 3), by_s)  # (J, K, m, m)
+    # By the heights, before they are held to sum 1: axes (m, P, m, P).
+    both = np.einsum("jp,jkx->pkx", problem.E, cross.reshape(J, K, -1), optimize=True)
+    both = np.einsum("pkx,kq->pxq", both, problem.S, optimize=True).reshape(P, m, m, P)
+    both = both.swapaxes(0, 1)
+    H = both + both.transpose(2, 3, 0, 1)
+    H += _outer_sum(light[:, :m, :m], problem.E) + _outer_sum(reflectance[..., :m], problem.S)
+    bend = problem.roughness.T @ problem.roughness
+    H[np.arange(m), :, np.arange(m)] += bend
+    # By the heights against D and the residual: axes (m, P, 3m + 1).
+    rest = np.einsum("jmx,jp->mpx", light[:, :m, m:], problem.E, optimize=True)
+    rest += np.einsum("kmx,kp->mpx", reflectance[..., m:], problem.S, optimize=True)
+    rest[..., -1] += value.rough @ problem.roughness
+    H = _held(_held(H, state, problem).transpose(2, 3, 0, 1), state, problem)
+    rest = _held(rest, state, problem).reshape(m * P, -1)
+    last = light[:, m:, m:].sum(0)
+    ridge = (_DISPLAY_WEIGHT / 100) ** 2
+    last[:-1, :-1] += ridge * np.eye(3 * m)
+    last[:-1, -1] += ridge * state.D.ravel()
+    full = np.block([[H.reshape(m * P, m * P), rest], [rest.T, last]])
+    return full[:-1, :-1], full[:-1, -1]
 
 
-def _add_display_penalties(
-    H: Array, gradient: Array, problem: Problem, state: State, value: Value, dE: Array
-) -> None:
-    m = state.D.shape[1]
-    scale = _WHITE_WEIGHT / np.sqrt(len(value.e)) / problem.white_scale  # (J, 3)
-    by_heights = np.einsum("jc,cm,jmp->jcmp", scale, state.D, dE)
-    by_D = np.zeros((len(value.e), 3, 3, m))
+def _derivatives(problem: Problem, state: State, value: Value) -> tuple[Array, Array, Array]:
+    """Of the residual: by e and by s, (J, K, 3, m), and by D, (J, K, 3, 3m).
+
+    ratio_c = D_c (e * s) / (D_c e): the quotient rule.
+    """
+    weighed = problem.metric / value.white[:, None, None, :]
+    shown = np.matmul(weighed, state.D)
+    pulled = np.matmul(weighed * value.ratio[:, :, None, :], state.D)
+    by_e = shown * value.s[None, :, None, :] - pulled
+    by_s = shown * value.e[:, None, None, :]
+    relative = (value.s[None, :, None, :] - value.ratio[..., None]) * value.e[:, None, None, :]
+    by_D = (weighed[..., None] * relative[:, :, None]).reshape(*by_e.shape[:3], -1)
+    return by_e, by_s, by_D
+
+
+def _white_rows(problem: Problem, state: State, value: Value) -> Array:
+    """(J, 3, 4m + 1): predicted whites' errors, by e, by D, and themselves."""
+    J, m = value.e.shape
+    scale = 1.0 / problem.white_scale
+    by_D = np.zeros((J, 3, 3, m))
     for c in range(3):
         by_D[:, c, c] = scale[:, c, None] * value.e
-    count = value.white_off.size
-    jacobian = np.concatenate([by_heights.reshape(count, -1), by_D.reshape(count, -1)], axis=1)
-    H += jacobian.T @ jacobian
-    gradient += jacobian.T @ value.white_off.ravel()
-    cut = state.heights.size
-    ridge = (_DISPLAY_WEIGHT / 100) ** 2
-    H[np.arange(cut, len(H)), np.arange(cut, len(H))] += ridge
-    gradient[cut:] += ridge * state.D.ravel()
+    by_e = scale[..., None] * state.D
+    return np.concatenate([by_e, by_D.reshape(J, 3, -1), value.white_off[..., None]], axis=2)
 
 
-def _sensor_derivative(problem: Problem, state: State, A: Array) -> Array:
-    """(m, P, N): how a sensor, kept at sum 1, follows each knot."""
-    area = (state.heights @ problem.knots).sum(1)[:, None, None]
-    sums = problem.knots.sum(1)
-    return (problem.knots[None] - A[:, None, :] * sums[None, :, None]) / area
+def _outer_sum(weights: Array, spectra: Array) -> Array:
+    """sum_i weights_imn spectra_ip spectra_iq, axes (m, p, n, q)."""
+    count, m, _ = weights.shape
+    P = spectra.shape[1]
+    outer = (spectra[:, :, None] * spectra[:, None]).reshape(count, -1)
+    return (weights.reshape(count, -1).T @ outer).reshape(m, m, P, P).swapaxes(1, 2)
+
+
+def _held(by_heights: Array, state: State, problem: Problem) -> Array:
+    """The derivative (m, P, ...) when each sensor is divided by its sum, which is now 1."""
+    along = np.einsum("mp,mp...->m...", state.heights, by_heights)
+    tail = (1,) * (by_heights.ndim - 2)
+    return by_heights - problem.area.reshape(1, -1, *tail) * along[:, None]
+
+
+def _applied(matrices: Array, vectors: Array) -> Array:
+    """(..., 3, 3) on (..., 3)."""
+    return np.matmul(matrices, vectors[..., None])[..., 0]

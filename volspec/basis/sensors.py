@@ -1,16 +1,17 @@
 """Fit ``virtual-sensors``: m sensors whose channels multiply like spectra do.
 
-    training lights x reflectances -> [sensors] -> A, D
+    training set -> [sensors] -> A, D
 
 Minimises, over A (rows summing to 1) and D, the mean square colour error
 
     || G_jk ( D(A E_j * A S_k) / D(A E_j)  -  XYZ_jk / XYZ_white_j ) ||^2
 
-where G_jk is the derivative of CIELAB at the true colour, so that the residual is a
-colour difference, plus small penalties: second differences of the sensors, predicted whites
-off their lights' (the per-light correction of `SpectralBasis.display_matrix`, which is the
-division above, should have little to do), and large entries of D (which would cancel).
-Levenberg-Marquardt with an analytic Jacobian; the residuals are bilinear and few.
+where G_jk is the CIE94 metric at the true colour (`volspec.basis.metric`), so that the
+residual is a colour difference, plus small penalties: second differences of the sensors,
+predicted whites off their lights' (the per-light correction of `SpectralBasis.display_matrix`,
+which is the division above, should have little to do), and large entries of D (which would
+cancel).
+Levenberg-Marquardt with analytic derivatives; the residuals are bilinear.
 
 References
 ----------
@@ -19,123 +20,104 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis.residuals import (
-    Problem,
-    State,
-    evaluate,
-    normal_equations,
-    pose,
-    sensors_of,
-)
+from volspec.basis.residuals import Problem, State, evaluate, normal_equations, pose
+from volspec.basis.training import Training
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import color_matching_functions
 
 Array = NDArray[np.float64]
 
-_CENTRES_NM = (425.0, 660.0)
+_CENTRES_NM = (440.0, 620.0)
+_COLOUR_NM = (420.0, 660.0)
+_ITERATIONS = 100
 _TOLERANCE = 1e-5
 # A start that reaches this mean square colour error needs no rival.
-_GOOD_ENOUGH = 0.05**2
+_GOOD_ENOUGH = 0.02**2
+# Lighter than for free sensors: not every space holds every light's white.
+_CHANNEL_WHITE_WEIGHT = 8.0
+# Sensors of a larger condition number are mixtures of each other: the rounding of their
+# channels would show.
+_MOST_ALIKE = 30.0
 _KNOT_NM = 10.0
 _MOST_FREE_BANDS = 64
 
 
 def fit_sensors(
-    E: Array,
-    S: Array,
-    grid: SpectralGrid,
-    size: int,
-    *,
-    positive: bool,
-    smoothness: float,
-    restarts: int,
-    light_weights: Array | None = None,
-    iterations: int = 100,
+    training: Training, size: int, *, positive: bool, smoothness: float, restarts: int
 ) -> tuple[Array, Array]:
-    """A (m, N) and D (3, m) for lights E (J, N) and reflectances S (K, N).
+    """A (m, N) and D (3, m).
 
     D is scaled so that whites are right in the least-squares sense over the training lights,
     with Y = 100 for the flat light of ones. Deterministic: perturbed starts come from a fixed
     seed, the best one is kept.
     """
-    problem = pose(E, S, grid, _knots(grid), smoothness, light_weights)
+    grid = training.grid
+    at_nm, knots = _knots(grid)
+    # Curvature of the sensor's density (mean 1) per (10 nm)^2, as a mean square over knots,
+    # so that one smoothness means the same on every grid.
+    second = np.diff(np.eye(at_nm.size), 2, axis=0) * (10.0 / (at_nm[1] - at_nm[0])) ** 2
+    roughness = np.sqrt(smoothness / at_nm.size) * grid.size * second
+    problem = pose(training, knots, roughness)
+    state = _best_descent(problem, _perturbed(_gaussians(at_nm, size), restarts), positive)
+    return state.heights @ knots, _scaled_display(training, problem, state)
+
+
+def choose_channels(training: Training, rows: Array) -> tuple[Array, Array]:
+    """T (m, m) and D: the sensors T @ rows of a row space (m, N) that multiply best.
+
+    From the narrowest sensors that the space allows: the eigenvectors of diag(lambda) in it,
+    lambda no further out than there is colour. ``rows`` are orthonormal.
+    """
+    problem = pose(training, rows, np.zeros((0, len(rows))), _CHANNEL_WHITE_WEIGHT)
+    _, narrow = np.linalg.eigh(rows * np.clip(training.grid.wavelengths_nm, *_COLOUR_NM) @ rows.T)
+    state = _descend(problem, narrow.T, positive=False)
+    return state.heights, _scaled_display(training, problem, state)
+
+
+def _perturbed(heights: Array, count: int) -> Iterator[Array]:
+    """The heights themselves, then so many random changes of them."""
     rng = np.random.default_rng(20090128)
-    best: tuple[float, State] | None = None
-    for attempt in range(restarts + 1):
-        heights = _gaussians(grid, size, problem.knots)
-        if attempt:
-            heights = heights * np.exp(0.5 * rng.standard_normal(heights.shape))
-        state = _descend(problem, _start(problem, heights, positive), iterations)
+    yield heights
+    for _ in range(count):
+        yield heights * np.exp(0.5 * rng.standard_normal(heights.shape))
+
+
+def _gaussians(at_nm: Array, size: int) -> Array:
+    """(m, P) values at P wavelengths of m Gaussians spread over the visible."""
+    low, high = max(_CENTRES_NM[0], at_nm[0]), min(_CENTRES_NM[1], at_nm[-1])
+    centres = np.linspace(low, high, size)
+    sigma = (high - low) / (size - 1) / 3
+    return np.exp(-0.5 * ((at_nm - centres[:, None]) / sigma) ** 2)
+
+
+def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> State:
+    """The state of least cost that a start leads to, of those whose sensors differ well."""
+    found: list[tuple[tuple[bool, float], State]] = []
+    for heights in starts:
+        state = _descend(problem, heights, positive)
         value = evaluate(problem, state)
-        if best is None or value.cost < best[0]:
-            best = (value.cost, state)
-        if value.colour_error < _GOOD_ENOUGH:
+        alike = bool(np.linalg.cond(state.heights) > _MOST_ALIKE)
+        found.append(((alike, value.cost), state))
+        if value.colour_error < _GOOD_ENOUGH and not alike:
             break
-    assert best is not None
-    value = evaluate(problem, best[1])
-    predicted = value.e @ best[1].D.T
-    scale = (problem.white * predicted).sum(0) / (predicted**2).sum(0)
-    luminous = color_matching_functions(grid)[1].sum()
-    return value.A, best[1].D * scale[:, None] * (100.0 / luminous)
+    return min(found, key=lambda pair: pair[0])[1]
 
 
-def _knots(grid: SpectralGrid) -> Array:
-    """One free value a band; on fine grids hat functions every 10 nm keep the fit small."""
-    if grid.size <= _MOST_FREE_BANDS:
-        return np.eye(grid.size)
-    w = grid.wavelengths_nm
-    count = round((w[-1] - w[0]) / _KNOT_NM) + 1
-    at = np.linspace(w[0], w[-1], max(count, 2))
-    return np.array([np.interp(w, at, row) for row in np.eye(at.size)])
-
-
-def _gaussians(grid: SpectralGrid, size: int, knots: Array) -> Array:
-    """(m, P) knot heights of m Gaussians spread over the visible."""
-    low = max(_CENTRES_NM[0], grid.start_nm)
-    high = min(_CENTRES_NM[1], grid.stop_nm)
-    centres = np.linspace(low, high, size) if size > 1 else np.array([(low + high) / 2])
-    sigma = (high - low) / max(size - 1, 1) / 2
-    at = grid.wavelengths_nm[knots.argmax(1)]
-    return np.exp(-0.5 * ((at - centres[:, None]) / sigma) ** 2)
-
-
-def _start(problem: Problem, heights: Array, positive: bool) -> State:
-    area = (heights @ problem.knots).sum(1, keepdims=True)
-    heights = heights / area
-    state = State(heights, np.zeros((3, heights.shape[0])), positive)
-    return replace(state, D=_best_display(problem, sensors_of(problem, state)))
-
-
-def _best_display(problem: Problem, A: Array) -> Array:
-    """D by linear least squares for fixed sensors, before the white correction."""
-    m = A.shape[0]
-    P = (problem.E @ A.T)[:, None] * (problem.S @ A.T)
-    P = P[:, :, None, :] / problem.white[:, None, :, None]
-    G = problem.metric
-    design = np.einsum("jkrc,jkcm->jkrcm", G, P).reshape(-1, 3 * m)
-    goal = np.einsum("jkrc,jkc->jkr", G, problem.target).ravel()
-    H = design.T @ design
-    H += 1e-10 * np.trace(H) / len(H) * np.eye(len(H))
-    return np.linalg.solve(H, design.T @ goal).reshape(3, m)
-
-
-def _descend(problem: Problem, state: State, iterations: int) -> State:
+def _descend(problem: Problem, heights: Array, positive: bool) -> State:
+    """From heights (m, P), and the best D for them, to the nearest minimum."""
+    state = _start(problem, heights, positive)
     value = evaluate(problem, state)
     damping = 1e-3
-    for _ in range(iterations):
+    for _ in range(_ITERATIONS):
         H, gradient = normal_equations(problem, state, value)
-        diagonal = np.diag(H) + 1e-12 * np.trace(H) / len(H)
-        free = _free(state, gradient)
+        scale = np.diag(np.diag(H) + 1e-12 * np.trace(H) / len(H))
         for _ in range(12):
-            step = np.zeros_like(gradient)
-            damped = H[np.ix_(free, free)] + np.diag(damping * diagonal[free])
-            step[free] = np.linalg.solve(damped, -gradient[free])
-            trial = _moved(state, step)
+            trial = _moved(problem, state, _step(state, H + damping * scale, gradient))
             new = evaluate(problem, trial)
             if new.cost < value.cost:
                 break
@@ -150,18 +132,70 @@ def _descend(problem: Problem, state: State, iterations: int) -> State:
     return state
 
 
-def _free(state: State, gradient: Array) -> NDArray[np.intp]:
-    """The unknowns that may move: not those held at zero by a bound."""
-    free = np.ones(gradient.size, dtype=bool)
-    if state.positive:
-        cut = state.heights.size
-        free[:cut] = (state.heights.ravel() > 0) | (gradient[:cut] < 0)
-    return np.flatnonzero(free)
+def _scaled_display(training: Training, problem: Problem, state: State) -> Array:
+    """D with whites right in the mean, Y = 100 for the flat light of ones."""
+    predicted = evaluate(problem, state).e @ state.D.T
+    scale = (problem.white * predicted).sum(0) / (predicted**2).sum(0)
+    return state.D * scale[:, None] * (100.0 / training.Q[1].sum())
 
 
-def _moved(state: State, step: Array) -> State:
+def _knots(grid: SpectralGrid) -> tuple[Array, Array]:
+    """Wavelengths (P,) and knots (P, N): what a sensor is made of.
+
+    One free value a band; on fine grids hat functions every 10 nm keep the fit small.
+    """
+    w = grid.wavelengths_nm
+    if grid.size <= _MOST_FREE_BANDS:
+        return w, np.eye(grid.size)
+    count = max(round((w[-1] - w[0]) / _KNOT_NM) + 1, 3)
+    at_nm = np.linspace(w[0], w[-1], count)
+    return at_nm, np.array([np.interp(w, at_nm, row) for row in np.eye(count)])
+
+
+def _start(problem: Problem, heights: Array, positive: bool) -> State:
+    """The best D for fixed sensors, by linear least squares before the white correction."""
+    heights = heights / (heights @ problem.area)[:, None]
+    m = len(heights)
+    e, s = problem.E @ heights.T, problem.S @ heights.T
+    P = (e[:, None] * s)[:, :, None, :] / problem.white[:, None, :, None]
+    design = (problem.metric[..., None] * P[:, :, None]).reshape(-1, 3 * m)
+    goal = np.einsum("jkrc,jkc->jkr", problem.metric, problem.target).ravel()
+    H, gradient = design.T @ design, design.T @ goal
+    for c in range(3):  # whites too, so that none is predicted to be negative
+        block = slice(c * m, (c + 1) * m)
+        rows = e / problem.white_scale[:, c, None]
+        H[block, block] += rows.T @ rows
+        gradient[block] += rows.T @ (problem.white[:, c] / problem.white_scale[:, c])
+    H += 1e-10 * np.trace(H) / len(H) * np.eye(len(H))
+    return State(heights, np.linalg.solve(H, gradient).reshape(3, m), positive)
+
+
+def _step(state: State, H: Array, gradient: Array) -> Array:
+    """The minimum of the quadratic model where positive heights stay at 0 or more.
+
+    By an active set that only grows: heights that would fall below 0 are held there, and the
+    rest solved for again.
+    """
+    x = np.concatenate([state.heights.ravel(), state.D.ravel()])
+    bounded = np.arange(x.size) < (state.heights.size if state.positive else 0)
+    held = bounded & (x <= 0) & (gradient > 0)
+    while True:
+        step = np.where(held, -x, 0.0)
+        free = np.flatnonzero(~held)
+        goal = -(gradient + H @ step)[free]
+        step[free] = np.linalg.solve(H[np.ix_(free, free)], goal)
+        below = bounded & ~held & (x + step < 0)
+        if not below.any():
+            return step
+        held |= below
+
+
+def _moved(problem: Problem, state: State, step: Array) -> State:
     cut = state.heights.size
     heights = state.heights + step[:cut].reshape(state.heights.shape)
     if state.positive:
-        heights = np.maximum(heights, 0.0)
+        heights = np.maximum(heights, 0.0)  # rounding
+    area = heights @ problem.area
+    # A sensor that would vanish costs more than any other; it only must not divide by zero.
+    heights = heights / np.where(np.abs(area) < 1e-9, 1e-9, area)[:, None]
     return replace(state, heights=heights, D=state.D + step[cut:].reshape(state.D.shape))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,7 @@ def to_dict(basis: SpectralBasis) -> dict[str, Any]:
         "name": basis.name,
         "method": basis.method,
         "trained_on": basis.trained_on,
+        "observer_deg": basis.observer_deg,
         "grid_nm": [grid.start_nm, grid.stop_nm, grid.step_nm],
         "analysis": basis.analysis.tolist(),
         "synthesis": basis.synthesis.tolist(),
@@ -46,6 +48,23 @@ def fields_from_dict(data: Any) -> dict[str, Any]:
     BasisError
         If it is not a basis, of another version, or a field is missing.
     """
+    names = ("name", "method", "trained_on", "analysis", "synthesis", "XYZ_from_channels")
+    return head_from_dict(data, names) | {n: data[n] for n in names}
+
+
+def head_from_dict(data: Any, names: Sequence[str]) -> dict[str, Any]:
+    """Grid and observer of a basis that has the named fields too.
+
+    Returns
+    -------
+    {"grid": SpectralGrid, "observer_deg": object}
+        2 degrees where the file does not say: files had no such field at first.
+
+    Raises
+    ------
+    BasisError
+        If it is not a basis, of another version, or a field is missing.
+    """
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise BasisError(f"not a spectral basis: field 'format' is not {FORMAT!r}")
     if data.get("version") != FORMAT_VERSION:
@@ -53,7 +72,6 @@ def fields_from_dict(data: Any) -> dict[str, Any]:
             f"spectral basis of version {data.get('version')!r}; this volspec reads version "
             f"{FORMAT_VERSION}: fit it again, or use the volspec that wrote it"
         )
-    names = ("name", "method", "trained_on", "analysis", "synthesis", "XYZ_from_channels")
     missing = [n for n in (*names, "grid_nm") if n not in data]
     if missing:
         raise BasisError(f"spectral basis: field {missing[0]!r} is missing; fit it again")
@@ -67,7 +85,7 @@ def fields_from_dict(data: Any) -> dict[str, Any]:
         grid = SpectralGrid(start_nm, stop_nm, step_nm)
     except SpectrumError as error:
         raise BasisError(f"spectral basis: field 'grid_nm': {error}") from None
-    return {n: data[n] for n in names} | {"grid": grid}
+    return {"grid": grid, "observer_deg": data.get("observer_deg", 2)}
 
 
 def write(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
@@ -87,10 +105,9 @@ def read(name_or_path: str | os.PathLike[str]) -> tuple[Path, Any]:
     """
     path = Path(name_or_path)
     if path.suffix != ".json" and path.name == str(name_or_path):
-        folder = asset("data/bases")
-        path = folder / f"{path.name}.json"
+        path = asset("data/bases") / f"{path.name}.json"
         if not path.is_file():
-            shipped = sorted(p.stem for p in folder.glob("*.json"))
+            shipped = shipped_names()
             raise BasisError(
                 f"basis {path.name!r} is unknown; {nearest(path.name, shipped)}"
                 f"shipped: {', '.join(shipped) or 'none'}; or give the path of a .json file"
@@ -101,6 +118,11 @@ def read(name_or_path: str | os.PathLike[str]) -> tuple[Path, Any]:
         raise BasisError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise BasisError(f"{path}: cannot be read as JSON: {error}") from None
+
+
+def shipped_names() -> list[str]:
+    """The bases that come with the package."""
+    return sorted(path.stem for path in asset("data/bases").glob("*.json"))
 
 
 def _rows(value: Any) -> str:

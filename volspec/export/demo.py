@@ -14,6 +14,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import numpy as np
+
 from volspec import __version__
 from volspec._files import write_whole
 from volspec.basis.report import report
@@ -73,7 +75,8 @@ class DemoReport:
 def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) -> DemoReport:
     """Cast a scene, relight it under each of its lights, write everything to a folder.
 
-    Writes ``frames/<light>.png``, ``sheet.png``, ``<volume>.exr`` and ``report.json``.
+    Writes ``frames/<light>.png``, ``sheet.png``, ``errors.png`` (where and by how much the
+    basis is off), ``<volume>.exr`` and ``report.json``.
 
     Parameters
     ----------
@@ -95,7 +98,7 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
     started = time.perf_counter()
     image = scene.render(volume, caster=caster, progress=lambda share: tell("cast", share))
     cast_ms = 1e3 * (time.perf_counter() - started)
-    columns, reports, frames = [], [], {}
+    columns, reports, frames, maps = [], [], {}, []
     materials = list(scene.materials.values())
     relit = scene.relight
     unadapted = replace(relit.viewing, model="none")
@@ -122,6 +125,7 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
                     error.max,
                 )
             )
+            maps.append(relighter.error_map(light.rig, relit.mode, relit.backdrop))
             tell("relight", (i + 1) / len(scene.lights))
         drawn_by = relighter.backend
     relight_ms = median(r.relight_ms for r in reports)
@@ -136,6 +140,8 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
         text = {"light": name, "Software": f"volspec {__version__}"}
         write_frame(out / "frames" / f"{file_stem(name)}.png", frame, text)
     write_frame(out / "sheet.png", sheet)
+    top = max(found.top for found in maps)  # one scale, so that lights can be compared
+    write_frame(out / "errors.png", np.hstack([found.image(top) for found in maps]))
     result = DemoReport(
         scene=scene.file.title,
         size=image.size,

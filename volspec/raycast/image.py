@@ -21,8 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import captured_output, write_whole
-from volspec.basis import SpectralBasis
+from volspec.basis import Basis, SpectralBasis, basis_from_dict
 from volspec.errors import BasisError, ImageError, ShapeError
+from volspec.spectra import SpectralImage, Spectrum
+from volspec.spectra.photometry import light_power
 
 FORMAT = 1
 
@@ -39,7 +41,7 @@ class CoefficientImage:
         Opacity, 0…1.
     depth_mm : (H, W) float32
         Expected distance of what is seen; inf where nothing is.
-    basis : SpectralBasis
+    basis : SpectralBasis or MaterialBasis
         With M channels.
     notes : {str: str}
         Free text kept in the file's header (scene, camera, software).
@@ -53,7 +55,7 @@ class CoefficientImage:
     coefficients: NDArray[np.float32]
     alpha: NDArray[np.float32]
     depth_mm: NDArray[np.float32]
-    basis: SpectralBasis
+    basis: Basis
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -79,6 +81,50 @@ class CoefficientImage:
         """(width, height) in pixels."""
         height, width = self.alpha.shape
         return width, height
+
+    @classmethod
+    def from_spectral_image(
+        cls, image: SpectralImage, basis: SpectralBasis, taken_under: Spectrum | None = None
+    ) -> CoefficientImage:
+        """A measured or rendered spectral picture, ready for other lights.
+
+        Parameters
+        ----------
+        image : SpectralImage
+            Reflectances; or radiances, which are divided by the light they were taken under.
+        basis : SpectralBasis
+        taken_under : Spectrum, optional
+            The light of radiances. Their scale is unknown, so that the brightest surface, 99.9 %
+            of the picture's mean reflectances, is taken for white.
+
+        Raises
+        ------
+        ImageError
+            If radiances come without their light, or reflectances with one; or if the light
+            leaves a band dark.
+        SpectrumError
+            If the picture does not cover the basis' grid.
+        """
+        grid = basis.grid
+        spectra = image.on(grid).values.astype(np.float64)
+        if (image.kind == "emissive") != (taken_under is not None):
+            raise ImageError(
+                "the spectral picture holds radiances: say which light it was taken under"
+                if taken_under is None
+                else "the spectral picture holds reflectances: leave out its light"
+            )
+        if taken_under is not None:
+            E = light_power(taken_under, grid)
+            if E.min() < 1e-3 * E.max():
+                raise ImageError(
+                    f"light {taken_under.name!r} has next to nothing at "
+                    f"{grid.wavelengths_nm[int(E.argmin())]:g} nm: no reflectance can be told there"
+                )
+            spectra /= E
+            spectra /= max(float(np.percentile(spectra.mean(axis=-1), 99.9)), 1e-12)
+        coefficients = basis.analyze(spectra).astype(np.float32)
+        alpha = np.ones(coefficients.shape[:2], np.float32)
+        return cls(coefficients, alpha, np.full_like(alpha, np.inf), basis, dict(image.notes))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an OpenEXR file, whole or not at all.
@@ -136,7 +182,7 @@ class CoefficientImage:
                 "render the scene again"
             )
         try:
-            basis = SpectralBasis.from_dict(json.loads(header["volspec:basis"]))
+            basis = basis_from_dict(json.loads(header["volspec:basis"]))
             notes = dict(json.loads(header.get("volspec:notes", "{}")))
         except (BasisError, ValueError, KeyError, TypeError) as error:
             raise ImageError(f"{name}: its basis is refused ({error}); render again") from error

@@ -3,16 +3,17 @@
 raycast -> [relight] -> appearance -> frame
 """
 
-from volspec.relight.check import componentwise_error
+from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.illumination import Illumination
 from volspec.relight.relighter import Relighter, relight
 from volspec.relight.spec import LightRig, RelightSpec
 
 __all__ = [
+    "ErrorMap",
     "Illumination",
     "LightRig",
     "RelightSpec",
     "Relighter",
-    "componentwise_error",
+    "error_map",
     "relight",
 ]

@@ -2,11 +2,12 @@
 
     light, basis -> [illumination] -> reference | host | gpu
 
-    XYZ = D (e ∘ C) + (1 - alpha) XYZ_backdrop        componentwise, e = A E
-    XYZ = P_E C     + (1 - alpha) XYZ_backdrop        exact
+    XYZ = D (e ∘ C)  + (1 - alpha) XYZ_backdrop        componentwise, e = A E
+    XYZ = P_E C      + (1 - alpha) XYZ_backdrop        exact
+    XYZ = D R(e) C   + (1 - alpha) XYZ_backdrop        linear-model
 
-Both are one matrix product: D diag(e), or P_E. Every renderer takes it from here, so they
-differ only in what they do with the XYZ.
+All are one matrix product: the basis gives D diag(e), P_E or D R(e). Every renderer takes it
+from here, so they differ only in what they do with the XYZ.
 
 References
 ----------
@@ -28,7 +29,7 @@ from volspec.spectra.photometry import XYZ_of, white_XYZ
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
-    from volspec.basis.model import SpectralBasis
+    from volspec.basis import Basis
 
 Array = NDArray[np.float64]
 
@@ -71,14 +72,12 @@ class Illumination:
                 )
 
     @classmethod
-    def of(
-        cls, basis: SpectralBasis, light: Spectrum | LightRig, spec: RelightSpec
-    ) -> Illumination:
+    def of(cls, basis: Basis, light: Spectrum | LightRig, spec: RelightSpec) -> Illumination:
         """Work out what a light does to the coefficients of a basis.
 
         Parameters
         ----------
-        basis : SpectralBasis
+        basis : SpectralBasis or MaterialBasis
             The basis of the coefficient image.
         light : Spectrum or LightRig
             One light, or lights with weights.
@@ -107,16 +106,13 @@ class Illumination:
                 )
             gain *= rig.total_lux / spec.viewing.illuminance_lux
         mixed = rig.mixed(basis.grid)
-        if spec.mode == "exact":
-            matrix = basis.light_matrix(mixed)
-        else:
-            matrix = basis.display_matrix(mixed) * basis.analyze(mixed)
-        white = white_XYZ(mixed)
+        matrix = basis.color_matrix(mixed, spec.mode)
+        white = white_XYZ(mixed, basis.observer_deg)
         if isinstance(spec.backdrop, Spectrum):
-            backdrop = XYZ_of(mixed, spec.backdrop)
+            backdrop = XYZ_of(mixed, spec.backdrop, basis.observer_deg)
         else:
             backdrop = spec.backdrop * white
-        return cls(gain * np.asarray(matrix), white, gain * backdrop, rig.total_lux)
+        return cls(gain * matrix, white, gain * backdrop, rig.total_lux)
 
     def viewed(self, viewing: Viewing) -> Viewing:
         """A viewing under this light: its E_v, where it carries one, gives the scene's L_A.

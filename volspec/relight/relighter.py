@@ -8,7 +8,8 @@ OpenGL where a context can be made, NumPy with a warning where not.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -17,7 +18,9 @@ from numpy.typing import NDArray
 
 from volspec._gpu.opengl import ContextLost
 from volspec.appearance.spec import Viewing
+from volspec.basis import MaterialBasis
 from volspec.errors import OpenGLError, RelightError, ShapeError, VolspecWarning, nearest
+from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
 from volspec.relight.host import HostEngine
 from volspec.relight.illumination import Illumination
@@ -167,6 +170,58 @@ class Relighter:
         spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
         lit = Illumination.of(self._image.basis, light, spec)
         return self._on_engine(lambda engine: engine.render(lit, spec.viewing, kind))
+
+    def error_map(
+        self,
+        light: Spectrum | LightRig,
+        mode: str = "componentwise",
+        backdrop: float | Spectrum = 0.2,
+    ) -> ErrorMap:
+        """How far the picture's colours are from the exact light matrix', pixel by pixel.
+
+        Parameters
+        ----------
+        light, mode, backdrop
+            As `frame`.
+
+        Returns
+        -------
+        ErrorMap
+            CIEDE2000 of every pixel; ``.image()`` draws it with a scale.
+
+        Raises
+        ------
+        RelightError
+            If it is closed.
+        ViewingError, SpectrumError
+            As `frame`.
+        """
+        self._require_open()
+        return error_map(self._image, light, mode, backdrop)
+
+    def set_reflectances(self, reflectances: Mapping[str, Spectrum]) -> None:
+        """Give materials other reflectances, with no new cast; the next frame shows them.
+
+        Parameters
+        ----------
+        reflectances : {name: Spectrum}
+            Those that change.
+
+        Raises
+        ------
+        RelightError
+            If it is closed, or the image was not cast with a `MaterialBasis`.
+        BasisError
+            If a name is unknown or a reflectance is negative or does not cover the grid.
+        """
+        self._require_open()
+        basis = self._image.basis
+        if not isinstance(basis, MaterialBasis):
+            raise RelightError(
+                f"Relighter: reflectances cannot be edited in basis {basis.name!r}, whose channels "
+                f"are {basis.method}; cast with MaterialBasis(materials)"
+            )
+        self._image = replace(self._image, basis=basis.with_reflectances(reflectances))
 
     def _on_engine(self, call: Callable[[GLEngine | HostEngine], Any]) -> Any:
         """Call the engine; make it anew once where another library ended its context."""

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.spec import Viewing
+from volspec.basis import MODES
 from volspec.errors import ViewingError, nearest
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import illuminance_lux, light_power
@@ -26,7 +27,6 @@ from volspec.spectra.spectrum import Spectrum
 # (H, W, 3), uint8 or float32 as asked for.
 Pixels = NDArray[Any]
 """(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding; row 0 is the top."""
-MODES = ("componentwise", "exact")
 LEVELS = ("relative", "absolute")
 
 
@@ -136,7 +136,8 @@ class RelightSpec:
     viewing : Viewing
         The eye's and the display's conditions.
     mode : str
-        ``"componentwise"``: D (e ∘ C), the factor model; ``"exact"``: P_E C, the light matrix.
+        ``"componentwise"``: D (e ∘ C), the factor model; ``"exact"``: P_E C, the light matrix;
+        ``"linear-model"``: D R(e) C, what the papers' factor model stands for.
     backdrop : float or Spectrum
         Reflectance of the diffuser behind the volume, 0 (black) to 1; it is lit too. The
         default, 0.2, is the grey that the appearance model takes for the surround.

@@ -10,33 +10,31 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from pydantic import ValidationError
 
-from volspec.basis import SpectralBasis
+from volspec.basis import load_basis
 from volspec.errors import DeviceError, ImageError, SceneError, VolspecError
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.gpu import Progress
 from volspec.relight import LightRig
-from volspec.scene.tables import LightTable, SceneFile, ViewingTable, explained
-from volspec.spectra import (
-    DEFAULT_GRID,
-    SpectralGrid,
-    Spectrum,
-    light,
-    light_set,
-    reflectance,
+from volspec.scene.basis import (
+    ChosenBasis,
+    SceneSpectra,
+    choose_basis,
+    grid_of,
+    retrained,
+    use_of,
 )
+from volspec.scene.tables import LightTable, SceneFile, ViewingTable, explained
+from volspec.spectra import SpectralGrid, Spectrum, light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume, load_volume
-
-_LIBRARY_SHARE = 0.1
 
 
 def viewing_of(image: CoefficientImage) -> ViewingTable:
@@ -87,11 +85,10 @@ class Scene:
         self.folder = self.path.parent
         _named = self._named
         with _named("[basis]"):
-            basis = None
-            if file.basis.train is None:
-                name = file.basis.name or "general-7"
-                basis = SpectralBasis.load(self._file(name) if name.endswith(".json") else name)
-        grid = basis.grid if basis else DEFAULT_GRID
+            shipped = None
+            if file.basis.name is not None:
+                shipped = load_basis(self._basis_file(file.basis.name))
+            grid = shipped.grid if shipped else grid_of(file.basis)
         with _named("[[material]]"):
             self.materials = {
                 row.name: reflectance(row.reflectance, grid, folder=self.folder)
@@ -100,7 +97,11 @@ class Scene:
         with _named("[[light]]"):
             self.lights = [self._light(row, grid) for row in file.light]
         with _named("[basis]"):
-            self.basis = basis or self._trained(grid)
+            if shipped:
+                chosen = ChosenBasis(shipped, "the scene names it")
+            else:
+                chosen = choose_basis(file.basis, self._spectra(), self._basis_name())
+            self.basis, self.basis_reason = chosen.basis, chosen.reason
         with _named("[transfer]"):
             self.transfer = TransferFunction(
                 points=[(p.value, p.opacity, p.material) for p in file.transfer.points],
@@ -114,8 +115,15 @@ class Scene:
             self.raycast = RaycastSpec(**file.raycast.model_dump())
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Scene:
+    def load(cls, path: str | os.PathLike[str], basis: Mapping[str, object] | None = None) -> Scene:
         """Read and check a scene file.
+
+        Parameters
+        ----------
+        path : path
+        basis : {key: value}, optional
+            Keys of ``[basis]`` to try instead of the file's, such as ``{"size": 9}``; the scene
+            is then trained for, or cast by its materials where ``method`` says so.
 
         Raises
         ------
@@ -131,6 +139,8 @@ class Scene:
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SceneError(f"{name}: not valid TOML: {error}") from error
         try:
+            if basis:
+                data["basis"] = retrained(data.get("basis", {}), basis)
             return cls(SceneFile.model_validate(data), path)
         except ValidationError as error:
             raise SceneError(f"{name}: {explained(error)}") from error
@@ -192,26 +202,22 @@ class Scene:
         except VolspecError as error:
             raise SceneError(f"{self.path}: {table} {error}") from error
 
-    def _trained(self, grid: SpectralGrid) -> SpectralBasis:
-        """A basis for the scene's materials under its own lights, and under any of the library.
-
-        Trained on its own lights alone it would be wrong by tens of ΔE under the next one that
-        somebody tries; all 115 of the library at a tenth of the weight hold those below 0.2
-        and cost the scene's own lights a hundredth.
-        """
-        own = [row.spectrum for row in self.lights]
-        library = [*light_set("smooth", grid), *light_set("spiky", grid)]
-        weights = np.repeat([1 / len(own), _LIBRARY_SHARE / len(library)], [len(own), len(library)])
-        return SpectralBasis.fit(
-            own + library,
-            list(self.materials.values()),
-            size=self.file.basis.size,
-            method=self.file.basis.method,
-            grid=grid,
-            light_weights=weights,
-            name=self.file.title or self.path.stem,
-            trained_on="the scene's lights and materials, and the library's lights",
+    def _spectra(self) -> SceneSpectra:
+        points = self.file.transfer.points
+        # A material that no point names is not seen, but may be picked later.
+        use = dict.fromkeys(self.materials, min(use_of(points).values(), default=1.0))
+        return SceneSpectra(
+            [light.spectrum for light in self.lights],
+            [row.weight for row in self.file.light],
+            self.materials,
+            use | use_of(points),
         )
+
+    def _basis_name(self) -> str:
+        return self.file.title or self.path.stem
+
+    def _basis_file(self, name: str) -> str:
+        return self._file(name) if name.endswith(".json") else name
 
     def _light(self, row: LightTable, grid: SpectralGrid) -> NamedLight:
         spectrum = light(row.spectrum, grid, folder=self.folder)

@@ -45,6 +45,11 @@ class PointTable(_Table):
     opacity: float
     material: str | dict[str, float]
 
+    @property
+    def shares(self) -> dict[str, float]:
+        """The mix by material, also where there is only one."""
+        return {self.material: 1.0} if isinstance(self.material, str) else self.material
+
 
 class TransferTable(_Table):
     """``[transfer]``: points, and the length over which an opacity holds."""
@@ -54,19 +59,29 @@ class TransferTable(_Table):
 
 
 class BasisTable(_Table):
-    """``[basis]``: one that ships, or one trained on the scene's own spectra."""
+    """``[basis]``: one that ships, one trained on the scene's own spectra, or its materials.
+
+    An empty table takes ``general-7`` where that holds the scene's colours and trains where it
+    does not. ``method = "materials"`` makes the materials the channels: exact under any light.
+    """
 
     name: str | None = None
     train: Literal["scene"] | None = None
-    method: Literal["virtual-sensors", "pca-sharpened"] = "virtual-sensors"
+    method: Literal["virtual-sensors", "pca-sharpened", "pca", "reduced-rank", "materials"] = (
+        "virtual-sensors"
+    )
     size: Annotated[int, Field(ge=3, le=16)] = 7
+    positive: bool = False
+    grid_nm: Vector | None = None
+    observer_deg: Literal[2, 10] = 2
 
     @model_validator(mode="after")
     def _one_source(self) -> BasisTable:
-        if self.name is not None and self.train is not None:
-            raise ValueError("give name (a shipped basis) or train, not both")
-        if self.train is None and self.model_fields_set & {"method", "size"}:
-            raise ValueError('method and size belong to train = "scene"; leave them out')
+        others = sorted(self.model_fields_set - {"name"})
+        if self.name is not None and others:
+            raise ValueError(f"give name (a shipped basis) or {' and '.join(others)}, not both")
+        if self.method == "materials" and self.model_fields_set & {"size", "positive", "train"}:
+            raise ValueError('method = "materials" makes each material a channel; nothing to fit')
         return self
 
 
@@ -157,7 +172,7 @@ class SceneFile(_Table):
     volume: VolumeTable
     material: Annotated[list[MaterialTable], Field(min_length=1)]
     transfer: TransferTable
-    basis: BasisTable = BasisTable(name="general-7")
+    basis: BasisTable = BasisTable()
     camera: CameraTable = CameraTable()
     raycast: RaycastTable = RaycastTable()
     light: Annotated[list[LightTable], Field(min_length=1)]

@@ -1,5 +1,6 @@
-"""Light and matter as functions of wavelength: grid, spectrum, photometry, library."""
+"""Light and matter as functions of wavelength: grid, spectrum, photometry, files, library."""
 
+from volspec.spectra.files import read_spectrum
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.library import (
     light,
@@ -17,11 +18,13 @@ from volspec.spectra.photometry import (
     luminance,
     white_XYZ,
 )
+from volspec.spectra.spectral_image import SpectralImage
 from volspec.spectra.spectrum import Spectrum
 
 __all__ = [
     "DEFAULT_GRID",
     "SpectralGrid",
+    "SpectralImage",
     "Spectrum",
     "XYZ_of",
     "color_matching_functions",
@@ -30,6 +33,7 @@ __all__ = [
     "light_names",
     "light_set",
     "luminance",
+    "read_spectrum",
     "reflectance",
     "reflectance_names",
     "reflectance_set",

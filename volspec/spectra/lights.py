@@ -1,6 +1,6 @@
 """Named lights, Planck radiators, daylights, files, and mixes of them.
 
-    grid, spectrum, photometry -> [lights] -> library
+    grid, spectrum, photometry, files -> [lights] -> library
 
 Every light is scaled so that its luminous energy equals that of the flat light of ones
 (the V-weighted mean of its values is 1). A weight in a mix is therefore the component's
@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cache, lru_cache
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache, reduce
+from operator import add
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, nearest
 from volspec.spectra._colour import colour_science
+from volspec.spectra.files import FILE_FORMS, on_grid, read_spectrum, split_address
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.photometry import (
     color_matching_functions,
@@ -54,9 +56,11 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     ----------
     text : str
         A name of `light_names` (any case), ``planck:KELVIN`` (500-100000),
-        ``daylight:KELVIN`` (4000-25000), ``FILE.csv`` (nm, value), or a mix
+        ``daylight:KELVIN`` (4000-25000), a file (``FILE.csv``, ``FILE.csv#column``,
+        ``FILE.spdx``, ``FILE.exr#X,Y``, …; see `read_spectrum`), or a mix
         ``NAME*WEIGHT+NAME*WEIGHT`` whose weights are shares of illuminance (default 1).
-        The name ``3-LED-1 (457/540/605)`` and its like are taken whole.
+        The name ``3-LED-1 (457/540/605)`` and its like are taken whole; in a mix, address a
+        column whose name holds ``+`` or ``*`` by its number.
     grid : SpectralGrid
     folder : path
         What a file's relative name starts from.
@@ -66,13 +70,15 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     Spectrum
         On the grid, relative power; for a single light the V-weighted mean is 1, for a mix
         the sum of the weights. Tables that end inside the grid are continued by their last
-        value (CIE 167:2005) where the eye hardly sees.
+        value (CIE 167:2005) where the eye hardly sees; for a file with a `VolspecWarning`.
+        A file's notes are kept; a mix keeps those that hold for all its parts (`Spectrum`).
 
     Raises
     ------
     SpectrumError
         If the name is unknown (the nearest ones are given), a weight is negative, a
-        temperature out of range, or a light has no energy or does not cover the grid.
+        temperature out of range, or a light has no energy or does not cover the grid, or a
+        file cannot be read or holds a reflectance; the message names the file.
 
     Examples
     --------
@@ -93,9 +99,12 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
             )
     if not any(term.weight > 0 for term in terms):
         raise SpectrumError(f"light {wanted!r}: every weight is 0; give one a positive weight")
-    values = sum(term.weight * _component(term.name, grid, folder).values for term in terms)
-    name = "+".join(str(term) for term in terms)
-    return Spectrum(grid.wavelengths_nm, np.asarray(values), name)
+    parts = []
+    for term in terms:
+        part = term.weight * _component(term.name, grid, folder)
+        if term.weight > 0:
+            parts.append(part)
+    return replace(reduce(add, parts), name="+".join(str(term) for term in terms))
 
 
 @dataclass(frozen=True)
@@ -145,9 +154,12 @@ def _is_known(name: str, folder: Folder) -> bool:
     low = name.casefold()
     if low in _by_folded_name():
         return True
-    if low.endswith(".csv"):
+    if address := split_address(name):
+        file, selector = address
         # "A+lamp.csv" is a mix, unless a file is called so.
-        return not set("+*") & set(name) or Path(folder, name).is_file()
+        return not set("+*") & set(name) or (
+            not set("+*") & set(selector) and Path(folder, file).is_file()
+        )
     prefix, _, number = low.partition(":")
     return prefix in ("planck", "daylight") and _number(number) is not None
 
@@ -227,13 +239,13 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
             )
         values = _planck(kelvin, grid) if prefix == "planck" else _daylight(kelvin, grid)
         return _normalised(values, grid, f"{prefix}:{kelvin:g}")
-    if prefix.endswith(".csv"):
+    if split_address(name):
         return _from_file(os.fspath(Path(folder, name)), grid)
     raise _unknown(name)
 
 
 def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
-    measured = Spectrum.from_csv(path)
+    measured = read_spectrum(path, kind="emissive")
     # A spectrometer's dark noise dips below zero a little; a wrong column dips a lot.
     if measured.values.min() < -0.01 * np.abs(measured.values).max():
         worst = int(measured.values.argmin())
@@ -241,23 +253,23 @@ def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
             f"{path}: power {measured.values[worst]:g} at {measured.wavelengths_nm[worst]:g} nm "
             "is negative; a light's values are 0 or more"
         )
-    try:
-        values = extended_band_means(measured.wavelengths_nm, measured.values, grid)
-    except SpectrumError as error:
-        raise SpectrumError(f"{path}: {error}") from None
-    return _normalised(values, grid, measured.name)
+    # The caller of `light` is four calls up.
+    values = on_grid(measured, grid, path, stacklevel=4)
+    return replace(_normalised(values, grid, measured.name, path), notes=measured.notes)
 
 
 def _unknown(name: str, where: str = "") -> SpectrumError:
     return SpectrumError(
         f"light {name!r}{where} is unknown; {nearest(name, light_names())}"
-        "other forms: planck:3200, daylight:6500, FILE.csv"
+        f"other forms: planck:3200, daylight:6500, {FILE_FORMS}"
     )
 
 
-def _normalised(values: NDArray[np.float64], grid: SpectralGrid, name: str) -> Spectrum:
+def _normalised(
+    values: NDArray[np.float64], grid: SpectralGrid, name: str, label: str = ""
+) -> Spectrum:
     V = color_matching_functions(grid)[1]
-    power = light_power(values, grid, f"light {name!r}")
+    power = light_power(values, grid, label or f"light {name!r}")
     return Spectrum(grid.wavelengths_nm, power * (V.sum() / (V @ power)), name)
 
 

@@ -3,7 +3,8 @@
     grid, spectrum -> [photometry] -> basis, appearance, room
 
 XYZ = kappa Q (E * S), kappa such that a perfect diffuser has Y = 100; absolute scale
-683 lm/W. Colour-matching functions: CIE 1931 2 degrees (CIE 15:2018, table T.4).
+683 lm/W. Colour-matching functions: CIE 1931 2 degrees and CIE 1964 10 degrees (CIE 15:2018,
+tables T.4 and T.5); lux and candela are defined by the former.
 """
 
 from __future__ import annotations
@@ -22,19 +23,25 @@ from volspec.spectra.spectrum import Spectrum
 LUMINOUS_EFFICACY = 683.0
 """lm/W at 555 nm."""
 
+_OBSERVERS = {
+    2: "CIE 1931 2 Degree Standard Observer",
+    10: "CIE 1964 10 Degree Standard Observer",
+}
 _FULL_RANGE_NM = (360.0, 830.0)
 # Band means of a measured table may dip this far below zero, as a share of the peak.
 _ROUNDING = 1e-6
 
 
 @cache
-def color_matching_functions(grid: SpectralGrid) -> NDArray[np.float64]:
-    """CIE 1931 2 degree colour-matching functions as band means.
+def color_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDArray[np.float64]:
+    """Colour-matching functions of a standard observer as band means.
 
     Parameters
     ----------
     grid : SpectralGrid
         Within 360-830 nm.
+    observer_deg : {2, 10}
+        CIE 1931 2 degrees, or CIE 1964 10 degrees.
 
     Returns
     -------
@@ -44,9 +51,10 @@ def color_matching_functions(grid: SpectralGrid) -> NDArray[np.float64]:
     Raises
     ------
     SpectrumError
-        If the grid leaves 360-830 nm.
+        If the grid leaves 360-830 nm or the observer is another.
     """
-    cmfs = colour_science().MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    check_observer(observer_deg)
+    cmfs = colour_science().MSDS_CMFS[_OBSERVERS[observer_deg]]
     try:
         Q = grid.band_means(cmfs.wavelengths, cmfs.values).T
     except SpectrumError:
@@ -58,8 +66,23 @@ def color_matching_functions(grid: SpectralGrid) -> NDArray[np.float64]:
     return Q
 
 
+def check_observer(observer_deg: object) -> None:
+    """Refuse what is neither the 2 nor the 10 degree observer.
+
+    Raises
+    ------
+    SpectrumError
+    """
+    if isinstance(observer_deg, bool) or observer_deg not in (2, 10):
+        raise SpectrumError(
+            f"observer_deg {observer_deg!r} is unknown; use 2 (CIE 1931) or 10 (CIE 1964)"
+        )
+
+
 def XYZ_of(
-    light: Spectrum, reflectances: Spectrum | Sequence[Spectrum] | ArrayLike
+    light: Spectrum,
+    reflectances: Spectrum | Sequence[Spectrum] | ArrayLike,
+    observer_deg: int = 2,
 ) -> NDArray[np.float64]:
     """Colour of reflectances under a light.
 
@@ -69,6 +92,8 @@ def XYZ_of(
         On an equidistant grid of N bands.
     reflectances : Spectrum, list of Spectrum, or (..., N) array
         Spectra are put on the light's grid; arrays must already be on it.
+    observer_deg : {2, 10}
+        As `color_matching_functions`.
 
     Returns
     -------
@@ -83,13 +108,13 @@ def XYZ_of(
     grid = light.grid
     S = stack(reflectances, grid)
     E = light_power(light, grid)
-    Q = color_matching_functions(grid)
+    Q = color_matching_functions(grid, observer_deg)
     return (S * E) @ (Q.T * (100.0 / (Q[1] @ E)))
 
 
-def white_XYZ(light: Spectrum) -> NDArray[np.float64]:
+def white_XYZ(light: Spectrum, observer_deg: int = 2) -> NDArray[np.float64]:
     """(3,) XYZ of the perfect diffuser, Y = 100: the light's adopted white."""
-    return XYZ_of(light, np.ones(light.values.size))
+    return XYZ_of(light, np.ones(light.values.size), observer_deg)
 
 
 def illuminance_lux(spectrum: Spectrum) -> float:

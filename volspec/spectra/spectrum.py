@@ -5,10 +5,10 @@ grid -> [spectrum] -> photometry, library -> basis
 
 from __future__ import annotations
 
-import csv
 import os
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,11 +31,20 @@ class Spectrum:
         Finite. Relative or absolute spectral power for a light, 0..1 for a reflectance.
     name : str
         For messages and legends.
+    notes : {str: str}
+        What is known of its making: ``manufacturer``, ``instrument``, ``spectral quantity``,
+        ``designed``, … Keys are kept in lower case with single blanks; read-only.
 
     Raises
     ------
     SpectrumError
-        If the arrays do not fit together or hold anything but finite numbers.
+        If the arrays do not fit together or hold anything but finite numbers, or a note is
+        not text under a name of its own.
+
+    Notes
+    -----
+    `on` and a factor keep the notes. A sum keeps what both sides say alike: a lamp's maker did
+    not make the sum. But a sum with a designed part is designed, whatever the other part is.
 
     Examples
     --------
@@ -47,32 +56,43 @@ class Spectrum:
     wavelengths_nm: NDArray[np.float64]
     values: NDArray[np.float64]
     name: str = ""
+    notes: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         label = f"spectrum {self.name!r}" if self.name else "spectrum"
-        for field in ("wavelengths_nm", "values"):
+        for key in ("wavelengths_nm", "values"):
             try:
-                array = np.array(getattr(self, field), dtype=np.float64)
+                array = np.array(getattr(self, key), dtype=np.float64)
             except (TypeError, ValueError) as error:
-                raise SpectrumError(f"{label}: {field} are not numbers: {error}") from error
+                raise SpectrumError(f"{label}: {key} are not numbers: {error}") from error
             array.flags.writeable = False
-            object.__setattr__(self, field, array)
+            object.__setattr__(self, key, array)
+        object.__setattr__(self, "notes", read_only_notes(self.notes, label))
         w, v = self.wavelengths_nm, self.values
         if w.ndim != 1 or w.shape != v.shape or w.size < 2:
             raise SpectrumError(
                 f"{label}: wavelengths have shape {w.shape}, values {v.shape}; "
                 "expected two equal lengths of at least 2"
             )
-        for field, array in (("wavelength", w), ("value", v)):
+        for key, array in (("wavelength", w), ("value", v)):
             if not np.isfinite(array).all():
                 k = int(np.argmin(np.isfinite(array)))
-                raise SpectrumError(f"{label}: {field} number {k + 1} is {array[k]}, not finite")
+                raise SpectrumError(f"{label}: {key} number {k + 1} is {array[k]}, not finite")
         if not np.all(np.diff(w) > 0):
             k = int(np.argmin(np.diff(w) > 0))
             raise SpectrumError(
                 f"{label}: wavelengths must increase strictly, but {w[k]:g} nm is followed by "
                 f"{w[k + 1]:g} nm; sort them and remove duplicates"
             )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A read-only view of a dictionary cannot be pickled as it stands.
+        return Spectrum, (self.wavelengths_nm, self.values, self.name, dict(self.notes))
+
+    @property
+    def designed(self) -> bool:
+        """Whether the notes say that a designer made it, not an instrument (``designed: yes``)."""
+        return self.notes.get("designed", "no").casefold() not in ("", "no", "false", "0")
 
     @property
     def grid(self) -> SpectralGrid:
@@ -99,12 +119,12 @@ class Spectrum:
         except SpectrumError as error:
             label = f"{self.name!r}: " if self.name else ""
             raise SpectrumError(f"{label}{error}") from None
-        return Spectrum(grid.wavelengths_nm, values, self.name)
+        return Spectrum(grid.wavelengths_nm, values, self.name, self.notes)
 
     def __mul__(self, factor: float) -> Spectrum:
         if not isinstance(factor, int | float | np.integer | np.floating):
             return NotImplemented
-        return Spectrum(self.wavelengths_nm, self.values * factor, self.name)
+        return Spectrum(self.wavelengths_nm, self.values * factor, self.name, self.notes)
 
     __rmul__ = __mul__
 
@@ -119,7 +139,11 @@ class Spectrum:
                 "put both on one grid first: spectrum.on(grid)"
             )
         name = "+".join(n for n in (self.name, other.name) if n)
-        return Spectrum(self.wavelengths_nm, self.values + other.values, name)
+        notes = dict(self.notes.items() & other.notes.items())
+        for part in (self, other):
+            if part.designed:
+                notes["designed"] = part.notes["designed"]
+        return Spectrum(self.wavelengths_nm, self.values + other.values, name, notes)
 
     @classmethod
     def from_colour(cls, distribution: Any) -> Spectrum:
@@ -133,55 +157,38 @@ class Spectrum:
 
     @classmethod
     def from_csv(cls, path: str | os.PathLike[str]) -> Spectrum:
-        """Read ``nm,value`` lines; commas, semicolons, tabs or blanks separate.
+        """Read a text table, ``FILE`` or ``FILE#column``, whatever its suffix.
 
-        Blank lines, lines that start with ``#`` and one header line are skipped.
+        `volspec.spectra.read_spectrum` describes the tables and also reads other formats.
 
         Raises
         ------
         SpectrumError
             Names the file, and the line where one is at fault.
         """
-        rows = read_table(path)
-        for line, row in rows:
-            if len(row) != 2:
-                raise SpectrumError(
-                    f"{path}, line {line}: {len(row)} columns, expected two: nm,value"
-                )
-        try:
-            return cls(
-                np.array([row[0] for _, row in rows]),
-                np.array([row[1] for _, row in rows]),
-                name=Path(path).stem,
-            )
-        except SpectrumError as error:
-            raise SpectrumError(f"{path}: {error}") from None
+        # Late: both stand downstream of this module.
+        from volspec.spectra.files import split_address
+        from volspec.spectra.tables import read_table
+
+        file, selector = split_address(path) or (os.fspath(path), "")
+        return read_table(file).spectrum(selector)
 
 
-def read_table(path: str | os.PathLike[str]) -> list[tuple[int, list[float]]]:
-    """Numbered rows of numbers of a text table; see `Spectrum.from_csv` for what is skipped."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise SpectrumError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SpectrumError(f"{path}: cannot be read as a text table: {error}") from None
-    rows: list[tuple[int, list[float]]] = []
-    header_allowed = True
-    for number, line in enumerate(text.splitlines(), start=1):
-        line = line.strip()
-        if not line or line.startswith("#"):
-            continue
-        separator = next((s for s in ",;\t" if s in line), None)
-        cells = next(csv.reader([line], delimiter=separator)) if separator else line.split()
-        try:
-            rows.append((number, [float(cell) for cell in cells if cell.strip()]))
-        except ValueError:
-            if not header_allowed:
-                raise SpectrumError(
-                    f"{path}, line {number}: {line[:40]!r} is not a row of numbers (nm,value)"
-                ) from None
-        header_allowed = False
-    if len(rows) < 2:
-        raise SpectrumError(f"{path}: {len(rows)} rows of numbers, expected at least 2 (nm,value)")
-    return rows
+def read_only_notes(notes: Mapping[str, str], label: str) -> Mapping[str, str]:
+    """A read-only copy of notes, keys in lower case with single blanks.
+
+    Raises
+    ------
+    SpectrumError
+        If a key or a value is not text, or a key is empty or given twice.
+    """
+    kept: dict[str, str] = {}
+    for key, value in notes.items():
+        if not (isinstance(key, str) and isinstance(value, str)):
+            raise SpectrumError(f"{label}: note {key!r}: {value!r}; notes are text, use str(…)")
+        short = " ".join(key.split()).lower()
+        if not short or short in kept:
+            fault = "appears twice" if short else "is empty"
+            raise SpectrumError(f"{label}: the name of a note, {key!r}, {fault}; choose another")
+        kept[short] = value
+    return MappingProxyType(kept)

@@ -19,7 +19,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis import SpectralBasis
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import TransferError, VolspecWarning, nearest
 from volspec.spectra import Spectrum
 
@@ -90,7 +90,7 @@ class TransferFunction:
         Opacities 0…1. Shares are ≥ 0 and sum to at most 1 (the rest is black).
     materials : {name: Spectrum}
         Reflectances the points name.
-    basis : SpectralBasis
+    basis : SpectralBasis or MaterialBasis
     reference_step_mm : float, optional
         Length over which an opacity holds; the volume's smallest spacing when left out.
 
@@ -103,7 +103,7 @@ class TransferFunction:
 
     points: Sequence[Point]
     materials: Mapping[str, Spectrum]
-    basis: SpectralBasis
+    basis: Basis
     reference_step_mm: float | None = None
 
     def __post_init__(self) -> None:
@@ -125,10 +125,10 @@ class TransferFunction:
         object.__setattr__(self, "points", checked)
 
     def _check_materials(self) -> None:
-        if not isinstance(self.basis, SpectralBasis):
+        if not isinstance(self.basis, SpectralBasis | MaterialBasis):
             raise TransferError(
                 f"transfer function: basis is {self.basis!r:.40}; expected a SpectralBasis, "
-                "such as SpectralBasis.load('general-7')"
+                "such as SpectralBasis.load('general-7'), or a MaterialBasis"
             )
         if not isinstance(self.materials, Mapping):
             raise TransferError("transfer function: materials must be {name: Spectrum}")
@@ -195,9 +195,7 @@ class TransferFunction:
             than a 65536th of the span are warned about.
         """
         names = sorted(self.materials)
-        channels = self.basis.analyze(
-            np.stack([self.materials[name].on(self.basis.grid).values for name in names])
-        )
+        channels = self.basis.channels_of({name: self.materials[name] for name in names})
         points = cast(Sequence[tuple[float, float, dict[str, float]]], self.points)
         values = np.array([value for value, _, _ in points])
         opacities = np.array([opacity for _, opacity, _ in points])
@@ -219,6 +217,7 @@ class TransferFunction:
             opacity=opacity,
             coefficients=shares @ channels,
             reference_step_mm=self.reference_step_mm or smallest_spacing_mm,
+            white=self.basis.white,
         )
 
 

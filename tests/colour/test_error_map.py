@@ -1,0 +1,88 @@
+"""The error map: CIEDE2000 pixel by pixel, drawn with a scale."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.basis.report import report
+from volspec.errors import RelightError, ViewingError
+from volspec.pipeline import Relighter
+from volspec.raycast import CoefficientImage
+from volspec.relight import ErrorMap, LightRig, error_map
+from volspec.spectra import light, reflectance, reflectance_set
+
+BASIS = SpectralBasis.load("general-7")
+TEST = reflectance_set("test")
+
+
+def chart(alpha: float = 1.0) -> CoefficientImage:
+    """The 84 test reflectances as an image of 7 rows and 12 columns."""
+    coefficients = alpha * BASIS.analyze(TEST).reshape(7, 12, 7).astype(np.float32)
+    opacity = np.full((7, 12), alpha, np.float32)
+    return CoefficientImage(coefficients, opacity, np.ones_like(opacity), BASIS)
+
+
+def test_the_map_is_the_report_of_what_the_basis_makes_of_the_pixels() -> None:
+    """Opaque pixels: the same numbers as `report` gives for the synthesised reflectances."""
+    lamp = light("FL4")
+    truth = report(BASIS, [lamp], BASIS.synthesize(BASIS.analyze(TEST)))
+    found = error_map(chart(), lamp)
+    assert found.delta_e.shape == (7, 12) and found.delta_e.dtype == np.float32
+    assert np.isclose(found.mean, truth.componentwise.mean, rtol=1e-3)
+    assert np.isclose(found.max, truth.componentwise.max, rtol=1e-3)
+    assert np.isclose(found.p95, truth.componentwise.p95, rtol=1e-2)
+
+
+def test_the_exact_picture_has_no_error() -> None:
+    assert error_map(chart(), light("FL4"), mode="exact").max == 0
+
+
+def test_materials_have_no_error() -> None:
+    materials = {"gold": reflectance("gold")}
+    shares = np.array([[[0.7, 0.1]]], np.float32)
+    one = np.ones((1, 1), np.float32)
+    assert (
+        error_map(CoefficientImage(shares, one, one, MaterialBasis(materials)), light("HP1")).max
+        == 0
+    )
+
+
+def test_errors_fade_with_opacity_and_an_empty_picture_has_none() -> None:
+    """Behind a veil the backdrop, which is exact, is most of the colour."""
+    lamp = light("FL4")
+    assert error_map(chart(0.2), lamp).mean < error_map(chart(), lamp).mean
+    empty = error_map(chart(0.0), lamp)
+    assert (empty.mean, empty.p95, empty.max) == (0, 0, 0)
+    assert empty.image().any()
+
+
+def test_one_call_gives_an_image_with_its_scale() -> None:
+    """You should see the map at the left, a bar with five numbers at the right, figures below."""
+    with Relighter(chart(), backend="numpy") as relighter:
+        found = relighter.error_map(LightRig((light("FL4"), light("A"))))
+    picture = found.image()
+    assert picture.shape == (47, 120, 3) and picture.dtype == np.uint8
+    heat = found.heat()
+    assert np.array_equal(picture[:7, :12], heat)
+    worst = np.unravel_index(found.delta_e.argmax(), found.delta_e.shape)
+    assert heat[worst].sum() == heat.sum(axis=-1).max()
+    assert "FL4+A" in str(found)
+
+
+def test_maps_are_compared_on_one_scale() -> None:
+    flat = ErrorMap(np.full((4, 4), 0.5, np.float32), np.ones((4, 4), np.float32), "D65")
+    assert flat.top == 0.5
+    assert (flat.heat(0.5) == flat.heat(0.1)).all(), "beyond the scale is its end"
+    assert flat.heat(2.0).sum() < flat.heat(0.5).sum()
+    for top in (0, -1, float("nan")):
+        with pytest.raises(ViewingError, match="scale ends at"):
+            flat.image(top)
+
+
+def test_a_closed_relighter_gives_no_map() -> None:
+    relighter = Relighter(chart(), backend="numpy")
+    relighter.close()
+    with pytest.raises(RelightError, match="already closed"):
+        relighter.error_map(light("A"))

@@ -1,0 +1,49 @@
+"""A measured spectral picture as a coefficient image: relit like a cast."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from volspec.basis import SpectralBasis
+from volspec.errors import ImageError, SpectrumError
+from volspec.raycast import CoefficientImage
+from volspec.relight import relight
+from volspec.spectra import SpectralImage, light, reflectance_set
+
+BASIS = SpectralBasis.load("general-7")
+CHART = reflectance_set("test").reshape(7, 12, 31)
+NM = BASIS.grid.wavelengths_nm
+
+
+def test_a_chart_of_reflectances_is_analysed_pixel_by_pixel() -> None:
+    image = CoefficientImage.from_spectral_image(SpectralImage(CHART, NM, "reflective"), BASIS)
+    assert np.allclose(image.coefficients, BASIS.analyze(CHART), atol=1e-6)
+    assert image.alpha.min() == 1
+    assert relight(image, light("A"), backend="numpy").std() > 30
+
+
+def test_radiances_are_divided_by_the_light_they_were_taken_under() -> None:
+    """The scale of radiances is free: the chart comes back up to one factor."""
+    lamp = light("A")
+    radiance = SpectralImage(3.7 * CHART * lamp.values, NM, "emissive")
+    image = CoefficientImage.from_spectral_image(radiance, BASIS, taken_under=lamp)
+    wanted = BASIS.analyze(CHART)
+    factor = image.coefficients.mean() / wanted.mean()
+    assert np.allclose(image.coefficients, factor * wanted, atol=1e-5)
+    assert 1 <= factor < 1.3, "the brightest patch, which reflects 0.9, counts as white"
+
+
+def test_what_cannot_be_told_is_refused() -> None:
+    radiance = SpectralImage(CHART, NM, "emissive")
+    with pytest.raises(ImageError, match="say which light"):
+        CoefficientImage.from_spectral_image(radiance, BASIS)
+    with pytest.raises(ImageError, match="leave out its light"):
+        CoefficientImage.from_spectral_image(
+            SpectralImage(CHART, NM, "reflective"), BASIS, taken_under=light("A")
+        )
+    with pytest.raises(ImageError, match="next to nothing at"):
+        CoefficientImage.from_spectral_image(radiance, BASIS, taken_under=light("LPS"))
+    narrow = SpectralImage(CHART[..., :20], NM[:20], "reflective")
+    with pytest.raises(SpectrumError, match="590-700 nm missing"):
+        CoefficientImage.from_spectral_image(narrow, BASIS)

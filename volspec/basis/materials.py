@@ -1,0 +1,240 @@
+"""Materials as channels: exact colour under any light, and reflectances that can be edited.
+
+    materials -> [materials] -> transfer function, raycast, relight
+
+Where opacity is achromatic, a ray gathers only *how much* of each material it met. These
+abundances are the channels; under a light the display matrix holds the XYZ of every material.
+Nothing is projected, so that the colours are those of the full spectra; another reflectance
+changes the matrix and not the picture, so that no new cast is needed.
+
+References
+----------
+[1] Bergner, Drew, Moeller (2009), "A Tool to Create Illuminant and Reflectance Spectra for
+    Light-Driven Graphics and Visualization", ACM TOG 28(1), section 2 (post-illumination).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.basis import checks, display, storage
+from volspec.errors import BasisError, SpectrumError, nearest
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.photometry import color_matching_functions, light_power
+from volspec.spectra.spectrum import Spectrum
+
+if TYPE_CHECKING:
+    from volspec.basis.report import BasisReport
+
+Array = NDArray[np.float64]
+METHOD = "materials"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MaterialBasis:
+    """K materials as channels, and one channel of white for highlights.
+
+    Parameters
+    ----------
+    materials : {name: Spectrum}
+        Reflectances by the names that the transfer function uses; put on the grid.
+    name : str
+    grid : SpectralGrid
+        N bands.
+    observer_deg : 2 or 10
+        Whose colour-matching functions.
+
+    Raises
+    ------
+    BasisError
+        If there is no material, or a reflectance is negative or does not cover the grid.
+
+    Examples
+    --------
+    >>> from volspec.spectra import light, reflectance
+    >>> basis = MaterialBasis({"rotor": reflectance("copper"), "case": reflectance("iron")})
+    >>> basis.size, basis.white.tolist()
+    (3, [0.0, 0.0, 1.0])
+    >>> half_copper = basis.xyz([0.5, 0, 0], light("A"))
+    >>> gold = basis.with_reflectances({"rotor": reflectance("gold")})
+    >>> bool(gold.xyz([0.5, 0, 0], light("A"))[1] > half_copper[1])
+    True
+    """
+
+    materials: Mapping[str, Spectrum]
+    name: str = METHOD
+    grid: SpectralGrid = DEFAULT_GRID
+    observer_deg: int = 2
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.materials, Mapping) or not self.materials:
+            raise BasisError("material basis: no materials; give {name: reflectance}")
+        rows = {name: self._checked(name, s) for name, s in self.materials.items()}
+        object.__setattr__(self, "materials", MappingProxyType(rows))
+
+    def __repr__(self) -> str:
+        return f"MaterialBasis({', '.join(self.materials)})"
+
+    @property
+    def method(self) -> str:
+        """``"materials"``."""
+        return METHOD
+
+    @property
+    def trained_on(self) -> str:
+        """Its materials, in words."""
+        return ", ".join(self.materials)
+
+    @property
+    def size(self) -> int:
+        """Number of channels: the materials and white."""
+        return len(self.materials) + 1
+
+    @property
+    def white(self) -> Array:
+        """(K + 1,) channels of the perfect diffuser: none of any material, one of white."""
+        return np.eye(self.size)[-1]
+
+    def channels_of(self, materials: Mapping[str, Spectrum]) -> Array:
+        """(L, K + 1) channels of some of the basis' own materials, by name.
+
+        Raises
+        ------
+        BasisError
+            If a name is unknown or its reflectance is not the basis' own.
+        """
+        own = list(self.materials)
+        for name, spectrum in materials.items():
+            if name not in self.materials:
+                raise BasisError(
+                    f"material {name!r} is not in the basis; {nearest(name, own)}"
+                    f"it holds {', '.join(own)}: make the basis of all materials"
+                )
+            if not np.allclose(self._checked(name, spectrum).values, self.materials[name].values):
+                raise BasisError(
+                    f"material {name!r} has another reflectance in the basis; make both of the "
+                    "same, and change it afterwards by Relighter.set_reflectances"
+                )
+        return np.eye(self.size)[[own.index(name) for name in materials]]
+
+    def synthesize(self, coefficients: ArrayLike) -> Array:
+        """(..., K + 1) channels to (..., N) spectra: the mixture itself."""
+        return checks.channels(self, coefficients) @ self._reflectances()
+
+    def color_matrix(self, light: Spectrum, mode: str = "exact") -> Array:
+        """(3, K + 1): the XYZ of every material and of white under a light; every mode is exact.
+
+        Raises
+        ------
+        SpectrumError
+            If the light has negative power or no luminous energy, or does not cover the grid.
+        BasisError
+            If the mode is unknown.
+        """
+        display.require_mode(mode)
+        E = light_power(light, self.grid)
+        Q = color_matching_functions(self.grid, self.observer_deg)
+        return np.asarray((Q * E) @ self._reflectances().T * (100.0 / (Q[1] @ E)))
+
+    def xyz(self, coefficients: ArrayLike, light: Spectrum) -> Array:
+        """(..., 3) colour of mixtures (..., K + 1) under a light, Y = 100 for white."""
+        return checks.channels(self, coefficients) @ self.color_matrix(light).T
+
+    def with_reflectances(self, changes: Mapping[str, Spectrum]) -> MaterialBasis:
+        """The same channels with other reflectances.
+
+        Parameters
+        ----------
+        changes : {name: Spectrum}
+            Those that change.
+
+        Raises
+        ------
+        BasisError
+            If a name is unknown or a reflectance is negative or does not cover the grid.
+        """
+        for name in changes:
+            if name not in self.materials:
+                raise BasisError(
+                    f"no material {name!r}; {nearest(name, self.materials)}"
+                    f"known: {', '.join(self.materials)}"
+                )
+        return replace(self, materials={**self.materials, **changes})
+
+    def report(self, lights: list[Spectrum] | None = None) -> BasisReport:
+        """CIEDE2000 of its materials against full spectra; see `volspec.basis.report.report`."""
+        from volspec.basis.report import report
+
+        return report(self, lights)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as JSON types, with a format version; numbers keep every digit."""
+        return {
+            "format": storage.FORMAT,
+            "version": storage.FORMAT_VERSION,
+            "name": self.name,
+            "method": METHOD,
+            "observer_deg": self.observer_deg,
+            "grid_nm": [self.grid.start_nm, self.grid.stop_nm, self.grid.step_nm],
+            "materials": {name: s.values.tolist() for name, s in self.materials.items()},
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write JSON; the file appears whole or not at all."""
+        storage.write(path, self.to_dict())
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> MaterialBasis:
+        """The inverse of `to_dict`.
+
+        Raises
+        ------
+        BasisError
+            If it is not a basis of materials, of another version, or a field is wrong.
+        """
+        head = storage.head_from_dict(data, ("name", "materials"))
+        if not isinstance(data["materials"], dict):
+            raise BasisError("material basis: field 'materials' is not a table of reflectances")
+        w = head["grid"].wavelengths_nm
+        try:
+            rows = {name: Spectrum(w, v, name) for name, v in data["materials"].items()}
+        except SpectrumError as error:
+            raise BasisError(f"material basis: {error}") from None
+        return cls(rows, data["name"], head["grid"], head["observer_deg"])
+
+    @property
+    def fingerprint(self) -> str:
+        """Short hash of the names, the grid and the numbers; equal after save and load."""
+        return hashlib.sha256(json.dumps(self.to_dict()).encode()).hexdigest()[:12]
+
+    def _reflectances(self) -> Array:
+        """(K + 1, N): the materials, and white."""
+        rows = [spectrum.values for spectrum in self.materials.values()]
+        return np.array([*rows, np.ones(self.grid.size)])
+
+    def _checked(self, name: str, spectrum: Spectrum) -> Spectrum:
+        if not isinstance(spectrum, Spectrum):
+            raise BasisError(
+                f"material {name!r} is {spectrum!r:.40}; expected a Spectrum, "
+                "such as volspec.reflectance('copper')"
+            )
+        try:
+            on_grid = spectrum.on(self.grid)
+        except SpectrumError as error:
+            raise BasisError(f"material {name!r}: {error}") from None
+        low = int(on_grid.values.argmin())
+        if on_grid.values[low] < 0:
+            raise BasisError(
+                f"material {name!r} reflects {on_grid.values[low]:g} at "
+                f"{self.grid.wavelengths_nm[low]:g} nm; a reflectance is 0 or more"
+            )
+        return on_grid

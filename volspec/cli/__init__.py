@@ -1,0 +1,10 @@
+"""The command line: thin, every command a few calls into the package.
+
+One file a group of commands; importing them adds them to `volspec.cli.shell.app`. What is slow to
+import waits inside the commands.
+"""
+
+from volspec.cli import basis, cast, demo, inspect
+from volspec.cli.shell import app, main
+
+__all__ = ["app", "basis", "cast", "demo", "inspect", "main"]

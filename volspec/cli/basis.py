@@ -1,0 +1,258 @@
+"""``volspec basis``: how good a basis is, as a table, JSON and a figure; and fitting one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from volspec._files import require_writable
+from volspec.cli.shell import Json, app, bar, print_json
+from volspec.errors import BasisError, ImageError, nearest
+
+if TYPE_CHECKING:
+    from volspec.basis import Basis
+    from volspec.spectra import Spectrum
+
+Tell = Callable[[str, float], None]
+_DEFAULT = "general-7"
+_FIGURES = (".png", ".pdf", ".svg")
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Case:
+    """What is reported on, and what it is measured with; None is the report's own choice."""
+
+    basis: Basis
+    classes: Mapping[str, Sequence[Spectrum]] | None = None
+    materials: Mapping[str, Spectrum] | None = None
+    reason: str = ""
+
+
+@app.command
+def basis(
+    subject: str | None = None,
+    /,
+    *,
+    size: int | None = None,
+    method: str | None = None,
+    positive: Flag = False,
+    lights: Literal["smooth", "all"] | None = None,
+    observer: Literal[2, 10] | None = None,
+    reflectances: str | None = None,
+    json: Json = False,
+    figure: Path | None = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+) -> None:
+    """How far a basis' colours are from the full spectra, in CIEDE2000.
+
+    Example: `volspec basis general-7 --figure general-7.png`, or
+    `volspec basis engine.toml --size 5`
+
+    Parameters
+    ----------
+    subject
+        A scene (.toml), a coefficient image (.exr), a basis (.json) or the name of one that
+        ships. Left out: general-7, or a basis fitted with the settings given.
+    size
+        Channels of a basis to fit: for the scene, or to the library's training set.
+    method
+        virtual-sensors, pca-sharpened, pca, reduced-rank; for a scene also materials.
+    positive
+        Keep the sensors positive (virtual-sensors).
+    lights
+        What to fit under: the 26 smooth lights, or all, with the 89 spiky ones (at a small
+        weight for virtual-sensors). Left out: smooth for pca and pca-sharpened, else all.
+    observer
+        Colour-matching functions of 2 or 10 degrees; 2 when left out.
+    reflectances
+        What to measure with: test, natural, patches, training, or materials (the scene's).
+        Left out: a scene's materials, else test.
+    figure
+        A .png, .pdf or .svg to draw.
+    output
+        A .json to write the basis to.
+    """
+    from volspec.basis.report_table import error_table
+
+    if figure is not None:
+        if figure.suffix.lower() not in _FIGURES:
+            raise ImageError(f"{figure}: figures are {', '.join(_FIGURES)} files; name it .png")
+        require_writable(figure)
+    if output is not None:
+        if output.suffix.lower() != ".json":
+            raise BasisError(f"{output}: bases are JSON; name it .json")
+        require_writable(output)
+    settings = {"size": size, "method": method, "positive": positive or None}
+    asked = {key: value for key, value in settings.items() if value is not None}
+    with bar(quiet=json) as tell:
+        case = _case(subject, asked, lights, observer, tell)
+        samples, names, measured_on = _samples(case, reflectances)
+        table = error_table(
+            case.basis,
+            case.classes,
+            samples,
+            names,
+            measured_on=measured_on,
+            progress=lambda share: tell("compare with full spectra", share),
+        )
+        if output is not None:
+            case.basis.save(output)
+        if figure is not None:
+            from volspec.basis.figure import save_figure
+
+            tell("draw the figure", 0)
+            save_figure(case.basis, table, figure)
+            tell("draw the figure", 1)
+    if json:
+        print_json(table.to_dict())
+        return
+    _print(table, case.reason)
+    for path in (output, figure):
+        if path is not None:
+            Console().print(f"{path}", highlight=False, soft_wrap=True)
+
+
+def _print(table: Any, reason: str) -> None:
+    from volspec.basis.report_text import terminal_table, verdict, worst_line
+
+    console = Console(highlight=False)
+    console.print(f"[bold]{table.name}[/]: {table.method}, {table.size} channels")
+    console.print(f"[dim]trained on[/] {table.trained_on}")
+    if reason:
+        console.print(f"[dim]taken because[/] {reason}")
+    console.print(f"[dim]measured on[/] {table.measured_on}, {table.observer_deg}° observer")
+    console.print()
+    console.print(terminal_table(table))
+    console.print()
+    console.print(worst_line(table, console.color_system in ("256", "truecolor")))
+    if sentence := verdict(table):
+        console.print(sentence)
+
+
+def _case(
+    subject: str | None, asked: dict[str, Any], lights: str | None, observer: int | None, tell: Tell
+) -> _Case:
+    """The basis meant by a subject and settings, with the lights and materials it comes with."""
+    from volspec.basis import load_basis
+    from volspec.raycast import CoefficientImage
+
+    suffix = "" if subject is None else Path(subject).suffix.lower()
+    if "method" in asked:
+        _require_method(asked["method"], scene=suffix == ".toml")
+    if suffix == ".toml":
+        return _of_scene(Path(str(subject)), asked, lights, observer, tell)
+    if subject is None and (asked or lights or observer):
+        tell("fit the basis", 0)
+        fitted = _fitted(asked, lights, observer or 2)
+        tell("fit the basis", 1)
+        return _Case(fitted)
+    if asked or lights:
+        options = [f"--{name}" for name in (*asked, *(["lights"] if lights else []))]
+        raise BasisError(
+            f"{subject} is fitted already, and {' and '.join(options)} would fit another; "
+            f"leave out {subject}, or give a scene (.toml)"
+        )
+    name = subject or _DEFAULT
+    loaded = CoefficientImage.load(name).basis if suffix == ".exr" else load_basis(name)
+    if observer not in (None, loaded.observer_deg):
+        raise BasisError(
+            f"{name} was made for the {loaded.observer_deg}° observer, not {observer}°; leave out "
+            f"--observer, or fit one: volspec basis --size {loaded.size} --observer {observer}"
+        )
+    return _Case(loaded)
+
+
+def _of_scene(
+    path: Path, asked: dict[str, Any], lights: str | None, observer: int | None, tell: Tell
+) -> _Case:
+    from volspec.basis.report_table import CLASSES
+    from volspec.scene import Scene
+    from volspec.spectra import Spectrum, light_set
+
+    if lights:
+        raise BasisError(
+            f"{path}: a scene's basis is fitted to its own lights; --lights is for bases of the "
+            "library's training set: leave it out"
+        )
+    tell("fit the basis", 0)
+    changes = asked | ({} if observer is None else {"observer_deg": observer})
+    scene = Scene.load(path, changes)
+    tell("fit the basis", 1)
+    chosen = scene.basis
+    own = [Spectrum(s.spectrum.wavelengths_nm, s.spectrum.values, s.name) for s in scene.lights]
+    library = {name: light_set(name, chosen.grid) for name in CLASSES}
+    reason = "" if changes else scene.basis_reason
+    return _Case(chosen, {"scene": own, **library}, scene.materials, reason)
+
+
+def _fitted(asked: dict[str, Any], lights: str | None, observer: int) -> Basis:
+    """A basis for the library's training reflectances."""
+    import numpy as np
+
+    from volspec.basis import SpectralBasis
+    from volspec.basis.make import SPIKY_SHARE
+    from volspec.spectra import light_set, reflectance_set
+
+    method = asked.get("method", "virtual-sensors")
+    smooth = light_set("smooth")
+    narrow = lights == "smooth" or (lights is None and method.startswith("pca"))
+    spiky = [] if narrow else light_set("spiky")
+    # As the shipped bases: sensors see spiky lights at a small weight, others all alike.
+    weigh = bool(spiky) and method == "virtual-sensors"
+    shares = [1.0 / len(smooth)] * len(smooth) + [SPIKY_SHARE / max(len(spiky), 1)] * len(spiky)
+    reflectances = reflectance_set("training")
+    words = f"{len(smooth)} smooth lights"
+    if spiky:
+        share = f", weighted {SPIKY_SHARE:g}," if weigh else ""
+        words += f" and{share} {len(spiky)} spiky lights"
+    return SpectralBasis.fit(
+        smooth + spiky,
+        reflectances,
+        **asked,
+        observer_deg=observer,
+        light_weights=np.array(shares) if weigh else None,
+        trained_on=f"{words}; {len(reflectances)} reflectances",
+    )
+
+
+def _require_method(method: str, *, scene: bool) -> None:
+    from volspec.basis.fit import METHODS
+
+    known = (*METHODS, "materials")
+    if method not in known:
+        raise BasisError(
+            f"basis method {method!r} is unknown; {nearest(method, known)}choose {', '.join(known)}"
+        )
+    if method == "materials" and not scene:
+        raise BasisError(
+            "method 'materials' makes a scene's materials the channels; give the scene: "
+            "volspec basis SCENE.toml --method materials"
+        )
+
+
+def _samples(case: _Case, wanted: str | None) -> tuple[Any, list[str] | None, str]:
+    """The reflectances to measure with, their names, and what to call them together."""
+    from volspec.spectra import reflectance_set
+    from volspec.spectra.library import reflectance_set_names
+
+    materials = getattr(case.basis, "materials", None) or case.materials
+    if wanted == "materials" or (wanted is None and materials is not None):
+        if materials is None:
+            raise BasisError("--reflectances materials: only a scene has them; give a .toml file")
+        noun = "material" if len(materials) == 1 else "materials"
+        return list(materials.values()), list(materials), f"the scene's {len(materials)} {noun}"
+    wanted = wanted or "test"
+    names = list(reflectance_set_names(wanted))
+    known = {
+        "test": "held-out reflectances",
+        "training": "reflectances of the training set",
+        "patches": "patches",
+    }
+    words = f"{len(names)} {known.get(wanted, f'{wanted} reflectances')}"
+    return reflectance_set(wanted, case.basis.grid), names, words

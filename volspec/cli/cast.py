@@ -1,0 +1,175 @@
+"""``volspec render`` and ``volspec relight``: cast once, relight for ever."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from volspec import __version__
+from volspec._files import require_writable
+from volspec.cli.shell import Device, app, bar
+from volspec.errors import ImageError, InputError, VolspecWarning
+
+if TYPE_CHECKING:
+    from volspec.raycast import CoefficientImage
+    from volspec.spectra import SpectralGrid, Spectrum
+
+# CIEDE2000 that an eye notices at a glance; below, componentwise colours pass for exact.
+NOTICEABLE = 3.0
+
+
+@app.command
+def render(
+    scene: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    device: Device = None,
+) -> None:
+    """Cast a scene once into a coefficient image.
+
+    Example: `volspec render engine.toml -o engine.exr`
+
+    Parameters
+    ----------
+    scene
+        A scene file.
+    output
+        The OpenEXR file to write.
+    """
+    from volspec.scene import Scene
+
+    if output.suffix.lower() != ".exr":
+        raise ImageError(f"{output}: coefficient images are OpenEXR; name it .exr")
+    require_writable(output)
+    with bar() as tell:
+        tell("load the scene", 0)
+        loaded = Scene.load(scene)
+        tell("load the scene", 1)
+        image = loaded.render(device=device, progress=lambda share: tell("cast", share))
+    image.save(output)
+    Console().print(f"{output}: {image.size[0]}×{image.size[1]}, {image.basis.size} channels")
+
+
+@app.command
+def relight(
+    image: Path,
+    /,
+    *,
+    light: Annotated[
+        list[str],
+        Parameter(negative="", help=r"D65, planck:3200, D65\*0.7+A\*0.3, FILE.csv; repeatable."),
+    ],
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    model: str | None = None,
+    mode: str | None = None,
+    backdrop: float | None = None,
+    errors: Annotated[bool, Parameter(negative="")] = False,
+    reflectance: Annotated[list[str] | None, Parameter(negative="")] = None,
+    basis: str | None = None,
+    taken_under: str | None = None,
+) -> None:
+    """Relight a stored coefficient image, or a measured spectral picture.
+
+    Example: `volspec relight engine.exr --light A --light FL2 -o engine.png`
+
+    Example: `volspec relight painting.exr --basis general-9 --light A -o painting.png`
+
+    Parameters
+    ----------
+    image
+        A coefficient image that `volspec render` or `volspec demo` wrote; or, with `--basis`, an
+        OpenEXR picture with a spectrum in every pixel (`T.550,000000nm`, …).
+    output
+        The PNG file; with several lights the name gets the light's: `engine-A.png`.
+    errors
+        Write a map of the colours' errors beside each frame: `engine-errors.png`.
+    reflectance
+        MATERIAL=REFLECTANCE: show a material with another reflectance, such as
+        `inserts=copper`; the image must be cast with `method = "materials"`. Repeatable.
+    basis
+        The basis that analyses a spectral picture: a shipped name or a JSON file.
+    taken_under
+        The light of a spectral picture of radiances (`S0.550,000000nm`, …).
+    model
+        What the eye makes of it: CIECAM02, or none (no adaptation). As in the scene when left out.
+    mode
+        componentwise, exact (the light matrix) or linear-model. As in the scene when left out.
+    backdrop
+        Reflectance of the diffuser behind, 0 to 1. As in the scene when left out.
+    """
+    from volspec.export.frames import file_stem, write_frame
+    from volspec.pipeline import Relighter
+    from volspec.scene import viewing_of
+    from volspec.spectra import light as light_of
+
+    if output.suffix.lower() != ".png":
+        raise ImageError(f"{output}: frames are PNG files; name it .png")
+    stems = [f"-{file_stem(text)}" if len(light) > 1 else "" for text in light]
+    paths = [output.with_name(f"{output.stem}{stem}{output.suffix}") for stem in stems]
+    if len({str(path).lower() for path in paths}) < len(paths):
+        raise ImageError(f"{output}: two lights would be written to one file; give one at a time")
+    for path in paths:
+        require_writable(path)
+    stored = _picture(image, basis, taken_under)
+    given = {"model": model, "mode": mode, "backdrop": backdrop}
+    table = viewing_of(stored).model_copy(update={k: v for k, v in given.items() if v is not None})
+    spec = table.spec()
+    spectra = [light_of(text, stored.basis.grid) for text in light]
+    changes = _reflectances(reflectance or (), stored.basis.grid)
+    with Relighter(stored) as relighter:
+        if changes:
+            relighter.set_reflectances(changes)
+        for text, spectrum, path in zip(light, spectra, paths, strict=True):
+            frame = relighter.frame(spectrum, spec.viewing, spec.mode, spec.backdrop, spec.level)
+            write_frame(path, frame, {"light": text, "Software": f"volspec {__version__}"})
+            Console().print(f"{path}", highlight=False)
+            if spec.mode == "exact":
+                continue
+            off = relighter.error_map(spectrum, spec.mode, spec.backdrop)
+            if errors:
+                beside = path.with_name(f"{path.stem}-errors.png")
+                write_frame(beside, off.image(), {"light": text, "shows": str(off)})
+                Console().print(f"{beside}: {off}", highlight=False)
+            if off.p95 > NOTICEABLE:
+                warnings.warn(
+                    f"{text}: the {spec.mode} colours are off by ΔE00 {off.p95:.1f}, since the "
+                    f"image's basis {stored.basis.name!r} was trained on other lights; "
+                    "--mode exact shows them right",
+                    VolspecWarning,
+                    stacklevel=1,
+                )
+
+
+def _picture(path: Path, basis: str | None, taken_under: str | None) -> CoefficientImage:
+    """A coefficient image, or a spectral picture put into a basis."""
+    from volspec.basis import SpectralBasis
+    from volspec.raycast import CoefficientImage
+    from volspec.spectra import SpectralImage, light
+
+    if basis is None:
+        if taken_under is not None:
+            raise ImageError(f"{path}: --taken-under is for spectral pictures; add --basis")
+        return CoefficientImage.load(path)
+    model = SpectralBasis.load(basis)
+    lamp = None if taken_under is None else light(taken_under, model.grid)
+    picture = SpectralImage.load(path, None if lamp is None else "emissive")
+    return CoefficientImage.from_spectral_image(picture, model, lamp)
+
+
+def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectrum]:
+    """MATERIAL=REFLECTANCE words as spectra."""
+    from volspec.spectra import reflectance
+
+    changes = {}
+    for word in words:
+        material, equals, text = word.partition("=")
+        if not (material.strip() and equals and text.strip()):
+            raise InputError(f"--reflectance {word!r}: write MATERIAL=REFLECTANCE, as rotor=copper")
+        changes[material.strip()] = reflectance(text.strip(), grid)
+    return changes

@@ -1,0 +1,92 @@
+"""What every command shares: the app, its options, bars, JSON, exit codes.
+
+Exit codes: 0 done, 1 bad input or missing device (one line on stderr; ``--debug`` shows the
+traceback), 2 usage.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import warnings
+from typing import Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+from volspec import __version__
+from volspec.errors import VolspecError, VolspecWarning
+
+app = App(
+    name="volspec",
+    help="Swap the light on a volume: cast once with spectral materials, relight for ever.",
+    version=__version__,
+    help_format="markdown",
+    suppress_keyboard_interrupt=False,
+)
+
+Device = Annotated[str | None, Parameter(help="Part of an OpenCL device's name.")]
+Json = Annotated[bool, Parameter(name="--json", negative="", help="Print figures as JSON.")]
+
+
+class bar:
+    """A progress bar on stderr with one line a step; silent when asked."""
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TimeElapsedColumn(),
+            console=Console(stderr=True),
+            disable=quiet,
+        )
+        self._tasks: dict[str, TaskID] = {}
+
+    def __enter__(self) -> bar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def __call__(self, step: str, share: float) -> None:
+        self._progress.start()  # late and again harmless: an empty bar would print a blank line
+        if step not in self._tasks:
+            self._tasks[step] = self._progress.add_task(step, total=1.0)
+        self._progress.update(self._tasks[step], completed=share)
+
+
+def print_json(data: dict[str, Any]) -> None:
+    print(json.dumps(data, indent=2))
+
+
+def _show_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
+) -> None:
+    if issubclass(category, VolspecWarning):
+        print(f"volspec: warning: {message}", file=sys.stderr)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point of the ``volspec`` command."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]
+    warnings.showwarning = _show_warning
+    try:
+        app(words, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        print(f"volspec: {' '.join(str(error).split())}; see volspec --help", file=sys.stderr)
+        raise SystemExit(2) from error
+    except VolspecError as error:
+        if debug:
+            raise
+        print(f"volspec: {' '.join(str(error).split())}", file=sys.stderr)
+        raise SystemExit(1) from error
+    except BrokenPipeError:
+        # The reader of a pipe closed early, as `| head` does.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except KeyboardInterrupt:
+        print("volspec: interrupted; nothing half-written is left", file=sys.stderr)
+        raise SystemExit(130) from None

@@ -1,0 +1,178 @@
+"""Where a picture's colours are off, and by how much: CIEDE2000 pixel by pixel.
+
+    coefficient image + light -> [error map] -> numbers, heat map
+
+The picture that m channels give against the one of the exact light matrix. The eye is adapted
+to the light, so that 1 is about what it can just tell apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.appearance.models import cielab, delta_E_2000
+from volspec.basis.display import NO_COLOUR
+from volspec.errors import ViewingError
+from volspec.relight.illumination import Illumination
+from volspec.relight.spec import LightRig, RelightSpec
+from volspec.spectra.spectrum import Spectrum
+
+if TYPE_CHECKING:
+    from volspec.raycast.image import CoefficientImage
+
+_COVERED = 0.05  # opacity from which a pixel counts in the figures
+_ROWS = 64  # rows at a time: CIEDE2000 takes some forty temporaries
+_BAR, _MARGIN, _TEXT = 18, 14, 62  # pixels of the scale at the map's right
+_PAPER, _INK = (24, 24, 26), (236, 236, 236)
+_TOPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorMap:
+    """CIEDE2000 of a picture's pixels.
+
+    Parameters
+    ----------
+    delta_e : (H, W) float32
+        Row 0 at the top.
+    alpha : (H, W) float32
+        The picture's opacity; the figures count pixels above 0.05.
+    light : str
+        What lit it.
+    """
+
+    delta_e: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    light: str = ""
+
+    def __str__(self) -> str:
+        return (
+            f"CIEDE2000 under {self.light or 'the light'}: mean {self.mean:.3g}, "
+            f"95 % {self.p95:.3g}, max {self.max:.3g}"
+        )
+
+    @cached_property
+    def _counted(self) -> NDArray[np.float32]:
+        counted = self.delta_e[self.alpha > _COVERED]
+        return counted if counted.size else np.zeros(1, np.float32)
+
+    @property
+    def mean(self) -> float:
+        """Mean over the covered pixels; 0 for an empty picture."""
+        return float(self._counted.mean())
+
+    @property
+    def p95(self) -> float:
+        """What 95 % of the covered pixels stay below."""
+        return float(np.percentile(self._counted, 95))
+
+    @property
+    def max(self) -> float:
+        """The worst covered pixel."""
+        return float(self._counted.max())
+
+    @property
+    def top(self) -> float:
+        """A round number that 99.5 % of the covered pixels stay below: the scale's end."""
+        wanted = float(np.percentile(self._counted, 99.5))
+        return float(next((top for top in _TOPS if top >= wanted), _TOPS[-1]))
+
+    def heat(self, top: float | None = None) -> NDArray[np.uint8]:
+        """(H, W, 3) the map alone, black for 0 to pale yellow for ``top`` and beyond."""
+        from matplotlib import colormaps
+
+        top = self._checked_top(top)
+        # Gamma: half of the colours for the first quarter, where most errors lie.
+        share = np.sqrt(np.clip(self.delta_e / top, 0, 1))
+        return (colormaps["inferno"](share)[..., :3] * 255).round().astype(np.uint8)
+
+    def image(self, top: float | None = None) -> NDArray[np.uint8]:
+        """The map with its scale at the right and its figures below.
+
+        Parameters
+        ----------
+        top : float, optional
+            CIEDE2000 at the scale's upper end; `top` when left out. Give one to compare maps.
+
+        Returns
+        -------
+        (H + 40, W + 108, 3) uint8
+
+        Raises
+        ------
+        ViewingError
+            If ``top`` is not positive.
+        """
+        from matplotlib import colormaps, get_data_path
+        from PIL import Image, ImageDraw, ImageFont
+
+        top = self._checked_top(top)
+        height, width = self.delta_e.shape
+        size = (width + 2 * _MARGIN + _BAR + _TEXT, height + 40)
+        sheet = Image.new("RGB", size, _PAPER)
+        sheet.paste(Image.fromarray(self.heat(top)), (0, 0))
+        draw = ImageDraw.Draw(sheet)
+        font = ImageFont.truetype(f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf", 13)
+        x, low, high = width + _MARGIN, height - 12, 36
+        length = max(low - high, 1)
+        for y in range(high, low + 1):
+            share = np.sqrt((low - y) / length)
+            colour = tuple(round(255 * c) for c in colormaps["inferno"](share)[:3])
+            draw.line([(x, y), (x + _BAR, y)], colour)
+        draw.text((x, 8), "ΔE00", _INK, font)
+        for share in (0, 0.25, 0.5, 0.75, 1):
+            y = low - share * length
+            draw.text((x + _BAR + 6, y), f"{share * top:.3g}", _INK, font, anchor="lm")
+        draw.text((10, height + 11), str(self), _INK, font)
+        return np.asarray(sheet)
+
+    def _checked_top(self, top: float | None) -> float:
+        value = self.top if top is None else float(top)
+        if not (np.isfinite(value) and value > 0):
+            raise ViewingError(f"error map: the scale ends at {value}; give a CIEDE2000 above 0")
+        return value
+
+
+def error_map(
+    image: CoefficientImage,
+    light: Spectrum | LightRig,
+    mode: str = "componentwise",
+    backdrop: float | Spectrum = 0.2,
+) -> ErrorMap:
+    """CIEDE2000 between a picture and the exact one, pixel by pixel.
+
+    Parameters
+    ----------
+    image : CoefficientImage
+    light : Spectrum or LightRig
+    mode : str
+        What is measured against ``"exact"``, the light matrix.
+    backdrop : float or Spectrum
+        As in `Relighter.frame`; both pictures have it.
+
+    Raises
+    ------
+    ViewingError, SpectrumError
+        As `Relighter.frame`.
+    """
+    lit, exact = (
+        Illumination.of(image.basis, light, RelightSpec(mode=name, backdrop=backdrop))
+        for name in (mode, "exact")
+    )
+    white = np.maximum(exact.white_XYZ, NO_COLOUR * exact.white_XYZ[1])
+    delta_e = np.empty(image.alpha.shape, np.float32)
+    for row in range(0, len(delta_e), _ROWS):
+        rows = slice(row, row + _ROWS)
+        seen, true = (
+            cielab(matrix.scene_XYZ(image.coefficients[rows], image.alpha[rows]), white)
+            for matrix in (lit, exact)
+        )
+        delta_e[rows] = delta_E_2000(true, seen)
+    lights = (light,) if isinstance(light, Spectrum) else light.lights
+    name = "+".join(spectrum.name for spectrum in lights if spectrum.name)
+    return ErrorMap(delta_e, np.asarray(image.alpha), name)

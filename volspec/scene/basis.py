@@ -1,0 +1,164 @@
+"""Which basis a scene is cast with: a shipped one, its own, or its materials.
+
+    lights, materials, transfer points -> [basis] -> SpectralBasis | MaterialBasis
+
+Spectra made by a designer oscillate and fall outside every general basis. A scene that says
+nothing is therefore given the general basis only where that holds its colours, and its own
+where it does not.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.basis.storage import shipped_names
+from volspec.scene.tables import BasisTable, PointTable
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light_set
+
+# Above this CIEDE2000 of its worst pair a general basis is not good enough for a scene.
+NOTICEABLE = 1.0
+# What all lights of the library together count against the scene's own, and the least that a
+# material counts against the one most seen.
+_LIBRARY_SHARE = 0.1
+_LEAST_USE = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenBasis:
+    """A basis and, in words, why it was taken."""
+
+    basis: Basis
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneSpectra:
+    """What a scene trains a basis on.
+
+    Parameters
+    ----------
+    lights : sequence of Spectrum
+    weights : sequence of float
+        The lights'.
+    materials : {name: Spectrum}
+    use : {name: float}
+        How much of each material is seen, the most used 1 (`use_of`).
+    """
+
+    lights: Sequence[Spectrum]
+    weights: Sequence[float]
+    materials: Mapping[str, Spectrum]
+    use: Mapping[str, float]
+
+    def designed(self) -> list[str]:
+        """Names of the spectra whose file says that a designer made them."""
+        spectra = [*self.lights, *self.materials.values()]
+        return [spectrum.name for spectrum in spectra if spectrum.designed]
+
+
+def choose_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> ChosenBasis:
+    """The basis that ``[basis]`` asks for; where it asks for none, the general one if it will do.
+
+    Raises
+    ------
+    BasisError
+        If the method cannot be fitted to the scene's spectra.
+    """
+    if table.method == "materials":
+        return ChosenBasis(_of_materials(table, spectra, name), 'method = "materials"')
+    general = _general(table)
+    if general is None:
+        return ChosenBasis(train_basis(table, spectra, name), "the scene asks for its own")
+    designed = spectra.designed()
+    if designed:
+        reason = f"{', '.join(designed)} came from a designer"
+        return ChosenBasis(train_basis(table, spectra, name), reason)
+    worst = general.report(list(spectra.lights), list(spectra.materials.values())).worst
+    reason = (
+        f"{general.name} is off by at most ΔE00 {worst.delta_e:.2g} "
+        f"({worst.reflectance} under {worst.light})"
+    )
+    if worst.delta_e > NOTICEABLE:
+        return ChosenBasis(train_basis(table, spectra, name), reason)
+    return ChosenBasis(general, reason)
+
+
+def train_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> SpectralBasis:
+    """A basis for the scene's materials under its own lights, and under any of the library.
+
+    Trained on its own lights alone it would be wrong by tens of ΔE under the next one that
+    somebody tries; all 115 of the library at a tenth of the weight hold those below 0.2 and
+    cost the scene's own lights a hundredth.
+    """
+    grid = grid_of(table)
+    library = [*light_set("smooth", grid), *light_set("spiky", grid)]
+    own = np.maximum(np.asarray(spectra.weights, dtype=np.float64), 0.0)
+    own = np.maximum(own / max(own.max(), 1e-12), _LEAST_USE)
+    shares = np.full(len(library), _LIBRARY_SHARE / len(library))
+    return SpectralBasis.fit(
+        [*spectra.lights, *library],
+        list(spectra.materials.values()),
+        size=table.size,
+        method=table.method,
+        positive=table.positive,
+        grid=grid,
+        observer_deg=table.observer_deg,
+        light_weights=np.concatenate([own / own.sum(), shares]),
+        reflectance_weights=[spectra.use[material] for material in spectra.materials],
+        name=name,
+        trained_on="the scene's lights and materials, and the library's lights",
+    )
+
+
+def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
+    """``[basis]`` with other settings: what a fit would not take any more is left out."""
+    merged = dict(table) | dict(changes)
+    merged.pop("name", None)
+    if merged.get("method") == "materials":
+        return {key: merged[key] for key in merged if key not in ("size", "positive", "train")}
+    return merged | {"train": "scene"}
+
+
+def use_of(points: Sequence[PointTable]) -> dict[str, float]:
+    """How much of each material a transfer function shows: its opacity over its values.
+
+    Returns
+    -------
+    {name: float}
+        The most used material has 1, none less than 0.1.
+    """
+    total: defaultdict[str, float] = defaultdict(float)
+    span = max(points[-1].value - points[0].value, 1e-12)
+    for point in points:  # a sharp step covers no values, yet is seen
+        for name, share in point.shares.items():
+            total[name] += point.opacity * share * span / len(points)
+    for left, right in pairwise(points):
+        for point in (left, right):
+            for name, share in point.shares.items():
+                total[name] += point.opacity * share * (right.value - left.value) / 2
+    most = max(total.values(), default=0.0) or 1.0
+    return {name: max(value / most, _LEAST_USE) for name, value in total.items()}
+
+
+def grid_of(table: BasisTable) -> SpectralGrid:
+    """The grid that ``[basis] grid_nm`` asks for."""
+    return DEFAULT_GRID if table.grid_nm is None else SpectralGrid(*table.grid_nm)
+
+
+def _of_materials(table: BasisTable, spectra: SceneSpectra, name: str) -> MaterialBasis:
+    return MaterialBasis(spectra.materials, name, grid_of(table), table.observer_deg)
+
+
+def _general(table: BasisTable) -> SpectralBasis | None:
+    """The shipped basis that a scene without wishes of its own would take."""
+    plain = table.train is None and table.method == "virtual-sensors"
+    if not plain or grid_of(table) != DEFAULT_GRID or table.observer_deg != 2:
+        return None
+    name = f"general-{table.size}" + ("-positive" if table.positive else "")
+    return SpectralBasis.load(name) if name in shipped_names() else None

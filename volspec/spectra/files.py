@@ -1,0 +1,236 @@
+"""Measured spectra from files of any format: text tables, IES TM-27, spectral OpenEXR images.
+
+    tables, spectral_image, photometry -> [files] -> lights, reflectances
+
+References
+----------
+[1] Illuminating Engineering Society (2014), "IES Standard Format for the Electronic Transfer
+    of Spectral Data", TM-27-14.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import SpectrumError, VolspecWarning
+from volspec.spectra._colour import colour_science
+from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.photometry import extended_band_means
+from volspec.spectra.spectral_image import Kind, SpectralImage
+from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.tables import file_content, read_table
+
+Address = str | os.PathLike[str]
+FILE_FORMS = "FILE.csv, FILE.csv#column, FILE.spdx, FILE.exr"
+"""How messages show the forms of `read_spectrum`."""
+
+_ADDRESS = re.compile(r"(.*?\.(csv|txt|tsv|spdx|xml|exr))(?:#(.*))?", re.IGNORECASE)
+# A gap at the end of a table that needs no word: frequencies round to such wavelengths.
+_NOTHING_NM = 1e-3
+# What TM-27 calls the values, by what they can serve as; `relative` and `other` serve as both.
+_REFUSED = {
+    "emissive": ("reflectance", "transmittance", "absorptance", "r-factor", "t-factor"),
+    "reflective": ("flux", "intensity", "irradiance", "radiance", "exitance", "absorptance"),
+}
+_ROLE = {"emissive": "light", "reflective": "reflectance"}
+
+
+def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
+    """Read one measured spectrum; what the file says of it goes into its notes.
+
+    Parameters
+    ----------
+    path : path
+        By suffix:
+
+        - ``.csv``, ``.txt``, ``.tsv``: rows of nm and values, separated by commas, semicolons,
+          tabs or blanks, after at most one header line. ``# key: value`` lines are notes, other
+          lines with ``#`` comments. With several columns of values ``FILE.csv#column`` chooses
+          by the header's name, or by number: 1 is the first one after the wavelengths.
+        - ``.spdx``, ``.xml``: IES TM-27-14 [1]; its fields become notes, such as
+          ``manufacturer``, ``measurement equipment`` and ``bandwidth fwhm`` (nm).
+        - ``.exr``: a `SpectralImage`; ``FILE.exr`` is its mean, ``FILE.exr#X,Y`` one pixel,
+          ``FILE.exr#X0,Y0,X1,Y1`` the mean of a box, X1 and Y1 not included.
+    kind : "emissive" or "reflective", optional
+        What it is to serve as, a light or a reflectance. Files that say they are the other, in
+        TM-27's SpectralQuantity or the note ``spectral quantity``, are refused; of an image that
+        holds both, that one is taken.
+
+    Returns
+    -------
+    Spectrum
+        As stored: nm, the file's own units.
+
+    Raises
+    ------
+    SpectrumError
+        Names the file, the line, field or channel at fault, and the remedy.
+    """
+    address = split_address(path)
+    if address is None:
+        raise SpectrumError(
+            f"{os.fspath(path)}: the suffix says no format; use .csv, .txt, .tsv (text), "
+            ".spdx, .xml (IES TM-27) or .exr (spectral image)"
+        )
+    file, selector = address
+    suffix = Path(file).suffix.lower()
+    if suffix == ".exr":
+        return _pixels(file, selector, kind)
+    if suffix not in (".spdx", ".xml"):
+        spectrum = read_table(file).spectrum(selector)
+    elif selector:
+        raise SpectrumError(f"{file}: holds one spectrum; leave out '#{selector}'")
+    else:
+        spectrum = _tm27(file)
+    quantity = spectrum.notes.get("spectral quantity", "")
+    if kind and quantity.lower().removeprefix("spectral ") in _REFUSED[kind]:
+        raise SpectrumError(
+            f"{os.fspath(path)}: its spectral quantity is {quantity!r}, which is no "
+            f"{_ROLE[kind]}; give another file, or mend that field if it is wrong"
+        )
+    return spectrum
+
+
+def split_address(text: Address) -> tuple[str, str] | None:
+    """``FILE#selector`` as (FILE, selector), either may stand alone; None if no file is named."""
+    match = _ADDRESS.fullmatch(os.fspath(text))
+    return (match[1], (match[3] or "").strip()) if match else None
+
+
+def on_grid(
+    measured: Spectrum, grid: SpectralGrid, label: str, *, stacklevel: int
+) -> NDArray[np.float64]:
+    """Band means of a file's spectrum; where it ends too soon, continued with a warning.
+
+    Parameters
+    ----------
+    measured : Spectrum
+    grid : SpectralGrid
+        N bands.
+    label : str
+        The file, for messages.
+    stacklevel : int
+        As for `warnings.warn`, counted from here.
+
+    Returns
+    -------
+    (N,) float64
+
+    Raises
+    ------
+    SpectrumError
+        If it does not cover the grid and the eye sees what is missing.
+    """
+    w, v = measured.wavelengths_nm, measured.values
+    try:
+        means = extended_band_means(w, v, grid)
+    except SpectrumError as error:
+        raise SpectrumError(f"{label}: {error}") from None
+    filled = []
+    if w[0] > grid.start_nm + _NOTHING_NM:
+        filled.append(f"{grid.start_nm:g}-{w[0]:g} nm with its first value, {v[0]:g}")
+    if w[-1] < grid.stop_nm - _NOTHING_NM:
+        filled.append(f"{w[-1]:g}-{grid.stop_nm:g} nm with its last value, {v[-1]:g}")
+    if filled:
+        warnings.warn(
+            f"{label}: covers {w[0]:g}-{w[-1]:g} nm; filled {' and '.join(filled)} "
+            "(CIE 167:2005; the eye hardly sees there)",
+            VolspecWarning,
+            stacklevel=stacklevel + 1,
+        )
+    return means
+
+
+def _tm27(path: str) -> Spectrum:
+    _check_tm27(path)
+    colour = colour_science()
+    try:
+        # colour-science warns of values that are not finite; Spectrum refuses them.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            document = colour.SpectralDistribution_IESTM2714(path)
+    except (ValueError, AssertionError) as error:
+        reason = " ".join(str(error).split())
+        raise SpectrumError(
+            f"{path}: cannot be read as IES TM-27 ({reason}); mend or export it again"
+        ) from None
+    notes = {}
+    for part in (document.header, document):
+        for item in part.mapping.elements:
+            value = getattr(part, item.attribute)
+            if isinstance(value, bool):
+                value = "yes" if value else "no"
+            text = str(value).strip()
+            # The reader makes what is absent or empty None, "None" or NaN; instruments write N/A.
+            if text.lower() not in ("", "none", "nan", "n/a"):
+                notes[item.attribute.replace("_", " ")] = text
+    name = notes.get("description") or Path(path).stem
+    try:
+        return Spectrum(document.wavelengths, document.values, name, notes)
+    except SpectrumError as error:
+        raise SpectrumError(f"{path}: {error}") from None
+
+
+def _check_tm27(path: str) -> None:
+    """Refuse what colour-science would misread: it takes any XML and joins distributions."""
+    try:
+        root = ElementTree.fromstring(file_content(path))
+    except ElementTree.ParseError as error:
+        raise SpectrumError(f"{path}: damaged XML ({error}); export the file again") from None
+    tag = root.tag.rpartition("}")[2]
+    if tag != "IESTM2714" or "}" not in root.tag:
+        raise SpectrumError(
+            f"{path}: its root is <{tag}>, expected <IESTM2714 xmlns=…> (IES TM-27-14); "
+            "export it so, or as CSV"
+        )
+    found = root.findall("{*}SpectralDistribution")
+    if len(found) != 1:
+        raise SpectrumError(
+            f"{path}: holds {len(found)} spectral distributions, expected one; split the file"
+        )
+    last = -np.inf
+    for number, sample in enumerate(found[0].iterfind("{*}SpectralData"), start=1):
+        given = sample.get("wavelength"), sample.text
+        try:
+            wavelength, _ = (float(text or "") for text in given)
+        except ValueError:
+            raise SpectrumError(
+                f"{path}: SpectralData number {number}: wavelength {given[0]!r}, value "
+                f"{given[1]!r}; expected two numbers"
+            ) from None
+        if not wavelength > last:
+            raise SpectrumError(
+                f"{path}: SpectralData number {number}: {wavelength:g} nm after {last:g} nm; "
+                "wavelengths must increase strictly, sort them"
+            )
+        last = wavelength
+
+
+def _pixels(path: str, selector: str, kind: Kind | None) -> Spectrum:
+    box = None
+    if selector:
+        try:
+            box = tuple(int(number) for number in selector.split(","))
+        except ValueError:
+            box = ()
+        if len(box) == 2:
+            box = (*box, box[0] + 1, box[1] + 1)
+        if len(box) != 4:
+            raise SpectrumError(
+                f"{path}: {selector!r} is no part of an image; write "
+                f"{Path(path).name}#X,Y or {Path(path).name}#X0,Y0,X1,Y1"
+            )
+    image = SpectralImage.load(path, kind)
+    try:
+        spectrum = image.mean(box)
+    except SpectrumError as error:
+        raise SpectrumError(f"{path}: {error}") from None
+    return replace(spectrum, name=Path(path).stem + (f"#{selector}" if selector else ""))

@@ -1,0 +1,312 @@
+"""Images with a spectrum in every pixel, and their OpenEXR layout.
+
+    grid, spectrum -> [spectral_image] -> files
+
+An emissive channel is called ``S0.550,000000nm``, a reflective one ``T.550,000000nm``: a comma
+for the decimal mark, since a point separates layers. The unit is m or Hz after an SI prefix.
+
+References
+----------
+[1] Fichet, Pacanowski & Wilkie (2021), "An OpenEXR Layout for Spectral Images", Journal of
+    Computer Graphics Techniques 10(3), 1-18. http://jcgt.org/published/0010/03/01/
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._files import captured_output, write_whole
+from volspec.errors import SpectrumError, VolspecWarning
+from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.spectrum import Spectrum, read_only_notes
+
+Kind = Literal["reflective", "emissive"]
+
+_LAYER = {"emissive": "S0", "reflective": "T"}
+_QUANTITY = {"emissive": "radiance", "reflective": "reflectance"}
+_WAVE = r"(\d+(?:,\d*)?|,\d+)((?:[eE][+-]?\d+)?)(da|[YZEPTGMkhdcmunp])?(m|Hz)"
+_CHANNEL = re.compile(rf"(S[0-3]|T)\.{_WAVE}")
+_RERADIATION = re.compile(rf"T\.{_WAVE}\.{_WAVE}")
+_EXPONENTS = (24, 21, 18, 15, 12, 9, 6, 3, 2, -1, -2, -3, -6, -9, -12)
+_PREFIX = dict(zip("YZEPTGMkhdcmunp", _EXPONENTS, strict=True)) | {"da": 1, "": 0}
+_SPEED_OF_LIGHT = 299_792_458.0
+# The layout's unit for radiance; its values are densities per nm all the same.
+_DEFAULT_UNITS = "W.m^-2.sr^-1"
+# Header texts longer than this are tables (the spectrum of an illuminant), not notes.
+_LONGEST_NOTE = 200
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpectralImage:
+    """A spectrum in every pixel; the arrays are read-only.
+
+    Parameters
+    ----------
+    values : (H, W, N) float32
+        Finite; row 0 is the top. Radiance (emissive) or reflectance (reflective).
+    wavelengths_nm : (N,) array
+        Strictly increasing, nm, N >= 2.
+    kind : "reflective" or "emissive"
+    notes : {str: str}
+        What the file's header says; keys as in `Spectrum`.
+
+    Raises
+    ------
+    SpectrumError
+        If the arrays do not fit together or hold anything but finite numbers, or the kind is
+        unknown.
+
+    Examples
+    --------
+    >>> image = SpectralImage(np.ones((2, 3, 4)), [400, 500, 600, 700], "reflective")
+    >>> image.size, image.mean((0, 0, 2, 1)).values.tolist()
+    ((3, 2), [1.0, 1.0, 1.0, 1.0])
+    """
+
+    values: NDArray[np.float32]
+    wavelengths_nm: NDArray[np.float64]
+    kind: Kind
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise SpectrumError(
+                f"spectral image: kind {self.kind!r}; choose reflective or emissive"
+            )
+        try:
+            values = np.ascontiguousarray(self.values, dtype=np.float32).view()
+            w = np.array(self.wavelengths_nm, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise SpectrumError(f"spectral image: not arrays of numbers: {error}") from error
+        if values.ndim != 3 or 0 in values.shape or w.shape != values.shape[2:] or w.size < 2:
+            raise SpectrumError(
+                f"spectral image: values have shape {values.shape}, wavelengths {w.shape}; "
+                "expected (H, W, N) and (N,) with N of at least 2"
+            )
+        if not (np.isfinite(w).all() and np.all(np.diff(w) > 0) and w[0] > 0):
+            raise SpectrumError(
+                f"spectral image: wavelengths {w[:4]} … nm must be positive and increase "
+                "strictly; sort them and remove duplicates"
+            )
+        if not np.isfinite(values).all():
+            y, x, k = np.unravel_index(int(np.argmin(np.isfinite(values))), values.shape)
+            raise SpectrumError(
+                f"spectral image: pixel ({x}, {y}) is {values[y, x, k]} at {w[k]:g} nm, not "
+                "finite; mend it before"
+            )
+        for array in (values, w):
+            array.flags.writeable = False
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "wavelengths_nm", w)
+        object.__setattr__(self, "notes", read_only_notes(self.notes, "spectral image"))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A read-only view of a dictionary cannot be pickled as it stands.
+        return SpectralImage, (self.values, self.wavelengths_nm, self.kind, dict(self.notes))
+
+    def __repr__(self) -> str:
+        (width, height), w = self.size, self.wavelengths_nm
+        return (
+            f"SpectralImage({width}x{height}, {w.size} wavelengths {w[0]:g}-{w[-1]:g} nm, "
+            f"{self.kind})"
+        )
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        height, width = self.values.shape[:2]
+        return width, height
+
+    def on(self, grid: SpectralGrid) -> SpectralImage:
+        """Every pixel's band means on a grid; see `SpectralGrid.band_means`.
+
+        Raises
+        ------
+        SpectrumError
+            If the wavelengths do not cover the grid; nothing is extrapolated.
+        """
+        # Band means are linear in the samples: those of unit samples are the (N, L) matrix.
+        means = grid.band_means(self.wavelengths_nm, np.eye(self.wavelengths_nm.size))
+        values = self.values @ means.T.astype(np.float32)
+        return SpectralImage(values, grid.wavelengths_nm, self.kind, self.notes)
+
+    def mean(self, box: Sequence[int] | None = None) -> Spectrum:
+        """Mean spectrum of the image or of a box of pixels.
+
+        Parameters
+        ----------
+        box : (x0, y0, x1, y1), optional
+            From the upper left of the image; x1 and y1 are not included.
+
+        Returns
+        -------
+        Spectrum
+            With the image's notes, and its kind as ``spectral quantity``.
+
+        Raises
+        ------
+        SpectrumError
+            If the box is empty or leaves the image.
+        """
+        width, height = self.size
+        x0, y0, x1, y1 = box if box is not None else (0, 0, width, height)
+        if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
+            raise SpectrumError(
+                f"box ({x0}, {y0}, {x1}, {y1}) is not inside the image of {width} x {height} "
+                "pixels; give x0 < x1 and y0 < y1 from 0, x1 and y1 not included"
+            )
+        mean = self.values[y0:y1, x0:x1].mean(axis=(0, 1), dtype=np.float64)
+        notes = {"spectral quantity": _QUANTITY[self.kind]} | dict(self.notes)
+        return Spectrum(self.wavelengths_nm, mean, notes=notes)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an OpenEXR file of float channels [1], whole or not at all.
+
+        Raises
+        ------
+        SpectrumError
+            If the name does not end in ``.exr`` or the file cannot be written.
+        """
+        import OpenEXR
+
+        name = os.fspath(path)
+        if Path(path).suffix.lower() != ".exr":
+            raise SpectrumError(f"{name}: spectral images are OpenEXR; name it .exr")
+        header: dict[str, Any] = {
+            "type": OpenEXR.scanlineimage,
+            "compression": OpenEXR.ZIP_COMPRESSION,
+            "spectralLayoutVersion": "1.0",
+            "volspec:notes": json.dumps(dict(self.notes)),
+        }
+        if self.kind == "emissive":
+            header["emissiveUnits"] = self.notes.get("emissive units", _DEFAULT_UNITS)
+        channels = {
+            f"{_LAYER[self.kind]}." + f"{w:.6f}nm".replace(".", ","): np.ascontiguousarray(
+                self.values[..., k]
+            )
+            for k, w in enumerate(self.wavelengths_nm)
+        }
+        with write_whole(path) as temporary:
+            try:
+                with captured_output([]):
+                    OpenEXR.File(header, channels).write(os.fspath(temporary))
+            except (RuntimeError, OSError) as error:
+                raise SpectrumError(f"{name}: cannot be written: {error}") from error
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], kind: Kind | None = None) -> SpectralImage:
+        """Read an OpenEXR file in the spectral layout [1].
+
+        Parameters
+        ----------
+        path : path
+            Half or float channels. R, G, B, A and others are left out; so are polarisation
+            (S1…S3) and re-radiation (fluorescence), with a `VolspecWarning`.
+        kind : "reflective" or "emissive", optional
+            Which to take; without it reflective where a file holds both, which the note
+            ``also holds`` then says.
+
+        Raises
+        ------
+        SpectrumError
+            If the file is missing, damaged, or has no spectral channels (of that kind).
+        """
+        name = os.fspath(path)
+        if not Path(path).is_file():
+            fault = "is a folder; give an .exr file" if Path(path).is_dir() else "no such file"
+            raise SpectrumError(f"{name}: {fault}")
+        header, pixels, ignored = _read(name)
+        held: list[Kind] = [k for k in get_args(Kind) if pixels[_LAYER[k]]]
+        wanted = kind or next(iter(held), None)
+        if wanted is None or wanted not in held:
+            wish, example = ("", "S0 or T") if wanted is None else (f"{wanted} ", _LAYER[wanted])
+            raise SpectrumError(
+                f"{name}: holds no {wish}spectral channels ({example}.550,000000nm and so on; "
+                f"Fichet et al. 2021){_only(held)}"
+            )
+        if wanted == "reflective" and "reradiation" in ignored:
+            _warn(f"{name}: its fluorescence (T.in.out channels) is left out")
+        if wanted == "emissive" and "polarisation" in ignored:
+            _warn(f"{name}: its polarisation (channels S1, S2, S3) is left out")
+        notes = _notes(name, header)
+        if len(held) == 2:
+            notes["also holds"] = next(k for k in held if k != wanted)
+        samples = sorted(pixels[_LAYER[wanted]], key=lambda sample: sample[0])
+        try:
+            values = np.stack([image for _, image in samples], axis=-1)
+            return cls(values, np.array([w for w, _ in samples]), wanted, notes)
+        except (SpectrumError, ValueError) as error:
+            raise SpectrumError(f"{name}: {error}") from None
+
+
+def _only(held: list[Kind]) -> str:
+    use = {"reflective": "a reflectance", "emissive": "a light"}
+    return f", only {held[0]} ones; use it as {use[held[0]]}" if held else ""
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, VolspecWarning, stacklevel=3)
+
+
+_Samples = dict[str, list[tuple[float, NDArray[np.float32]]]]
+
+
+def _read(name: str) -> tuple[dict[str, Any], _Samples, set[str]]:
+    """The header, (nm, pixels) of every channel by layer, and what else there is."""
+    import OpenEXR
+
+    said: list[str] = []
+    pixels: _Samples = {layer: [] for layer in _LAYER.values()}
+    ignored: set[str] = set()
+    try:
+        with captured_output(said), OpenEXR.File(name, separate_channels=True) as file:
+            header = dict(file.header())
+            parts = (file.channels(part) for part in range(len(file.parts)))
+            for key, channel in (item for part in parts for item in part.items()):
+                match = _CHANNEL.fullmatch(key)
+                if match and match[1] in pixels:
+                    image = np.array(channel.pixels, dtype=np.float32)
+                    pixels[match[1]].append((_nanometres(*match.groups("")[1:]), image))
+                elif match:
+                    ignored.add("polarisation")
+                elif _RERADIATION.fullmatch(key):
+                    ignored.add("reradiation")
+    except (RuntimeError, OSError, ValueError) as error:
+        raise SpectrumError(f"{name}: not a readable OpenEXR file, or truncated") from error
+    if any("error" in line.lower() or "EXR_ERR" in line for line in said):
+        raise SpectrumError(f"{name}: damaged ({said[-1].strip()}); export it again")
+    return header, pixels, ignored
+
+
+def _nanometres(number: str, exponent: str, prefix: str, unit: str) -> float:
+    value = float(number.replace(",", ".") + exponent) * 10.0 ** _PREFIX[prefix]
+    if unit == "Hz":
+        value = _SPEED_OF_LIGHT / value if value else np.inf
+    # 5,5E-7m is 550 nm: rounding far below any table's precision keeps samples on a grid.
+    return round(value * 1e9, 6)
+
+
+def _notes(name: str, header: dict[str, Any]) -> dict[str, str]:
+    skip = ("name", "type", "view", "spectralLayoutVersion", "emissiveUnits", "volspec:notes")
+    notes = {
+        key.lower(): value
+        for key, value in header.items()
+        if isinstance(value, str) and key not in skip and len(value) <= _LONGEST_NOTE
+    }
+    if "emissiveUnits" in header:
+        notes["emissive units"] = str(header["emissiveUnits"])
+    try:
+        own = json.loads(header.get("volspec:notes", "{}"))
+        return notes | {str(key): str(value) for key, value in own.items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise SpectrumError(f"{name}: volspec:notes cannot be read ({error})") from None

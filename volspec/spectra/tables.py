@@ -1,0 +1,198 @@
+"""Text tables of spectra: a column of wavelengths, columns of values, notes in comments.
+
+spectrum -> [tables] -> files, reflectances
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import SpectrumError, nearest
+from volspec.spectra.spectrum import Spectrum
+
+# "# Key: value"; sentences and web addresses in comments are not notes.
+_NOTE = re.compile(r"#+\s*([A-Za-z][\w ()/%-]{0,39}?)\s*[:=]\s*(?!//)(\S.*)")
+_SEPARATORS = (",", ";", "\t", None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TextTable:
+    """The numbers of a text table: wavelengths, K columns of values, notes.
+
+    Parameters
+    ----------
+    path : str
+    wavelengths_nm : (L,) array
+        nm, as they stand.
+    columns : (L, K) array
+    names : K strings
+        From the header; ``"1"``, ``"2"``, … where it names none.
+    lines : L numbers
+        Where each row stands in the file, from 1.
+    notes : {str: str}
+    """
+
+    path: str
+    wavelengths_nm: NDArray[np.float64]
+    columns: NDArray[np.float64]
+    names: tuple[str, ...]
+    lines: tuple[int, ...]
+    notes: dict[str, str] = field(default_factory=dict)
+
+    def spectrum(self, column: str = "") -> Spectrum:
+        """One column, by its name (any case) or number from 1; "" where there is only one.
+
+        Raises
+        ------
+        SpectrumError
+            If the column is unknown or left open, or its values make no spectrum.
+        """
+        k = self._index(column)
+        values = self.columns[:, k]
+        for array, name in ((self.wavelengths_nm, "wavelength"), (values, "value")):
+            if not np.isfinite(array).all():
+                row = int(np.argmin(np.isfinite(array)))
+                raise SpectrumError(
+                    f"{self.path}, line {self.lines[row]}: {name} {array[row]}, not finite; "
+                    "leave that line out"
+                )
+        if 0 < self.wavelengths_nm.max() < 20:
+            raise SpectrumError(
+                f"{self.path}: wavelengths end at {self.wavelengths_nm.max():g} nm; are they "
+                "micrometres? multiply by 1000"
+            )
+        name = Path(self.path).stem + (f"#{self.names[k]}" if column else "")
+        try:
+            return Spectrum(self.wavelengths_nm, values, name, self.notes)
+        except SpectrumError as error:
+            raise SpectrumError(f"{self.path}: {error}") from None
+
+    def _index(self, column: str) -> int:
+        if not column and len(self.names) == 1:
+            return 0
+        listed = ", ".join(self.names[:12]) + (", …" if len(self.names) > 12 else "")
+        if not column:
+            raise SpectrumError(
+                f"{self.path}: {len(self.names)} columns of values ({listed}); "
+                f"choose one: {Path(self.path).name}#{self.names[0]}"
+            )
+        folded = [name.casefold() for name in self.names]
+        if column.casefold() in folded:
+            return folded.index(column.casefold())
+        if column.isdecimal() and 1 <= int(column) <= len(self.names):
+            return int(column) - 1
+        raise SpectrumError(
+            f"{self.path}: no column {column!r}; {nearest(column, self.names)}"
+            f"there are {listed}, or a number from 1 to {len(self.names)}"
+        )
+
+
+def read_table(path: str | os.PathLike[str]) -> TextTable:
+    """Read a text table; see `read_spectrum` for what it may hold.
+
+    Raises
+    ------
+    SpectrumError
+        Names the file, and the line where one is at fault.
+    """
+    name = os.fspath(path)
+    try:
+        text = file_content(name).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise SpectrumError(
+            f"{name}: cannot be read as text ({error.reason} at byte {error.start}); "
+            "save it as UTF-8"
+        ) from None
+    rows: list[list[float]] = []
+    lines: list[int] = []
+    notes: dict[str, str] = {}
+    header = ""
+    separator: str | None = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        line = line.strip()
+        if not line or line.startswith("#"):
+            _keep_note(line, notes)
+            continue
+        # The first row of numbers settles the separator: headers may hold any of them.
+        candidates = (separator,) if rows else _SEPARATORS
+        read = ((_numbers(line, candidate), candidate) for candidate in candidates)
+        row, separator = next((pair for pair in read if pair[0]), (None, separator))
+        if row is None:
+            if header or rows or line[0].isdigit():
+                raise _not_numbers(name, number, line)
+            header = line
+            continue
+        if rows and len(row) != len(rows[0]):
+            raise SpectrumError(
+                f"{name}, line {number}: {len(row)} cells, but {len(rows[0])} in line "
+                f"{lines[0]}; give every row the same"
+            )
+        rows.append(row)
+        lines.append(number)
+    if len(rows) < 2:
+        raise SpectrumError(f"{name}: {len(rows)} rows of numbers, expected at least 2 (nm,value)")
+    if len(rows[0]) < 2:
+        raise SpectrumError(f"{name}, line {lines[0]}: one column, expected nm,value")
+    titles = _cells(header, separator)[1:]
+    if len(titles) != len(rows[0]) - 1:
+        titles = [str(k) for k in range(1, len(rows[0]))]
+    table = np.array(rows)
+    return TextTable(name, table[:, 0], table[:, 1:], tuple(titles), tuple(lines), notes)
+
+
+def file_content(path: str | os.PathLike[str]) -> bytes:
+    """All of a file.
+
+    Raises
+    ------
+    SpectrumError
+        If it cannot be read.
+    """
+    try:
+        return Path(path).read_bytes()
+    except FileNotFoundError:
+        raise SpectrumError(f"{path}: no such file") from None
+    except OSError as error:
+        raise SpectrumError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _keep_note(line: str, notes: dict[str, str]) -> None:
+    # Spreadsheets fill comments up with separators, too.
+    if note := _NOTE.match(line.rstrip(",;\t ")):
+        key = " ".join(note[1].replace("_", " ").split()).lower()
+        notes[key] = f"{notes[key]}; {note[2]}" if key in notes else note[2]
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    cells = next(csv.reader([line], delimiter=separator)) if separator else line.split()
+    cells = [cell.strip() for cell in cells]
+    # Spreadsheets end every row of a narrow column in separators.
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def _numbers(line: str, separator: str | None) -> list[float] | None:
+    if separator and separator not in line:
+        return None
+    try:
+        return [float(cell) for cell in _cells(line, separator)] or None
+    except (ValueError, csv.Error):
+        return None
+
+
+def _not_numbers(path: str, number: int, line: str) -> SpectrumError:
+    if re.search(r"\d,\d", line) and re.search(r"[;\t ]", line):
+        remedy = "write decimal points, not commas"
+    else:
+        remedy = "put # before lines that are no data"
+    return SpectrumError(
+        f"{path}, line {number}: {line[:40]!r} is not a row of numbers (nm,value); {remedy}"
+    )
