@@ -2,12 +2,13 @@
 #   make demo    the bundled engine CT, cast once and relit
 #   make test    every check; what CI runs
 #   make bench   against peers, as ratios
+#   make trust   the slow figures: every basis against full spectra, the time of fits
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= volspec-demo
 
-.PHONY: demo test bench lint clean
+.PHONY: demo test bench trust lint clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -38,6 +39,10 @@ test: lint
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks
+
+trust: $(VENV)/.installed
+	$(BIN)/python -m benchmarks.basis_table
+	$(BIN)/python -m benchmarks.basis_fit
 
 clean:
 	rm -rf $(VENV) build dist volspec-demo .pytest_cache .mypy_cache .ruff_cache

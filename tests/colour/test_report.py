@@ -13,12 +13,12 @@ import pytest
 
 from volspec.basis import MaterialBasis, SpectralBasis, figure, load_basis
 from volspec.basis.figure import basis_figure, figure_pixels, save_figure
-from volspec.basis.figure_style import spread
-from volspec.basis.figure_swatches import worst_pairs
-from volspec.basis.report import displayed, report
-from volspec.basis.report_pairs import products_of
-from volspec.basis.report_table import ErrorTable, error_table
-from volspec.basis.report_text import number, terminal_table, worst_line
+from volspec.basis.figure.style import spread
+from volspec.basis.figure.swatches import worst_pairs
+from volspec.basis.report.errors import displayed, report
+from volspec.basis.report.pairs import products_of
+from volspec.basis.report.table import ErrorTable, error_table
+from volspec.basis.report.text import number, terminal_table, worst_line
 from volspec.errors import BasisError
 from volspec.spectra import (
     DEFAULT_GRID,

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import checks, display, storage
-from volspec.basis.training import training_set
+from volspec.basis.fit.training import training_set
 from volspec.errors import BasisError
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.photometry import color_matching_functions, light_power, stack

@@ -78,7 +78,7 @@ def basis(
     output
         A .json to write the basis to.
     """
-    from volspec.basis.report_table import error_table
+    from volspec.basis.report.table import error_table
 
     if figure is not None:
         if figure.suffix.lower() not in _FIGURES:
@@ -119,7 +119,7 @@ def basis(
 
 
 def _print(table: Any, reason: str) -> None:
-    from volspec.basis.report_text import terminal_table, verdict, worst_line
+    from volspec.basis.report.text import terminal_table, verdict, worst_line
 
     console = Console(highlight=False)
     console.print(f"[bold]{table.name}[/]: {table.method}, {table.size} channels")
@@ -171,7 +171,7 @@ def _case(
 def _of_scene(
     path: Path, asked: dict[str, Any], lights: str | None, observer: int | None, tell: Tell
 ) -> _Case:
-    from volspec.basis.report_table import CLASSES
+    from volspec.basis.report.table import CLASSES
     from volspec.scene import Scene
     from volspec.spectra import Spectrum, light_set
 

@@ -1,6 +1,6 @@
 """The error table for a terminal of 80 columns.
 
-ErrorTable -> [report_text] -> rich
+ErrorTable -> [text] -> rich
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from volspec.basis.report import BasisReport, ErrorSummary
+from volspec.basis.report.errors import BasisReport, ErrorSummary
 
 if TYPE_CHECKING:
-    from volspec.basis.report_table import ErrorTable
+    from volspec.basis.report.table import ErrorTable
 
 _SURFACES = {2: "two surfaces", 3: "three surfaces"}
 # What a method is made for, where that is not light times surface by components.

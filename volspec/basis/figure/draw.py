@@ -16,22 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import write_whole
-from volspec.basis.figure_errors import draw_errors, matrix_way
-from volspec.basis.figure_spectra import draw_spectra, names_in
-from volspec.basis.figure_style import FAINT, INK, PAPER, inch_axes, shortened
-from volspec.basis.figure_swatches import STRIP_IN, draw_swatches
-from volspec.basis.report_text import WAYS, heading_of, number, own_way
+from volspec.basis.figure.errors import draw_errors, matrix_way
+from volspec.basis.figure.spectra import draw_spectra, names_in
+from volspec.basis.figure.style import FAINT, INK, PAPER, inch_axes, shortened
+from volspec.basis.figure.swatches import STRIP_IN, draw_swatches
+from volspec.basis.report.text import WAYS, heading_of, number, own_way
 
 if TYPE_CHECKING:
-    # Through here to the parts: one module knows matplotlib.
-    from matplotlib.axes import Axes as Axes
-    from matplotlib.figure import Figure as Figure
-    from matplotlib.text import Text as Text
+    from matplotlib.figure import Figure
 
     from volspec.basis.materials import MaterialBasis
     from volspec.basis.model import SpectralBasis
-    from volspec.basis.report import ErrorSummary
-    from volspec.basis.report_table import ErrorTable
+    from volspec.basis.report.errors import ErrorSummary
+    from volspec.basis.report.table import ErrorTable
 
 WIDTH_IN = 10.0
 DPI = 160

@@ -1,6 +1,6 @@
 """The error table of a basis over several classes of lights, for people and machines.
 
-basis, {class: lights}, reflectances -> [report_table] -> terminal, JSON, figure
+basis, {class: lights}, reflectances -> [table] -> terminal, JSON, figure
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from volspec.basis.report import (
+from volspec.basis.report.errors import (
     ADAPTATION,
     BasisReport,
     ErrorSummary,

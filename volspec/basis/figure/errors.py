@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from volspec.basis.figure_style import FAINT, HAIR, INK, plain, spread
-from volspec.basis.report_text import WAYS, own_way
+from volspec.basis.figure.style import FAINT, HAIR, INK, plain, spread
+from volspec.basis.report.text import WAYS, own_way
 
 if TYPE_CHECKING:
-    from volspec.basis.figure import Axes
-    from volspec.basis.report_table import ErrorTable
+    from matplotlib.axes import Axes
+
+    from volspec.basis.report.table import ErrorTable
 
 # Okabe and Ito's blue, vermilion and green: told apart by the colour-blind.
 COMPONENTWISE, RGB_PRODUCT, EXACT = "#0072b2", "#d55e00", "#009e73"

@@ -1,6 +1,6 @@
 """The errors of every light and reflectance, and of products of reflectances.
 
-    basis, lights, reflectances -> [report_pairs] -> report
+    basis, lights, reflectances -> [pairs] -> errors
 
 Predicted and true XYZ are compared in CIEDE2000 with the light as white. A product of surfaces is
 what interreflection and coloured absorption make: light * S1 * S2 in full spectra, e * s1 * s2

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis.training import Training, check_rank
+from volspec.basis.fit.training import Training, check_rank
 from volspec.errors import BasisError
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
     training set -> [residuals] -> sensors
 
-J lights, K reflectances, m channels, P knots. The equations stand in `volspec.basis.sensors`.
+J lights, K reflectances, m channels, P knots. The equations stand in `volspec.basis.fit.sensors`.
 A residual follows the sensors only through its light's channels e_j and its reflectance's s_k,
 so J^T J is summed up from small blocks by light and by reflectance; the Jacobian itself,
 (3 J K) x (m P), is never formed.
@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis.metric import relative_colours
-from volspec.basis.training import Training
+from volspec.basis.fit.metric import relative_colours
+from volspec.basis.fit.training import Training
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from volspec.appearance import constants as k
 from volspec.appearance import srgb
 from volspec.appearance.models import XYZ_from_cielab, cielab
-from volspec.basis.figure_style import FAINT, INK, plain, shortened, spread
+from volspec.basis.figure.style import FAINT, INK, plain, shortened, spread
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import color_matching_functions
 
 if TYPE_CHECKING:
-    from volspec.basis.figure import Axes
+    from matplotlib.axes import Axes
+
     from volspec.basis.materials import MaterialBasis
     from volspec.basis.model import SpectralBasis
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.models import cielab, cielab_derivative
 from volspec.basis.display import NO_COLOUR
-from volspec.basis.training import Training
+from volspec.basis.fit.training import Training
 
 Array = NDArray[np.float64]
 

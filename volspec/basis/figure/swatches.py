@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from volspec.basis.figure_style import shortened
-from volspec.basis.report import BasisReport, WorstPair
-from volspec.basis.report_text import WAYS, heading_of, number, own_way
+from volspec.basis.figure.style import shortened
+from volspec.basis.report.errors import BasisReport, WorstPair
+from volspec.basis.report.text import WAYS, heading_of, number, own_way
 
 if TYPE_CHECKING:
-    from volspec.basis.figure import Axes
-    from volspec.basis.report_table import ErrorTable
+    from matplotlib.axes import Axes
+
+    from volspec.basis.report.table import ErrorTable
 
 # L* = 50: colours are judged on a neutral grey.
 _GREY, _ON_GREY, _QUIET = "#777777", "white", "#e4e4e4"

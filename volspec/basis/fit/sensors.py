@@ -6,7 +6,7 @@ Minimises, over A (rows summing to 1) and D, the mean square colour error
 
     || G_jk ( D(A E_j * A S_k) / D(A E_j)  -  XYZ_jk / XYZ_white_j ) ||^2
 
-where G_jk is the CIE94 metric at the true colour (`volspec.basis.metric`), so that the
+where G_jk is the CIE94 metric at the true colour (`volspec.basis.fit.metric`), so that the
 residual is a colour difference, plus small penalties: second differences of the sensors,
 predicted whites off their lights' (the per-light correction of `SpectralBasis.display_matrix`,
 which is the division above, should have little to do), and large entries of D (which would
@@ -26,8 +26,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis.residuals import Problem, State, evaluate, normal_equations, pose
-from volspec.basis.training import Training
+from volspec.basis.fit.residuals import Problem, State, evaluate, normal_equations, pose
+from volspec.basis.fit.training import Training
 from volspec.spectra.grid import SpectralGrid
 
 Array = NDArray[np.float64]

@@ -3,10 +3,10 @@
     training set -> [fit] -> A, B, D
 
 ======================  ==========================================================================
-``virtual-sensors``     the best componentwise colour (`volspec.basis.sensors`)
-``reduced-rank``        the best colour by the exact light matrix (`volspec.basis.reduced_rank`)
-``pca-sharpened``       the papers' spectral factor model (`volspec.basis.pca`)
-``pca``                 the papers' linear model, its reference (`volspec.basis.pca`)
+``virtual-sensors``     the best componentwise colour (`volspec.basis.fit.sensors`)
+``reduced-rank``        the best colour by the exact light matrix (`volspec.basis.fit.reduced_rank`)
+``pca-sharpened``       the papers' spectral factor model (`volspec.basis.fit.pca`)
+``pca``                 the papers' linear model, its reference (`volspec.basis.fit.pca`)
 ======================  ==========================================================================
 """
 
@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
-from volspec.basis.pca import pca, sharpened_pca
-from volspec.basis.reduced_rank import reduced_rank
-from volspec.basis.sensors import fit_sensors
-from volspec.basis.training import Training
+from volspec.basis.fit.pca import pca, sharpened_pca
+from volspec.basis.fit.reduced_rank import reduced_rank
+from volspec.basis.fit.sensors import fit_sensors
+from volspec.basis.fit.training import Training
 from volspec.errors import BasisError, nearest
 
 Array = NDArray[np.float64]
@@ -49,23 +50,25 @@ def fit_basis(
     smoothness: float | None,
     restarts: int | None,
 ) -> tuple[Array, Array, Array]:
-    """A, B and D; `SpectralBasis.fit` is the public face and documents the arguments."""
+    """A, B and D; `SpectralBasis.fit` is the public face and documents the arguments.
+
+    On one thread: the matrices are small, so that more threads gain nothing, stall each other
+    when the machine is busy, and change the last bits.
+    """
     _check_method(method)
     _check_size(size, training)
-    if method in _LINEAR:
-        if positive:
-            raise BasisError(
-                f"{method} cannot keep its analysis positive; use method='virtual-sensors'"
-            )
-        return _LINEAR[method](training, size)
-    A, D = fit_sensors(
-        training,
-        size,
-        positive=positive,
-        smoothness=_smoothness(smoothness, training),
-        restarts=_restarts(restarts, training),
-    )
-    return A, best_synthesis(A, training), D
+    if method in _LINEAR and positive:
+        raise BasisError(
+            f"{method} cannot keep its analysis positive; use method='virtual-sensors'"
+        )
+    options = _smoothness(smoothness, training), _restarts(restarts, training)
+    with threadpool_limits(1):
+        if method in _LINEAR:
+            return _LINEAR[method](training, size)
+        A, D = fit_sensors(
+            training, size, positive=positive, smoothness=options[0], restarts=options[1]
+        )
+        return A, best_synthesis(A, training), D
 
 
 def best_synthesis(A: Array, training: Training) -> Array:

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
 from volspec.appearance import srgb
-from volspec.basis.report_pairs import PairErrors, pair_errors
-from volspec.basis.report_pairs import rgb_product_delta_e as rgb_product_delta_e
+from volspec.basis.report.pairs import PairErrors, pair_errors
+from volspec.basis.report.pairs import rgb_product_delta_e as rgb_product_delta_e
 from volspec.errors import BasisError
 from volspec.spectra.library import light_set, reflectance_set, reflectance_set_names
 from volspec.spectra.photometry import stack

@@ -10,7 +10,7 @@ square colour error of the exact light matrix
 with G_jk the CIE94 metric. With one W for all reflectances that is a singular-value
 decomposition [1]; from there A and B are solved for in turn with every reflectance's own W_k.
 Any m independent mixtures of A's rows do as well; those are taken that multiply best
-componentwise (`volspec.basis.sensors.choose_channels`), with the D that goes with them.
+componentwise (`volspec.basis.fit.sensors.choose_channels`), with the D that goes with them.
 
 References
 ----------
@@ -23,9 +23,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis.metric import relative_colours
-from volspec.basis.sensors import choose_channels
-from volspec.basis.training import Training, check_rank
+from volspec.basis.fit.metric import relative_colours
+from volspec.basis.fit.sensors import choose_channels
+from volspec.basis.fit.training import Training, check_rank
 
 Array = NDArray[np.float64]
 
