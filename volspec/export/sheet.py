@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance import srgb
+from volspec.appearance.wavelengths import spectrum_colours
 from volspec.errors import ShapeError
-from volspec.spectra import DEFAULT_GRID, Spectrum, color_matching_functions
+from volspec.spectra import Spectrum
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw
@@ -110,7 +110,7 @@ def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
     size = (width * _OVERSAMPLING, height * _OVERSAMPLING)
     at = np.linspace(*_PLOTTED_NM, size[0])
     level = np.interp(at, light.wavelengths_nm, values, left=0, right=0)
-    colour = _wavelength_colours(at)
+    colour = spectrum_colours(at)
     rows = np.arange(size[1], 0, -1)[:, None] / size[1]
     filled = np.where((rows <= level[None, :])[..., None], colour[None], np.array(_PAPER) / 255)
     picture = Image.fromarray((filled * 255).round().astype(np.uint8))
@@ -119,12 +119,3 @@ def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
     draw.line(curve, _INK, _OVERSAMPLING * 2, joint="curve")
     draw.line([(0, size[1] - 1), (size[0], size[1] - 1)], _FAINT, _OVERSAMPLING)
     return picture.resize((width, height), Image.Resampling.LANCZOS)
-
-
-def _wavelength_colours(wavelengths_nm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) sRGB of monochromatic lights, desaturated into the gamut and dimmed."""
-    Q = color_matching_functions(DEFAULT_GRID)
-    XYZ = np.stack([np.interp(wavelengths_nm, DEFAULT_GRID.wavelengths_nm, row) for row in Q], -1)
-    linear = srgb.linear_from_XYZ(100 * XYZ)
-    linear = linear - linear.min(axis=1, keepdims=True).clip(max=0)
-    return srgb.encode(0.55 * linear / linear.max())

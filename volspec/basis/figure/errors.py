@@ -1,6 +1,6 @@
 """How far off a basis is, light by light.
 
-[figure_errors] -> figure
+[errors] -> figure
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What a basis sees: its sensors, basis vectors or materials over wavelength.
 
-[figure_spectra] -> figure
+[spectra] -> figure
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from volspec.appearance import constants as k
 from volspec.appearance import srgb
 from volspec.appearance.models import XYZ_from_cielab, cielab
+from volspec.appearance.wavelengths import spectrum_colours
 from volspec.basis.figure.style import FAINT, INK, plain, shortened, spread
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import color_matching_functions
@@ -91,17 +92,6 @@ def line_colour(curve: Array, grid: SpectralGrid) -> tuple[float, float, float]:
     linear = srgb.linear_from_XYZ(XYZ_from_cielab(Lab, k.DISPLAY_WHITE_XYZ))
     r, g, blue = srgb.encode(linear)
     return float(r), float(g), float(blue)
-
-
-def spectrum_colours(wavelengths_nm: Array) -> Array:
-    """(N, 3) sRGB of monochromatic lights, desaturated into the gamut and dimmed."""
-    grid = SpectralGrid(*_SHOWN_NM, 2.0)
-    Q = color_matching_functions(grid)
-    XYZ = np.stack([np.interp(wavelengths_nm, grid.wavelengths_nm, row) for row in Q], -1)
-    linear = srgb.linear_from_XYZ(100 * XYZ)
-    # A little grey besides, so that no channel starts from black with a visible edge.
-    linear = linear - linear.min(axis=1, keepdims=True).clip(max=0) + 0.12 * XYZ[:, 1:2]
-    return srgb.encode(0.7 * linear / linear.max())
 
 
 def _strokes(colours: list[tuple[float, float, float]]) -> list[Any]:

@@ -1,6 +1,6 @@
 """What the parts of a basis' figure share: inks, axes in inches, texts that fit.
 
-[figure_style] -> figure_spectra, figure_errors, figure_swatches -> figure
+[style] -> spectra, errors, swatches -> draw
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The worst colours of a basis side by side with the true ones.
 
-[figure_swatches] -> figure
+[swatches] -> figure
 """
 
 from __future__ import annotations
