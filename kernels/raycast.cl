@@ -75,40 +75,10 @@ static inline void clip(float top, floatN o, floatN d, floatN *near, floatN *far
     *far = LOWER(leave, *far);
 }
 
-// Where a ray (one axis of it) leaves the interval low…high.
-static inline float leaves(float low, float high, float o, float d, float inverse) {
-    return d == 0.0f ? INFINITY : ((d > 0.0f ? high : low) - o) * inverse;
-}
-
-// First step of a ray, at or after step k, that may see something; k_check: when to look again.
-static inline int leap(__global const uchar *leaps, const Cast *cast, float3 o, float3 d,
-                       float near, float far, int k, int k_end, int *k_check) {
-    const float step = cast->step;
-    const float3 inverse = 1.0f / d;
-    while (k < k_end) {
-        const float begin = UPPER(k * step, near), end = LOWER((k + 1) * step, far);
-        const float3 p = o + 0.5f * (begin + end) * d;
-        const int x = (int)LOWER(UPPER(p.x, 0.0f), cast->top.x) / BRICK;
-        const int y = (int)LOWER(UPPER(p.y, 0.0f), cast->top.y) / BRICK;
-        const int z = (int)LOWER(UPPER(p.z, 0.0f), cast->top.z) / BRICK;
-        const int distance = leaps[(z * cast->bricks_y + y) * cast->bricks_x + x];
-        // The box of bricks known to be alike, and where the ray leaves it.
-        const int low = UPPER(distance - 1, 0), high = low + 1;
-        const float leave_x = leaves((x - low) * BRICK, (x + high) * BRICK, o.x, d.x, inverse.x);
-        const float leave_y = leaves((y - low) * BRICK, (y + high) * BRICK, o.y, d.y, inverse.y);
-        const float leave_z = leaves((z - low) * BRICK, (z + high) * BRICK, o.z, d.z, inverse.z);
-        const float leave = LOWER(LOWER(leave_x, leave_y), LOWER(leave_z, far));
-        // The first step whose middle, at k + 1/2, lies beyond; at least one further. Counted
-        // from k, where truncation is rounding down whatever the sign of k.
-        const int ahead = (int)(leave / step - k + 0.5f);
-        const int next = k + UPPER(ahead, 1);
-        if (distance == 0) {
-            *k_check = next;
-            return k;
-        }
-        k = next;
-    }
-    return k;
+// Where rays (one axis of them) leave the interval low…high.
+static inline floatN leaves(intN low, intN high, floatN o, floatN d, floatN inverse) {
+    const floatN side = CONVERT_FLOAT(PICK(MASK(d > 0.0f), high, low) * BRICK);
+    return PICK(MASK(d == 0.0f), FAR, (side - o) * inverse);
 }
 
 __kernel void raycast(__global const VOXEL *restrict voxels, __global const uchar *restrict leaps,
@@ -154,10 +124,10 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
     far.v = PICK(inside, far.v, (floatN)(0.0f));
 
     const float step = cast.step, per_step = 1.0f / step;
-    intL k, k_end, k_check;
-    k.v = CONVERT_INT(floor(near.v / step));
-    k_end.v = PICK(inside, CONVERT_INT(ceil(far.v / step)), (intN)(0));
-    k_check.v = k.v;
+    const floatN inverse_x = 1.0f / dx.v, inverse_y = 1.0f / dy.v, inverse_z = 1.0f / dz.v;
+    intN k = CONVERT_INT(floor(near.v / step));
+    const intN k_end = PICK(inside, CONVERT_INT(ceil(far.v / step)), (intN)(0));
+    intN k_check = k;
 
     channelsL colour[LANES];
     FOR_LANES(l) { ROWS(p, PARTS) colour[l].v[p] = (floatP)(0.0f); }
@@ -168,23 +138,40 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
     // What is covered is summed beside what is left: 1 − through would lose faint media.
     floatN through = 1.0f, covered = 0.0f, depth = 0.0f;
 
-    intN live = MASK(k.v < k_end.v);
+    intN live = MASK(k < k_end);
     while (ANY(live)) {
-        if (ANY(live & MASK(k.v >= k_check.v))) {
-            intL live_lanes;
-            live_lanes.v = live;
-            FOR_LANES(l) {
-                if (live_lanes.s[l] && k.s[l] >= k_check.s[l])
-                    k.s[l] = leap(leaps, &cast, (float3)(ox.s[l], oy.s[l], oz.s[l]),
-                                  (float3)(dx.s[l], dy.s[l], dz.s[l]), near.s[l], far.s[l],
-                                  k.s[l], k_end.s[l], &k_check.s[l]);
-            }
-            live &= MASK(k.v < k_end.v);
-            if (!ANY(live)) break;
+        // Lanes at their next brick look whether it may be seen, and leap while it may not.
+        for (intN ask = live & MASK(k >= k_check); ANY(ask); ask = live & MASK(k >= k_check)) {
+            const floatN at_k = CONVERT_FLOAT(k);
+            const floatN begin = UPPER(at_k * step, near.v);
+            const floatN middle = 0.5f * (begin + LOWER((at_k + 1.0f) * step, far.v));
+            const floatN px = LOWER(UPPER(ox.v + middle * dx.v, 0.0f), cast.top.x);
+            const floatN py = LOWER(UPPER(oy.v + middle * dy.v, 0.0f), cast.top.y);
+            const floatN pz = LOWER(UPPER(oz.v + middle * dz.v, 0.0f), cast.top.z);
+            const intN x = CONVERT_INT(px) / BRICK, y = CONVERT_INT(py) / BRICK,
+                       z = CONVERT_INT(pz) / BRICK;
+            intL brick, distance;
+            brick.v = (z * cast.bricks_y + y) * cast.bricks_x + x;
+            FOR_LANES(l) distance.s[l] = leaps[brick.s[l]];
+            // The box of bricks known to be alike, and where the ray leaves it.
+            const intN low = UPPER(distance.v - 1, 0), high = low + 1;
+            const floatN leave_x = leaves(x - low, x + high, ox.v, dx.v, inverse_x);
+            const floatN leave_y = leaves(y - low, y + high, oy.v, dy.v, inverse_y);
+            const floatN leave_z = leaves(z - low, z + high, oz.v, dz.v, inverse_z);
+            const floatN leave = LOWER(LOWER(leave_x, leave_y), LOWER(leave_z, far.v));
+            // The first step whose middle, at k + 1/2, lies beyond; at least one further. Counted
+            // from k, where truncation is rounding down whatever the sign of k.
+            const intN ahead = CONVERT_INT(leave * per_step - at_k + 0.5f);
+            const intN next = k + UPPER(ahead, 1);
+            const intN empty = MASK(distance.v > 0);
+            k_check = PICK(ask & ~empty, next, k_check);
+            k = PICK(ask & empty, next, k);
+            live &= MASK(k < k_end);
         }
+        if (!ANY(live)) break;
         // The step's clipped interval, sampled at its middle.
-        const floatN step_begin = CONVERT_FLOAT(k.v) * step;
-        const floatN step_end = CONVERT_FLOAT(k.v + 1) * step;
+        const floatN step_begin = CONVERT_FLOAT(k) * step;
+        const floatN step_end = CONVERT_FLOAT(k + 1) * step;
         const floatN begin = UPPER(step_begin, near.v), end = LOWER(step_end, far.v);
         const floatN middle = 0.5f * (begin + end);
         const floatN px = LOWER(UPPER(ox.v + middle * dx.v, 0.0f), cast.top.x);
@@ -285,8 +272,8 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
                 }
             }
         }
-        k.v += 1;
-        live &= MASK(k.v < k_end.v);
+        k += 1;
+        live &= MASK(k < k_end);
     }
 
     floatL opaque, distance;
