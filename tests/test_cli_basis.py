@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from volspec import cli
 from volspec.basis import MaterialBasis, SpectralBasis, load_basis
+from volspec.basis.make import SPIKY_SHARE
+from volspec.basis.report import table
 from volspec.pipeline import raycast
 from volspec.raycast import Camera
-from volspec.spectra import reflectance
+from volspec.spectra import light_set, reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import phantom
 
@@ -41,6 +44,20 @@ def report(capsys: pytest.CaptureFixture[str], *words: str) -> dict:
     said = capsys.readouterr()
     assert said.err == ""
     return json.loads(said.out)
+
+
+def noted_fits(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """What every fit is asked for; it gives a few channels at once, with the words it is told."""
+    asked: list[dict[str, Any]] = []
+    quick = SpectralBasis.fit
+
+    def fit(lights: Any, reflectances: Any, **settings: Any) -> SpectralBasis:
+        asked.append({"lights": lights, **settings})
+        kept = {key: settings[key] for key in ("observer_deg", "trained_on")}
+        return quick(lights[:3], reflectances, size=3, method="pca", **kept)
+
+    monkeypatch.setattr(SpectralBasis, "fit", fit)
+    return asked
 
 
 @pytest.fixture
@@ -125,6 +142,66 @@ def test_the_observer_of_ten_degrees_is_another_eye(capsys: pytest.CaptureFixtur
     assert two["rgb_product"]["mean"] != pytest.approx(ten["rgb_product"]["mean"], abs=1e-3)
 
 
+@pytest.fixture
+def few_lights(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports under one light: these tests ask what was fitted, not how well."""
+    monkeypatch.setattr(table, "light_set", lambda name, grid: light_set(name, grid)[:1])
+
+
+@pytest.mark.usefixtures("few_lights")
+def test_a_scene_s_basis_may_be_for_the_eye_of_ten_degrees(
+    scene: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain = report(capsys, scene, "--method", "materials")
+    wide = report(capsys, scene, "--method", "materials", "--observer", "10")
+    assert (plain["observer_deg"], wide["observer_deg"]) == (2, 10)
+    two, ten = (row["classes"]["scene"]["worst"]["XYZ"] for row in (plain, wide))
+    assert two != pytest.approx(ten, abs=0.01)
+
+
+def test_the_observer_alone_fits_a_scene_s_basis_anew(
+    scene: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The scene names general-7, which is for 2 degrees."""
+    asked = noted_fits(monkeypatch)
+    assert call(scene, "--observer", "10", "--json") == 0
+    assert [fit["observer_deg"] for fit in asked] == [10]
+    assert json.loads(capsys.readouterr().out)["name"] != "general-7"
+
+
+@pytest.mark.usefixtures("few_lights")
+@pytest.mark.parametrize("lights", [None, "smooth", "all"])
+@pytest.mark.parametrize("method", ["virtual-sensors", "reduced-rank", "pca", "pca-sharpened"])
+def test_a_basis_is_fitted_under_the_lights_that_are_asked_for(
+    method: str,
+    lights: str | None,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    asked = noted_fits(monkeypatch)
+    words = () if lights is None else ("--lights", lights)
+    data = report(capsys, "--method", method, "--size", "5", *words, "--reflectances", "test")
+    weighed = method == "virtual-sensors"
+    (fit,) = asked
+    names = [lamp.name for lamp in fit["lights"]]
+    smooth, spiky = ([lamp.name for lamp in light_set(kind)] for kind in ("smooth", "spiky"))
+    if lights == "smooth" or (lights is None and method.startswith("pca")):
+        assert names == smooth and fit.get("light_weights") is None
+        assert data["trained_on"].startswith("26 smooth lights; 99 CES")
+        return
+    assert names == smooth + spiky
+    if weighed:
+        share = fit["light_weights"]
+        assert share[:26].sum() == pytest.approx(1) and share[26:].sum() == pytest.approx(
+            SPIKY_SHARE
+        )
+    else:
+        assert fit.get("light_weights") is None
+    said = data["trained_on"].partition(";")[0]
+    assert said.startswith("26 smooth") and said.endswith("89 spiky lights")
+    assert (f"weighted {SPIKY_SHARE:g}" in said) == weighed
+
+
 @pytest.mark.parametrize("kind", ["general", "materials"])
 def test_a_coefficient_image_is_measured_by_its_basis(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -147,8 +224,8 @@ BAD = {
     "unreadable scene": (("BROKEN",), 1, "not valid TOML"),
     "unknown method": (("--method", "virtual-sensor"), 1, "did you mean 'virtual-sensors'"),
     "scene's method": (("--method", "materials"), 1, "give the scene"),
-    "size too large": (("--size", "99"), 1, "3 to 31"),
-    "size too small": (("--size", "2"), 1, "3 to 31"),
+    "size too large": (("--size", "17"), 1, "--size 17: choose 3 to 16"),
+    "size too small": (("--size", "2"), 1, "3 to 16"),
     "fitted twice": (("general-7", "--size", "5"), 1, "general-7 is fitted already, and --size"),
     "lights of a fitted one": (("general-7", "--lights", "all"), 1, "--lights would fit another"),
     "lights of a scene": (("SCENE", "--lights", "all"), 1, "fitted to its own lights"),
@@ -157,7 +234,15 @@ BAD = {
     "no materials": (("--reflectances", "materials"), 1, "only a scene has them"),
     "figure's kind": (("--figure", "f.jpg"), 1, "name it .png"),
     "output's kind": (("-o", "b.toml"), 1, "name it .json"),
-    "size is no number": (("--size", "seven"), 2, "--size"),
+    "size of a scene": (("SCENE", "--size", "31"), 1, "3 to 16"),
+    "materials of a size": (("SCENE", "--method", "materials", "--size", "5"), 1, "size"),
+    "materials held positive": (("SCENE", "--method", "materials", "--positive"), 1, "positive"),
+    "size is no number": (("--size", "seven"), 2, "--size: 'seven' is no whole number"),
+    "size has a fraction": (("--size", "7.5"), 2, "--size: '7.5' is no whole number"),
+    "size is none": (("--size", "none"), 2, "--size"),
+    "lights are none": (("--lights", "none"), 2, "--lights: 'none' is none of smooth, all"),
+    "observer is none": (("--observer", "none"), 2, "--observer"),
+    "observer has a fraction": (("--observer", "2.4"), 2, "'2.4' is none of 2, 10"),
     "unknown lights": (("--lights", "dark"), 2, "--lights"),
     "unknown observer": (("--observer", "4"), 2, "--observer"),
 }
@@ -180,6 +265,54 @@ def test_bad_input_gives_one_line_and_its_exit_code(
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1 and lines[0].startswith("volspec: ") and message in lines[0]
     assert list((tmp_path / "empty").iterdir()) == []
+
+
+ODD = "[/b] $x_$ \N{CJK UNIFIED IDEOGRAPH-5149} $6^"
+
+
+@pytest.mark.filterwarnings("error")
+def test_names_are_shown_as_they_are_spelt(
+    scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No markup, no mathtext, no complaint about glyphs that the font lacks."""
+    odd, figure = tmp_path / "odd.toml", tmp_path / "odd.png"
+    text = SCENE
+    for name in ("Two metals", "rotor", "lamp"):
+        text = text.replace(f'"{name}"', f'"{ODD} {name}"')
+    odd.write_text(text.replace('{ name = "general-7" }', '{ train = "scene", size = 3 }'))
+    assert call(str(odd), "--method", "pca", "--figure", str(figure)) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith(f"{ODD} Two metals: pca, 3 channels") and f"{ODD} rotor" in said.out
+    assert "Glyph" not in said.err and figure.exists()
+
+
+def test_the_worst_pair_is_of_the_way_a_method_is_made_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    data = report(capsys, "--method", "pca", "--size", "5")
+    assert data["worst"]["way"] == "linear-model"
+    rows = data["classes"].values()
+    assert data["worst"]["delta_e"] == max(row["linear_model"]["max"] for row in rows)
+    assert call("--method", "pca", "--size", "5") == 0
+    assert "(linear model)" in capsys.readouterr().out
+
+
+def test_an_error_stands_alone_on_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+    """The bar that had been started is gone."""
+    assert call("--method", "pca", "--size", "5", "--reflectances", "tset") == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_file_that_may_not_be_read_is_named_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied", "locked/b.json")
+
+    monkeypatch.setattr("volspec.basis.load_basis", refuse)
+    assert call("locked/b.json") == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("volspec: locked/b.json: Permission denied; check")
 
 
 def test_an_unwritable_figure_is_refused_before_the_fit(

@@ -136,3 +136,16 @@ def test_a_failed_write_leaves_what_was_there(image: CoefficientImage, tmp_path:
         image.save(tmp_path / "folder.exr")
     with pytest.raises(InputError, match="cannot write there"):
         image.save(path / "below" / "image.exr")
+
+
+def test_links_are_followed_and_devices_left_alone(tmp_path: Path) -> None:
+    target, link = tmp_path / "target.txt", tmp_path / "link.txt"
+    link.symlink_to(target)
+    with write_whole(link) as temporary:
+        temporary.write_text("here")
+    assert link.is_symlink() and target.read_text() == "here"
+    wrong = (("/dev/null", "is not a file"), (tmp_path, "is a folder"), (None, "is no path"))
+    for path, message in wrong:
+        with pytest.raises(InputError, match=message), write_whole(path):  # type: ignore[arg-type]
+            raise AssertionError("nothing may be written")
+    assert Path("/dev/null").is_char_device()

@@ -14,7 +14,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "volspec.appearance": ("Display", "Viewing"),
-    "volspec.basis": ("MaterialBasis", "SpectralBasis"),
+    "volspec.basis": ("MaterialBasis", "SpectralBasis", "load_basis"),
     "volspec.export": ("write_frame",),
     "volspec.errors": ("DeviceError", "InputError", "VolspecError", "VolspecWarning"),
     "volspec.pipeline": ("Relighter", "raycast", "relight"),
@@ -22,8 +22,8 @@ _HOMES = {
     "volspec.relight": ("LightRig",),
     "volspec.scene": ("Scene",),
     "volspec.spectra": (
-        *("SpectralGrid", "Spectrum", "light", "light_names"),
-        *("reflectance", "reflectance_names"),
+        *("SpectralGrid", "SpectralImage", "Spectrum", "light", "light_names"),
+        *("read_spectrum", "reflectance", "reflectance_names"),
     ),
     "volspec.transfer": ("TransferFunction",),
     "volspec.volume": ("Volume", "load_volume", "phantom"),

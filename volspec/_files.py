@@ -17,14 +17,14 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     The temporary name keeps the suffix, since writers choose their format by it. Parent
     folders are made. When the body raises, the temporary file is removed and whatever stood
-    at ``path`` before is untouched.
+    at ``path`` before is untouched. A link stays one; what it points to is written.
 
     Raises
     ------
     InputError
-        If the folder cannot be made or written to.
+        If the path is a folder or a device, or its folder cannot be made or written to.
     """
-    target = Path(path)
+    target = _output(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(
@@ -32,7 +32,7 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         )
     except OSError as error:
         raise InputError(
-            f"{target}: cannot write there: {error.strerror}; choose another folder with -o"
+            f"{Path(path)}: cannot write there: {error.strerror}; choose another folder"
         ) from error
     os.close(handle)
     temporary = Path(name)
@@ -43,8 +43,6 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         os.umask(mask)
         temporary.chmod(0o666 & ~mask)
         temporary.replace(target)
-    except IsADirectoryError as error:
-        raise InputError(f"{target}: is a folder; give a file name") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -75,12 +73,31 @@ def require_writable(path: str | os.PathLike[str]) -> None:
     Raises
     ------
     InputError
-        If the path is a folder, or its folder cannot be made or written to.
+        If the path is a folder or a device, or its folder cannot be made or written to.
     """
-    if Path(path).is_dir():
-        raise InputError(f"{Path(path)}: is a folder; give a file name")
-    folder = Path(path).absolute().parent
-    while not folder.exists():
-        folder = folder.parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise InputError(f"{Path(path)}: cannot write there; choose another folder with -o")
+    folder = _output(path).parent
+    try:
+        while not folder.exists():
+            folder = folder.parent
+        writable = folder.is_dir() and os.access(folder, os.W_OK)
+    except OSError:
+        writable = False
+    if not writable:
+        raise InputError(f"{Path(path)}: cannot write there; choose another folder")
+
+
+def _output(path: str | os.PathLike[str]) -> Path:
+    """Where an output goes: links followed; neither a folder nor a device."""
+    try:
+        named = Path(path)
+        target = Path(os.path.realpath(named))
+        is_folder, is_other = target.is_dir(), target.exists() and not target.is_file()
+    except (TypeError, ValueError):
+        raise InputError(f"{path!r} is no path; give a file name") from None
+    except OSError as error:
+        raise InputError(f"{named}: cannot write there: {error.strerror}") from error
+    if is_folder:
+        raise InputError(f"{named}: is a folder; give a file name")
+    if is_other:
+        raise InputError(f"{named}: is not a file; give the name of one")
+    return target

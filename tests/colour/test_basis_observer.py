@@ -7,22 +7,34 @@ import dataclasses
 import numpy as np
 import pytest
 
-from volspec.basis import SpectralBasis
+from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.display import MODES
+from volspec.basis.report import report
 from volspec.errors import SpectrumError
+from volspec.relight import Illumination, RelightSpec
 from volspec.spectra import (
     DEFAULT_GRID,
     SpectralGrid,
+    Spectrum,
     XYZ_of,
     color_matching_functions,
     illuminance_lux,
     light,
     light_set,
+    reflectance,
     reflectance_set,
     white_XYZ,
 )
 
 SMOOTH, TRAINING = light_set("smooth"), reflectance_set("training")
+LAMPS = [light("A"), light("FL2")]
+PAINTS = {name: reflectance(f"ColorChecker/{name}") for name in ("red", "cyan")}
+
+
+@pytest.fixture
+def paints() -> MaterialBasis:
+    """Exact for the 10 degree observer: whatever is off is seen by the other."""
+    return MaterialBasis(PAINTS, observer_deg=10)
 
 
 def test_whites_are_those_of_the_standard() -> None:
@@ -81,3 +93,33 @@ def test_files_without_the_field_are_for_2_degrees() -> None:
     data = SpectralBasis.load("general-7").to_dict()
     del data["observer_deg"]
     assert SpectralBasis.from_dict(data).fingerprint == SpectralBasis.load("general-7").fingerprint
+
+
+@pytest.mark.parametrize("lamp", LAMPS, ids=lambda lamp: lamp.name)
+def test_pictures_have_the_white_and_the_backdrop_of_their_observer(
+    paints: MaterialBasis, lamp: Spectrum
+) -> None:
+    card = reflectance("ColorChecker/green")
+    white = XYZ_of(lamp, np.ones(lamp.values.size), 10)
+    # The observers differ by far more than the rounding that is allowed below.
+    assert np.abs(white - white_XYZ(lamp)).max() > 0.5
+    assert np.abs(XYZ_of(lamp, card, 10) - XYZ_of(lamp, card)).max() > 0.2
+    plain = Illumination.of(paints, lamp, RelightSpec(backdrop=0.3))
+    coloured = Illumination.of(paints, lamp, RelightSpec(backdrop=card))
+    for lit in (plain, coloured):
+        assert lit.white_XYZ == pytest.approx(white)
+        assert lit.XYZ_from_channels @ paints.white == pytest.approx(white)
+    assert plain.backdrop_XYZ == pytest.approx(0.3 * white)
+    assert coloured.backdrop_XYZ == pytest.approx(XYZ_of(lamp, card, 10))
+
+
+def test_reports_compare_the_colours_of_the_basis_observer(paints: MaterialBasis) -> None:
+    found = report(paints, LAMPS)
+    # Nothing is approximated, so that errors are rounding.
+    assert max(getattr(found, way).max for way in ("componentwise", "exact")) < 1e-6
+    for j, lamp in enumerate(LAMPS):
+        assert found.pairs.white_XYZ[j] == pytest.approx(white_XYZ(lamp, 10))
+        true = XYZ_of(lamp, list(PAINTS.values()), 10)
+        assert found.pairs.XYZ[j] == pytest.approx(true)
+    # Under the flat light RGB is exact where surfaces, light and white are one observer's.
+    assert report(paints, [light("E")]).rgb_product.max < 1e-6

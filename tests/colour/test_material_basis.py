@@ -13,6 +13,7 @@ from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict, load_ba
 from volspec.errors import BasisError, RelightError, TransferError
 from volspec.pipeline import Relighter, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast.gpu import Raycaster
 from volspec.spectra import (
     SpectralGrid,
     Spectrum,
@@ -50,17 +51,28 @@ def test_materials_have_their_full_spectra_s_colour_under_any_light(kind: str) -
 
 
 def test_a_cast_of_materials_is_the_cast_of_31_bands(ball: CoefficientImage) -> None:
-    """The same rays with 31 bands as channels; float32 sums of a hundred steps differ by 1e-5."""
+    """The same rays with bands as channels, 16 at a time, the middle one in both halves.
+
+    float32 sums of a hundred steps differ by 1e-5 of white's 1.
+    """
     volume = phantom.ball(32)
     table = TransferFunction(POINTS, MATERIALS, BASIS).bake(min(volume.spacing_mm))
     spectra = BASIS.synthesize(table.coefficients)
-    lamp = light("FL2")
-    bands = np.stack([XYZ_of(lamp, spectra)], axis=0)[0] / 100
-    from volspec.raycast.gpu import Raycaster
+    assert spectra.shape[1] == 31
+    caster, view = Raycaster(volume), Camera.orbit(volume)
 
-    exact = replace(table, coefficients=bands, white=white_XYZ(lamp) / 100)
-    colours, _, _ = Raycaster(volume).cast(exact, Camera.orbit(volume), (48, 40), SPEC)
-    assert np.allclose(BASIS.xyz(ball.coefficients, lamp) / 100, colours, atol=2e-5)
+    def cast(bands: slice) -> np.ndarray:
+        part = replace(table, coefficients=spectra[:, bands], white=np.ones(16))
+        return np.asarray(caster.cast(part, view, (48, 40), SPEC)[0])
+
+    low, high = cast(slice(0, 16)), cast(slice(15, 31))
+    assert np.allclose(low[..., -1], high[..., 0], atol=1e-6)
+    bands = np.concatenate([low, high[..., 1:]], axis=-1)
+    assert np.allclose(BASIS.synthesize(ball.coefficients), bands, atol=2e-5)
+    for name in ("FL2", "A"):
+        lamp = light(name)
+        shown = BASIS.xyz(ball.coefficients, lamp)
+        assert np.allclose(shown / 100, XYZ_of(lamp, bands) / 100, atol=2e-5), name
 
 
 def test_highlights_are_white_and_not_a_material_s(ball: CoefficientImage) -> None:
@@ -153,3 +165,18 @@ def test_any_grid_and_observer(grid: SpectralGrid, observer_deg: int) -> None:
     for k, spectrum in enumerate(basis.materials.values()):
         exact = XYZ_of(lamp, spectrum, observer_deg)
         assert np.allclose(basis.xyz(np.eye(3)[k], lamp), exact)
+
+
+def test_an_edit_outlives_the_next_cast(ball: CoefficientImage) -> None:
+    """As when the camera moves: `update` brings pixels, the reflectances stay as edited."""
+    with Relighter(ball, backend="numpy") as relighter:
+        relighter.set_reflectances({"gold": reflectance("ColorChecker/blue")})
+        edited = relighter.frame(light("D65"))
+        relighter.update(ball)
+        assert np.array_equal(relighter.frame(light("D65")), edited)
+
+
+def test_more_materials_than_can_be_cast_are_refused_with_the_curve() -> None:
+    many = {f"m{k}": reflectance("gold") for k in range(24)}
+    with pytest.raises(TransferError, match="24 materials and white are 25 channels, at most 24"):
+        TransferFunction([(0.1, 0.5, "m1")], many, MaterialBasis(many))

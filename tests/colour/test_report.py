@@ -6,6 +6,7 @@ import io
 import json
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,14 @@ from volspec.basis import MaterialBasis, SpectralBasis, figure, load_basis
 from volspec.basis.figure import basis_figure, figure_pixels, save_figure
 from volspec.basis.figure.style import spread
 from volspec.basis.figure.swatches import worst_pairs
-from volspec.basis.report.errors import displayed, report
+from volspec.basis.report.errors import ErrorSummary, WorstPair, displayed, report
 from volspec.basis.report.pairs import products_of
 from volspec.basis.report.table import ErrorTable, error_table
 from volspec.basis.report.text import number, terminal_table, worst_line
 from volspec.errors import BasisError
 from volspec.spectra import (
     DEFAULT_GRID,
+    XYZ_of,
     color_matching_functions,
     light,
     reflectance,
@@ -31,6 +33,7 @@ from volspec.spectra import (
 LAMPS = {"smooth": [light("D65"), light("A")], "spiky": [light("FL2"), light("HP1")]}
 SAMPLES = [reflectance(f"ColorChecker/{n}") for n in ("red", "green", "blue", "yellow")]
 WHITE = reflectance("white")
+PACKAGE = Path(figure.__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +82,21 @@ def test_products_with_white_alone_are_the_single_surfaces(general: SpectralBasi
     assert pairs.rgb_products[2][:, 1] == pytest.approx(pairs.rgb_product[:, 0])
 
 
+@pytest.mark.parametrize("first", ["red", "white"])
+def test_of_three_surfaces_white_ones_do_not_count(general: SpectralBasis, first: str) -> None:
+    both = [SAMPLES[0], WHITE] if first == "red" else [WHITE, SAMPLES[0]]
+    pairs = report(general, LAMPS["spiky"], both).pairs
+    assert products_of(2, 3).tolist() == [[0, 0, 0], [0, 0, 1], [0, 1, 1], [1, 1, 1]]
+    red = 0 if first == "red" else 1
+    # Where (red, red) stands among two; (red, red, white) and (red, white, white) among three.
+    pair, two, one = (0, 1, 2) if first == "red" else (2, 2, 1)
+    ours, theirs = (pairs.products, pairs.componentwise), (pairs.rgb_products, pairs.rgb_product)
+    for products, single in (ours, theirs):
+        assert products[3][:, two] == pytest.approx(products[2][:, pair])
+        assert products[3][:, one] == pytest.approx(single[:, red])
+        assert np.abs(products[2][:, pair] - single[:, red]).min() > 0.01, "two reds are not one"
+
+
 def test_products_are_all_of_them_or_the_same_sample() -> None:
     assert len(products_of(84, 2)) == 84 * 85 / 2
     assert len(products_of(5, 3)) == 35
@@ -108,6 +126,38 @@ def test_the_worst_pair_is_the_maximum_of_all_classes(table: ErrorTable) -> None
     pairs = table.classes["spiky"].pairs
     j, i = pairs.lights.index(table.worst.light), pairs.reflectances.index(table.worst.reflectance)
     assert pytest.approx(pairs.XYZ[j, i]) == table.worst.XYZ
+
+
+def test_the_worst_pair_is_shown_as_full_spectra_and_as_channels_make_it(
+    table: ErrorTable, general: SpectralBasis
+) -> None:
+    worst = table.worst
+    lamp, S = light(worst.light), reflectance(worst.reflectance)
+    shown = general.xyz(general.analyze(S), lamp)
+    assert pytest.approx(XYZ_of(lamp, S)) == worst.XYZ
+    assert pytest.approx(shown) == worst.XYZ_shown
+    for XYZ, code in ((worst.XYZ, worst.sRGB), (worst.XYZ_shown, worst.sRGB_shown)):
+        assert "#" + bytes(displayed(np.array(XYZ), white_XYZ(lamp))).hex() == code
+    assert worst.sRGB != worst.sRGB_shown
+
+
+@pytest.mark.parametrize("way", ["exact", "linear-model"])
+def test_a_pair_may_be_shown_another_way(
+    table: ErrorTable, general: SpectralBasis, way: str
+) -> None:
+    pairs = table.classes["spiky"].pairs
+    pair = WorstPair.at(pairs, 1, 2, way)
+    assert (pair.light, pair.reflectance) == ("HP1", "ColorChecker/blue")
+    matrix = general.color_matrix(light("HP1"), way)
+    assert pytest.approx(general.analyze(SAMPLES[2]) @ matrix.T) == pair.XYZ_shown
+    assert pair.delta_e == pairs.delta_e[way][1, 2]
+
+
+def test_a_summary_by_hand() -> None:
+    # The 95th percentile lies at place .95 x 3 = 2.85 of 0, 0, 0, 10.
+    found = ErrorSummary.of([[0, 0], [0, 10]])
+    by_hand = {"mean": 2.5, "median": 0.0, "p95": 8.5, "max": 10.0}
+    assert asdict(found) == pytest.approx(by_hand)
 
 
 def test_the_rgb_product_is_pooled_over_classes(table: ErrorTable) -> None:
@@ -227,8 +277,15 @@ def test_texts_of_the_figure_do_not_overlap(table: ErrorTable, general: Spectral
             assert not box.shrunk(0.95, 0.6).overlaps(second.shrunk(0.95, 0.6)), (one, other)
 
 
-def test_matplotlib_is_imported_late_and_pyplot_never() -> None:
-    code = "import sys, volspec.basis.figure; sys.exit('matplotlib' in sys.modules)"
+@pytest.mark.parametrize("module", ["volspec.basis.figure", "volspec.relight.error_map"])
+def test_matplotlib_is_imported_late(module: str) -> None:
+    code = f"import sys, {module}; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-    for path in Path(figure.__file__).parent.glob("figure*.py"):
+
+
+def test_pyplot_is_imported_never() -> None:
+    """It keeps global state and may open windows; figures are drawn on a canvas of their own."""
+    drawing = [*Path(figure.__file__).parent.rglob("*.py"), PACKAGE / "relight" / "error_map.py"]
+    assert len(drawing) >= 3
+    for path in drawing:
         assert "pyplot" not in path.read_text(encoding="utf-8"), path

@@ -176,7 +176,7 @@ def test_damaged_and_foreign_files_are_one_clear_line(tmp_path: Path) -> None:
     with pytest.raises(SpectrumError, match=r"cut\.exr: "):
         SpectralImage.load(tmp_path / "cut.exr")
     one = write_exr(tmp_path / "one.exr", {"T.550nm": 0.5})
-    with pytest.raises(SpectrumError, match=r"one\.exr: .*N of at least 2"):
+    with pytest.raises(SpectrumError, match=r"one\.exr: .*one wavelength; at least 2 are needed"):
         SpectralImage.load(one)
     twice = write_exr(tmp_path / "twice.exr", {"T.550nm": 0.5, "T.0,55um": 0.5})
     with pytest.raises(SpectrumError, match=r"twice\.exr: .*remove duplicates"):

@@ -34,6 +34,26 @@ def test_radiances_are_divided_by_the_light_they_were_taken_under() -> None:
     assert 1 <= factor < 1.3, "the brightest patch, which reflects 0.9, counts as white"
 
 
+def test_a_hot_pixel_does_not_become_the_white() -> None:
+    """The brightest of a thousand is taken; here every patch stands in 20 of 1680 pixels."""
+    lamp = light("A")
+    large = np.tile(CHART, (4, 5, 1)) * lamp.values
+
+    def taken(radiances: np.ndarray) -> np.ndarray:
+        picture = SpectralImage(radiances, NM, "emissive")
+        return CoefficientImage.from_spectral_image(picture, BASIS, lamp).coefficients
+
+    plain, hot = taken(large), large.copy()
+    y, x = np.unravel_index(large.sum(axis=-1).argmax(), large.shape[:2])
+    hot[y, x] *= 5
+    found = taken(hot)
+    assert np.allclose(found[y, x], 5 * plain[y, x], rtol=1e-5)
+    found[y, x] = plain[y, x]
+    assert np.array_equal(found, plain)
+    wanted = BASIS.analyze(np.tile(CHART, (4, 5, 1))) / CHART.mean(axis=-1).max()
+    assert np.allclose(plain, wanted, atol=1e-5), "the brightest patch is the white"
+
+
 def test_what_cannot_be_told_is_refused() -> None:
     radiance = SpectralImage(CHART, NM, "emissive")
     with pytest.raises(ImageError, match="say which light"):
@@ -47,3 +67,10 @@ def test_what_cannot_be_told_is_refused() -> None:
     narrow = SpectralImage(CHART[..., :20], NM[:20], "reflective")
     with pytest.raises(SpectrumError, match="590-700 nm missing"):
         CoefficientImage.from_spectral_image(narrow, BASIS)
+
+
+@pytest.mark.parametrize(("factor", "value"), [(100, "92.7"), (-1, "-0.927")])
+def test_what_is_no_reflectance_is_named_with_its_pixel(factor: float, value: str) -> None:
+    picture = SpectralImage(factor * CHART, NM, "reflective")
+    with pytest.raises(ImageError, match=rf"pixel \(\d+, \d+\) reflects {value} at \d+ nm"):
+        CoefficientImage.from_spectral_image(picture, BASIS)

@@ -49,7 +49,7 @@ def white_exact(matrix: Array, channels: Array, white: Array) -> Array:
     ratio = white / np.maximum(predicted, np.maximum(white / high, 1e-12))
     stretched = matrix * np.maximum(ratio, low)[:, None]
     rest = white - stretched @ channels
-    return stretched + rest[:, None] * _luminous_share(stretched[1], channels)
+    return stretched + rest[:, None] * _luminous_share(stretched[1], channels, white[1])
 
 
 def display_matrix(D: Array, e: Array, E: Array, Q: Array) -> Array:
@@ -75,7 +75,7 @@ def display_matrix(D: Array, e: Array, E: Array, Q: Array) -> Array:
     K = white_exact(D * (kappa * Q[1].sum() / 100.0), e, white)
     # A row of which the light has nearly nothing carries no colour: it follows Y.
     trust = np.clip(white / (NO_COLOUR * white[1]), 0.0, 1.0)[:, None]
-    return trust * K + (1 - trust) * white[:, None] * _luminous_share(K[1], e)
+    return trust * K + (1 - trust) * white[:, None] * _luminous_share(K[1], e, white[1])
 
 
 def light_matrix(B: Array, E: Array, Q: Array) -> Array:
@@ -102,9 +102,19 @@ def require_mode(mode: str) -> None:
         )
 
 
-def _luminous_share(luminous: Array, channels: Array) -> Array:
-    """A row u proportional to the channels' luminances, with u @ channels = 1."""
+def _luminous_share(luminous: Array, channels: Array, Y: float) -> Array:
+    """A row u proportional to the channels' luminances, with u @ channels = 1.
+
+    Where they fall short of the white's Y, the channels themselves make up for the rest.
+    """
     total = float(luminous @ channels)
-    if total > 0:
-        return luminous / total
-    return channels / float(channels @ channels)
+    scale = max(total, Y)
+    return luminous / scale + channels * ((1 - total / scale) / float(channels @ channels))
+
+
+def visible_white(white: Array) -> Array:
+    """A light's white XYZ (..., 3) with X and Z of at least a thousandth of Y.
+
+    What lies below no eye sees; ratios to it would be noise.
+    """
+    return np.maximum(white, NO_COLOUR * white[..., 1:2])

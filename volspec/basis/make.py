@@ -7,7 +7,8 @@ Reproducible: the same versions of NumPy and colour-science give the same number
 from __future__ import annotations
 
 import sys
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,14 +22,66 @@ SIZES = (5, 7, 9)
 # error, little enough that smooth lights stay far below what an eye can tell apart.
 SPIKY_SHARE = 0.03
 # Sensors held positive have several minima.
-_RESTARTS = {"": 0, "-positive": 8}
+_POSITIVE_RESTARTS = 8
+_SIGNS = ("", "-positive")
 _REFLECTANCES = "99 CES of CIE 224:2017 and 29 CIE colour rendering samples"
 
 NAMES = tuple(
-    [f"{lights}-{m}{sign}" for lights in ("general", "smooth") for m in SIZES for sign in _RESTARTS]
+    [f"{lights}-{m}{sign}" for lights in ("general", "smooth") for m in SIZES for sign in _SIGNS]
     + [f"exact-{m}" for m in SIZES]
 )
 """``general`` and ``exact`` are trained on all lights, ``smooth`` on the smooth ones."""
+
+
+def fit_library(
+    size: int,
+    method: str = "virtual-sensors",
+    positive: bool = False,
+    lights: Literal["smooth", "all"] | None = None,
+    observer_deg: int = 2,
+) -> SpectralBasis:
+    """Fit a basis on the library's lights and its 128 training reflectances.
+
+    Parameters
+    ----------
+    size, method, positive, observer_deg
+        As `SpectralBasis.fit`.
+    lights : {"smooth", "all"}, optional
+        The smooth lights, or the spiky ones too, which ``virtual-sensors`` sees at a small
+        weight. By default smooth for the methods of principal components, else all.
+
+    Raises
+    ------
+    BasisError
+        As `SpectralBasis.fit`, or if there are no such lights.
+    """
+    if lights not in (None, "smooth", "all"):
+        raise BasisError(f"lights {lights!r:.40} are unknown; choose smooth or all")
+    sensors = method == "virtual-sensors"
+    smooth, spiky = light_set("smooth"), light_set("spiky")
+    options: dict[str, Any] = {}
+    if sensors:
+        options["restarts"] = _POSITIVE_RESTARTS if positive else 0
+    said = f"{len(smooth)} smooth"
+    if lights == "smooth" or (lights is None and method in ("pca", "pca-sharpened")):
+        spiky = []
+        said += " lights"
+    elif sensors:
+        shares = [1.0 / len(smooth), SPIKY_SHARE / len(spiky)]
+        options["light_weights"] = np.repeat(shares, [len(smooth), len(spiky)])
+        said += f" lights and, weighted {SPIKY_SHARE:g}, {len(spiky)} spiky lights"
+    else:
+        said += f" and {len(spiky)} spiky lights"
+    return SpectralBasis.fit(
+        smooth + spiky,
+        reflectance_set("training"),
+        size=size,
+        method=method,
+        positive=positive,
+        observer_deg=observer_deg,
+        trained_on=f"{said}; {_REFLECTANCES}",
+        **options,
+    )
 
 
 def fit_shipped(name: str) -> SpectralBasis:
@@ -49,28 +102,13 @@ def fit_shipped(name: str) -> SpectralBasis:
             f"basis {name!r} does not ship; {nearest(name, NAMES)}shipped: {', '.join(NAMES)}"
         )
     lights, size = name.removesuffix("-positive").split("-")
-    sign = "-positive" if name.endswith("-positive") else ""
-    smooth, spiky = light_set("smooth"), light_set("spiky")
-    options: dict[str, Any] = {"positive": bool(sign), "restarts": _RESTARTS[sign]}
-    if lights == "exact":
-        options = {"method": "reduced-rank"}
-        said = f"{len(smooth)} smooth and {len(spiky)} spiky lights"
-    elif lights == "smooth":
-        said = f"{len(smooth)} smooth lights"
-    else:
-        shares = [1.0 / len(smooth), SPIKY_SHARE / len(spiky)]
-        options["light_weights"] = np.repeat(shares, [len(smooth), len(spiky)])
-        said = (
-            f"{len(smooth)} smooth lights and, weighted {SPIKY_SHARE:g}, {len(spiky)} spiky lights"
-        )
-    return SpectralBasis.fit(
-        smooth if lights == "smooth" else smooth + spiky,
-        reflectance_set("training"),
-        size=int(size),
-        name=name,
-        trained_on=f"{said}; {_REFLECTANCES}",
-        **options,
+    basis = fit_library(
+        int(size),
+        "reduced-rank" if lights == "exact" else "virtual-sensors",
+        positive=name.endswith("-positive"),
+        lights="smooth" if lights == "smooth" else "all",
     )
+    return replace(basis, name=name)
 
 
 def main(names: list[str]) -> int:

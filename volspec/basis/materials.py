@@ -16,9 +16,8 @@ References
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -27,16 +26,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import checks, display, storage
-from volspec.errors import BasisError, SpectrumError, nearest
+from volspec.errors import BasisError, nearest
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.photometry import color_matching_functions, light_power
+from volspec.spectra.photometry import (
+    color_matching_functions,
+    light_power,
+    real_array,
+    reflectance_values,
+)
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
     from volspec.basis.report import BasisReport
 
 Array = NDArray[np.float64]
-METHOD = "materials"
+METHOD = storage.MATERIALS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +60,8 @@ class MaterialBasis:
     Raises
     ------
     BasisError
-        If there is no material, or a reflectance is negative or does not cover the grid.
+        If there is no material, a reflectance is none (`reflectance_values`) or does not cover
+        the grid, the observer is unknown, or a name is no text.
 
     Examples
     --------
@@ -76,8 +81,15 @@ class MaterialBasis:
     observer_deg: int = 2
 
     def __post_init__(self) -> None:
-        if not isinstance(self.materials, Mapping) or not self.materials:
-            raise BasisError("material basis: no materials; give {name: reflectance}")
+        checks.materials(self.materials, "material basis")
+        for name, what in [
+            (self.name, "name"),
+            *((m, "name of a material") for m in self.materials),
+        ]:
+            if not checks.text(name, f"material basis: {what}"):
+                raise BasisError(f"material basis: {what} is empty; give one")
+        observer_deg = checks.grid_and_observer(self.grid, self.observer_deg, "material basis")
+        object.__setattr__(self, "observer_deg", observer_deg)
         rows = {name: self._checked(name, s) for name, s in self.materials.items()}
         object.__setattr__(self, "materials", MappingProxyType(rows))
 
@@ -110,8 +122,9 @@ class MaterialBasis:
         Raises
         ------
         BasisError
-            If a name is unknown or its reflectance is not the basis' own.
+            If there are none, a name is unknown, or its reflectance is not the basis' own.
         """
+        checks.materials(materials, "material basis")
         own = list(self.materials)
         for name, spectrum in materials.items():
             if name not in self.materials:
@@ -130,7 +143,7 @@ class MaterialBasis:
         """(..., K + 1) channels to (..., N) spectra: the mixture itself."""
         return checks.channels(self, coefficients) @ self._reflectances()
 
-    def color_matrix(self, light: Spectrum, mode: str = "exact") -> Array:
+    def color_matrix(self, light: Spectrum, mode: str = "componentwise") -> Array:
         """(3, K + 1): the XYZ of every material and of white under a light; every mode is exact.
 
         Raises
@@ -160,8 +173,11 @@ class MaterialBasis:
         Raises
         ------
         BasisError
-            If a name is unknown or a reflectance is negative or does not cover the grid.
+            If it is no mapping, a name is unknown, or a reflectance is none
+            (`reflectance_values`) or does not cover the grid.
         """
+        if not isinstance(changes, Mapping):
+            raise BasisError(f"with_reflectances: {changes!r:.40}; give {{name: reflectance}}")
         for name in changes:
             if name not in self.materials:
                 raise BasisError(
@@ -170,27 +186,38 @@ class MaterialBasis:
                 )
         return replace(self, materials={**self.materials, **changes})
 
-    def report(self, lights: list[Spectrum] | None = None) -> BasisReport:
-        """CIEDE2000 of its materials against full spectra; see `volspec.basis.report.report`."""
+    def report(
+        self,
+        lights: Sequence[Spectrum] | None = None,
+        reflectances: Sequence[Spectrum] | ArrayLike | None = None,
+    ) -> BasisReport:
+        """CIEDE2000 against full spectra, by default of its own materials.
+
+        See `volspec.basis.report.report`.
+        """
         from volspec.basis.report import report
 
-        return report(self, lights)
+        return report(self, lights, reflectances)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as JSON types, with a format version; numbers keep every digit."""
-        return {
-            "format": storage.FORMAT,
-            "version": storage.FORMAT_VERSION,
-            "name": self.name,
-            "method": METHOD,
-            "observer_deg": self.observer_deg,
-            "grid_nm": [self.grid.start_nm, self.grid.stop_nm, self.grid.step_nm],
-            "materials": {name: s.values.tolist() for name, s in self.materials.items()},
-        }
+        rows = {name: spectrum.values.tolist() for name, spectrum in self.materials.items()}
+        return storage.to_dict(self, {"materials": rows})
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write JSON; the file appears whole or not at all."""
+        """Write a .json file; it appears whole or not at all."""
         storage.write(path, self.to_dict())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> MaterialBasis:
+        """A file written by `save`.
+
+        Raises
+        ------
+        BasisError
+            Names the file and what is wrong with it.
+        """
+        return storage.load(path, cls.from_dict)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> MaterialBasis:
@@ -199,22 +226,38 @@ class MaterialBasis:
         Raises
         ------
         BasisError
-            If it is not a basis of materials, of another version, or a field is wrong.
+            If it is not a basis of materials, of another version, a field is missing or wrong,
+            or the numbers are not those of its fingerprint.
         """
-        head = storage.head_from_dict(data, ("name", "materials"))
+        names = ("name", "materials") if storage.is_of_materials(data) else ("name",)
+        head = storage.head_from_dict(data, names)
+        if not storage.is_of_materials(data):
+            raise BasisError(
+                "it is no basis of materials; use volspec.load_basis or volspec.SpectralBasis"
+            )
         if not isinstance(data["materials"], dict):
             raise BasisError("material basis: field 'materials' is not a table of reflectances")
         w = head["grid"].wavelengths_nm
-        try:
-            rows = {name: Spectrum(w, v, name) for name, v in data["materials"].items()}
-        except SpectrumError as error:
-            raise BasisError(f"material basis: {error}") from None
-        return cls(rows, data["name"], head["grid"], head["observer_deg"])
+        with checks.basis_errors("material basis"):
+            rows = {
+                name: Spectrum(w, real_array(values, f"values of {name!r}"), name)
+                for name, values in data["materials"].items()
+            }
+        basis = cls(rows, data["name"], head["grid"], head["observer_deg"])
+        storage.require_unedited(basis, data)
+        return basis
 
     @property
     def fingerprint(self) -> str:
-        """Short hash of the names, the grid and the numbers; equal after save and load."""
-        return hashlib.sha256(json.dumps(self.to_dict()).encode()).hexdigest()[:12]
+        """Short hash of the grid, the observer, the materials' names and the numbers.
+
+        Not of the basis' own name. Equal after save and load.
+        """
+        digest = hashlib.sha256(f"{self.grid}, {self.observer_deg} degrees".encode())
+        for name, spectrum in self.materials.items():
+            digest.update(repr(name).encode())
+            digest.update(np.ascontiguousarray(spectrum.values, dtype="<f8").tobytes())
+        return digest.hexdigest()[:12]
 
     def _reflectances(self) -> Array:
         """(K + 1, N): the materials, and white."""
@@ -227,14 +270,6 @@ class MaterialBasis:
                 f"material {name!r} is {spectrum!r:.40}; expected a Spectrum, "
                 "such as volspec.reflectance('copper')"
             )
-        try:
-            on_grid = spectrum.on(self.grid)
-        except SpectrumError as error:
-            raise BasisError(f"material {name!r}: {error}") from None
-        low = int(on_grid.values.argmin())
-        if on_grid.values[low] < 0:
-            raise BasisError(
-                f"material {name!r} reflects {on_grid.values[low]:g} at "
-                f"{self.grid.wavelengths_nm[low]:g} nm; a reflectance is 0 or more"
-            )
-        return on_grid
+        with checks.basis_errors():
+            values = reflectance_values(spectrum, self.grid, f"material {name!r}")
+        return Spectrum(self.grid.wavelengths_nm, values, spectrum.name, spectrum.notes)

@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import checks, display, storage
-from volspec.basis.fit.training import training_set
 from volspec.errors import BasisError
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.photometry import color_matching_functions, light_power, stack
@@ -63,7 +62,7 @@ class SpectralBasis:
     ------
     BasisError
         If shapes do not fit, a value is not finite, flat white is not kept, A B is not the
-        identity, or the observer is unknown.
+        identity, the observer is unknown, or a word is no text.
     """
 
     name: str
@@ -76,6 +75,12 @@ class SpectralBasis:
     observer_deg: int = 2
 
     def __post_init__(self) -> None:
+        for field in ("name", "method", "trained_on"):
+            checks.text(getattr(self, field), f"spectral basis: {field}")
+        observer_deg = checks.grid_and_observer(
+            self.grid, self.observer_deg, f"basis {self.name!r}"
+        )
+        object.__setattr__(self, "observer_deg", observer_deg)
         for field, matrix in checks.matrices(self).items():
             object.__setattr__(self, field, matrix)
 
@@ -114,7 +119,16 @@ class SpectralBasis:
         return stack(spectra, self.grid) @ self.analysis.T
 
     def channels_of(self, materials: Mapping[str, Spectrum]) -> NDArray[np.float64]:
-        """(K, m) channels of the materials of a transfer function, in the mapping's order."""
+        """(K, m) channels of the materials of a transfer function, in the mapping's order.
+
+        Raises
+        ------
+        BasisError
+            If there are none.
+        SpectrumError
+            If one does not cover the grid.
+        """
+        checks.materials(materials, f"basis {self.name!r}")
         return self.analyze(list(materials.values())).reshape(-1, self.size)
 
     def synthesize(self, coefficients: ArrayLike) -> NDArray[np.float64]:
@@ -277,13 +291,14 @@ class SpectralBasis:
             If the method is unknown, the size exceeds what the data can determine, weights
             do not fit, or a light has no energy.
         """
-        from volspec.basis.fit import fit_basis
+        # Late: a stored basis needs no fitter.
+        from volspec.basis.fit import fit_basis, training_set
 
         training = training_set(
             lights,
             reflectances,
             grid,
-            observer_deg=observer_deg,
+            observer_deg=checks.grid_and_observer(grid, observer_deg, "fit"),
             light_weights=light_weights,
             reflectance_weights=reflectance_weights,
         )
@@ -296,13 +311,13 @@ class SpectralBasis:
             restarts=restarts,
         )
         return cls(
-            name=name or f"{method}-{size}",
+            name=name if name != "" else f"{method}-{size}",
             method=method,
             grid=grid,
             analysis=A,
             synthesis=B,
             XYZ_from_channels=D,
-            trained_on=trained_on or training.label,
+            trained_on=trained_on if trained_on != "" else training.label,
             observer_deg=observer_deg,
         )
 
@@ -329,7 +344,8 @@ class SpectralBasis:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as JSON types, with a format version; numbers keep every digit."""
-        return storage.to_dict(self)
+        matrices = ("analysis", "synthesis", "XYZ_from_channels")
+        return storage.to_dict(self, {name: getattr(self, name).tolist() for name in matrices})
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> SpectralBasis:
@@ -338,12 +354,20 @@ class SpectralBasis:
         Raises
         ------
         BasisError
-            If it is not a basis, of another version, or a field is missing or wrong.
+            If it is not a basis, of another version or kind, a field is missing or wrong, or
+            the numbers are not those of its fingerprint.
         """
-        return cls(**storage.fields_from_dict(data))
+        if storage.is_of_materials(data):
+            raise BasisError(
+                "it is a basis of materials; use volspec.load_basis or volspec.MaterialBasis"
+            )
+        names = ("name", "method", "trained_on", "analysis", "synthesis", "XYZ_from_channels")
+        basis = cls(**storage.head_from_dict(data, names), **{name: data[name] for name in names})
+        storage.require_unedited(basis, data)
+        return basis
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write JSON; the file appears whole or not at all."""
+        """Write a .json file; it appears whole or not at all."""
         storage.write(path, self.to_dict())
 
     @classmethod
@@ -360,15 +384,14 @@ class SpectralBasis:
         >>> SpectralBasis.load("general-7").size
         7
         """
-        path, data = storage.read(name_or_path)
-        try:
-            return cls.from_dict(data)
-        except BasisError as error:
-            raise BasisError(f"{path}: {error}") from None
+        return storage.load(name_or_path, cls.from_dict)
 
     @property
     def fingerprint(self) -> str:
-        """Short hash of the grid, the observer and the numbers; equal after save and load."""
+        """Short hash of the grid, the observer and the numbers; not of the name.
+
+        Equal after save and load.
+        """
         digest = hashlib.sha256(f"{self.grid}, {self.observer_deg} degrees".encode())
         for array in (self.analysis, self.synthesis, self.XYZ_from_channels):
             digest.update(repr(array.shape).encode())

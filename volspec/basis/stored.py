@@ -9,9 +9,8 @@ import os
 from typing import Any
 
 from volspec.basis import storage
-from volspec.basis.materials import METHOD, MaterialBasis
+from volspec.basis.materials import MaterialBasis
 from volspec.basis.model import SpectralBasis
-from volspec.errors import BasisError
 
 Basis = SpectralBasis | MaterialBasis
 """What a coefficient image's channels mean."""
@@ -25,7 +24,7 @@ def basis_from_dict(data: Any) -> Basis:
     BasisError
         If it is not a basis, of another version, or a field is missing or wrong.
     """
-    if isinstance(data, dict) and data.get("method") == METHOD:
+    if storage.is_of_materials(data):
         return MaterialBasis.from_dict(data)
     return SpectralBasis.from_dict(data)
 
@@ -38,8 +37,4 @@ def load_basis(name_or_path: str | os.PathLike[str]) -> Basis:
     BasisError
         Names the file and what is wrong with it; an unknown name lists the shipped ones.
     """
-    path, data = storage.read(name_or_path)
-    try:
-        return basis_from_dict(data)
-    except BasisError as error:
-        raise BasisError(f"{path}: {error}") from None
+    return storage.load(name_or_path, basis_from_dict)

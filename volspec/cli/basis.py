@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 from rich.console import Console
+from rich.text import Text
 
 from volspec._files import require_writable
-from volspec.cli.shell import Json, app, bar, print_json
+from volspec.cli.shell import Json, app, as_written, bar, print_json
 from volspec.errors import BasisError, ImageError, nearest
 
 if TYPE_CHECKING:
@@ -21,7 +22,10 @@ if TYPE_CHECKING:
 Tell = Callable[[str, float], None]
 _DEFAULT = "general-7"
 _FIGURES = (".png", ".pdf", ".svg")
+_SIZES, _DEFAULT_SIZE = range(3, 17), 7
 Flag = Annotated[bool, Parameter(negative="")]
+Strict = Parameter(converter=as_written)
+Lights = Literal["smooth", "all"] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,11 +43,11 @@ def basis(
     subject: str | None = None,
     /,
     *,
-    size: int | None = None,
+    size: Annotated[int | None, Strict] = None,
     method: str | None = None,
     positive: Flag = False,
-    lights: Literal["smooth", "all"] | None = None,
-    observer: Literal[2, 10] | None = None,
+    lights: Annotated[Lights, Strict] = None,
+    observer: Annotated[Literal[2, 10] | None, Strict] = None,
     reflectances: str | None = None,
     json: Json = False,
     figure: Path | None = None,
@@ -54,13 +58,20 @@ def basis(
     Example: `volspec basis general-7 --figure general-7.png`, or
     `volspec basis engine.toml --size 5`
 
+    JSON: `classes` holds a row for each class of lights (`scene`, `smooth`, `spiky`): `mean`,
+    `median`, `p95` and `max` of the componentwise colours; the same four under `exact`,
+    `linear_model`, `rgb_product` and `products` of `2` and `3` surfaces; and `worst`, the worst
+    pair. `rgb_product` pools the RGB renderer over all classes. `worst` is the worst pair of
+    all: `light`, `reflectance`, `delta_e`, `way` (the mode the method is made for), its colours
+    in `XYZ` and `sRGB`, and as the channels show it (`_shown`).
+
     Parameters
     ----------
     subject
         A scene (.toml), a coefficient image (.exr), a basis (.json) or the name of one that
         ships. Left out: general-7, or a basis fitted with the settings given.
     size
-        Channels of a basis to fit: for the scene, or to the library's training set.
+        Channels of a basis to fit, 3 to 16: for the scene, or to the library's training set.
     method
         virtual-sensors, pca-sharpened, pca, reduced-rank; for a scene also materials.
     positive
@@ -115,18 +126,23 @@ def basis(
     _print(table, case.reason)
     for path in (output, figure):
         if path is not None:
-            Console().print(f"{path}", highlight=False, soft_wrap=True)
+            Console().print(Text(str(path)), soft_wrap=True)
 
 
 def _print(table: Any, reason: str) -> None:
     from volspec.basis.report.text import terminal_table, verdict, worst_line
 
     console = Console(highlight=False)
-    console.print(f"[bold]{table.name}[/]: {table.method}, {table.size} channels")
-    console.print(f"[dim]trained on[/] {table.trained_on}")
-    if reason:
-        console.print(f"[dim]taken because[/] {reason}")
-    console.print(f"[dim]measured on[/] {table.measured_on}, {table.observer_deg}° observer")
+    head = f": {table.method}, {table.size} channels"
+    console.print(Text.assemble((table.name, "bold"), head))
+    facts = {
+        "trained on": table.trained_on,
+        "taken because": reason,
+        "measured on": f"{table.measured_on}, {table.observer_deg}° observer",
+    }
+    for label, words in facts.items():
+        if words:
+            console.print(Text.assemble((label, "dim"), f" {words}"))
     console.print()
     console.print(terminal_table(table))
     console.print()
@@ -136,7 +152,7 @@ def _print(table: Any, reason: str) -> None:
 
 
 def _case(
-    subject: str | None, asked: dict[str, Any], lights: str | None, observer: int | None, tell: Tell
+    subject: str | None, asked: dict[str, Any], lights: Lights, observer: int | None, tell: Tell
 ) -> _Case:
     """The basis meant by a subject and settings, with the lights and materials it comes with."""
     from volspec.basis import load_basis
@@ -145,11 +161,16 @@ def _case(
     suffix = "" if subject is None else Path(subject).suffix.lower()
     if "method" in asked:
         _require_method(asked["method"], scene=suffix == ".toml")
+    if asked.get("size", _SIZES[0]) not in _SIZES:
+        raise BasisError(f"--size {asked['size']}: choose {_SIZES[0]} to {_SIZES[-1]} channels")
     if suffix == ".toml":
         return _of_scene(Path(str(subject)), asked, lights, observer, tell)
     if subject is None and (asked or lights or observer):
+        from volspec.basis.make import fit_library
+
         tell("fit the basis", 0)
-        fitted = _fitted(asked, lights, observer or 2)
+        wanted = {"size": _DEFAULT_SIZE} | asked
+        fitted = fit_library(**wanted, lights=lights, observer_deg=observer or 2)
         tell("fit the basis", 1)
         return _Case(fitted)
     if asked or lights:
@@ -191,36 +212,6 @@ def _of_scene(
     return _Case(chosen, {"scene": own, **library}, scene.materials, reason)
 
 
-def _fitted(asked: dict[str, Any], lights: str | None, observer: int) -> Basis:
-    """A basis for the library's training reflectances."""
-    import numpy as np
-
-    from volspec.basis import SpectralBasis
-    from volspec.basis.make import SPIKY_SHARE
-    from volspec.spectra import light_set, reflectance_set
-
-    method = asked.get("method", "virtual-sensors")
-    smooth = light_set("smooth")
-    narrow = lights == "smooth" or (lights is None and method.startswith("pca"))
-    spiky = [] if narrow else light_set("spiky")
-    # As the shipped bases: sensors see spiky lights at a small weight, others all alike.
-    weigh = bool(spiky) and method == "virtual-sensors"
-    shares = [1.0 / len(smooth)] * len(smooth) + [SPIKY_SHARE / max(len(spiky), 1)] * len(spiky)
-    reflectances = reflectance_set("training")
-    words = f"{len(smooth)} smooth lights"
-    if spiky:
-        share = f", weighted {SPIKY_SHARE:g}," if weigh else ""
-        words += f" and{share} {len(spiky)} spiky lights"
-    return SpectralBasis.fit(
-        smooth + spiky,
-        reflectances,
-        **asked,
-        observer_deg=observer,
-        light_weights=np.array(shares) if weigh else None,
-        trained_on=f"{words}; {len(reflectances)} reflectances",
-    )
-
-
 def _require_method(method: str, *, scene: bool) -> None:
     from volspec.basis.fit import METHODS
 
@@ -238,10 +229,12 @@ def _require_method(method: str, *, scene: bool) -> None:
 
 def _samples(case: _Case, wanted: str | None) -> tuple[Any, list[str] | None, str]:
     """The reflectances to measure with, their names, and what to call them together."""
+    from volspec.basis import MaterialBasis
     from volspec.spectra import reflectance_set
     from volspec.spectra.library import reflectance_set_names
 
-    materials = getattr(case.basis, "materials", None) or case.materials
+    own = case.basis.materials if isinstance(case.basis, MaterialBasis) else None
+    materials = own or case.materials
     if wanted == "materials" or (wanted is None and materials is not None):
         if materials is None:
             raise BasisError("--reflectances materials: only a scene has them; give a .toml file")

@@ -13,14 +13,14 @@ from rich.console import Console
 from volspec import __version__
 from volspec._files import require_writable
 from volspec.cli.shell import Device, app, bar
-from volspec.errors import ImageError, InputError, VolspecWarning
+from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning
 
 if TYPE_CHECKING:
     from volspec.raycast import CoefficientImage
     from volspec.spectra import SpectralGrid, Spectrum
 
-# CIEDE2000 that an eye notices at a glance; below, componentwise colours pass for exact.
-NOTICEABLE = 3.0
+# CIEDE2000 that an eye notices at a glance: worth a warning.
+AT_A_GLANCE = 3.0
 
 
 @app.command
@@ -63,7 +63,10 @@ def relight(
     *,
     light: Annotated[
         list[str],
-        Parameter(negative="", help=r"D65, planck:3200, D65\*0.7+A\*0.3, FILE.csv; repeatable."),
+        Parameter(
+            negative="",
+            help=r"D65, planck:3200, D65\*0.7+A\*0.3, FILE.csv, FILE.spdx, FILE.exr; repeatable.",
+        ),
     ],
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     model: str | None = None,
@@ -114,7 +117,8 @@ def relight(
     paths = [output.with_name(f"{output.stem}{stem}{output.suffix}") for stem in stems]
     if len({str(path).lower() for path in paths}) < len(paths):
         raise ImageError(f"{output}: two lights would be written to one file; give one at a time")
-    for path in paths:
+    maps = [path.with_name(f"{path.stem}-errors.png") for path in paths]
+    for path in [*paths, *(maps if errors else [])]:
         require_writable(path)
     stored = _picture(image, basis, taken_under)
     given = {"model": model, "mode": mode, "backdrop": backdrop}
@@ -125,22 +129,19 @@ def relight(
     with Relighter(stored) as relighter:
         if changes:
             relighter.set_reflectances(changes)
-        for text, spectrum, path in zip(light, spectra, paths, strict=True):
+        for text, spectrum, path, beside in zip(light, spectra, paths, maps, strict=True):
             frame = relighter.frame(spectrum, spec.viewing, spec.mode, spec.backdrop, spec.level)
             write_frame(path, frame, {"light": text, "Software": f"volspec {__version__}"})
             Console().print(f"{path}", highlight=False)
-            if spec.mode == "exact":
-                continue
             off = relighter.error_map(spectrum, spec.mode, spec.backdrop)
             if errors:
-                beside = path.with_name(f"{path.stem}-errors.png")
                 write_frame(beside, off.image(), {"light": text, "shows": str(off)})
                 Console().print(f"{beside}: {off}", highlight=False)
-            if off.p95 > NOTICEABLE:
+            if off.p95 > AT_A_GLANCE:
                 warnings.warn(
-                    f"{text}: the {spec.mode} colours are off by ΔE00 {off.p95:.1f}, since the "
-                    f"image's basis {stored.basis.name!r} was trained on other lights; "
-                    "--mode exact shows them right",
+                    f"{text}: {off.p95:.1f} ΔE00 lie between the {spec.mode} colours and those of "
+                    f"the exact light matrix, for which the image's basis {stored.basis.name!r} "
+                    "was not trained; use --mode exact",
                     VolspecWarning,
                     stacklevel=1,
                 )
@@ -159,7 +160,12 @@ def _picture(path: Path, basis: str | None, taken_under: str | None) -> Coeffici
     model = SpectralBasis.load(basis)
     lamp = None if taken_under is None else light(taken_under, model.grid)
     picture = SpectralImage.load(path, None if lamp is None else "emissive")
-    return CoefficientImage.from_spectral_image(picture, model, lamp)
+    if picture.kind == "emissive" and lamp is None:
+        raise ImageError(f"{path}: holds radiances; say --taken-under which light, such as A")
+    try:
+        return CoefficientImage.from_spectral_image(picture, model, lamp)
+    except VolspecError as error:
+        raise ImageError(f"{path}: {error}") from error
 
 
 def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectrum]:
@@ -171,5 +177,7 @@ def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectru
         material, equals, text = word.partition("=")
         if not (material.strip() and equals and text.strip()):
             raise InputError(f"--reflectance {word!r}: write MATERIAL=REFLECTANCE, as rotor=copper")
+        if material.strip() in changes:
+            raise InputError(f"--reflectance: {material.strip()!r} is given twice; give it once")
         changes[material.strip()] = reflectance(text.strip(), grid)
     return changes

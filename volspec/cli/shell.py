@@ -10,9 +10,10 @@ import json
 import os
 import sys
 import warnings
-from typing import Annotated, Any
+from collections.abc import Sequence
+from typing import Annotated, Any, get_args
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, Token
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
@@ -31,8 +32,25 @@ Device = Annotated[str | None, Parameter(help="Part of an OpenCL device's name."
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print figures as JSON.")]
 
 
+def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
+    """A cyclopts converter for a whole number or a `Literal`.
+
+    Nothing is rounded, and ``none`` is no way to leave an option out.
+    """
+    word = tokens[0].value
+    if kind is int:
+        try:
+            return int(word)
+        except ValueError:
+            raise ValueError(f"{word!r} is no whole number") from None
+    choices = {str(choice): choice for choice in get_args(kind)}
+    if word not in choices:
+        raise ValueError(f"{word!r} is none of {', '.join(choices)}")
+    return choices[word]
+
+
 class bar:
-    """A progress bar on stderr with one line a step; silent when asked."""
+    """A progress bar on stderr with one line a step; silent when asked, gone after an error."""
 
     def __init__(self, quiet: bool = False) -> None:
         self._progress = Progress(
@@ -47,8 +65,12 @@ class bar:
     def __enter__(self) -> bar:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        if error is None:
+            self._progress.stop()
+        else:  # the message stands alone
+            self._progress.live.transient = True
+            self._progress.live.stop()
 
     def __call__(self, step: str, share: float) -> None:
         self._progress.start()  # late and again harmless: an empty bar would print a blank line
@@ -87,6 +109,13 @@ def main(arguments: list[str] | None = None) -> None:
     except BrokenPipeError:
         # The reader of a pipe closed early, as `| head` does.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if debug:
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        said = f"{where}{error.strerror or error}; check the path, its permissions and the disk"
+        print(f"volspec: {' '.join(said.split())}", file=sys.stderr)
+        raise SystemExit(1) from error
     except KeyboardInterrupt:
         print("volspec: interrupted; nothing half-written is left", file=sys.stderr)
         raise SystemExit(130) from None

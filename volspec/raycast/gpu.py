@@ -20,7 +20,7 @@ from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
 from volspec.errors import OpenCLError, RaycastError
 from volspec.raycast.spec import Camera, RaycastSpec
-from volspec.transfer import TransferTable
+from volspec.transfer import MAX_CHANNELS, TransferTable
 from volspec.volume import Volume
 from volspec.volume.bricks import BRICK, brick_ranges, leap_distances
 
@@ -53,7 +53,6 @@ _CAST = np.dtype(
     ]
 )
 _BANDS = 16
-MAX_CHANNELS = 24
 MAX_SIDE = 16384
 
 

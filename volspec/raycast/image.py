@@ -15,18 +15,19 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._files import captured_output, write_whole
+from volspec._exr import read_exr, write_exr
 from volspec.basis import Basis, SpectralBasis, basis_from_dict
 from volspec.errors import BasisError, ImageError, ShapeError
-from volspec.spectra import SpectralImage, Spectrum
+from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.photometry import light_power
 
 FORMAT = 1
+# What a camera's noise may bring below 0, and highlights above 1, in a spectral picture.
+_NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +106,11 @@ class CoefficientImage:
         SpectrumError
             If the picture does not cover the basis' grid.
         """
+        if not (isinstance(image, SpectralImage) and isinstance(basis, SpectralBasis)):
+            raise ImageError(
+                f"from_spectral_image: got {image!r:.40} and {basis!r:.40}; expected a "
+                "SpectralImage and a SpectralBasis"
+            )
         grid = basis.grid
         spectra = image.on(grid).values.astype(np.float64)
         if (image.kind == "emissive") != (taken_under is not None):
@@ -113,7 +119,9 @@ class CoefficientImage:
                 if taken_under is None
                 else "the spectral picture holds reflectances: leave out its light"
             )
-        if taken_under is not None:
+        if taken_under is None:
+            _check_range(spectra, grid)
+        else:
             E = light_power(taken_under, grid)
             if E.min() < 1e-3 * E.max():
                 raise ImageError(
@@ -134,29 +142,17 @@ class CoefficientImage:
         ImageError
             If the name does not end in ``.exr`` or the file cannot be written.
         """
-        import OpenEXR
-
         if Path(path).suffix.lower() != ".exr":
             raise ImageError(f"{os.fspath(path)}: coefficient images are OpenEXR; name it .exr")
         header = {
-            "type": OpenEXR.scanlineimage,
-            "compression": OpenEXR.ZIP_COMPRESSION,
             "volspec:format": FORMAT,
             "volspec:basis": json.dumps(self.basis.to_dict()),
             "volspec:notes": json.dumps(dict(self.notes)),
         }
         channels = {
-            f"coefficients.{k:02d}": np.ascontiguousarray(self.coefficients[..., k], np.float32)
-            for k in range(self.basis.size)
+            f"coefficients.{k:02d}": self.coefficients[..., k] for k in range(self.basis.size)
         }
-        channels["A"] = np.ascontiguousarray(self.alpha, np.float32)
-        channels["Z"] = np.ascontiguousarray(self.depth_mm, np.float32)
-        with write_whole(path) as temporary:
-            try:
-                with captured_output([]):
-                    OpenEXR.File(header, channels).write(os.fspath(temporary))
-            except (RuntimeError, OSError) as error:
-                raise ImageError(f"{os.fspath(path)}: cannot be written: {error}") from error
+        write_exr(path, header, channels | {"A": self.alpha, "Z": self.depth_mm}, ImageError)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> CoefficientImage:
@@ -169,13 +165,13 @@ class CoefficientImage:
             basis version this volspec does not know.
         """
         name = os.fspath(path)
-        if Path(path).is_dir():
-            raise ImageError(f"{name}: is a folder; give a file that `volspec render` made")
-        if not Path(path).is_file():
-            raise ImageError(f"{name}: no such file; `volspec render SCENE -o {name}` makes one")
-        header, pixels = _read(name)
+        missing = f"no such file; `volspec render SCENE -o {name}` makes one"
+        header, pixels = read_exr(path, ImageError, missing=missing, again="render the scene again")
         if "volspec:basis" not in header:
-            raise ImageError(f"{name}: not a coefficient image; `volspec render` makes them")
+            raise ImageError(
+                f"{name}: not a coefficient image; `volspec render` makes them, and a spectral "
+                "picture needs --basis"
+            )
         if header.get("volspec:format") != FORMAT:
             raise ImageError(
                 f"{name}: format {header.get('volspec:format')}, this volspec reads {FORMAT}; "
@@ -187,25 +183,24 @@ class CoefficientImage:
         except (BasisError, ValueError, KeyError, TypeError) as error:
             raise ImageError(f"{name}: its basis is refused ({error}); render again") from error
         wanted = [f"coefficients.{k:02d}" for k in range(basis.size)]
-        missing = [key for key in [*wanted, "A", "Z"] if key not in pixels]
-        if missing:
-            raise ImageError(f"{name}: channel {missing[0]!r} is missing; render the scene again")
+        for key in (*wanted, "A", "Z"):
+            if key not in pixels:
+                raise ImageError(f"{name}: channel {key!r} is missing; render the scene again")
         coefficients = np.stack([pixels[key] for key in wanted], axis=-1)
         if not (np.isfinite(coefficients).all() and np.isfinite(pixels["A"]).all()):
             raise ImageError(f"{name}: holds NaN or infinite values; render the scene again")
         return cls(coefficients, pixels["A"], pixels["Z"], basis, notes)
 
 
-def _read(name: str) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
-    import OpenEXR
-
-    said: list[str] = []
-    try:
-        with captured_output(said), OpenEXR.File(name, separate_channels=True) as file:
-            header = dict(file.header())
-            pixels = {key: np.array(value.pixels) for key, value in file.channels().items()}
-    except (RuntimeError, OSError, ValueError) as error:
-        raise ImageError(f"{name}: not a readable OpenEXR file, or truncated") from error
-    if any("error" in line.lower() or "EXR_ERR" in line for line in said):
-        raise ImageError(f"{name}: damaged ({said[-1].strip()}); render the scene again")
-    return header, pixels
+def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:
+    """Refuse what cannot be reflectances: a wrong unit, or another quantity."""
+    for at, wrong in (
+        (spectra.argmin(), spectra.min() < -_NOISE),
+        (spectra.argmax(), spectra.max() > _LARGEST_REFLECTANCE),
+    ):
+        if wrong:
+            y, x, k = np.unravel_index(int(at), spectra.shape)
+            raise ImageError(
+                f"spectral picture: pixel ({x}, {y}) reflects {spectra[y, x, k]:g} at "
+                f"{grid.wavelengths_nm[k]:g} nm, expected 0…1; per cent? divide by 100"
+            )

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.models import cielab, delta_E_2000
-from volspec.basis.display import NO_COLOUR
+from volspec.basis.display import visible_white
 from volspec.errors import ViewingError
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _COVERED = 0.05  # opacity from which a pixel counts in the figures
 _ROWS = 64  # rows at a time: CIEDE2000 takes some forty temporaries
 _BAR, _MARGIN, _TEXT = 18, 14, 62  # pixels of the scale at the map's right
+_LEAST, _CAPTION = (470, 148), 58  # so that five numbers and two lines stay legible
 _PAPER, _INK = (24, 24, 26), (236, 236, 236)
 _TOPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 
@@ -44,17 +45,17 @@ class ErrorMap:
         The picture's opacity; the figures count pixels above 0.05.
     light : str
         What lit it.
+    compared : str
+        What against what.
     """
 
     delta_e: NDArray[np.float32]
     alpha: NDArray[np.float32]
     light: str = ""
+    compared: str = "componentwise against the exact light matrix"
 
     def __str__(self) -> str:
-        return (
-            f"CIEDE2000 under {self.light or 'the light'}: mean {self.mean:.3g}, "
-            f"95 % {self.p95:.3g}, max {self.max:.3g}"
-        )
+        return "; ".join(self._caption())
 
     @cached_property
     def _counted(self) -> NDArray[np.float32]:
@@ -101,7 +102,8 @@ class ErrorMap:
 
         Returns
         -------
-        (H + 40, W + 108, 3) uint8
+        (H + 58, W + 108, 3) uint8
+            Larger where the map is too small for its text.
 
         Raises
         ------
@@ -113,28 +115,45 @@ class ErrorMap:
 
         top = self._checked_top(top)
         height, width = self.delta_e.shape
-        size = (width + 2 * _MARGIN + _BAR + _TEXT, height + 40)
+        tall = max(height, _LEAST[1])
+        size = (max(width + 2 * _MARGIN + _BAR + _TEXT, _LEAST[0]), tall + _CAPTION)
         sheet = Image.new("RGB", size, _PAPER)
         sheet.paste(Image.fromarray(self.heat(top)), (0, 0))
         draw = ImageDraw.Draw(sheet)
         font = ImageFont.truetype(f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf", 13)
-        x, low, high = width + _MARGIN, height - 12, 36
-        length = max(low - high, 1)
+        x, low, high = width + _MARGIN, tall - 12, 36
         for y in range(high, low + 1):
-            share = np.sqrt((low - y) / length)
+            share = np.sqrt((low - y) / (low - high))
             colour = tuple(round(255 * c) for c in colormaps["inferno"](share)[:3])
             draw.line([(x, y), (x + _BAR, y)], colour)
         draw.text((x, 8), "ΔE00", _INK, font)
         for share in (0, 0.25, 0.5, 0.75, 1):
-            y = low - share * length
+            y = low - share * (low - high)
             draw.text((x + _BAR + 6, y), f"{share * top:.3g}", _INK, font, anchor="lm")
-        draw.text((10, height + 11), str(self), _INK, font)
+        title, figures = self._caption()
+        while draw.textlength(title, font) > size[0] - 20 and len(title) > 2:
+            title = title[:-2] + "…"
+        draw.text((10, tall + 10), title, _INK, font)
+        draw.text((10, tall + 31), figures, _INK, font)
         return np.asarray(sheet)
 
+    def _caption(self) -> tuple[str, str]:
+        """What is compared, and the figures."""
+        title = f"{self.light or 'the light'}: {self.compared}"
+        if not self.delta_e.any():
+            return title, "no difference"
+        figures = f"mean {self.mean:.3g}, 95 % {self.p95:.3g}, max {self.max:.3g}"
+        return title, f"ΔE00 {figures}"
+
     def _checked_top(self, top: float | None) -> float:
-        value = self.top if top is None else float(top)
-        if not (np.isfinite(value) and value > 0):
-            raise ViewingError(f"error map: the scale ends at {value}; give a CIEDE2000 above 0")
+        try:
+            value = self.top if top is None else float(top)
+        except (TypeError, ValueError):
+            value = float("nan")
+        if not _TOPS[0] <= value <= 1000:
+            raise ViewingError(
+                f"error map: the scale ends at {top!r}; give a CIEDE2000 of {_TOPS[0]} to 1000"
+            )
         return value
 
 
@@ -144,7 +163,10 @@ def error_map(
     mode: str = "componentwise",
     backdrop: float | Spectrum = 0.2,
 ) -> ErrorMap:
-    """CIEDE2000 between a picture and the exact one, pixel by pixel.
+    """CIEDE2000 between a picture and the one of the exact light matrix, pixel by pixel.
+
+    The light matrix has an error of its own, of how well m channels hold a reflectance:
+    `volspec.basis.report` measures both against full spectra.
 
     Parameters
     ----------
@@ -164,7 +186,7 @@ def error_map(
         Illumination.of(image.basis, light, RelightSpec(mode=name, backdrop=backdrop))
         for name in (mode, "exact")
     )
-    white = np.maximum(exact.white_XYZ, NO_COLOUR * exact.white_XYZ[1])
+    white = visible_white(exact.white_XYZ)
     delta_e = np.empty(image.alpha.shape, np.float32)
     for row in range(0, len(delta_e), _ROWS):
         rows = slice(row, row + _ROWS)
@@ -175,4 +197,5 @@ def error_map(
         delta_e[rows] = delta_E_2000(true, seen)
     lights = (light,) if isinstance(light, Spectrum) else light.lights
     name = "+".join(spectrum.name for spectrum in lights if spectrum.name)
-    return ErrorMap(delta_e, np.asarray(image.alpha), name)
+    compared = f"{mode} against the exact light matrix"
+    return ErrorMap(delta_e, np.asarray(image.alpha), name, compared)

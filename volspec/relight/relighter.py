@@ -83,6 +83,7 @@ class Relighter:
             )
         coefficients, alpha = _arrays(image)
         self._image = image
+        self._edits: dict[str, Spectrum] = {}
         self._closed = False
         self._lent = context is not None
         self._engine: GLEngine | HostEngine
@@ -105,6 +106,8 @@ class Relighter:
     def update(self, image: CoefficientImage) -> None:
         """Take another cast of the same size and basis size, as when the camera moves.
 
+        Reflectances that were edited stay so, where the new image has such materials.
+
         Raises
         ------
         RelightError
@@ -113,14 +116,18 @@ class Relighter:
             If size or channel count differ.
         """
         self._require_open()
+        arrays = _arrays(image)
         old, new = self._image.coefficients.shape, image.coefficients.shape
         if old != new:
             raise ShapeError(
                 f"relight: the image has shape {new}, this Relighter was made for {old}; "
                 "make another Relighter"
             )
+        if isinstance(image.basis, MaterialBasis):
+            kept = {k: v for k, v in self._edits.items() if k in image.basis.materials}
+            image = replace(image, basis=image.basis.with_reflectances(kept))
         self._image = image
-        self._on_engine(lambda engine: engine.upload(*_arrays(image)))
+        self._on_engine(lambda engine: engine.upload(*arrays))
 
     def frame(
         self,
@@ -222,6 +229,7 @@ class Relighter:
                 f"are {basis.method}; cast with MaterialBasis(materials)"
             )
         self._image = replace(self._image, basis=basis.with_reflectances(reflectances))
+        self._edits |= reflectances
 
     def _on_engine(self, call: Callable[[GLEngine | HostEngine], Any]) -> Any:
         """Call the engine; make it anew once where another library ended its context."""
@@ -257,6 +265,11 @@ class Relighter:
 
 
 def _arrays(image: CoefficientImage) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    if not hasattr(image, "coefficients"):
+        raise RelightError(
+            f"Relighter: the image is {image!r:.60}; expected a CoefficientImage, from "
+            "volspec.raycast or CoefficientImage.load"
+        )
     coefficients = np.ascontiguousarray(image.coefficients, dtype=np.float32)
     alpha = np.ascontiguousarray(image.alpha, dtype=np.float32)
     size = image.basis.size

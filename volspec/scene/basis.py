@@ -16,13 +16,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from volspec.appearance.models import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.basis.display import visible_white
 from volspec.basis.storage import shipped_names
 from volspec.scene.tables import BasisTable, PointTable
-from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light_set
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, XYZ_of, light_set, white_XYZ
 
 # Above this CIEDE2000 of its worst pair a general basis is not good enough for a scene.
-NOTICEABLE = 1.0
+LARGEST_ERROR = 1.0
 # What all lights of the library together count against the scene's own, and the least that a
 # material counts against the one most seen.
 _LIBRARY_SHARE = 0.1
@@ -62,8 +64,15 @@ class SceneSpectra:
         return [spectrum.name for spectrum in spectra if spectrum.designed]
 
 
-def choose_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> ChosenBasis:
+def choose_basis(
+    table: BasisTable, spectra: SceneSpectra, name: str, mode: str = "componentwise"
+) -> ChosenBasis:
     """The basis that ``[basis]`` asks for; where it asks for none, the general one if it will do.
+
+    Parameters
+    ----------
+    mode : str
+        How the scene is shown: what the general basis must be good at.
 
     Raises
     ------
@@ -79,14 +88,26 @@ def choose_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> ChosenB
     if designed:
         reason = f"{', '.join(designed)} came from a designer"
         return ChosenBasis(train_basis(table, spectra, name), reason)
-    worst = general.report(list(spectra.lights), list(spectra.materials.values())).worst
-    reason = (
-        f"{general.name} is off by at most ΔE00 {worst.delta_e:.2g} "
-        f"({worst.reflectance} under {worst.light})"
-    )
-    if worst.delta_e > NOTICEABLE:
+    off, where = _worst(general, spectra, mode)
+    reason = f"{general.name} is off by at most ΔE00 {off:.2g} ({where})"
+    if off > LARGEST_ERROR:
         return ChosenBasis(train_basis(table, spectra, name), reason)
     return ChosenBasis(general, reason)
+
+
+def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[float, str]:
+    """The largest CIEDE2000 of the scene's materials under its lights, and where it is."""
+    S = np.array([material.values for material in spectra.materials.values()])
+    channels = basis.analyze(S)
+    found = []
+    for light in spectra.lights:
+        white = visible_white(white_XYZ(light, basis.observer_deg))
+        shown = cielab(channels @ basis.color_matrix(light, mode).T, white)
+        true = cielab(XYZ_of(light, S, basis.observer_deg), white)
+        errors = delta_E_2000(true, shown)
+        k = int(errors.argmax())
+        found.append((float(errors[k]), f"{list(spectra.materials)[k]} under {light.name}"))
+    return max(found)
 
 
 def train_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> SpectralBasis:
@@ -117,12 +138,13 @@ def train_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> Spectral
 
 
 def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
-    """``[basis]`` with other settings: what a fit would not take any more is left out."""
-    merged = dict(table) | dict(changes)
-    merged.pop("name", None)
-    if merged.get("method") == "materials":
-        return {key: merged[key] for key in merged if key not in ("size", "positive", "train")}
-    return merged | {"train": "scene"}
+    """``[basis]`` with other settings; what the file says and they rule out is left out."""
+    kept = {key: value for key, value in table.items() if key != "name"}
+    if changes.get("method", kept.get("method")) != "materials":
+        return kept | dict(changes) | {"train": "scene"}
+    if changes.get("method") == "materials":
+        kept = {key: kept[key] for key in kept if key not in ("size", "positive", "train")}
+    return kept | dict(changes)
 
 
 def use_of(points: Sequence[PointTable]) -> dict[str, float]:

@@ -100,7 +100,9 @@ class Scene:
             if shipped:
                 chosen = ChosenBasis(shipped, "the scene names it")
             else:
-                chosen = choose_basis(file.basis, self._spectra(), self._basis_name())
+                chosen = choose_basis(
+                    file.basis, self._spectra(), self._basis_name(), file.viewing.mode
+                )
             self.basis, self.basis_reason = chosen.basis, chosen.reason
         with _named("[transfer]"):
             self.transfer = TransferFunction(

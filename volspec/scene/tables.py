@@ -16,12 +16,13 @@ from volspec.errors import nearest
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 
-Vector = tuple[float, float, float]
+# TOML has lists where Python has tuples; all else is taken as it is written.
+Vector = Annotated[tuple[float, float, float], Field(strict=False)]
 _CAST, _VIEW = RaycastSpec(), Viewing()
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class VolumeTable(_Table):

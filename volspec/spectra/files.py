@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra._colour import colour_science
+from volspec.spectra._paths import path_text
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import extended_band_means
-from volspec.spectra.spectral_image import Kind, SpectralImage
+from volspec.spectra.spectral_image import Kind, SpectralImage, require_kind
 from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.tables import file_content, read_table
+from volspec.spectra.tables import file_content, read_number, read_table, require_nanometres
 
 Address = str | os.PathLike[str]
 FILE_FORMS = "FILE.csv, FILE.csv#column, FILE.spdx, FILE.exr"
@@ -74,6 +75,8 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     SpectrumError
         Names the file, the line, field or channel at fault, and the remedy.
     """
+    if kind is not None:
+        require_kind(kind, path_text(path))
     address = split_address(path)
     if address is None:
         raise SpectrumError(
@@ -101,12 +104,12 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
 
 def split_address(text: Address) -> tuple[str, str] | None:
     """``FILE#selector`` as (FILE, selector), either may stand alone; None if no file is named."""
-    match = _ADDRESS.fullmatch(os.fspath(text))
+    match = _ADDRESS.fullmatch(path_text(text))
     return (match[1], (match[3] or "").strip()) if match else None
 
 
 def on_grid(
-    measured: Spectrum, grid: SpectralGrid, label: str, *, stacklevel: int
+    measured: Spectrum, grid: SpectralGrid, label: str, *, unit: float = 1.0, stacklevel: int
 ) -> NDArray[np.float64]:
     """Band means of a file's spectrum; where it ends too soon, continued with a warning.
 
@@ -117,6 +120,8 @@ def on_grid(
         N bands.
     label : str
         The file, for messages.
+    unit : float
+        What the values are divided by first.
     stacklevel : int
         As for `warnings.warn`, counted from here.
 
@@ -131,7 +136,7 @@ def on_grid(
     """
     w, v = measured.wavelengths_nm, measured.values
     try:
-        means = extended_band_means(w, v, grid)
+        means = extended_band_means(w, v / unit, grid)
     except SpectrumError as error:
         raise SpectrumError(f"{label}: {error}") from None
     filled = []
@@ -173,6 +178,7 @@ def _tm27(path: str) -> Spectrum:
             if text.lower() not in ("", "none", "nan", "n/a"):
                 notes[item.attribute.replace("_", " ")] = text
     name = notes.get("description") or Path(path).stem
+    require_nanometres(document.wavelengths, path)
     try:
         return Spectrum(document.wavelengths, document.values, name, notes)
     except SpectrumError as error:
@@ -181,9 +187,11 @@ def _tm27(path: str) -> Spectrum:
 
 def _check_tm27(path: str) -> None:
     """Refuse what colour-science would misread: it takes any XML and joins distributions."""
+    content = file_content(path)
     try:
-        root = ElementTree.fromstring(file_content(path))
-    except ElementTree.ParseError as error:
+        root = ElementTree.fromstring(content)
+    # An encoding that Python does not know, or that the parser cannot take.
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise SpectrumError(f"{path}: damaged XML ({error}); export the file again") from None
     tag = root.tag.rpartition("}")[2]
     if tag != "IESTM2714" or "}" not in root.tag:
@@ -192,33 +200,48 @@ def _check_tm27(path: str) -> None:
             "export it so, or as CSV"
         )
     found = root.findall("{*}SpectralDistribution")
-    if len(found) != 1:
+    if not found:
+        raise SpectrumError(
+            f"{path}: holds no <SpectralDistribution>, where the values are; export the file again"
+        )
+    if len(found) > 1:
         raise SpectrumError(
             f"{path}: holds {len(found)} spectral distributions, expected one; split the file"
         )
     last = -np.inf
+    number = 0
     for number, sample in enumerate(found[0].iterfind("{*}SpectralData"), start=1):
         given = sample.get("wavelength"), sample.text
         try:
-            wavelength, _ = (float(text or "") for text in given)
+            wavelength, value = (read_number(text or "") for text in given)
         except ValueError:
             raise SpectrumError(
                 f"{path}: SpectralData number {number}: wavelength {given[0]!r}, value "
                 f"{given[1]!r}; expected two numbers"
             ) from None
+        if not np.isfinite((wavelength, value)).all():
+            raise SpectrumError(
+                f"{path}: SpectralData number {number}: the value at {wavelength:g} nm is "
+                f"{value:g}, not finite; leave that one out"
+            )
         if not wavelength > last:
             raise SpectrumError(
                 f"{path}: SpectralData number {number}: {wavelength:g} nm after {last:g} nm; "
                 "wavelengths must increase strictly, sort them"
             )
         last = wavelength
+    if number < 2:
+        raise SpectrumError(
+            f"{path}: holds {number} <SpectralData>, expected at least 2; export the file again"
+        )
 
 
 def _pixels(path: str, selector: str, kind: Kind | None) -> Spectrum:
     box = None
     if selector:
         try:
-            box = tuple(int(number) for number in selector.split(","))
+            # Python's int() takes 4_00.
+            box = tuple(int(number) for number in selector.replace("_", "?").split(","))
         except ValueError:
             box = ()
         if len(box) == 2:

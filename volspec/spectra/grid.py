@@ -51,14 +51,20 @@ class SpectralGrid:
 
     def __post_init__(self) -> None:
         for field in ("start_nm", "stop_nm", "step_nm"):
-            # One float type, so that grids made from 400 and 400.0 hash alike.
-            object.__setattr__(self, field, float(getattr(self, field)))
+            given = getattr(self, field)
+            try:
+                # One float type, so that grids made from 400 and 400.0 hash alike.
+                object.__setattr__(self, field, float(given))
+            except (TypeError, ValueError, OverflowError):
+                raise SpectrumError(f"grid: {field} is {given!r}; give a number of nm") from None
         text = f"grid {self.start_nm:g}-{self.stop_nm:g}/{self.step_nm:g} nm"
         if not all(math.isfinite(v) for v in (self.start_nm, self.stop_nm, self.step_nm)):
             raise SpectrumError(f"{text}: start, stop and step must be finite numbers")
         if self.step_nm <= 0 or self.start_nm <= 0 or self.stop_nm <= self.start_nm:
             raise SpectrumError(f"{text}: expected 0 < start < stop and a positive step")
         steps = (self.stop_nm - self.start_nm) / self.step_nm
+        if not math.isfinite(steps):
+            raise SpectrumError(f"{text}: too many steps to count; give a longer step")
         if abs(steps - round(steps)) * self.step_nm > _SAME_NM:
             raise SpectrumError(
                 f"{text}: the range is {steps:g} steps, expected a whole number; "
@@ -139,6 +145,19 @@ class SpectralGrid:
                 f"spectrum covers {wavelengths_nm[0]:g}-{wavelengths_nm[-1]:g} nm, the grid is "
                 f"{self}; {' and '.join(missing)} missing: give data there or use a smaller grid"
             )
+
+
+def require_grid(grid: object) -> None:
+    """Refuse what is no `SpectralGrid`.
+
+    Raises
+    ------
+    SpectrumError
+    """
+    if not isinstance(grid, SpectralGrid):
+        raise SpectrumError(
+            f"grid {grid!r} is no SpectralGrid; give one, such as SpectralGrid(400, 700, 10)"
+        )
 
 
 def _integral(

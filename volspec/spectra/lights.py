@@ -21,14 +21,16 @@ from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, nearest
 from volspec.spectra._colour import colour_science
+from volspec.spectra._paths import path_text
 from volspec.spectra.files import FILE_FORMS, on_grid, read_spectrum, split_address
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.photometry import (
     color_matching_functions,
     extended_band_means,
     light_power,
 )
 from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.tables import read_number
 
 # Second radiation constant h c / k in nm K (CODATA 2018; 000 eq. 7 has a misprint).
 _C2_NM_K = 1.438776877e7
@@ -85,9 +87,13 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     >>> light("D65*0.7 + planck:2856*0.3").name
     'D65*0.7+planck:2856*0.3'
     """
-    wanted = " ".join(str(text).split())
+    wanted = str(text).strip()
     if not wanted:
         raise SpectrumError("light: empty name; give a name such as D65, planck:3200 or FILE.csv")
+    require_grid(grid)
+    # No light can be scaled on a grid that leaves the eye's range: said before any warning.
+    color_matching_functions(grid)
+    folder = path_text(folder, "folder")
     terms = None if _is_known(wanted, folder) else _parse_mix(wanted, folder)
     if terms is None:
         return _component(wanted, grid, folder)
@@ -101,9 +107,8 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
         raise SpectrumError(f"light {wanted!r}: every weight is 0; give one a positive weight")
     parts = []
     for term in terms:
-        part = term.weight * _component(term.name, grid, folder)
         if term.weight > 0:
-            parts.append(part)
+            parts.append(term.weight * _component(term.name, grid, folder))
     return replace(reduce(add, parts), name="+".join(str(term) for term in terms))
 
 
@@ -151,14 +156,14 @@ def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
 
 def _is_known(name: str, folder: Folder) -> bool:
     """Whether the text is one light, not a mix; says nothing about its being valid."""
-    low = name.casefold()
+    low = _folded(name)
     if low in _by_folded_name():
         return True
     if address := split_address(name):
         file, selector = address
         # "A+lamp.csv" is a mix, unless a file is called so.
         return not set("+*") & set(name) or (
-            not set("+*") & set(selector) and Path(folder, file).is_file()
+            not set("+*") & set(selector) and os.path.isfile(Path(folder, file))
         )
     prefix, _, number = low.partition(":")
     return prefix in ("planck", "daylight") and _number(number) is not None
@@ -202,12 +207,16 @@ def _read_term(text: str, folder: Folder) -> _Term | None:
 
 
 def _canonical(name: str) -> str:
-    return _by_folded_name().get(name.casefold(), name)
+    return _by_folded_name().get(_folded(name), name)
+
+
+def _folded(name: str) -> str:
+    return " ".join(name.split()).casefold()
 
 
 def _number(text: str) -> float | None:
     try:
-        return float(text)
+        return read_number(text)
     except ValueError:
         return None
 
@@ -225,7 +234,7 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
     canonical = _canonical(name)
     if canonical in _tables():
         return _named(canonical, grid)
-    prefix, _, number = name.casefold().partition(":")
+    prefix, _, number = _folded(name).partition(":")
     kelvin = _number(number)
     if prefix in ("planck", "daylight"):
         if kelvin is None:
@@ -247,14 +256,17 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
 def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
     measured = read_spectrum(path, kind="emissive")
     # A spectrometer's dark noise dips below zero a little; a wrong column dips a lot.
-    if measured.values.min() < -0.01 * np.abs(measured.values).max():
+    peak = float(np.abs(measured.values).max())
+    if measured.values.min() < -0.01 * peak:
         worst = int(measured.values.argmin())
         raise SpectrumError(
             f"{path}: power {measured.values[worst]:g} at {measured.wavelengths_nm[worst]:g} nm "
             "is negative; a light's values are 0 or more"
         )
-    # The caller of `light` is four calls up.
-    values = on_grid(measured, grid, path, stacklevel=4)
+    # Sums of values near the ends of float64 overflow, or vanish, unless the peak is 1. The
+    # caller of `light` is four calls up.
+    values = on_grid(measured, grid, path, unit=peak or 1.0, stacklevel=4)
+    values /= np.abs(values).max() or 1.0
     return replace(_normalised(values, grid, measured.name, path), notes=measured.notes)
 
 
@@ -300,4 +312,4 @@ def _tables() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
 
 @cache
 def _by_folded_name() -> dict[str, str]:
-    return {name.casefold(): name for name in _tables()}
+    return {_folded(name): name for name in _tables()}

@@ -9,13 +9,15 @@ tables T.4 and T.5); lux and candela are defined by the former.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import SpectrumError
+from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra._colour import colour_science
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.spectrum import Spectrum
@@ -30,6 +32,10 @@ _OBSERVERS = {
 _FULL_RANGE_NM = (360.0, 830.0)
 # Band means of a measured table may dip this far below zero, as a share of the peak.
 _ROUNDING = 1e-6
+# Above this a reflectance is no fluorescence but a percentage, or a light.
+_MOST_REFLECTED = 2.0
+# Less light than this cannot be scaled to Y = 100.
+_LEAST_LIGHT = 1e-300
 
 
 @cache
@@ -73,7 +79,8 @@ def check_observer(observer_deg: object) -> None:
     ------
     SpectrumError
     """
-    if isinstance(observer_deg, bool) or observer_deg not in (2, 10):
+    whole = isinstance(observer_deg, int | np.integer) and not isinstance(observer_deg, bool)
+    if not whole or observer_deg not in (2, 10):
         raise SpectrumError(
             f"observer_deg {observer_deg!r} is unknown; use 2 (CIE 1931) or 10 (CIE 1964)"
         )
@@ -136,19 +143,52 @@ def stack(
     if isinstance(spectra, Spectrum):
         return spectra.on(grid).values
     if isinstance(spectra, list | tuple) and any(isinstance(s, Spectrum) for s in spectra):
-        return np.array([stack(s, grid) for s in spectra])
-    try:
-        array = np.asarray(spectra, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise SpectrumError(f"spectra are not a regular array of numbers: {error}") from None
+        rows = []
+        for number, spectrum in enumerate(spectra, start=1):
+            try:
+                row = stack(spectrum, grid)
+            except SpectrumError as error:
+                own = isinstance(spectrum, Spectrum) and spectrum.name
+                raise SpectrumError(str(error) if own else f"number {number}: {error}") from None
+            rows.append(row)
+            if row.shape != rows[0].shape:
+                raise SpectrumError(
+                    f"spectrum number {number} is an array of shape {row.shape}; give one "
+                    "spectrum at a time"
+                )
+        return np.array(rows)
+    array = real_array(spectra, "spectra")
     if array.ndim == 0 or array.shape[-1] != grid.size:
         raise SpectrumError(
             f"spectra have shape {array.shape}; expected (..., {grid.size}) on the grid {grid}. "
             "Were they sampled on another grid?"
         )
-    if not np.isfinite(array).all():
-        raise SpectrumError("spectra hold values that are not finite (NaN or infinity)")
+    finite = np.isfinite(array).all(-1)
+    if not finite.all():
+        which = (
+            f"spectrum number {int(finite.argmin()) + 1} holds" if finite.ndim else "spectra hold"
+        )
+        raise SpectrumError(f"{which} values that are not finite (NaN or infinity)")
     return array
+
+
+def real_array(values: Any, what: str) -> NDArray[np.float64]:
+    """Numbers as float64; text is none, even where it could be read as one.
+
+    Raises
+    ------
+    SpectrumError
+        Under the name of ``what`` they are, in the plural.
+    """
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError):
+        raise SpectrumError(f"{what} are not a regular array of numbers: rows differ") from None
+    if array.dtype.kind not in "biuf":
+        raise SpectrumError(
+            f"{what} are not a regular array of numbers: {values!r:.40}; give a list or an array"
+        )
+    return array.astype(np.float64)
 
 
 def light_power(
@@ -189,12 +229,76 @@ def light_power(
         )
     E = np.maximum(E, 0.0)
     total = float(color_matching_functions(grid)[1] @ E)
-    if not total > 0:
+    if not total > _LEAST_LIGHT:
         raise SpectrumError(
             f"{label} has no luminous energy (sum E V = {total:g}); "
             f"give power within {grid.start_nm:g}-{grid.stop_nm:g} nm, or leave it out"
         )
     return E
+
+
+def reflectance_values(
+    spectra: Spectrum | Sequence[Spectrum] | ArrayLike, grid: SpectralGrid, label: str
+) -> NDArray[np.float64]:
+    """Reflectances on a grid, checked: what a surface can do.
+
+    Parameters
+    ----------
+    spectra : Spectrum, list of Spectrum, or (..., N) array
+    grid : SpectralGrid
+        N bands.
+    label : str
+        What messages call them.
+
+    Returns
+    -------
+    (N,) or (..., N) float64
+        At least 0: what lies below by no more than a millionth of the peak becomes 0.
+
+    Raises
+    ------
+    SpectrumError
+        If a spectrum does not cover the grid, is negative, or above 2: a percentage or a light.
+
+    Warns
+    -----
+    VolspecWarning
+        If one is above 1, which only fluorescence makes.
+
+    Examples
+    --------
+    >>> reflectance_values([[0.5, -1e-9]], SpectralGrid(500, 600, 100), "paint").tolist()
+    [[0.5, 0.0]]
+    """
+    try:
+        S = stack(spectra, grid)
+    except SpectrumError as error:
+        raise SpectrumError(f"{label}: {error}") from None
+    rows = S.reshape(-1, grid.size)
+    names = [getattr(s, "name", "") for s in spectra] if isinstance(spectra, list | tuple) else []
+
+    def at(row: int, band: int) -> str:
+        which = f": number {row + 1}" if S.ndim > 1 else ""
+        which += f" ({names[row]})" if S.ndim == 2 and names and names[row] else ""
+        return f"{label}{which} reflects {rows[row, band]:g} at {grid.wavelengths_nm[band]:g} nm"
+
+    negative = rows < -_ROUNDING * np.abs(rows).max(1, keepdims=True)
+    if negative.any():
+        row = int(negative.any(1).argmax())
+        raise SpectrumError(f"{at(row, int(rows[row].argmin()))}; a reflectance is 0 or more")
+    row, band = divmod(int(rows.argmax()), grid.size) if rows.size else (0, 0)
+    largest = rows[row, band] if rows.size else 0.0
+    if largest > _MOST_REFLECTED:
+        raise SpectrumError(
+            f"{at(row, band)}; a reflectance is 0 to 1: divide per cent by 100, and give no light"
+        )
+    if largest > 1 + _ROUNDING:
+        warnings.warn(
+            f"{at(row, band)}, more than falls on it; right only if it is fluorescent",
+            VolspecWarning,
+            stacklevel=3,
+        )
+    return np.where(S > 0, S, 0.0)
 
 
 def extended_band_means(

@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, VolspecWarning, nearest
+from volspec.spectra._paths import path_text
 from volspec.spectra.files import FILE_FORMS, on_grid, read_spectrum, split_address
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.samples import reflectance_set_names, sample_tables
 from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.tables import read_number
 
 
 def reflectance(
@@ -58,8 +60,10 @@ def reflectance(
     >>> float(reflectance("grey:0.18").values.mean().round(6))
     0.18
     """
-    name = " ".join(str(text).split())
-    folded = name.casefold()
+    require_grid(grid)
+    folder = path_text(folder, "folder")
+    name = str(text).strip()
+    folded = " ".join(name.split()).casefold()
     prefix, _, number = folded.partition(":")
     if folded in ("white", "black") or prefix in ("grey", "gray"):
         return _flat(name, {"white": "1", "black": "0"}.get(folded, number), grid)
@@ -91,7 +95,7 @@ def reflectance_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> NDArray[np.
 
 def _flat(name: str, level: str, grid: SpectralGrid) -> Spectrum:
     try:
-        value = float(level)
+        value = read_number(level)
     except ValueError:
         value = np.nan
     if not 0 <= value <= 1:

@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 import json
+import operator
 import os
 import re
 import warnings
@@ -25,9 +26,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._files import captured_output, write_whole
+from volspec._exr import read_exr, write_exr
 from volspec.errors import SpectrumError, VolspecWarning
-from volspec.spectra.grid import SpectralGrid
+from volspec.spectra._paths import path_text
+from volspec.spectra.grid import SpectralGrid, require_grid
 from volspec.spectra.spectrum import Spectrum, read_only_notes
 
 Kind = Literal["reflective", "emissive"]
@@ -79,15 +81,14 @@ class SpectralImage:
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(Kind):
-            raise SpectrumError(
-                f"spectral image: kind {self.kind!r}; choose reflective or emissive"
-            )
+        require_kind(self.kind, "spectral image")
         try:
             values = np.ascontiguousarray(self.values, dtype=np.float32).view()
             w = np.array(self.wavelengths_nm, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise SpectrumError(f"spectral image: not arrays of numbers: {error}") from error
+        if w.size == 1:
+            raise SpectrumError("spectral image: one wavelength; at least 2 are needed")
         if values.ndim != 3 or 0 in values.shape or w.shape != values.shape[2:] or w.size < 2:
             raise SpectrumError(
                 f"spectral image: values have shape {values.shape}, wavelengths {w.shape}; "
@@ -102,7 +103,7 @@ class SpectralImage:
             y, x, k = np.unravel_index(int(np.argmin(np.isfinite(values))), values.shape)
             raise SpectrumError(
                 f"spectral image: pixel ({x}, {y}) is {values[y, x, k]} at {w[k]:g} nm, not "
-                "finite; mend it before"
+                "finite; put a number there"
             )
         for array in (values, w):
             array.flags.writeable = False
@@ -135,6 +136,7 @@ class SpectralImage:
         SpectrumError
             If the wavelengths do not cover the grid; nothing is extrapolated.
         """
+        require_grid(grid)
         # Band means are linear in the samples: those of unit samples are the (N, L) matrix.
         means = grid.band_means(self.wavelengths_nm, np.eye(self.wavelengths_nm.size))
         values = self.values @ means.T.astype(np.float32)
@@ -156,10 +158,15 @@ class SpectralImage:
         Raises
         ------
         SpectrumError
-            If the box is empty or leaves the image.
+            If the box is no four whole numbers, is empty or leaves the image.
         """
         width, height = self.size
-        x0, y0, x1, y1 = box if box is not None else (0, 0, width, height)
+        try:
+            x0, y0, x1, y1 = map(operator.index, (0, 0, width, height) if box is None else box)
+        except (TypeError, ValueError):
+            raise SpectrumError(
+                f"box {box!r} is not four whole numbers; give (x0, y0, x1, y1)"
+            ) from None
         if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
             raise SpectrumError(
                 f"box ({x0}, {y0}, {x1}, {y1}) is not inside the image of {width} x {height} "
@@ -177,31 +184,20 @@ class SpectralImage:
         SpectrumError
             If the name does not end in ``.exr`` or the file cannot be written.
         """
-        import OpenEXR
-
-        name = os.fspath(path)
-        if Path(path).suffix.lower() != ".exr":
+        name = path_text(path)
+        if Path(name).suffix.lower() != ".exr":
             raise SpectrumError(f"{name}: spectral images are OpenEXR; name it .exr")
         header: dict[str, Any] = {
-            "type": OpenEXR.scanlineimage,
-            "compression": OpenEXR.ZIP_COMPRESSION,
             "spectralLayoutVersion": "1.0",
             "volspec:notes": json.dumps(dict(self.notes)),
         }
         if self.kind == "emissive":
             header["emissiveUnits"] = self.notes.get("emissive units", _DEFAULT_UNITS)
         channels = {
-            f"{_LAYER[self.kind]}." + f"{w:.6f}nm".replace(".", ","): np.ascontiguousarray(
-                self.values[..., k]
-            )
+            f"{_LAYER[self.kind]}." + f"{w:.6f}nm".replace(".", ","): self.values[..., k]
             for k, w in enumerate(self.wavelengths_nm)
         }
-        with write_whole(path) as temporary:
-            try:
-                with captured_output([]):
-                    OpenEXR.File(header, channels).write(os.fspath(temporary))
-            except (RuntimeError, OSError) as error:
-                raise SpectrumError(f"{name}: cannot be written: {error}") from error
+        write_exr(name, header, channels, SpectrumError)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], kind: Kind | None = None) -> SpectralImage:
@@ -219,12 +215,12 @@ class SpectralImage:
         Raises
         ------
         SpectrumError
-            If the file is missing, damaged, or has no spectral channels (of that kind).
+            If the kind is unknown, or the file is missing, unreadable, damaged, or has no
+            spectral channels (of that kind).
         """
-        name = os.fspath(path)
-        if not Path(path).is_file():
-            fault = "is a folder; give an .exr file" if Path(path).is_dir() else "no such file"
-            raise SpectrumError(f"{name}: {fault}")
+        name = path_text(path)
+        if kind is not None:
+            require_kind(kind, name)
         header, pixels, ignored = _read(name)
         held: list[Kind] = [k for k in get_args(Kind) if pixels[_LAYER[k]]]
         wanted = kind or next(iter(held), None)
@@ -249,6 +245,17 @@ class SpectralImage:
             raise SpectrumError(f"{name}: {error}") from None
 
 
+def require_kind(kind: object, label: str) -> None:
+    """Refuse what is no `Kind`.
+
+    Raises
+    ------
+    SpectrumError
+    """
+    if kind not in get_args(Kind):
+        raise SpectrumError(f"{label}: kind {kind!r} is unknown; choose reflective or emissive")
+
+
 def _only(held: list[Kind]) -> str:
     use = {"reflective": "a reflectance", "emissive": "a light"}
     return f", only {held[0]} ones; use it as {use[held[0]]}" if held else ""
@@ -263,28 +270,18 @@ _Samples = dict[str, list[tuple[float, NDArray[np.float32]]]]
 
 def _read(name: str) -> tuple[dict[str, Any], _Samples, set[str]]:
     """The header, (nm, pixels) of every channel by layer, and what else there is."""
-    import OpenEXR
-
-    said: list[str] = []
+    header, channels = read_exr(name, SpectrumError)
     pixels: _Samples = {layer: [] for layer in _LAYER.values()}
     ignored: set[str] = set()
-    try:
-        with captured_output(said), OpenEXR.File(name, separate_channels=True) as file:
-            header = dict(file.header())
-            parts = (file.channels(part) for part in range(len(file.parts)))
-            for key, channel in (item for part in parts for item in part.items()):
-                match = _CHANNEL.fullmatch(key)
-                if match and match[1] in pixels:
-                    image = np.array(channel.pixels, dtype=np.float32)
-                    pixels[match[1]].append((_nanometres(*match.groups("")[1:]), image))
-                elif match:
-                    ignored.add("polarisation")
-                elif _RERADIATION.fullmatch(key):
-                    ignored.add("reradiation")
-    except (RuntimeError, OSError, ValueError) as error:
-        raise SpectrumError(f"{name}: not a readable OpenEXR file, or truncated") from error
-    if any("error" in line.lower() or "EXR_ERR" in line for line in said):
-        raise SpectrumError(f"{name}: damaged ({said[-1].strip()}); export it again")
+    for key, channel in channels.items():
+        match = _CHANNEL.fullmatch(key)
+        if match and match[1] in pixels:
+            wavelength = _nanometres(*match.groups("")[1:])
+            pixels[match[1]].append((wavelength, channel.astype(np.float32, copy=False)))
+        elif match:
+            ignored.add("polarisation")
+        elif _RERADIATION.fullmatch(key):
+            ignored.add("reradiation")
     return header, pixels, ignored
 
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError
 from volspec.spectra._colour import colour_science
-from volspec.spectra.grid import SpectralGrid
+from volspec.spectra._paths import path_text
+from volspec.spectra.grid import SpectralGrid, require_grid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,6 +115,7 @@ class Spectrum:
 
     def on(self, grid: SpectralGrid) -> Spectrum:
         """Band means on a grid; see `SpectralGrid.band_means` for the rules and errors."""
+        require_grid(grid)
         try:
             values = grid.band_means(self.wavelengths_nm, self.values)
         except SpectrumError as error:
@@ -170,7 +172,7 @@ class Spectrum:
         from volspec.spectra.files import split_address
         from volspec.spectra.tables import read_table
 
-        file, selector = split_address(path) or (os.fspath(path), "")
+        file, selector = split_address(path) or (path_text(path), "")
         return read_table(file).spectrum(selector)
 
 
@@ -180,8 +182,10 @@ def read_only_notes(notes: Mapping[str, str], label: str) -> Mapping[str, str]:
     Raises
     ------
     SpectrumError
-        If a key or a value is not text, or a key is empty or given twice.
+        If it is no mapping, a key or a value is not text, or a key is empty or given twice.
     """
+    if not isinstance(notes, Mapping):
+        raise SpectrumError(f"{label}: notes are {notes!r}; give a dict of texts")
     kept: dict[str, str] = {}
     for key, value in notes.items():
         if not (isinstance(key, str) and isinstance(value, str)):

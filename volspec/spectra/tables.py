@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, nearest
+from volspec.spectra._paths import path_text
 from volspec.spectra.spectrum import Spectrum
 
 # "# Key: value"; sentences and web addresses in comments are not notes.
@@ -37,6 +38,8 @@ class TextTable:
     lines : L numbers
         Where each row stands in the file, from 1.
     notes : {str: str}
+    decimal_commas : bool
+        Whether the commas between its columns may be decimal marks.
     """
 
     path: str
@@ -45,6 +48,7 @@ class TextTable:
     names: tuple[str, ...]
     lines: tuple[int, ...]
     notes: dict[str, str] = field(default_factory=dict)
+    decimal_commas: bool = False
 
     def spectrum(self, column: str = "") -> Spectrum:
         """One column, by its name (any case) or number from 1; "" where there is only one.
@@ -63,11 +67,7 @@ class TextTable:
                     f"{self.path}, line {self.lines[row]}: {name} {array[row]}, not finite; "
                     "leave that line out"
                 )
-        if 0 < self.wavelengths_nm.max() < 20:
-            raise SpectrumError(
-                f"{self.path}: wavelengths end at {self.wavelengths_nm.max():g} nm; are they "
-                "micrometres? multiply by 1000"
-            )
+        require_nanometres(self.wavelengths_nm, self.path)
         name = Path(self.path).stem + (f"#{self.names[k]}" if column else "")
         try:
             return Spectrum(self.wavelengths_nm, values, name, self.notes)
@@ -82,10 +82,13 @@ class TextTable:
             raise SpectrumError(
                 f"{self.path}: {len(self.names)} columns of values ({listed}); "
                 f"choose one: {Path(self.path).name}#{self.names[0]}"
+                + self.decimal_commas
+                * "; or are the commas decimal marks? write points"
             )
-        folded = [name.casefold() for name in self.names]
-        if column.casefold() in folded:
-            return folded.index(column.casefold())
+        folded = [" ".join(name.split()).casefold() for name in self.names]
+        wanted = " ".join(column.split()).casefold()
+        if wanted in folded:
+            return folded.index(wanted)
         if column.isdecimal() and 1 <= int(column) <= len(self.names):
             return int(column) - 1
         raise SpectrumError(
@@ -102,7 +105,7 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
     SpectrumError
         Names the file, and the line where one is at fault.
     """
-    name = os.fspath(path)
+    name = path_text(path)
     try:
         text = file_content(name).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -133,6 +136,8 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
             raise SpectrumError(
                 f"{name}, line {number}: {len(row)} cells, but {len(rows[0])} in line "
                 f"{lines[0]}; give every row the same"
+                + (separator == ",")
+                * ", and write decimal points, not commas"
             )
         rows.append(row)
         lines.append(number)
@@ -141,10 +146,13 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
     if len(rows[0]) < 2:
         raise SpectrumError(f"{name}, line {lines[0]}: one column, expected nm,value")
     titles = _cells(header, separator)[1:]
-    if len(titles) != len(rows[0]) - 1:
+    unnamed = len(titles) != len(rows[0]) - 1
+    if unnamed:
         titles = [str(k) for k in range(1, len(rows[0]))]
     table = np.array(rows)
-    return TextTable(name, table[:, 0], table[:, 1:], tuple(titles), tuple(lines), notes)
+    w, columns = table[:, 0], table[:, 1:]
+    suspect = unnamed and separator == "," and bool((columns == np.floor(columns)).all())
+    return TextTable(name, w, columns, tuple(titles), tuple(lines), notes, suspect)
 
 
 def file_content(path: str | os.PathLike[str]) -> bytes:
@@ -156,11 +164,54 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
         If it cannot be read.
     """
     try:
-        return Path(path).read_bytes()
+        return Path(path_text(path)).read_bytes()
     except FileNotFoundError:
         raise SpectrumError(f"{path}: no such file") from None
     except OSError as error:
         raise SpectrumError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def read_number(text: str) -> float:
+    """A number as people write it: Python's underscores are refused.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    if "_" in text:
+        raise ValueError(f"could not convert string to float: {text!r}")
+    return float(text)
+
+
+def require_nanometres(wavelengths: NDArray[np.float64], label: str) -> None:
+    """Refuse wavelengths that are far from the visible in nm; guess what they are.
+
+    Parameters
+    ----------
+    wavelengths : (L,) array
+        L >= 1, finite, in any order.
+    label : str
+        The file, for messages.
+
+    Raises
+    ------
+    SpectrumError
+    """
+    low, high = float(wavelengths.min()), float(wavelengths.max())
+    if 0 < high < 1e-4:
+        guess = "are they metres? multiply by 1e9"
+    elif 1.2 < low < high < 7:
+        guess = "are they electronvolts? nm = 1239.84 / eV, then sort"
+    elif 0 < high < 20:
+        guess = "are they micrometres? multiply by 1000"
+    elif low > 2000 and high <= 12_000:
+        guess = "are they Ångström? divide by 10"
+    elif low > 2000:
+        guess = "are they wavenumbers in 1/cm? nm = 1e7 / wavenumber, then sort"
+    else:
+        return
+    raise SpectrumError(f"{label}: wavelengths of {low:g}-{high:g} nm, none visible; {guess}")
 
 
 def _keep_note(line: str, notes: dict[str, str]) -> None:
@@ -183,7 +234,7 @@ def _numbers(line: str, separator: str | None) -> list[float] | None:
     if separator and separator not in line:
         return None
     try:
-        return [float(cell) for cell in _cells(line, separator)] or None
+        return [read_number(cell) for cell in _cells(line, separator)] or None
     except (ValueError, csv.Error):
         return None
 

@@ -26,6 +26,8 @@ from volspec.spectra import Spectrum
 Mix = str | Mapping[str, float]
 Point = tuple[float, float, Mix]
 
+# What the kernel's tables and a file's header can hold at ease.
+MAX_CHANNELS = 24
 # A table is long enough for four entries between the two closest points, within these limits.
 SMALLEST_TABLE, LARGEST_TABLE = 1024, 65536
 
@@ -129,6 +131,14 @@ class TransferFunction:
             raise TransferError(
                 f"transfer function: basis is {self.basis!r:.40}; expected a SpectralBasis, "
                 "such as SpectralBasis.load('general-7'), or a MaterialBasis"
+            )
+        if self.basis.size > MAX_CHANNELS:
+            what = f"{self.basis.size} channels"
+            if isinstance(self.basis, MaterialBasis):
+                what = f"{len(self.basis.materials)} materials and white are {what}"
+            raise TransferError(
+                f"transfer function: {what}, at most {MAX_CHANNELS} can be cast; "
+                "take a SpectralBasis of fewer channels"
             )
         if not isinstance(self.materials, Mapping):
             raise TransferError("transfer function: materials must be {name: Spectrum}")

@@ -10,22 +10,25 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import write_whole
-from volspec.basis.figure.errors import draw_errors, matrix_way
+from volspec.basis.figure.errors import NOTHING, draw_errors, matrix_way
 from volspec.basis.figure.spectra import draw_spectra, names_in
-from volspec.basis.figure.style import FAINT, INK, PAPER, inch_axes, shortened
+from volspec.basis.figure.style import FAINT, INK, PAPER, inch_axes, shortened, write
 from volspec.basis.figure.swatches import STRIP_IN, draw_swatches
-from volspec.basis.report.text import WAYS, heading_of, number, own_way
+from volspec.basis.materials import MaterialBasis
+from volspec.basis.report.errors import WAYS, own_way
+from volspec.basis.report.pairs import RGB_PRODUCT
+from volspec.basis.report.text import heading_of, number
+from volspec.spectra.grid import DEFAULT_GRID
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from volspec.basis.materials import MaterialBasis
     from volspec.basis.model import SpectralBasis
     from volspec.basis.report.errors import ErrorSummary
     from volspec.basis.report.table import ErrorTable
@@ -34,6 +37,7 @@ WIDTH_IN = 10.0
 DPI = 160
 _MARGIN = 0.42
 _CAPTION_LINE = 0.165
+_DEFAULT_NM = (DEFAULT_GRID.start_nm, DEFAULT_GRID.stop_nm, DEFAULT_GRID.step_nm)
 
 
 def basis_figure(basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> Figure:
@@ -55,14 +59,15 @@ def basis_figure(basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> Fi
 
     caption = _CAPTION_LINE * (len(errors.classes) + 1) + 0.2
     strip = caption + 0.13
-    plots = strip + STRIP_IN + 0.84
+    plots = strip + (STRIP_IN if _has_colours(errors) else 0.0) + 0.84
     height = plots + 2.5 + 1.06
     figure = Figure(figsize=(WIDTH_IN, height), dpi=DPI, facecolor=PAPER)
     FigureCanvasAgg(figure)
-    _draw_title(figure, errors)
+    _draw_title(figure, basis, errors)
     draw_spectra(inch_axes(figure, 0.62, plots, 3.98 - names_in(basis), 2.5), basis)
     draw_errors(inch_axes(figure, 5.32, plots, WIDTH_IN - 5.32 - _MARGIN, 2.5), errors)
-    draw_swatches(inch_axes(figure, _MARGIN, strip, WIDTH_IN - 2 * _MARGIN, STRIP_IN), errors)
+    if _has_colours(errors):
+        draw_swatches(inch_axes(figure, _MARGIN, strip, WIDTH_IN - 2 * _MARGIN, STRIP_IN), errors)
     _draw_caption(figure, errors, caption)
     return figure
 
@@ -85,46 +90,56 @@ def figure_pixels(basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> N
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
-def _draw_title(figure: Figure, errors: ErrorTable) -> None:
+def _has_colours(errors: ErrorTable) -> bool:
+    """Whether any colour is off, so that there are worst ones to show."""
+    return errors.worst.delta_e > NOTHING
+
+
+def _draw_title(figure: Figure, basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> None:
     height = figure.get_figheight()
-    title = figure.text(
-        _MARGIN / WIDTH_IN, 1 - 0.36 / height, errors.name, fontsize=15, weight="bold", color=INK
-    )
+    left, first, second = _MARGIN / WIDTH_IN, 1 - 0.36 / height, 1 - 0.56 / height
+    title = write(figure, left, first, errors.name, fontsize=15, weight="bold", color=INK)
     shortened(title, 4.5)
     edge = title.get_window_extent().x1 / DPI + 0.14
     facts = f"{errors.method}, {errors.size} channels, {errors.observer_deg}° observer"
-    figure.text(edge / WIDTH_IN, 1 - 0.36 / height, facts, fontsize=9.5, color=FAINT)
-    own = errors.method == "materials"
-    what = "each channel the share of one material" if own else f"trained on {errors.trained_on}"
+    if errors.grid_nm != _DEFAULT_NM:
+        start, stop, step = errors.grid_nm
+        facts += f", {start:g}\N{EN DASH}{stop:g} nm every {step:g} nm"
+    write(figure, edge / WIDTH_IN, first, facts, fontsize=9.5, color=FAINT)
+    what = (
+        "each channel the share of one material: exact by construction"
+        if isinstance(basis, MaterialBasis)
+        else f"trained on {errors.trained_on}"
+    )
     made = f"{what}; measured on {errors.measured_on}"
-    line = figure.text(_MARGIN / WIDTH_IN, 1 - 0.56 / height, made, fontsize=7.5, color=FAINT)
+    line = write(figure, left, second, made, fontsize=7.5, color=FAINT)
     shortened(line, WIDTH_IN - 2 * _MARGIN)
 
 
 def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
     """A small table: one line a class, one column a way of making the colour."""
     chained = all(report.products for report in errors.classes.values())
-    ways = ("componentwise", matrix_way(errors), "rgb_product")
+    ways = ("componentwise", matrix_way(errors), RGB_PRODUCT)
     columns = [WAYS[way] for way in ways]
     columns += ["two surfaces", "three surfaces"] if chained else []
     left = _MARGIN + 1.86
     wide = min((WIDTH_IN - _MARGIN - left) / (len(columns) - 0.12), 1.7)
     height = figure.get_figheight()
 
-    def write(x: float, line: int, text: str, **style: object) -> None:
+    def cell(x: float, line: int, text: str, **style: Any) -> None:
         y = (top - 0.1 - _CAPTION_LINE * line) / height
-        figure.text(x / WIDTH_IN, y, text, fontsize=7.2, va="center", **style)  # type: ignore[arg-type]
+        write(figure, x / WIDTH_IN, y, text, fontsize=7.2, va="center", **style)
 
-    write(_MARGIN, 0, "ΔE00 mean / median / 95 % / max", color=FAINT)
+    cell(_MARGIN, 0, "ΔE00 mean / median / 95 % / max", color=FAINT)
     for i, column in enumerate(columns):
-        write(left + wide * i, 0, column, color=FAINT)
+        cell(left + wide * i, 0, column, color=FAINT)
     for line, (name, report) in enumerate(errors.classes.items(), start=1):
-        write(_MARGIN, line, heading_of(name, len(report.pairs.lights)), color=INK)
-        summaries = [getattr(report, way) for way in ways]
+        cell(_MARGIN, line, heading_of(name, len(report.pairs.lights)), color=INK)
+        summaries = [report.errors[way] for way in ways]
         summaries += [p.componentwise for p in report.products.values()]
         for i, summary in enumerate(summaries):
             bold = {"weight": "bold"} if columns[i] == WAYS[own_way(errors.method)] else {}
-            write(left + wide * i, line, _four(summary), color=INK, **bold)
+            cell(left + wide * i, line, _four(summary), color=INK, **bold)
 
 
 def _four(summary: ErrorSummary) -> str:

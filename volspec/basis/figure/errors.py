@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from volspec.basis.figure.style import FAINT, HAIR, INK, plain, spread
-from volspec.basis.report.text import WAYS, own_way
+from volspec.basis.figure.style import FAINT, HAIR, INK, plain, spread, write
+from volspec.basis.report.errors import WAYS, own_way
+from volspec.basis.report.pairs import RGB_PRODUCT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,27 +20,28 @@ if TYPE_CHECKING:
     from volspec.basis.report.table import ErrorTable
 
 # Okabe and Ito's blue, vermilion and green: told apart by the colour-blind.
-COMPONENTWISE, RGB_PRODUCT, EXACT = "#0072b2", "#d55e00", "#009e73"
+_BLUE, _VERMILION, _GREEN = "#0072b2", "#d55e00", "#009e73"
 _FLOORS = (1e-4, 1e-2)
 _MOST_NAMED = 9
-_NOTHING = 1e-6
+NOTHING = 1e-6
+"""A CIEDE2000 that is rounding."""
 _STYLES: dict[str, dict[str, Any]] = {
-    "rgb_product": {"marker": "^", "markersize": 3.4, "color": RGB_PRODUCT, "zorder": 3,
-                    "markeredgewidth": 0},
-    "exact": {"marker": "o", "markersize": 3.6, "color": EXACT, "zorder": 4,
+    RGB_PRODUCT: {"marker": "^", "markersize": 3.4, "color": _VERMILION, "zorder": 3,
+                  "markeredgewidth": 0},
+    "exact": {"marker": "o", "markersize": 3.6, "color": _GREEN, "zorder": 4,
               "markerfacecolor": "none", "markeredgewidth": 0.9},
-    "linear_model": {"marker": "o", "markersize": 3.6, "color": EXACT, "zorder": 4,
+    "linear-model": {"marker": "o", "markersize": 3.6, "color": _GREEN, "zorder": 4,
                      "markerfacecolor": "none", "markeredgewidth": 0.9},
-    "componentwise": {"marker": "o", "markersize": 3.2, "color": COMPONENTWISE, "zorder": 5,
+    "componentwise": {"marker": "o", "markersize": 3.2, "color": _BLUE, "zorder": 5,
                       "markeredgewidth": 0},
 }  # fmt: skip
 
 
 def draw_errors(axes: Axes, errors: ErrorTable) -> None:
     """Every light's mean error, sorted within its class; a hair rises to its largest."""
-    ways = ("rgb_product", matrix_way(errors), "componentwise")
+    ways = (RGB_PRODUCT, matrix_way(errors), "componentwise")
     means = {
-        name: {way: getattr(report.pairs, way).mean(axis=1) for way in ways}
+        name: {way: report.pairs.delta_e[way].mean(axis=1) for way in ways}
         for name, report in errors.classes.items()
     }
     every = np.concatenate([m for ways in means.values() for m in ways.values()])
@@ -47,7 +49,7 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
     lowest = float(visible.min()) if visible.size else 1.0
     floor = float(np.clip(10.0 ** np.floor(np.log10(lowest)), *_FLOORS))
     way_made_for = own_way(errors.method)
-    own_max = {n: getattr(r.pairs, way_made_for).max(axis=1) for n, r in errors.classes.items()}
+    own_max = {n: r.pairs.delta_e[way_made_for].max(axis=1) for n, r in errors.classes.items()}
     top = max(float(every.max()), *(float(tips.max()) for tips in own_max.values()), 3.0)
     axes.set(xlim=(0, 1), yscale="log", ylim=(floor / 1.5, 2.2 * top))
     plain(axes)
@@ -76,9 +78,9 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
                 axes.vlines(x, y, tips, color=ink, linewidth=0.7, alpha=0.55, zorder=2)
             axes.plot(x, y, linestyle="none", **_STYLES[way])
         middle = (left + right) / 2
-        axes.text(middle, 1.015, f"{name} ({len(order)})", transform=above, ha="center",
+        write(axes, middle, 1.015, f"{name} ({len(order)})", transform=above, ha="center",
                   va="bottom", fontsize=7.5, color=FAINT)  # fmt: skip
-        last = own if name == "scene" else share if own_max[name].max() > _NOTHING else 0
+        last = own if name == "scene" else share if own_max[name].max() > NOTHING else 0
         named += [(x[i], report.pairs.lights[order[i]]) for i in range(len(x))[len(x) - last :]]
     _name_lights(axes, named)
     _draw_legend(axes, ways)
@@ -86,7 +88,7 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
 
 def matrix_way(errors: ErrorTable) -> str:
     """Which picture by matrix stands beside the one by components."""
-    return "linear_model" if own_way(errors.method) == "linear_model" else "exact"
+    return "linear-model" if own_way(errors.method) == "linear-model" else "exact"
 
 
 def _name_lights(axes: Axes, named: list[tuple[float, str]]) -> None:
@@ -97,10 +99,9 @@ def _name_lights(axes: Axes, named: list[tuple[float, str]]) -> None:
     for x, place, (_, name) in zip(at, places, named, strict=True):
         axes.plot([x, x, place], [0, -0.012, -0.05], transform=below, color=FAINT, linewidth=0.5,
                   clip_on=False, zorder=1)  # fmt: skip
-        text = axes.text(place + 0.008, -0.06, name, transform=below, rotation=32, ha="right",
-                         va="top", rotation_mode="anchor", fontsize=6.8, color=INK)  # fmt: skip
-        if len(name) > 18:
-            text.set_text(name[:17].rstrip(" (") + "…")
+        short = name if len(name) <= 18 else name[:17].rstrip(" (") + "…"
+        write(axes, place + 0.008, -0.06, short, transform=below, rotation=32, ha="right",
+              va="top", rotation_mode="anchor", fontsize=6.8, color=INK)  # fmt: skip
 
 
 def _draw_legend(axes: Axes, ways: Sequence[str]) -> None:

@@ -14,21 +14,23 @@ from volspec.appearance import constants as k
 from volspec.appearance import srgb
 from volspec.appearance.models import XYZ_from_cielab, cielab
 from volspec.appearance.wavelengths import spectrum_colours
-from volspec.basis.figure.style import FAINT, INK, plain, shortened, spread
+from volspec.basis.figure.style import FAINT, INK, plain, shortened, spread, write
+from volspec.basis.materials import MaterialBasis
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import color_matching_functions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from volspec.basis.materials import MaterialBasis
     from volspec.basis.model import SpectralBasis
 
 Array = NDArray[np.float64]
 
-_SHOWN_NM = (400.0, 700.0)
 _LINE_LIGHTNESS = (30.0, 58.0)
 _WIDEST_NAME = 1.1
+# More curves than this cannot be followed in one plot; each gets its own line, most with names.
+_MOST_CURVES = 10
+_MOST_NAMED = 30
 # How many numbers fit across and along the plot.
 _ACROSS, _ALONG = 28.0, 16.0
 # Colours nearer than this in CIELAB are told apart by strokes.
@@ -37,46 +39,35 @@ _STROKES = ("-", (0, (4.0, 1.2)), (0, (1.2, 1.0)), (0, (6.0, 1.2, 1.2, 1.2)))
 
 
 def draw_spectra(axes: Axes, basis: SpectralBasis | MaterialBasis) -> None:
-    """Sensors, basis vectors or reflectances, each in the colour it stands for."""
+    """Sensors, basis vectors or reflectances over the basis' grid, in colours they stand for."""
+    from matplotlib.ticker import MultipleLocator
+
     grid = basis.grid
-    materials = getattr(basis, "materials", None)
-    if materials is not None:
-        title, labels = "reflectances of the materials", list(materials)
-        curves = np.array([spectrum.on(grid).values for spectrum in materials.values()])
-    elif basis.method.startswith("pca"):
-        title, curves = "basis vectors (columns of B)", basis.synthesis.T  # type: ignore[union-attr]
-        labels = [str(i + 1) for i in range(basis.size)]
-    else:
-        title, curves = "sensors (rows of A)", basis.analysis  # type: ignore[union-attr]
-        labels = [str(i + 1) for i in range(basis.size)]
-    w = grid.wavelengths_nm
-    shown = (w >= _SHOWN_NM[0]) & (w <= _SHOWN_NM[1])
-    low, high = min(float(curves[:, shown].min()), 0.0), float(curves[:, shown].max())
-    room = 0.1 * (high - low)
-    colours = [line_colour(curve, grid) for curve in curves]
-    strokes = _strokes(colours)
-    axes.set(xlim=_SHOWN_NM, ylim=(low - (room if low < 0 else 0), high + room))
     plain(axes)
-    axes.axhline(0, color=FAINT, linewidth=0.6, zorder=1)
-    for curve, colour, stroke in zip(curves, colours, strokes, strict=True):
-        axes.plot(w, curve, color=colour, linewidth=1.7, linestyle=stroke, zorder=3)
-    if materials is not None:
-        axes.set_ylim(0, max(1.0, 1.05 * high))
-        _name_ends(axes, curves[:, shown][:, -1], labels, colours)
+    axes.set_xlim(grid.start_nm, grid.stop_nm)
+    if isinstance(basis, MaterialBasis):
+        title = "reflectances of the materials"
+        curves = np.array([spectrum.values for spectrum in basis.materials.values()])
+        draw = _draw_ridges if len(curves) > _MOST_CURVES else _draw_reflectances
+        draw(axes, curves, list(basis.materials), grid)
+    elif basis.method.startswith("pca"):
+        title = "basis vectors (columns of B)"
+        _draw_sensors(axes, basis.synthesis.T, grid)
     else:
-        axes.set_yticks([0])
-        _number_peaks(axes, w[shown], curves[:, shown], labels, colours)
+        title = "sensors (rows of A)"
+        _draw_sensors(axes, basis.analysis, grid)
     axes.text(0, 1.105, title, transform=axes.transAxes, fontsize=9.5, color=INK, va="center")
     axes.tick_params(axis="x", pad=11)
-    axes.set_xticks(range(400, 701, 50))
+    axes.xaxis.set_major_locator(MultipleLocator(50 if grid.stop_nm - grid.start_nm < 400 else 100))
     axes.set_xlabel("wavelength, nm", fontsize=8, color=FAINT, labelpad=3)
-    _draw_spectrum(axes)
+    _draw_spectrum(axes, grid)
 
 
 def names_in(basis: SpectralBasis | MaterialBasis) -> float:
     """Inches that the names of materials take beside their curves."""
-    longest = max(map(len, getattr(basis, "materials", None) or [""]))
-    return min(0.062 * longest + 0.05, _WIDEST_NAME) if longest else 0.0
+    if not isinstance(basis, MaterialBasis):
+        return 0.0
+    return min(0.062 * max(map(len, basis.materials)) + 0.05, _WIDEST_NAME)
 
 
 def line_colour(curve: Array, grid: SpectralGrid) -> tuple[float, float, float]:
@@ -92,6 +83,48 @@ def line_colour(curve: Array, grid: SpectralGrid) -> tuple[float, float, float]:
     linear = srgb.linear_from_XYZ(XYZ_from_cielab(Lab, k.DISPLAY_WHITE_XYZ))
     r, g, blue = srgb.encode(linear)
     return float(r), float(g), float(blue)
+
+
+def _draw_sensors(axes: Axes, curves: Array, grid: SpectralGrid) -> None:
+    """Curves from below zero to their peaks, numbered."""
+    low, high = min(float(curves.min()), 0.0), float(curves.max())
+    room = 0.1 * (high - low)
+    axes.set(ylim=(low - (room if low < 0 else 0), high + room), yticks=[0])
+    colours = _draw_curves(axes, curves, grid)
+    labels = [str(i + 1) for i in range(len(curves))]
+    _number_peaks(axes, grid.wavelengths_nm, curves, labels, colours)
+
+
+def _draw_reflectances(axes: Axes, curves: Array, labels: list[str], grid: SpectralGrid) -> None:
+    """Curves from zero to one, named at their ends."""
+    axes.set_ylim(0, max(1.0, 1.05 * float(curves.max())))
+    _name_ends(axes, curves[:, -1], labels, _draw_curves(axes, curves, grid))
+
+
+def _draw_ridges(axes: Axes, curves: Array, labels: list[str], grid: SpectralGrid) -> None:
+    """Each curve on a line of its own, filled, and named at the line."""
+    K = len(curves)
+    axes.set(ylim=(K + 0.15, 0), yticks=[])
+    every = -(-K // _MOST_NAMED)
+    size = float(np.clip(150.0 / K, 5.0, 7.0))
+    for i, (curve, label) in enumerate(zip(curves, labels, strict=True)):
+        base, colour = i + 1.0, line_colour(curve, grid)
+        w, top = grid.wavelengths_nm, base - 0.95 * np.minimum(curve, 1.0)
+        axes.fill_between(w, base, top, color=colour, linewidth=0.4)
+        if i % every == 0:
+            text = write(axes, 1.012, base - 0.4, label, transform=axes.get_yaxis_transform(),
+                         fontsize=size, color=colour, va="center")  # fmt: skip
+            shortened(text, _WIDEST_NAME)
+
+
+def _draw_curves(axes: Axes, curves: Array, grid: SpectralGrid) -> list[Any]:
+    """Curves in their colours, which are given back."""
+    colours = [line_colour(curve, grid) for curve in curves]
+    axes.axhline(0, color=FAINT, linewidth=0.6, zorder=1)
+    for curve, colour, stroke in zip(curves, colours, _strokes(colours), strict=True):
+        axes.plot(grid.wavelengths_nm, curve, color=colour, linewidth=1.7, linestyle=stroke,
+                  zorder=3)  # fmt: skip
+    return colours
 
 
 def _strokes(colours: list[tuple[float, float, float]]) -> list[Any]:
@@ -139,12 +172,13 @@ def _name_ends(axes: Axes, ends: Array, labels: list[str], colours: list[Any]) -
                                     strict=True):  # fmt: skip
         axes.plot([1.0, 1.02], [at, y], transform=frame, color=colour, linewidth=0.6,
                   clip_on=False)  # fmt: skip
-        text = axes.text(1.028, y, label, transform=frame, fontsize=7, color=colour, va="center")
+        text = write(axes, 1.028, y, label, transform=frame, fontsize=7, color=colour, va="center")
         shortened(text, _WIDEST_NAME)
 
 
-def _draw_spectrum(axes: Axes) -> None:
+def _draw_spectrum(axes: Axes, grid: SpectralGrid) -> None:
     """The colours of the wavelengths, as a strip under the axis."""
     strip = axes.inset_axes((0.0, -0.048, 1.0, 0.035))
-    strip.imshow(spectrum_colours(np.linspace(*_SHOWN_NM, 600))[None], aspect="auto")
+    nm = np.linspace(grid.start_nm, grid.stop_nm, 600)
+    strip.imshow(spectrum_colours(nm)[None], aspect="auto")
     strip.set_axis_off()

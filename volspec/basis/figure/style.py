@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,20 @@ def inch_axes(figure: Figure, left: float, bottom: float, width: float, height: 
     """Axes placed in inches from the figure's lower left."""
     w, h = figure.get_size_inches()
     return figure.add_axes((left / w, bottom / h, width / w, height / h))
+
+
+def write(on: Axes | Figure, x: float, y: float, words: str, **style: Any) -> Text:
+    """A text in one line just as it is spelt: no mathtext, a box for what the font lacks."""
+    drawn = "".join(c if _in_font(c) else "\N{WHITE SQUARE}" for c in " ".join(words.split()))
+    return on.text(x, y, drawn, parse_math=False, **style)
+
+
+@cache
+def _in_font(character: str) -> bool:
+    from matplotlib.font_manager import FontProperties, findfont, get_font
+
+    fonts = (get_font(findfont(FontProperties(weight=w))) for w in ("normal", "bold"))
+    return all(font.get_char_index(ord(character)) for font in fonts)
 
 
 def shortened(text: Text, width_in: float) -> None:

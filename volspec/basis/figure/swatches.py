@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from volspec.basis.figure.style import shortened
-from volspec.basis.report.errors import BasisReport, WorstPair
-from volspec.basis.report.text import WAYS, heading_of, number, own_way
+from volspec.basis.figure.style import shortened, write
+from volspec.basis.report.errors import WAYS, BasisReport, WorstPair, own_way
+from volspec.basis.report.text import heading_of, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,10 +54,10 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
     top = tall - 0.56
     by = "" if way == "componentwise" else f", {WAYS[way]}"
     key = f"worst colours: upper left, the full spectra; lower right, {errors.size} channels{by}"
-    axes.text(0.15, tall - 0.18, key, fontsize=8.5, color=_ON_GREY, va="center")
+    write(axes, 0.15, tall - 0.18, key, fontsize=8.5, color=_ON_GREY, va="center")
     for name, pairs in groups.items():
         heading = heading_of(name, len(errors.classes[name].pairs.lights)).removeprefix("the ")
-        axes.text(x, tall - 0.42, heading, fontsize=7.5, color=_QUIET, va="center")
+        write(axes, x, tall - 0.42, heading, fontsize=7.5, color=_QUIET, va="center")
         for pair in pairs:
             left, low = x, top - size
             across, along = (left, left, left + size, left + size), (low, top, top, low)
@@ -66,8 +66,8 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
             lines = (pair.reflectance, f"under {pair.light}", f"ΔE00 {number(pair.delta_e)}")
             for row, line in enumerate(lines):
                 weight = "bold" if row == 2 else "normal"
-                text = axes.text(left, low - 0.1 - 0.128 * row, line, fontsize=6.4, va="center",
-                                 color=_ON_GREY if row != 1 else _QUIET, weight=weight)  # fmt: skip
+                text = write(axes, left, low - 0.1 - 0.128 * row, line, fontsize=6.4, va="center",
+                             color=_ON_GREY if row != 1 else _QUIET, weight=weight)  # fmt: skip
                 shortened(text, pitch - 0.06)
             x += pitch
         x += 0.16
@@ -88,7 +88,7 @@ def shared_out(places: int, wanted: list[int]) -> list[int]:
 
 def worst_pairs(report: BasisReport, count: int, way: str = "componentwise") -> list[WorstPair]:
     """The worst pairs, each of another light, and of another reflectance while there are some."""
-    delta_e = getattr(report.pairs, way)
+    delta_e = report.pairs.delta_e[way]
     found: list[tuple[int, int]] = []
     for once in (True, False):
         for flat in np.argsort(-delta_e, axis=None, kind="stable"):

@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from volspec.basis.checks import ROUND_TRIP_TOLERANCE, round_trip_loss
 from volspec.basis.fit.pca import pca, sharpened_pca
 from volspec.basis.fit.reduced_rank import reduced_rank
-from volspec.basis.fit.sensors import fit_sensors
-from volspec.basis.fit.training import Training
+from volspec.basis.fit.sensors import MOST_ALIKE, fit_sensors
+from volspec.basis.fit.training import LEAST_SIZE, Training, smaller_size
 from volspec.errors import BasisError, nearest
 
 Array = NDArray[np.float64]
@@ -39,6 +40,11 @@ _RESTARTS = ((_FEW_PAIRS, 4), (2000, 2))
 # Strength of the prior "spectra are smooth" against the training spectra's own covariance.
 _PRIOR = 1e-5
 _PRIOR_WIDTH_NM = 40.0
+# A penalty of the order of the colours' own errors leaves nothing but straight lines.
+_MOST_SMOOTHNESS = 1.0
+_USUAL_SIZES = (5, 9)
+# Sensors of a larger condition number than this are not worth having.
+_REFUSED_ALIKE = 100.0
 
 
 def fit_basis(
@@ -57,18 +63,26 @@ def fit_basis(
     """
     _check_method(method)
     _check_size(size, training)
-    if method in _LINEAR and positive:
-        raise BasisError(
-            f"{method} cannot keep its analysis positive; use method='virtual-sensors'"
-        )
+    if method in _LINEAR:
+        _refuse_options(method, positive=positive, smoothness=smoothness, restarts=restarts)
     options = _smoothness(smoothness, training), _restarts(restarts, training)
     with threadpool_limits(1):
-        if method in _LINEAR:
-            return _LINEAR[method](training, size)
-        A, D = fit_sensors(
-            training, size, positive=positive, smoothness=options[0], restarts=options[1]
-        )
-        return A, best_synthesis(A, training), D
+        try:
+            if method in _LINEAR:
+                A, B, D = _LINEAR[method](training, size)
+            else:
+                A, D = fit_sensors(
+                    training, size, positive=positive, smoothness=options[0], restarts=options[1]
+                )
+                B = best_synthesis(A, training)
+        except np.linalg.LinAlgError as error:
+            raise BasisError(
+                f"basis size {size}: {training.label} do not determine it ({error}); "
+                "use a smaller size or more spectra"
+            ) from None
+        alike = np.inf if method in _LINEAR else _REFUSED_ALIKE
+        _check_determined(A, B, training, alike=alike)
+        return A, B, D
 
 
 def best_synthesis(A: Array, training: Training) -> Array:
@@ -105,25 +119,64 @@ def _check_method(method: Any) -> None:
 
 def _check_size(size: Any, training: Training) -> None:
     most = training.grid.size
-    whole = isinstance(size, int | np.integer) and not isinstance(size, bool)
-    if not whole or not 3 <= size <= most:
+    if most < LEAST_SIZE:
         raise BasisError(
-            f"basis size {size!r} is not a whole number from 3 to {most}, the grid's bands; "
-            "5 to 9 is usual"
+            f"a grid of {most} bands is too coarse for a basis, which has {LEAST_SIZE} channels "
+            "or more; use a finer step_nm"
+        )
+    if not _is_whole(size) or not LEAST_SIZE <= size <= most:
+        low, high = _USUAL_SIZES
+        usual = f"; {low} to {high} is usual" if most > high else ""
+        raise BasisError(
+            f"basis size {size!r:.40} is not a whole number from {LEAST_SIZE} to {most}, the "
+            f"grid's bands{usual}"
         )
 
 
-def _smoothness(value: float | None, training: Training) -> float:
+def _check_determined(A: Array, B: Array, training: Training, *, alike: float) -> None:
+    """Refuse sensors so alike that no spectrum can be read back from their channels."""
+    strength = np.linalg.svd(A, compute_uv=False)
+    if strength[0] <= alike * strength[-1] and round_trip_loss(A, B) <= ROUND_TRIP_TOLERANCE:
+        return
+    most = min(int((strength > strength[0] / MOST_ALIKE).sum()), len(A) - 1)
+    raise BasisError(
+        f"basis size {len(A)}: {training.label} do not determine so many channels, which became "
+        f"mixtures of each other; {smaller_size(most)}"
+    )
+
+
+def _refuse_options(method: str, **options: Any) -> None:
+    """What only ``virtual-sensors`` takes."""
+    if options.pop("positive"):
+        raise BasisError(
+            f"{method} cannot keep its analysis positive; use method='virtual-sensors'"
+        )
+    for name, value in options.items():
+        if value is not None:
+            raise BasisError(
+                f"{method} takes no {name}; leave it out, or use method='virtual-sensors'"
+            )
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _smoothness(value: Any, training: Training) -> float:
     if value is None:
         return _SCENE_SMOOTHNESS if training.pairs <= _FEW_PAIRS else DEFAULT_SMOOTHNESS
-    if not (np.isfinite(value) and value >= 0):
-        raise BasisError(f"smoothness {value} is not 0 or more; {DEFAULT_SMOOTHNESS:g} is usual")
+    number = _is_whole(value) or isinstance(value, float | np.floating)
+    if not number or not 0 <= value <= _MOST_SMOOTHNESS:
+        raise BasisError(
+            f"smoothness {value!r:.40} is not a number from 0 to {_MOST_SMOOTHNESS:g}; "
+            f"{DEFAULT_SMOOTHNESS:g} is usual"
+        )
     return float(value)
 
 
-def _restarts(value: int | None, training: Training) -> int:
+def _restarts(value: Any, training: Training) -> int:
     if value is None:
         return next((count for most, count in _RESTARTS if training.pairs <= most), 0)
-    if int(value) != value or value < 0:
-        raise BasisError(f"restarts {value} is not a whole number of 0 or more")
+    if not _is_whole(value) or value < 0:
+        raise BasisError(f"restarts {value!r:.40} is not a whole number of 0 or more")
     return int(value)

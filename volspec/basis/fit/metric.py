@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.models import cielab, cielab_derivative
-from volspec.basis.display import NO_COLOUR
+from volspec.basis.display import NO_COLOUR, visible_white
 from volspec.basis.fit.training import Training
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ def relative_colours(training: Training) -> tuple[Array, Array, Array]:
     # Where a light has no X or Z to speak of there is no ratio to fit; `display_matrix`
     # shows that row in proportion to Y.
     seen = white > NO_COLOUR * white[:, 1:2]
-    white = np.maximum(white, NO_COLOUR * white[:, 1:2])
+    white = visible_white(white)
     ratio = np.matmul(S, (Q * E[:, None]).swapaxes(1, 2)) / white[:, None]
     weights = np.outer(training.light_weights, training.reflectance_weights) / training.pairs
     metric = difference_metric(ratio) * seen[:, None, None, :]

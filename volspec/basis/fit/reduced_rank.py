@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from volspec.basis.fit.metric import relative_colours
 from volspec.basis.fit.sensors import choose_channels
-from volspec.basis.fit.training import Training, check_rank
+from volspec.basis.fit.training import Training, check_rank, counted
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def _frame(training: Training, size: int) -> Array:
     S = training.S * np.sqrt(training.reflectance_weights)[:, None]
     _, strength, directions = np.linalg.svd(S - S.mean(1, keepdims=True), full_matrices=False)
     strength = np.append(np.linalg.norm(S), strength)
-    check_rank(strength, size, f"{len(S)} reflectances and white")
+    check_rank(strength, size, f"{counted(len(S), 'reflectance')} and white")
     kept = max(int((strength > strength[0] * _VARIATION).sum()), size)
     return np.column_stack([np.full(N, N**-0.5), directions[: kept - 1].T])
 

@@ -40,9 +40,8 @@ _TOLERANCE = 1e-5
 _GOOD_ENOUGH = 0.02**2
 # Lighter than for free sensors: not every space holds every light's white.
 _CHANNEL_WHITE_WEIGHT = 8.0
-# Sensors of a larger condition number are mixtures of each other: the rounding of their
-# channels would show.
-_MOST_ALIKE = 30.0
+MOST_ALIKE = 30.0
+"""Sensors of a larger condition number are mixtures of each other: rounding would show."""
 _KNOT_NM = 10.0
 _MOST_FREE_BANDS = 64
 
@@ -101,7 +100,7 @@ def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> 
     for heights in starts:
         state = _descend(problem, heights, positive)
         value = evaluate(problem, state)
-        alike = bool(np.linalg.cond(state.heights) > _MOST_ALIKE)
+        alike = bool(np.linalg.cond(state.heights) > MOST_ALIKE)
         found.append(((alike, value.cost), state))
         if value.colour_error < _GOOD_ENOUGH and not alike:
             break

@@ -11,12 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.basis.checks import basis_errors
 from volspec.errors import BasisError, SpectrumError
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import (
-    check_observer,
     color_matching_functions,
     light_power,
+    real_array,
+    reflectance_values,
     stack,
 )
 from volspec.spectra.spectrum import Spectrum
@@ -28,6 +30,10 @@ Array = NDArray[np.float64]
 _WHITE_SHARE = 0.08
 # Directions weaker than this share of the strongest are rounding, also of squares.
 _RANK = 1e-7
+# What reflects less than this everywhere is black.
+_BLACK = 1e-6
+LEAST_SIZE = 3
+"""Channels: as many as a colour has numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +60,7 @@ class Training:
     @property
     def label(self) -> str:
         """In words."""
-        return f"{len(self.E)} lights x {len(self.S)} reflectances"
+        return f"{counted(len(self.E), 'light')} x {counted(len(self.S), 'reflectance')}"
 
     @property
     def covariance(self) -> Array:
@@ -89,24 +95,27 @@ def training_set(
     Raises
     ------
     BasisError
-        If a list is empty, a spectrum does not cover the grid, a light is none, all
-        reflectances are black, weights do not fit, or the observer is unknown.
+        If a list is empty, a spectrum does not cover the grid, a light or a reflectance is
+        none, all reflectances are black, or weights do not fit.
     """
-    try:
-        check_observer(observer_deg)
-    except SpectrumError as error:
-        raise BasisError(str(error)) from None
-    E, S = _rows(lights, grid, "lights"), _rows(reflectances, grid, "reflectances")
-    if not np.any(S > 0):
-        raise BasisError("reflectances are all black: there is nothing to fit")
+    _require_some(lights, "lights")
+    _require_some(reflectances, "reflectances")
+    with basis_errors("lights"):
+        E = stack(lights, grid).reshape(-1, grid.size).copy()
+    if isinstance(reflectances, Spectrum):
+        reflectances = [reflectances]
+    with basis_errors():
+        S = reflectance_values(reflectances, grid, "reflectances").reshape(-1, grid.size)
+    if S.max() < _BLACK:
+        raise BasisError(
+            f"reflectances are all black (at most {S.max():g}): there is nothing to fit"
+        )
     for k, row in enumerate(E):
         label = f"light {k + 1}"
         if isinstance(lights, list | tuple) and isinstance(lights[k], Spectrum):
             label += f" ({lights[k].name})"
-        try:
+        with basis_errors():
             E[k] = light_power(row, grid, label)
-        except SpectrumError as error:
-            raise BasisError(str(error)) from None
     E *= (100.0 / (E @ color_matching_functions(grid, observer_deg)[1]))[:, None]
     return Training(
         E,
@@ -138,28 +147,41 @@ def check_rank(strength: Array, size: int, what: str) -> None:
     rank = int((strength > strength[0] * _RANK).sum())
     if size > rank:
         raise BasisError(
-            f"basis size {size} exceeds the {rank} dimensions that {what} span; "
-            f"use a size of {rank} or less, or more spectra"
+            f"basis size {size} exceeds the {counted(rank, 'dimension')} that {what} span; "
+            f"{smaller_size(rank)}"
         )
 
 
-def _rows(spectra: Sequence[Spectrum] | ArrayLike, grid: SpectralGrid, what: str) -> Array:
-    if np.size(np.asarray(spectra, dtype=object)) == 0:
+def smaller_size(most: int) -> str:
+    """What to do where the spectra determine so many channels at most."""
+    if most < LEAST_SIZE:
+        return f"{LEAST_SIZE} is the least size: give more spectra"
+    less = "" if most == LEAST_SIZE else " or less"
+    return f"use a size of {most}{less}, or more spectra"
+
+
+def counted(count: int, noun: str) -> str:
+    """``"1 light"``, ``"2 lights"``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _require_some(spectra: Sequence[Spectrum] | ArrayLike, what: str) -> None:
+    if isinstance(spectra, Spectrum):
+        return
+    if not isinstance(spectra, list | tuple | np.ndarray):
+        raise BasisError(f"{what}: {spectra!r:.40} is neither a list of spectra nor an array")
+    count = spectra.size if isinstance(spectra, np.ndarray) else len(spectra)
+    if count == 0:
         raise BasisError(f"{what}: the list is empty; give at least one spectrum")
-    try:
-        array = stack(spectra, grid)
-    except SpectrumError as error:
-        raise BasisError(f"{what}: {error}") from None
-    return np.array(array.reshape(-1, grid.size))
 
 
 def _weights(values: ArrayLike | None, count: int, what: str) -> Array:
     if values is None:
         return np.ones(count)
     try:
-        weights = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise BasisError(f"{what} are not a list of numbers: {error}") from None
+        weights = real_array(values, what)
+    except SpectrumError:
+        raise BasisError(f"{what} are not a list of numbers: {values!r:.40}") from None
     if weights.shape != (count,):
         raise BasisError(
             f"{what} have shape {weights.shape}; expected ({count},), one for each spectrum"

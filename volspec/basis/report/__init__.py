@@ -1,7 +1,6 @@
 """How good a basis is: errors of pairs and products, tables by light class, their text."""
 
 from volspec.basis.report.errors import BasisReport, ErrorSummary, ProductErrors, WorstPair, report
-from volspec.basis.report.pairs import rgb_product_delta_e
 from volspec.basis.report.table import ErrorTable, error_table
 
 __all__ = [
@@ -12,5 +11,4 @@ __all__ = [
     "WorstPair",
     "error_table",
     "report",
-    "rgb_product_delta_e",
 ]

@@ -10,7 +10,7 @@ tell apart.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,15 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
 from volspec.appearance import srgb
-from volspec.basis.report.pairs import PairErrors, pair_errors
-from volspec.basis.report.pairs import rgb_product_delta_e as rgb_product_delta_e
+from volspec.basis.materials import MaterialBasis
+from volspec.basis.report.pairs import RGB_PRODUCT, PairErrors, pair_errors
 from volspec.errors import BasisError
+from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.library import light_set, reflectance_set, reflectance_set_names
-from volspec.spectra.photometry import stack
+from volspec.spectra.photometry import reflectance_values
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
-    from volspec.basis.materials import MaterialBasis
     from volspec.basis.model import SpectralBasis
 
 Array = NDArray[np.float64]
@@ -34,6 +34,21 @@ Reflectances = Sequence[Spectrum] | ArrayLike
 
 ADAPTATION = "CAT02, complete, to the display's D65"
 """How colours under other lights are carried to the display, to be shown side by side."""
+
+WAYS = {
+    "componentwise": "componentwise",
+    "exact": "exact light matrix",
+    "linear-model": "linear model",
+    RGB_PRODUCT: "RGB product",
+}
+"""The ways of making a colour, in words: the modes of a basis, and the RGB renderer's."""
+# What a method is made for, where that is not light times surface by components.
+_MADE_FOR = {"pca": "linear-model", "reduced-rank": "exact"}
+
+
+def own_way(method: str) -> str:
+    """The mode that a method's bases are made for: a key of `WAYS`."""
+    return _MADE_FOR.get(method, "componentwise")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +82,14 @@ class ProductErrors:
 class WorstPair:
     """A light and a reflectance far off: its true colour, and the one shown by the channels.
 
-    XYZ have Y = 100 for white; the sRGB codes are the same colours carried to the display
-    (`ADAPTATION`).
+    ``way`` is the mode of the channels' colour. XYZ have Y = 100 for white; the sRGB codes are
+    the same colours carried to the display (`ADAPTATION`).
     """
 
     light: str
     reflectance: str
     delta_e: float
+    way: str = "componentwise"
     XYZ: tuple[float, ...] = ()
     XYZ_shown: tuple[float, ...] = ()
     sRGB: str = ""
@@ -83,14 +99,15 @@ class WorstPair:
     def at(
         cls, pairs: PairErrors, light: int, reflectance: int, way: str = "componentwise"
     ) -> WorstPair:
-        """One pair of many, shown one way: ``componentwise``, ``exact`` or ``linear_model``."""
+        """One pair of many, shown one way: a mode of the basis."""
         true, shown = pairs.XYZ[light, reflectance], pairs.shown_XYZ[way][light, reflectance]
         codes = displayed(np.array([true, shown]), pairs.white_XYZ[light])
         sRGB, sRGB_shown = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in codes.tolist())
         return cls(
             light=pairs.lights[light],
             reflectance=pairs.reflectances[reflectance],
-            delta_e=float(getattr(pairs, way)[light, reflectance]),
+            delta_e=float(pairs.delta_e[way][light, reflectance]),
+            way=way,
             XYZ=tuple(map(float, true)),
             XYZ_shown=tuple(map(float, shown)),
             sRGB=sRGB,
@@ -106,32 +123,52 @@ class BasisReport:
     size: int
     method: str
     trained_on: str
-    componentwise: ErrorSummary
-    exact: ErrorSummary
-    linear_model: ErrorSummary
-    rgb_product: ErrorSummary
+    errors: dict[str, ErrorSummary]
+    """By way of making a colour (`WAYS`)."""
     products: dict[int, ProductErrors]
     """By the number of surfaces, 2 and 3; empty where channels do not multiply (materials)."""
     worst: WorstPair
+    """Of the way that the basis' method is made for."""
     pairs: PairErrors = field(repr=False, compare=False)
     """Every single error, for figures."""
 
+    @property
+    def componentwise(self) -> ErrorSummary:
+        """Light times surface, channel by channel."""
+        return self.errors["componentwise"]
+
+    @property
+    def exact(self) -> ErrorSummary:
+        """By the light's matrix."""
+        return self.errors["exact"]
+
+    @property
+    def linear_model(self) -> ErrorSummary:
+        """By the product of two spectra of the basis, measured again."""
+        return self.errors["linear-model"]
+
+    @property
+    def rgb_product(self) -> ErrorSummary:
+        """The RGB renderer's: light times surface in three sharp sensors."""
+        return self.errors[RGB_PRODUCT]
+
     def to_dict(self) -> dict[str, Any]:
         """As JSON types, without the single pairs."""
-        kept = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "pairs"}
-        kept["products"] = {str(n): asdict(p) for n, p in self.products.items()}
         return {
-            name: value if isinstance(value, str | int | dict) else asdict(value)
-            for name, value in kept.items()
+            "basis": self.basis,
+            "size": self.size,
+            "method": self.method,
+            "trained_on": self.trained_on,
+            "componentwise": asdict(self.componentwise),
+            "exact": asdict(self.exact),
+            "linear_model": asdict(self.linear_model),
+            "rgb_product": asdict(self.rgb_product),
+            "products": {str(n): asdict(p) for n, p in self.products.items()},
+            "worst": asdict(self.worst),
         }
 
     def __str__(self) -> str:
-        rows = [
-            ("componentwise", self.componentwise),
-            ("exact light matrix", self.exact),
-            ("linear model", self.linear_model),
-            ("RGB product", self.rgb_product),
-        ]
+        rows = [(words, self.errors[way]) for way, words in WAYS.items()]
         for n, errors in self.products.items():
             rows += [
                 (f"{n} surfaces", errors.componentwise),
@@ -143,7 +180,7 @@ class BasisReport:
                 "CIEDE2000 against full spectra: mean / median / 95 % / max",
                 *(f"  {name:18s}  {summary}" for name, summary in rows),
                 f"  worst: {self.worst.reflectance} under {self.worst.light}, "
-                f"{self.worst.delta_e:.3f}",
+                f"{self.worst.delta_e:.3f} ({WAYS[self.worst.way]})",
             ]
         )
 
@@ -175,40 +212,27 @@ def report(
     SpectrumError
         If a spectrum does not cover the basis' grid.
     """
-    grid = basis.grid
-    if lights is None:
-        lights = light_set("smooth", grid)
-    own = getattr(basis, "materials", None)
-    if reflectances is None and own is not None:
-        reflectances, names = list(own.values()), list(own)
-    elif reflectances is None:
-        reflectances = reflectance_set("test", grid)
-        names = reflectance_set_names("test")
-    if names is None and isinstance(reflectances, list | tuple):
-        names = [r.name if isinstance(r, Spectrum) else "" for r in reflectances]
-    lights = [light.on(grid) for light in lights]
-    S = stack(reflectances, grid).reshape(-1, grid.size)
+    lights = light_set("smooth", basis.grid) if lights is None else _lights(lights, basis.grid)
+    if reflectances is None:
+        reflectances, names = _own_samples(basis)
+    S, names = _samples(reflectances, names, basis.grid)
     if not lights or not len(S):
         raise BasisError("report: no lights or no reflectances given; nothing to compare")
-    if names is not None and len(names) != len(S):
-        raise BasisError(f"report: {len(names)} names for {len(S)} reflectances; give one each")
-    names = [name or f"reflectance {i + 1}" for i, name in enumerate(names or [""] * len(S))]
-    pairs = pair_errors(basis, lights, S, _channels(basis, S, names), names, chained=own is None)
-    j, i = divmod(int(pairs.componentwise.argmax()), len(S))
+    chained = not isinstance(basis, MaterialBasis)
+    pairs = pair_errors(basis, lights, S, _channels(basis, S, names), names, chained=chained)
+    way = own_way(basis.method)
+    j, i = divmod(int(pairs.delta_e[way].argmax()), len(S))
     return BasisReport(
         basis=basis.name,
         size=basis.size,
         method=basis.method,
         trained_on=basis.trained_on,
-        componentwise=ErrorSummary.of(pairs.componentwise),
-        exact=ErrorSummary.of(pairs.exact),
-        linear_model=ErrorSummary.of(pairs.linear_model),
-        rgb_product=ErrorSummary.of(pairs.rgb_product),
+        errors={way: ErrorSummary.of(pairs.delta_e[way]) for way in WAYS},
         products={
             n: ProductErrors(ErrorSummary.of(d), ErrorSummary.of(pairs.rgb_products[n]))
             for n, d in pairs.products.items()
         },
-        worst=WorstPair.at(pairs, j, i),
+        worst=WorstPair.at(pairs, j, i, way),
         pairs=pairs,
     )
 
@@ -222,11 +246,44 @@ def displayed(XYZ: Array, white_XYZ: Array) -> NDArray[np.uint8]:
     return srgb.to_uint8(srgb.encode(srgb.linear_from_XYZ(adapted @ np.linalg.inv(CAT02).T)))
 
 
+def _lights(lights: Sequence[Spectrum], grid: SpectralGrid) -> list[Spectrum]:
+    if not isinstance(lights, list | tuple) or not all(isinstance(s, Spectrum) for s in lights):
+        raise BasisError(
+            f"report: lights are {' '.join(repr(lights).split()):.60}; give a list of Spectrum, "
+            "such as [volspec.light('A')]"
+        )
+    return [light.on(grid) for light in lights]
+
+
+def _own_samples(
+    basis: SpectralBasis | MaterialBasis,
+) -> tuple[Reflectances, Sequence[str]]:
+    """What a basis is measured with when nothing is asked for, and what it is called."""
+    if isinstance(basis, MaterialBasis):
+        return list(basis.materials.values()), list(basis.materials)
+    return reflectance_set("test", basis.grid), reflectance_set_names("test")
+
+
+def _samples(
+    reflectances: Reflectances, names: Sequence[str] | None, grid: SpectralGrid
+) -> tuple[Array, list[str]]:
+    """(K, N) values of reflectances, and a name for each."""
+    if isinstance(reflectances, Spectrum):
+        reflectances = [reflectances]
+    S = reflectance_values(reflectances, grid, "report: reflectances").reshape(-1, grid.size)
+    if names is None and isinstance(reflectances, list | tuple):
+        names = [r.name if isinstance(r, Spectrum) else "" for r in reflectances]
+    given = [""] * len(S) if names is None else list(names)
+    if len(given) != len(S):
+        raise BasisError(f"report: {len(given)} names for {len(S)} reflectances; give one each")
+    return S, [name or f"reflectance {i}" for i, name in enumerate(given, start=1)]
+
+
 def _channels(basis: SpectralBasis | MaterialBasis, S: Array, names: Sequence[str]) -> Array:
     """(K, m): measured by the basis, or looked up among its materials."""
-    own = getattr(basis, "materials", None)
-    if own is None:
-        return np.asarray(basis.analyze(S))  # type: ignore[union-attr]
+    if not isinstance(basis, MaterialBasis):
+        return np.asarray(basis.analyze(S))
+    own = basis.materials
     values = np.array([spectrum.on(basis.grid).values for spectrum in own.values()])
     found = []
     for row, name in zip(S, names, strict=True):

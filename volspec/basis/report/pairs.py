@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models import cielab
-from volspec.basis.display import NO_COLOUR
+from volspec.appearance.models import cielab, delta_E_2000
+from volspec.basis.display import MODES, visible_white
 from volspec.spectra._colour import colour_science
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import XYZ_of, color_matching_functions, white_XYZ
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MODES = ("componentwise", "exact", "linear_model")
-"""The modes of ``color_matrix``, as fields of `PairErrors`."""
+RGB_PRODUCT = "rgb-product"
+"""The RGB renderer's way, beside the modes of a basis."""
 PRODUCTS = (2, 3)
 """How many surfaces a ray may have met."""
 _MOST_PRODUCTS = 4000
@@ -48,10 +48,11 @@ class PairErrors:
     ----------
     lights, reflectances : tuple of str
         What they are called.
-    componentwise, exact, linear_model, rgb_product : (J, K) float64
+    delta_e : {way: (J, K) float64}
+        By the modes of ``color_matrix`` and `RGB_PRODUCT`.
     XYZ : (J, K, 3) float64
         The full spectra's colours, Y = 100 for white.
-    shown_XYZ : {"componentwise", "exact", "linear_model": (J, K, 3)}
+    shown_XYZ : {mode: (J, K, 3) float64}
         The channels' colours.
     white_XYZ : (J, 3) float64
         Each light's, no component below what an eye sees.
@@ -62,15 +63,22 @@ class PairErrors:
 
     lights: tuple[str, ...]
     reflectances: tuple[str, ...]
-    componentwise: Array
-    exact: Array
-    linear_model: Array
-    rgb_product: Array
+    delta_e: dict[str, Array]
     XYZ: Array
     shown_XYZ: dict[str, Array]
     white_XYZ: Array
     products: dict[int, Array]
     rgb_products: dict[int, Array]
+
+    @property
+    def componentwise(self) -> Array:
+        """(J, K) float64."""
+        return self.delta_e["componentwise"]
+
+    @property
+    def rgb_product(self) -> Array:
+        """(J, K) float64."""
+        return self.delta_e[RGB_PRODUCT]
 
 
 def pair_errors(
@@ -105,15 +113,15 @@ def pair_errors(
     for light in lights:
         against = _Reference(light, basis.observer_deg)
         true = against.XYZ(reflectances)
-        matrices = {way: basis.color_matrix(light, way.replace("_", "-")) for way in MODES}
+        matrices = {mode: basis.color_matrix(light, mode) for mode in MODES}
         row: dict[Any, Array] = {
             "XYZ": true,
             "white_XYZ": against.white,
-            "rgb_product": against.delta_e(against.lit(rgb), true),
+            RGB_PRODUCT: against.delta_e(against.lit(rgb), true),
         }
-        for way, matrix in matrices.items():
-            row["shown", way] = channels @ matrix.T
-            row[way] = against.delta_e(row["shown", way], true)
+        for mode, matrix in matrices.items():
+            row["shown", mode] = channels @ matrix.T
+            row[mode] = against.delta_e(row["shown", mode], true)
         for n in chosen:
             chain = against.XYZ(spectra[n])
             row[n] = against.delta_e(mixed[n] @ matrices["componentwise"].T, chain)
@@ -125,7 +133,8 @@ def pair_errors(
         reflectances=tuple(names),
         products={n: stacked.pop(n) for n in chosen},
         rgb_products={n: stacked.pop(("rgb", n)) for n in chosen},
-        shown_XYZ={way: stacked.pop(("shown", way)) for way in MODES},
+        delta_e={way: stacked.pop(way) for way in (*MODES, RGB_PRODUCT)},
+        shown_XYZ={mode: stacked.pop(("shown", mode)) for mode in MODES},
         **stacked,
     )
 
@@ -150,27 +159,13 @@ def sharp_surfaces(reflectances: Array, grid: SpectralGrid, observer_deg: int) -
     return np.asarray(((reflectances @ Q.T) @ sharp.T) / (sharp @ Q.sum(1)))
 
 
-def rgb_product_delta_e(
-    lights: Sequence[Spectrum], reflectances: Array, observer_deg: int = 2
-) -> Array:
-    """(J, K) CIEDE2000 of the RGB renderer's way: light times surface in three sharp sensors.
-
-    The surface's XYZ under the flat light and the light's own XYZ are multiplied in the Sharp
-    sensors of Finlayson and Suesstrunk (2000), the best of the usual ones here.
-    """
-    surfaces = sharp_surfaces(reflectances, lights[0].grid, observer_deg)
-    references = [_Reference(light, observer_deg) for light in lights]
-    return np.array([r.delta_e(r.lit(surfaces), r.XYZ(reflectances)) for r in references])
-
-
 class _Reference:
     """One light's full-spectrum colours, and distances from them."""
 
     def __init__(self, light: Spectrum, observer_deg: int) -> None:
         self._light, self._observer = light, observer_deg
         self._own_white = white_XYZ(light, observer_deg)
-        # X and Z below a thousandth of Y, which no eye sees, are taken as that.
-        self.white = np.maximum(self._own_white, NO_COLOUR * self._own_white[1])
+        self.white = visible_white(self._own_white)
 
     def XYZ(self, reflectances: Array) -> Array:
         return XYZ_of(self._light, reflectances, self._observer)
@@ -181,8 +176,7 @@ class _Reference:
         return np.asarray((surfaces * (sharp @ self._own_white)) @ np.linalg.inv(sharp).T)
 
     def delta_e(self, predicted: Array, true: Array) -> Array:
-        Lab = (cielab(XYZ, self.white) for XYZ in (true, predicted))
-        return np.asarray(colour_science().delta_E(*Lab, method="CIE 2000"))
+        return delta_E_2000(cielab(true, self.white), cielab(predicted, self.white))
 
 
 def _sharp() -> Array:

@@ -10,26 +10,12 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from volspec.basis.report.errors import BasisReport, ErrorSummary
+from volspec.basis.report.errors import WAYS, BasisReport, ErrorSummary, own_way
 
 if TYPE_CHECKING:
     from volspec.basis.report.table import ErrorTable
 
 _SURFACES = {2: "two surfaces", 3: "three surfaces"}
-# What a method is made for, where that is not light times surface by components.
-_MADE_FOR = {"pca": "linear_model", "reduced-rank": "exact"}
-WAYS = {
-    "componentwise": "componentwise",
-    "linear_model": "linear model",
-    "exact": "exact light matrix",
-    "rgb_product": "RGB product",
-}
-"""The ways of making a colour, by field of `BasisReport`."""
-
-
-def own_way(method: str) -> str:
-    """The way of making colours that a method is made for: a key of `WAYS`."""
-    return _MADE_FOR.get(method, "componentwise")
 
 
 def number(delta_e: float) -> str:
@@ -74,7 +60,7 @@ def worst_line(errors: ErrorTable, colours: bool) -> Text:
     text.append(worst.reflectance, style="bold")
     text.append(" under ")
     text.append(worst.light, style="bold")
-    text.append(f", ΔE00 {number(worst.delta_e)}\n  full spectra ")
+    text.append(f", ΔE00 {number(worst.delta_e)} ({WAYS[worst.way]})\n  full spectra ")
     _swatch(text, worst.sRGB, colours)
     text.append(f"   {errors.size} channels ")
     _swatch(text, worst.sRGB_shown, colours)
@@ -85,7 +71,7 @@ def verdict(errors: ErrorTable) -> str:
     """How the RGB renderer stands against the basis, in one sentence."""
     parts = []
     for name, report in errors.classes.items():
-        ours = getattr(report, own_way(errors.method)).mean
+        ours = report.errors[own_way(errors.method)].mean
         theirs = report.rgb_product.mean
         if ours > 1e-6:
             times = float(f"{theirs / ours:.2g}")
@@ -100,7 +86,7 @@ def _rows(report: BasisReport) -> list[tuple[str, ErrorSummary, ErrorSummary | N
     ]
     for n, errors in report.products.items():
         rows.append((_SURFACES[n], errors.componentwise, errors.rgb_product))
-    rows += [(WAYS[way], getattr(report, way), None) for way in ("linear_model", "exact")]
+    rows += [(WAYS[way], report.errors[way], None) for way in ("linear-model", "exact")]
     return rows
 
 

@@ -1,0 +1,212 @@
+"""``volspec relight``: error maps, other reflectances, spectral pictures, warnings."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from volspec import cli
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.export import read_frame_text
+from volspec.pipeline import Relighter
+from volspec.raycast import CoefficientImage
+from volspec.relight import ErrorMap, error_map, relight
+from volspec.spectra import DEFAULT_GRID, SpectralImage, light, reflectance, reflectance_set
+
+GENERAL = SpectralBasis.load("general-7")
+METALS = MaterialBasis({"rotor": reflectance("copper"), "case": reflectance("iron")})
+CHART = reflectance_set("test").reshape(7, 12, 31)
+NM = DEFAULT_GRID.wavelengths_nm
+
+
+def call(*words: str | Path) -> int:
+    """The command in this process; returns the exit code."""
+    try:
+        cli.main(["relight", *map(str, words)])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line of a refusal."""
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 and lines[0].startswith("volspec: "), lines
+    return lines[0]
+
+
+def stored(path: Path, basis: Basis = GENERAL) -> Path:
+    """The chart in a basis of spectra; or two metals beside each other, and a mix."""
+    if isinstance(basis, MaterialBasis):
+        shares = [[[0.9, 0.0, 0.0], [0.4, 0.4, 0.1], [0.0, 0.9, 0.0]]]
+        coefficients = np.array(shares, np.float32)
+    else:
+        coefficients = (0.8 * basis.analyze(CHART)).astype(np.float32)
+    alpha = np.full(coefficients.shape[:2], 0.9, np.float32)
+    CoefficientImage(coefficients, alpha, np.ones_like(alpha), basis).save(path)
+    return path
+
+
+def measured(path: Path, kind: Any, values: np.ndarray = CHART) -> Path:
+    SpectralImage(values, NM, kind).save(path)
+    return path
+
+
+def test_errors_writes_a_map_beside_each_frame_and_says_its_figures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chart = stored(tmp_path / "chart.exr")
+    words = (chart, "--light", "FL4", "--light", "A", "-o", tmp_path / "F.png", "--backdrop", "0.5")
+    assert call(*words, "--errors") == 0
+    names = ("F-FL4.png", "F-FL4-errors.png", "F-A.png", "F-A-errors.png")
+    assert {p.name for p in tmp_path.iterdir()} == {"chart.exr", *names}
+    # Long paths are wrapped by the terminal.
+    printed = "".join(capsys.readouterr().out.split())
+    for name in ("FL4", "A"):
+        found = error_map(CoefficientImage.load(chart), light(name), backdrop=0.5)
+        drawn = tmp_path / f"F-{name}-errors.png"
+        assert np.array_equal(iio.imread(drawn), found.image())
+        assert read_frame_text(drawn)["light"] == name
+        assert "".join(f"{drawn}: {found}".split()) in printed
+
+
+def test_without_the_option_no_map_is_written(tmp_path: Path) -> None:
+    chart = stored(tmp_path / "chart.exr")
+    assert call(chart, "--light", "FL4", "-o", tmp_path / "F.png") == 0
+    assert {p.name for p in tmp_path.iterdir()} == {"chart.exr", "F.png"}
+
+
+def test_a_material_is_shown_with_another_reflectance(tmp_path: Path) -> None:
+    """You should see gold where copper was; iron stays."""
+    metals = stored(tmp_path / "metals.exr", METALS)
+    words = (metals, "--light", "D65", "-o")
+    assert call(*words, tmp_path / "plain.png") == 0
+    assert call(*words, tmp_path / "gold.png", "--reflectance", "rotor=gold") == 0
+    both = ("--reflectance", "rotor = gold", "--reflectance", "case=ColorChecker/cyan")
+    assert call(*words, tmp_path / "both.png", *both) == 0
+    plain, gold, two = (iio.imread(tmp_path / f"{n}.png") for n in ("plain", "gold", "both"))
+    changes = {"rotor": reflectance("gold")}
+    with Relighter(CoefficientImage.load(metals)) as relighter:
+        assert np.array_equal(plain, relighter.frame(light("D65")))
+        relighter.set_reflectances(changes)
+        assert np.array_equal(gold, relighter.frame(light("D65")))
+        relighter.set_reflectances({"case": reflectance("ColorChecker/cyan")})
+        assert np.array_equal(two, relighter.frame(light("D65")))
+    off = np.abs(gold.astype(int) - plain).max(axis=-1)[0]
+    assert off[0] > 10 and off[1] > 5 and off[2] == 0
+
+
+@pytest.mark.parametrize(
+    ("basis", "word", "message"),
+    [
+        (GENERAL, "rotor=gold", "reflectances cannot be edited in basis 'general-7'"),
+        (METALS, "rottor=gold", "did you mean 'rotor'"),
+        (METALS, "rotor=goldd", "'gold'"),
+        (METALS, "rotor", "write MATERIAL=REFLECTANCE"),
+        (METALS, "=gold", "write MATERIAL=REFLECTANCE"),
+        (METALS, "rotor=", "write MATERIAL=REFLECTANCE"),
+    ],
+)
+def test_a_reflectance_that_cannot_be_shown_is_refused(
+    basis: Basis, word: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    image = stored(tmp_path / "i.exr", basis)
+    assert call(image, "--light", "A", "-o", tmp_path / "f.png", "--reflectance", word) == 1
+    assert message in said(capsys)
+    assert not (tmp_path / "f.png").exists()
+
+
+def test_a_picture_of_reflectances_is_relit_in_the_basis_asked_for(tmp_path: Path) -> None:
+    picture = measured(tmp_path / "chart.exr", "reflective")
+    frames = {}
+    for name in ("general-7", "general-5"):
+        out = tmp_path / f"{name}.png"
+        assert call(picture, "--basis", name, "--light", "FL2", "-o", out) == 0
+        loaded, basis = SpectralImage.load(picture), SpectralBasis.load(name)
+        image = CoefficientImage.from_spectral_image(loaded, basis)
+        frames[name] = iio.imread(out)
+        assert np.array_equal(frames[name], relight(image, light("FL2")))
+    assert (frames["general-7"] != frames["general-5"]).any()
+    assert frames["general-7"].std() > 30
+
+
+def test_a_picture_of_radiances_is_relit_from_the_light_it_was_taken_under(tmp_path: Path) -> None:
+    picture = measured(tmp_path / "chart.exr", "emissive", 2.5 * CHART * light("A").values)
+    out = tmp_path / "f.png"
+    words = ("--basis", "general-7", "--light", "D65", "-o", out)
+    assert call(picture, *words, "--taken-under", "A") == 0
+    right = iio.imread(out).astype(int)
+    loaded = SpectralImage.load(picture)
+    image = CoefficientImage.from_spectral_image(loaded, GENERAL, light("A"))
+    assert np.array_equal(right, relight(image, light("D65")))
+    assert call(picture, *words, "--taken-under", "D65") == 0
+    assert np.abs(iio.imread(out) - right).max() > 30, "red, where the lamp is left in"
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "message"),
+    [
+        ("reflective", (), "not a coefficient image"),
+        ("emissive", ("--basis", "general-7"), "radiances"),
+        ("reflective", ("--taken-under", "A"), "--taken-under is for spectral pictures; add"),
+        ("reflective", ("--basis", "general-7", "--taken-under", "A"), "only reflective ones"),
+        ("reflective", ("--basis", "general-8"), "'general-7'"),
+        ("emissive", ("--basis", "general-7", "--taken-under", "D56"), "'D65'"),
+        ("emissive", ("--basis", "general-7", "--taken-under", "LPS"), "next to nothing at"),
+    ],
+)
+def test_a_spectral_picture_that_cannot_be_relit_is_refused(
+    kind: str,
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    picture = measured(tmp_path / "chart.exr", kind)
+    assert call(picture, "--light", "A", "-o", tmp_path / "f.png", *words) == 1
+    line = said(capsys)
+    assert message in line
+    assert not (tmp_path / "f.png").exists()
+
+
+# One hundred pixels: their 95 % lies between the 95th and the 96th.
+ERRORS = {
+    "just below three": ([2.99] * 100, False),
+    "just above three": ([3.01] * 100, True),
+    "a few large ones": ([0.1] * 97 + [50.0] * 3, False),
+    "a tenth of all": ([0.1] * 90 + [4.0] * 10, True),
+}
+
+
+@pytest.mark.parametrize("case", ERRORS)
+def test_a_warning_tells_when_one_pixel_in_twenty_is_off_by_three(
+    case: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    values, warned = ERRORS[case]
+    asked = []
+
+    def found(_: Relighter, lamp: Any, mode: str, backdrop: float) -> ErrorMap:
+        asked.append((lamp.name, mode, backdrop))
+        return ErrorMap(np.array([values], np.float32), np.ones((1, 100), np.float32))
+
+    monkeypatch.setattr(Relighter, "error_map", found)
+    chart = stored(tmp_path / "chart.exr")
+    words = ("--mode", "linear-model", "--backdrop", "0.4", "--light", "A")
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        assert call(chart, *words, "-o", tmp_path / "f.png") == 0
+    assert asked == [("A", "linear-model", 0.4)], "the picture's own mode and backdrop"
+    err = capsys.readouterr().err
+    if warned:
+        assert err.count("warning") == 1 and "--mode exact" in err and "A: " in err
+        assert f"{values[-1]:.1f}" in err
+    else:
+        assert err == ""

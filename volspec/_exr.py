@@ -1,0 +1,115 @@
+"""OpenEXR files as a header and named arrays, for every kind of image there is.
+
+    _files -> [_exr] -> spectra, raycast
+
+The parts of a file with several are taken together; its header is the first one's.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec._files import captured_output, write_whole
+from volspec.errors import InputError
+
+Channels = dict[str, NDArray[Any]]
+"""(H, W) by name."""
+
+
+def read_exr(
+    path: str | os.PathLike[str],
+    error: type[InputError],
+    *,
+    missing: str = "no such file",
+    again: str = "export it again",
+) -> tuple[dict[str, Any], Channels]:
+    """The header and every channel of an OpenEXR file.
+
+    Parameters
+    ----------
+    path : path
+    error : type
+        What to raise.
+    missing, again : str
+        What to say where there is no such file, and where it is damaged.
+
+    Returns
+    -------
+    header : {str: value}
+    channels : {str: (H, W) array}
+        As stored: float32, float16 or uint32.
+
+    Raises
+    ------
+    InputError
+        Of the given class, if the file is missing, unreadable or damaged.
+    """
+    import OpenEXR
+
+    name = os.fspath(path)
+    try:
+        # OpenEXR calls whatever it cannot open truncated.
+        Path(name).open("rb").close()
+    except FileNotFoundError:
+        raise error(f"{name}: {missing}") from None
+    except IsADirectoryError:
+        raise error(f"{name}: is a folder; give an .exr file") from None
+    except OSError as fault:
+        raise error(f"{name}: cannot be read: {fault.strerror}") from None
+    said: list[str] = []
+    channels: Channels = {}
+    try:
+        with captured_output(said), OpenEXR.File(name, separate_channels=True) as file:
+            header = dict(file.header())
+            for part in range(len(file.parts)):
+                for key, channel in file.channels(part).items():
+                    if key in channels:
+                        raise error(f"{name}: two parts hold a channel {key!r}; export one part")
+                    channels[key] = np.array(channel.pixels)
+    except error:
+        raise
+    except (RuntimeError, OSError, ValueError) as fault:
+        raise error(f"{name}: not a readable OpenEXR file, or truncated; {again}") from fault
+    if any("error" in line.lower() or "EXR_ERR" in line for line in said):
+        raise error(f"{name}: damaged ({said[-1].strip()}); {again}")
+    return header, channels
+
+
+def write_exr(
+    path: str | os.PathLike[str],
+    header: Mapping[str, Any],
+    channels: Mapping[str, ArrayLike],
+    error: type[InputError],
+) -> None:
+    """Write an OpenEXR file of float32 scan lines, losslessly compressed, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+    header : {str: value}
+        Beside the type and the compression, which are set here.
+    channels : {str: (H, W) array}
+    error : type
+        What to raise.
+
+    Raises
+    ------
+    InputError
+        Of the given class, if the file cannot be written; its own where the folder is at fault.
+    """
+    import OpenEXR
+
+    layout = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
+    pixels = {key: np.ascontiguousarray(image, np.float32) for key, image in channels.items()}
+    with write_whole(path) as temporary:
+        try:
+            with captured_output([]):
+                OpenEXR.File({**header, **layout}, pixels).write(os.fspath(temporary))
+        except (RuntimeError, OSError, ValueError) as fault:
+            raise error(f"{os.fspath(path)}: cannot be written: {fault}") from fault
