@@ -17,7 +17,7 @@ from volspec.basis.display import white_exact
 from volspec.basis.make import fit_library
 from volspec.errors import BasisError, SpectrumError, VolspecWarning
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, light, reflectance
-from volspec.spectra.photometry import reflectance_values
+from volspec.spectra.values import reflectance_values
 
 LIGHTS = [light(n) for n in ("D65", "A", "FL2")]
 GOLD, COPPER = reflectance("gold"), reflectance("copper")

@@ -25,7 +25,7 @@ from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, reli
 from volspec.relight import gpu as gpu_module
 from volspec.relight.reference import relight_reference
 from volspec.spectra import SpectralGrid, Spectrum, light
-from volspec.spectra.photometry import color_matching_functions
+from volspec.spectra.observer import color_matching_functions
 
 GRID = SpectralGrid()
 RAW = Viewing(model="none")

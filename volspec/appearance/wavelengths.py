@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import srgb
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import color_matching_functions
+from volspec.spectra.observer import color_matching_functions
 
 _SEEN = SpectralGrid(360.0, 830.0, 2.0)
 

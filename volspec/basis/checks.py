@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import BasisError, SpectrumError
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import check_observer, real_array
+from volspec.spectra.observer import check_observer
+from volspec.spectra.values import real_array
 
 if TYPE_CHECKING:
     from volspec.basis.materials import MaterialBasis

@@ -27,8 +27,9 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.basis import checks, display, storage
 from volspec.errors import BasisError
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.photometry import color_matching_functions, light_power, stack
+from volspec.spectra.observer import color_matching_functions
 from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.values import light_power, stack
 
 if TYPE_CHECKING:
     from volspec.basis.report import BasisReport

@@ -23,7 +23,7 @@ from volspec._exr import read_exr, write_exr
 from volspec.basis import Basis, SpectralBasis, basis_from_dict
 from volspec.errors import BasisError, ImageError, ShapeError
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
-from volspec.spectra.photometry import light_power
+from volspec.spectra.values import light_power
 
 FORMAT = 1
 # What a camera's noise may bring below 0, and highlights above 1, in a spectral picture.

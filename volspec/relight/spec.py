@@ -21,8 +21,9 @@ from volspec.appearance.spec import Viewing
 from volspec.basis import MODES
 from volspec.errors import ViewingError, nearest
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import illuminance_lux, light_power
+from volspec.spectra.photometry import illuminance_lux
 from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.values import light_power
 
 # (H, W, 3), uint8 or float32 as asked for.
 Pixels = NDArray[Any]

@@ -11,13 +11,8 @@ from volspec.spectra.library import (
     reflectance_set,
     reflectance_set_names,
 )
-from volspec.spectra.photometry import (
-    XYZ_of,
-    color_matching_functions,
-    illuminance_lux,
-    luminance,
-    white_XYZ,
-)
+from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.photometry import XYZ_of, illuminance_lux, luminance, white_XYZ
 from volspec.spectra.spectral_image import SpectralImage
 from volspec.spectra.spectrum import Spectrum
 

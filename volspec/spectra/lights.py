@@ -24,13 +24,11 @@ from volspec.spectra._colour import colour_science
 from volspec.spectra._paths import path_text
 from volspec.spectra.files import FILE_FORMS, on_grid, read_spectrum, split_address
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
-from volspec.spectra.photometry import (
-    color_matching_functions,
-    extended_band_means,
-    light_power,
-)
+from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.spectrum import Spectrum
 from volspec.spectra.tables import read_number
+from volspec.spectra.values import light_power
 
 # Second radiation constant h c / k in nm K (CODATA 2018; 000 eq. 7 has a misprint).
 _C2_NM_K = 1.438776877e7

@@ -17,7 +17,7 @@ from volspec.appearance.wavelengths import spectrum_colours
 from volspec.basis.figure.style import FAINT, INK, plain, shortened, spread, write
 from volspec.basis.materials import MaterialBasis
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import color_matching_functions
+from volspec.spectra.observer import color_matching_functions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

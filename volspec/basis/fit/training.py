@@ -14,14 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.basis.checks import basis_errors
 from volspec.errors import BasisError, SpectrumError
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import (
-    color_matching_functions,
-    light_power,
-    real_array,
-    reflectance_values,
-    stack,
-)
+from volspec.spectra.observer import color_matching_functions
 from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.values import light_power, real_array, reflectance_values, stack
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from volspec.basis.report.pairs import RGB_PRODUCT, PairErrors, pair_errors
 from volspec.errors import BasisError
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.library import light_set, reflectance_set, reflectance_set_names
-from volspec.spectra.photometry import reflectance_values
 from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.values import reflectance_values
 
 if TYPE_CHECKING:
     from volspec.basis.model import SpectralBasis

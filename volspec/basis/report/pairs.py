@@ -22,7 +22,8 @@ from volspec.appearance.models import cielab, delta_E_2000
 from volspec.basis.display import MODES, visible_white
 from volspec.spectra._colour import colour_science
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import XYZ_of, color_matching_functions, white_XYZ
+from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.photometry import XYZ_of, white_XYZ
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
