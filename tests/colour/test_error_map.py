@@ -72,7 +72,7 @@ def test_one_call_gives_an_image_with_its_scale() -> None:
     with Relighter(chart(), backend="numpy") as relighter:
         found = relighter.error_map(LightRig((light("FL4"), light("A"))))
     picture = found.image()
-    assert picture.shape == (148 + 58, 470, 3) and picture.dtype == np.uint8
+    assert picture.shape == (148 + 58, 540, 3) and picture.dtype == np.uint8
     heat = found.heat()
     assert np.array_equal(picture[:7, :12], heat)
     worst = np.unravel_index(found.delta_e.argmax(), found.delta_e.shape)

@@ -132,11 +132,11 @@ def relight(
         for text, spectrum, path, beside in zip(light, spectra, paths, maps, strict=True):
             frame = relighter.frame(spectrum, spec.viewing, spec.mode, spec.backdrop, spec.level)
             write_frame(path, frame, {"light": text, "Software": f"volspec {__version__}"})
-            Console().print(f"{path}", highlight=False)
+            Console().print(f"{path}", highlight=False, soft_wrap=True)
             off = relighter.error_map(spectrum, spec.mode, spec.backdrop)
             if errors:
                 write_frame(beside, off.image(), {"light": text, "shows": str(off)})
-                Console().print(f"{beside}: {off}", highlight=False)
+                Console().print(f"{beside}: {off}", highlight=False, soft_wrap=True)
             if off.p95 > AT_A_GLANCE:
                 warnings.warn(
                     f"{text}: {off.p95:.1f} ΔE00 lie between the {spec.mode} colours and those of "

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _COVERED = 0.05  # opacity from which a pixel counts in the figures
 _ROWS = 64  # rows at a time: CIEDE2000 takes some forty temporaries
 _BAR, _MARGIN, _TEXT = 18, 14, 62  # pixels of the scale at the map's right
-_LEAST, _CAPTION = (470, 148), 58  # so that five numbers and two lines stay legible
+_LEAST, _CAPTION = (540, 148), 58  # so that five numbers and two lines stay legible
 _PAPER, _INK = (24, 24, 26), (236, 236, 236)
 _TOPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 
