@@ -75,7 +75,12 @@ static inline void clip(float top, floatN o, floatN d, floatN *near, floatN *far
     *far = LOWER(leave, *far);
 }
 
-// Where rays (one axis of them) leave the interval low…high.
+// Where rays are along one axis, held within the volume.
+static inline floatN position(floatN o, floatN d, floatN along, float top) {
+    return LOWER(UPPER(o + along * d, 0.0f), top);
+}
+
+// Where rays (one axis of them) leave the bricks low…high.
 static inline floatN leaves(intN low, intN high, floatN o, floatN d, floatN inverse) {
     const floatN side = CONVERT_FLOAT(PICK(MASK(d > 0.0f), high, low) * BRICK);
     return PICK(MASK(d == 0.0f), FAR, (side - o) * inverse);
@@ -145,11 +150,9 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             const floatN at_k = CONVERT_FLOAT(k);
             const floatN begin = UPPER(at_k * step, near.v);
             const floatN middle = 0.5f * (begin + LOWER((at_k + 1.0f) * step, far.v));
-            const floatN px = LOWER(UPPER(ox.v + middle * dx.v, 0.0f), cast.top.x);
-            const floatN py = LOWER(UPPER(oy.v + middle * dy.v, 0.0f), cast.top.y);
-            const floatN pz = LOWER(UPPER(oz.v + middle * dz.v, 0.0f), cast.top.z);
-            const intN x = CONVERT_INT(px) / BRICK, y = CONVERT_INT(py) / BRICK,
-                       z = CONVERT_INT(pz) / BRICK;
+            const intN x = CONVERT_INT(position(ox.v, dx.v, middle, cast.top.x)) / BRICK;
+            const intN y = CONVERT_INT(position(oy.v, dy.v, middle, cast.top.y)) / BRICK;
+            const intN z = CONVERT_INT(position(oz.v, dz.v, middle, cast.top.z)) / BRICK;
             intL brick, distance;
             brick.v = (z * cast.bricks_y + y) * cast.bricks_x + x;
             FOR_LANES(l) distance.s[l] = leaps[brick.s[l]];
@@ -174,9 +177,9 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
         const floatN step_end = CONVERT_FLOAT(k + 1) * step;
         const floatN begin = UPPER(step_begin, near.v), end = LOWER(step_end, far.v);
         const floatN middle = 0.5f * (begin + end);
-        const floatN px = LOWER(UPPER(ox.v + middle * dx.v, 0.0f), cast.top.x);
-        const floatN py = LOWER(UPPER(oy.v + middle * dy.v, 0.0f), cast.top.y);
-        const floatN pz = LOWER(UPPER(oz.v + middle * dz.v, 0.0f), cast.top.z);
+        const floatN px = position(ox.v, dx.v, middle, cast.top.x);
+        const floatN py = position(oy.v, dy.v, middle, cast.top.y);
+        const floatN pz = position(oz.v, dz.v, middle, cast.top.z);
         const intN ix = CONVERT_INT(px), iy = CONVERT_INT(py), iz = CONVERT_INT(pz);
         const floatN fx = px - CONVERT_FLOAT(ix), fy = py - CONVERT_FLOAT(iy),
                      fz = pz - CONVERT_FLOAT(iz);

@@ -193,8 +193,8 @@ def test_a_warning_tells_when_one_pixel_in_twenty_is_off_by_three(
     values, warned = ERRORS[case]
     asked = []
 
-    def found(_: Relighter, lamp: Any, mode: str, backdrop: float) -> ErrorMap:
-        asked.append((lamp.name, mode, backdrop))
+    def found(_: Relighter, lamp: Any, mode: str, backdrop: float, every: int) -> ErrorMap:
+        asked.append((lamp.name, mode, backdrop, every))
         return ErrorMap(np.array([values], np.float32), np.ones((1, 100), np.float32))
 
     monkeypatch.setattr(Relighter, "error_map", found)
@@ -203,7 +203,7 @@ def test_a_warning_tells_when_one_pixel_in_twenty_is_off_by_three(
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         assert call(chart, *words, "-o", tmp_path / "f.png") == 0
-    assert asked == [("A", "linear-model", 0.4)], "the picture's own mode and backdrop"
+    assert asked == [("A", "linear-model", 0.4, 1)], "the picture's own mode and backdrop"
     err = capsys.readouterr().err
     if warned:
         assert err.count("warning") == 1 and "--mode exact" in err and "A: " in err

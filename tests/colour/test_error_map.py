@@ -136,3 +136,9 @@ def test_a_closed_relighter_gives_no_map() -> None:
     relighter.close()
     with pytest.raises(RelightError, match="already closed"):
         relighter.error_map(light("A"))
+
+
+def test_a_sample_is_every_nth_pixel_of_the_map() -> None:
+    whole = error_map(chart(), light("FL4"))
+    part = error_map(chart(), light("FL4"), every=3)
+    assert np.array_equal(part.delta_e, whole.delta_e[::3, ::3])

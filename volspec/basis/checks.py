@@ -19,7 +19,7 @@ from volspec.spectra.observer import check_observer
 from volspec.spectra.values import real_array
 
 if TYPE_CHECKING:
-    from volspec.basis.materials import MaterialBasis
+    from volspec.basis.base import StoredBasis
     from volspec.basis.model import SpectralBasis
 
 Array = NDArray[np.float64]
@@ -118,7 +118,7 @@ def round_trip_loss(A: Array, B: Array) -> float:
     return float(np.abs(A @ B - np.eye(len(A))).max())
 
 
-def channels(basis: SpectralBasis | MaterialBasis, coefficients: ArrayLike) -> Array:
+def channels(basis: StoredBasis, coefficients: ArrayLike) -> Array:
     """(..., m) float64 coefficients of a basis.
 
     Raises

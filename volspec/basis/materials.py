@@ -16,8 +16,7 @@ References
 from __future__ import annotations
 
 import hashlib
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -26,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import checks, display, storage
+from volspec.basis.base import StoredBasis
 from volspec.errors import BasisError, nearest
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.observer import color_matching_functions
@@ -33,14 +33,14 @@ from volspec.spectra.spectrum import Spectrum
 from volspec.spectra.values import light_power, real_array, reflectance_values
 
 if TYPE_CHECKING:
-    from volspec.basis.report import BasisReport
+    pass
 
 Array = NDArray[np.float64]
 METHOD = storage.MATERIALS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MaterialBasis:
+class MaterialBasis(StoredBasis):
     """K materials as channels, and one channel of white for highlights.
 
     Parameters
@@ -154,10 +154,6 @@ class MaterialBasis:
         Q = color_matching_functions(self.grid, self.observer_deg)
         return np.asarray((Q * E) @ self._reflectances().T * (100.0 / (Q[1] @ E)))
 
-    def xyz(self, coefficients: ArrayLike, light: Spectrum) -> Array:
-        """(..., 3) colour of mixtures (..., K + 1) under a light, Y = 100 for white."""
-        return checks.channels(self, coefficients) @ self.color_matrix(light).T
-
     def with_reflectances(self, changes: Mapping[str, Spectrum]) -> MaterialBasis:
         """The same channels with other reflectances.
 
@@ -182,38 +178,10 @@ class MaterialBasis:
                 )
         return replace(self, materials={**self.materials, **changes})
 
-    def report(
-        self,
-        lights: Sequence[Spectrum] | None = None,
-        reflectances: Sequence[Spectrum] | ArrayLike | None = None,
-    ) -> BasisReport:
-        """CIEDE2000 against full spectra, by default of its own materials.
-
-        See `volspec.basis.report.report`.
-        """
-        from volspec.basis.report import report
-
-        return report(self, lights, reflectances)
-
     def to_dict(self) -> dict[str, Any]:
         """Everything as JSON types, with a format version; numbers keep every digit."""
         rows = {name: spectrum.values.tolist() for name, spectrum in self.materials.items()}
         return storage.to_dict(self, {"materials": rows})
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .json file; it appears whole or not at all."""
-        storage.write(path, self.to_dict())
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> MaterialBasis:
-        """A file written by `save`.
-
-        Raises
-        ------
-        BasisError
-            Names the file and what is wrong with it.
-        """
-        return storage.load(path, cls.from_dict)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> MaterialBasis:

@@ -16,7 +16,6 @@ References
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -25,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import checks, display, storage
+from volspec.basis.base import StoredBasis
 from volspec.errors import BasisError
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.observer import color_matching_functions
@@ -32,13 +32,13 @@ from volspec.spectra.spectrum import Spectrum
 from volspec.spectra.values import light_power, stack
 
 if TYPE_CHECKING:
-    from volspec.basis.report import BasisReport
+    pass
 
 Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpectralBasis:
+class SpectralBasis(StoredBasis):
     """Analysis, synthesis and display matrices that belong together; read-only.
 
     Parameters
@@ -136,22 +136,6 @@ class SpectralBasis:
         """(..., m) channels to (..., N) spectra: the basis' best guess."""
         return checks.channels(self, coefficients) @ self.synthesis.T
 
-    def xyz(self, coefficients: ArrayLike, light: Spectrum) -> NDArray[np.float64]:
-        """Colour of reflectance coefficients under a light, componentwise.
-
-        Parameters
-        ----------
-        coefficients : (..., m) array
-            Reflectances (or a coefficient image's pixels) under flat white.
-        light : Spectrum
-
-        Returns
-        -------
-        (..., 3) float64
-            XYZ, Y = 100 for a perfect diffuser.
-        """
-        return checks.channels(self, coefficients) @ self.color_matrix(light).T
-
     def color_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[np.float64]:
         """What takes a picture's channels to XYZ under a light.
 
@@ -182,7 +166,7 @@ class SpectralBasis:
         e = self.analysis @ E
         if mode == "componentwise":
             return display.display_matrix(self.XYZ_from_channels, e, E, self._Q) * e
-        R = display.illumination_matrix(self.analysis, self.synthesis, e)
+        R = self.illumination_matrix(light)
         return display.display_matrix(self.XYZ_from_channels @ R, self.white, E, self._Q)
 
     def display_matrix(self, light: Spectrum) -> NDArray[np.float64]:
@@ -322,27 +306,6 @@ class SpectralBasis:
             observer_deg=observer_deg,
         )
 
-    def report(
-        self,
-        lights: Sequence[Spectrum] | None = None,
-        reflectances: Sequence[Spectrum] | ArrayLike | None = None,
-    ) -> BasisReport:
-        """CIEDE2000 against full spectra; by default 26 smooth lights x 84 held-out samples.
-
-        See `volspec.basis.report.report`.
-
-        Examples
-        --------
-        >>> from volspec.spectra import light, reflectance
-        >>> samples = [reflectance("gold"), reflectance("CES/5")]
-        >>> table = SpectralBasis.load("general-7").report([light("D65"), light("A")], samples)
-        >>> table.componentwise.max < 0.1 < table.rgb_product.max
-        True
-        """
-        from volspec.basis.report import report
-
-        return report(self, lights, reflectances)
-
     def to_dict(self) -> dict[str, Any]:
         """Everything as JSON types, with a format version; numbers keep every digit."""
         matrices = ("analysis", "synthesis", "XYZ_from_channels")
@@ -366,26 +329,6 @@ class SpectralBasis:
         basis = cls(**storage.head_from_dict(data, names), **{name: data[name] for name in names})
         storage.require_unedited(basis, data)
         return basis
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .json file; it appears whole or not at all."""
-        storage.write(path, self.to_dict())
-
-    @classmethod
-    def load(cls, name_or_path: str | os.PathLike[str]) -> SpectralBasis:
-        """A shipped basis by name (``"general-7"``), or a file written by `save`.
-
-        Raises
-        ------
-        BasisError
-            Names the file and what is wrong with it; an unknown name lists the shipped ones.
-
-        Examples
-        --------
-        >>> SpectralBasis.load("general-7").size
-        7
-        """
-        return storage.load(name_or_path, cls.from_dict)
 
     @property
     def fingerprint(self) -> str:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # CIEDE2000 that an eye notices at a glance: worth a warning.
 AT_A_GLANCE = 3.0
+# Rows and columns of a picture that are looked at for that warning, at least.
+_SAMPLED = 64
 
 
 @app.command
@@ -133,7 +135,9 @@ def relight(
             frame = relighter.frame(spectrum, spec.viewing, spec.mode, spec.backdrop, spec.level)
             write_frame(path, frame, {"light": text, "Software": f"volspec {__version__}"})
             Console().print(f"{path}", highlight=False, soft_wrap=True)
-            off = relighter.error_map(spectrum, spec.mode, spec.backdrop)
+            # For the warning alone some of a large picture's pixels are enough.
+            every = 1 if errors else max(1, min(stored.size) // _SAMPLED)
+            off = relighter.error_map(spectrum, spec.mode, spec.backdrop, every)
             if errors:
                 write_frame(beside, off.image(), {"light": text, "shows": str(off)})
                 Console().print(f"{beside}: {off}", highlight=False, soft_wrap=True)

@@ -162,6 +162,7 @@ def error_map(
     light: Spectrum | LightRig,
     mode: str = "componentwise",
     backdrop: float | Spectrum = 0.2,
+    every: int = 1,
 ) -> ErrorMap:
     """CIEDE2000 between a picture and the one of the exact light matrix, pixel by pixel.
 
@@ -176,6 +177,8 @@ def error_map(
         What is measured against ``"exact"``, the light matrix.
     backdrop : float or Spectrum
         As in `Relighter.frame`; both pictures have it.
+    every : int
+        Look at every n-th row and column only, where the figures matter and not the map.
 
     Raises
     ------
@@ -187,15 +190,16 @@ def error_map(
         for name in (mode, "exact")
     )
     white = visible_white(exact.white_XYZ)
-    delta_e = np.empty(image.alpha.shape, np.float32)
+    coefficients, alpha = image.coefficients[::every, ::every], image.alpha[::every, ::every]
+    delta_e = np.empty(alpha.shape, np.float32)
     for row in range(0, len(delta_e), _ROWS):
         rows = slice(row, row + _ROWS)
         seen, true = (
-            cielab(matrix.scene_XYZ(image.coefficients[rows], image.alpha[rows]), white)
+            cielab(matrix.scene_XYZ(coefficients[rows], alpha[rows]), white)
             for matrix in (lit, exact)
         )
         delta_e[rows] = delta_E_2000(true, seen)
     lights = (light,) if isinstance(light, Spectrum) else light.lights
     name = "+".join(spectrum.name for spectrum in lights if spectrum.name)
     compared = f"{mode} against the exact light matrix"
-    return ErrorMap(delta_e, np.asarray(image.alpha), name, compared)
+    return ErrorMap(delta_e, np.asarray(alpha), name, compared)

@@ -183,6 +183,7 @@ class Relighter:
         light: Spectrum | LightRig,
         mode: str = "componentwise",
         backdrop: float | Spectrum = 0.2,
+        every: int = 1,
     ) -> ErrorMap:
         """How far the picture's colours are from the exact light matrix', pixel by pixel.
 
@@ -190,6 +191,8 @@ class Relighter:
         ----------
         light, mode, backdrop
             As `frame`.
+        every : int
+            Look at every n-th row and column only: quick, where the map itself is not wanted.
 
         Returns
         -------
@@ -204,7 +207,7 @@ class Relighter:
             As `frame`.
         """
         self._require_open()
-        return error_map(self._image, light, mode, backdrop)
+        return error_map(self._image, light, mode, backdrop, every)
 
     def set_reflectances(self, reflectances: Mapping[str, Spectrum]) -> None:
         """Give materials other reflectances, with no new cast; the next frame shows them.

@@ -1,5 +1,5 @@
 """A basis in one picture: its sensors, its errors light by light, its worst colours."""
 
-from volspec.basis.figure.draw import basis_figure, figure_pixels, save_figure
+from volspec.basis.figure.draw import basis_figure, save_figure
 
-__all__ = ["basis_figure", "figure_pixels", "save_figure"]
+__all__ = ["basis_figure", "save_figure"]

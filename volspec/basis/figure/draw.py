@@ -12,9 +12,6 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from volspec._files import write_whole
 from volspec.basis.figure.errors import NOTHING, draw_errors, matrix_way
 from volspec.basis.figure.spectra import draw_spectra, names_in
@@ -79,15 +76,6 @@ def save_figure(
     kind = Path(path).suffix.lstrip(".").lower()
     with write_whole(path) as temporary:
         basis_figure(basis, errors).savefig(temporary, format=kind, dpi=DPI)
-
-
-def figure_pixels(basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> NDArray[np.uint8]:
-    """(H, 1600, 3) sRGB codes of `basis_figure`."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    canvas = FigureCanvasAgg(basis_figure(basis, errors))
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
 def _has_colours(errors: ErrorTable) -> bool:
