@@ -1,7 +1,7 @@
 # One command each on a machine with Python 3.11+, git and make.
 #   make demo    the bundled engine CT, cast once and relit
 #   make test    every check; what CI runs
-#   make bench   against peers, as ratios
+#   make bench   against peers, and what was asked of each figure
 #   make trust   the slow figures: every basis against full spectra, the time of fits
 PYTHON ?= python3
 VENV := .venv

@@ -1,41 +1,71 @@
-"""How fast is a cast? Against VTK's fixed-point mapper, same data, camera and step."""
+"""How fast is a cast? Against VTK's fixed-point mapper, same data, camera, points and step."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
-from benchmarks.measure import Comparison, compare
-from benchmarks.vtk_peer import FixedPointPeer, Points
-from volspec._gpu.sources import asset
+from benchmarks.measure import Comparison, Figure, compare
+from benchmarks.volumes import BenchScene, bench_scenes
+from benchmarks.vtk_peer import ALPHA_STOP, Points, VtkPeer, fixed_point
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, RaycastSpec
-from volspec.scene import Scene
+from volspec.raycast import RaycastSpec
 
 SIZE = (512, 512)
 SPECS = {
     "flat": RaycastSpec(ambient=1, diffuse=0),
     "shaded": RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24),
 }
+ASKED = 3
+# Ours ends a ray where the fixed-point mapper does.
+STOPPED = {name: replace(spec, alpha_stop=ALPHA_STOP) for name, spec in SPECS.items()}
 
 
-def grey_points(scene: Scene) -> Points:
+def grey_points(scene: BenchScene) -> Points:
     """The scene's opacities for VTK, in one colour: what it casts, not how it looks, is timed."""
-    return [(p.value, p.opacity, (0.7, 0.7, 0.75)) for p in scene.file.transfer.points]
+    return [(value, opacity, (0.7, 0.7, 0.75)) for value, opacity, _ in scene.transfer.points]
 
 
-def rows() -> Iterator[Comparison]:
-    """Cast the demo's engine, seven channels, flat and shaded."""
-    scene = Scene.load(asset("data/scenes/engine.toml"))
-    volume = scene.volume()
-    camera: Camera = scene.camera(volume)
-    caster = Raycaster(volume)
-    points = grey_points(scene)
-    for name, spec in SPECS.items():
-        peer = FixedPointPeer(volume, points, camera, SIZE, spec)
-        yield compare(
-            f"cast/engine/{name}",
-            "vtk-fixed-point",
-            caster.device,
-            lambda spec=spec: raycast(volume, scene.transfer, camera, SIZE, spec, caster=caster),
-            peer.redraw,
-        )
+def peer_of(
+    scene: BenchScene, spec: RaycastSpec, mapper: Callable[..., VtkPeer] = fixed_point
+) -> VtkPeer:
+    """A mapper of VTK's on the scene."""
+    reference_mm = scene.transfer.reference_step_mm or min(scene.volume.spacing_mm)
+    return mapper(scene.volume, grey_points(scene), reference_mm, scene.camera, SIZE, spec)
+
+
+def against(
+    scene: BenchScene,
+    kind: str,
+    caster: Raycaster,
+    mapper: Callable[..., VtkPeer] = fixed_point,
+    peer_name: str = "vtk-fixed-point",
+    runs: int = 7,
+) -> Comparison:
+    """Time a cast beside a mapper of VTK's that redraws with other colours.
+
+    Both sides take in a transfer function and deliver a picture.
+    """
+    spec = STOPPED[kind]
+    peer = peer_of(scene, spec, mapper)
+    return compare(
+        f"cast/{scene.name}/{kind}",
+        peer_name,
+        caster.device,
+        lambda: raycast(scene.volume, scene.transfer, scene.camera, SIZE, spec, caster=caster),
+        peer.redraw,
+        runs=runs,
+    )
+
+
+def figures() -> Iterator[Figure]:
+    """Seven channels, five volumes, flat and shaded."""
+    for scene in bench_scenes():
+        if not isinstance(scene, BenchScene):
+            name, why = scene
+            yield Figure(f"cast/{name}", None, ASKED, note=why)
+            continue
+        caster = Raycaster(scene.volume)
+        for kind in STOPPED:
+            row = against(scene, kind, caster)
+            yield Figure(row.name, row.ratio, ASKED, row=row)

@@ -1,14 +1,16 @@
-"""Time two callables in turn and keep the ratio."""
+"""Time two callables in turn, keep the ratio, hold it against what was asked."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
 
 RESULTS = Path("build/bench.json")
 
@@ -26,21 +28,50 @@ class Comparison:
     commit: str
 
 
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A question's answer: what was reached, what was asked, and the times behind it.
+
+    Parameters
+    ----------
+    name : str
+    reached : float, optional
+        None where it could not be measured; ``note`` then says why.
+    asked : float, optional
+        None where nothing was asked.
+    at_most : bool
+        Whether less is better.
+    unit : str
+    row : Comparison, optional
+    note : str
+    """
+
+    name: str
+    reached: float | None
+    asked: float | None = None
+    at_most: bool = False
+    unit: str = "x"
+    row: Comparison | None = None
+    note: str = ""
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the figure is met; None where nothing was asked or measured."""
+        if self.reached is None or self.asked is None:
+            return None
+        return self.reached <= self.asked if self.at_most else self.reached >= self.asked
+
+
 def in_turn(
     ours: Callable[[], object], peer: Callable[[], object], our_calls: int = 1, runs: int = 7
-) -> tuple[float, float, float]:
-    """Median milliseconds of both, run alternately, and the median ratio.
+) -> NDArray[np.float64]:
+    """Milliseconds of both, run alternately: (runs, 2).
 
     Each side is timed right after an untimed call of its own: neither pays for the caches the
-    other has filled, as neither does when a user drags a slider. The ratio is taken pair by
-    pair, so that a machine whose speed drifts does not move it.
+    other has filled, as neither does when a user drags a slider. What is made of them is to be
+    taken pair by pair, so that a machine whose speed drifts does not move it.
     """
-    pairs = [(_warm_ms(ours, our_calls), _warm_ms(peer)) for _ in range(runs)]
-    return (
-        median(a for a, _ in pairs),
-        median(b for _, b in pairs),
-        median(b / a for a, b in pairs),
-    )
+    return np.array([(_warm_ms(ours, our_calls), _warm_ms(peer)) for _ in range(runs)])
 
 
 def _warm_ms(call: Callable[[], object], calls: int = 1) -> float:
@@ -68,16 +99,45 @@ def compare(
     ours: Callable[[], object],
     peer: Callable[[], object],
     our_calls: int = 1,
+    runs: int = 7,
 ) -> Comparison:
-    """Measure and print one row; ``our_calls`` of ours are timed together, per call."""
-    ours_ms, peer_ms, ratio = in_turn(ours, peer, our_calls)
-    row = Comparison(name, peer_name, ours_ms, peer_ms, ratio, device, commit())
-    print(f"{name:32s} ours {ours_ms:8.1f} ms   {peer_name} {peer_ms:8.1f} ms   ratio {ratio:5.2f}")
-    return row
+    """Measure and print one row: medians, and the median ratio.
+
+    ``our_calls`` of ours are timed together, per call.
+    """
+    pairs = in_turn(ours, peer, our_calls, runs)
+    ours_ms, peer_ms = (float(n) for n in np.median(pairs, axis=0))
+    ratio = float(np.median(pairs[:, 1] / pairs[:, 0]))
+    print(
+        f"{name:28s} ours {ours_ms:8.1f} ms   {peer_name} {peer_ms:8.1f} ms   ratio {ratio:6.2f}",
+        flush=True,
+    )
+    return Comparison(name, peer_name, ours_ms, peer_ms, ratio, device, commit())
 
 
-def save(rows: list[Comparison]) -> None:
+def save(figures: Iterable[Figure]) -> None:
     """Write the rows for machines."""
+    rows = [asdict(figure.row) for figure in figures if figure.row]
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    RESULTS.write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n")
+    RESULTS.write_text(json.dumps(rows, indent=2) + "\n")
     print(f"written to {RESULTS}")
+
+
+def report(figures: Iterable[Figure]) -> str:
+    """A line each: the figure, what was asked, what was reached, whether it is met.
+
+    >>> print(report([Figure("cast", 4.12, asked=3), Figure("scan", None, 3, note="no file")]))
+    figure                                asked     reached
+    cast                                  ≥ 3 x      4.12 x  met
+    scan                                  ≥ 3 x              skipped: no file
+    """
+    lines = [f"{'figure':32s}{'asked':>11s}{'reached':>12s}"]
+    for figure in figures:
+        sign = "≤" if figure.at_most else "≥"
+        asked = "" if figure.asked is None else f"{sign} {figure.asked:g} {figure.unit}"
+        reached = "" if figure.reached is None else f"{figure.reached:.3g} {figure.unit}"
+        verdict = {True: "met", False: "MISSED", None: ""}[figure.met]
+        if figure.reached is None:
+            verdict = f"skipped: {figure.note}"
+        lines.append(f"{figure.name:32s}{asked:>11s}{reached:>12s}  {verdict}".rstrip())
+    return "\n".join(lines)

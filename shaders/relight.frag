@@ -1,21 +1,24 @@
 // Relight a coefficient image: every light change is this one pass.
 //
-//     XYZ   = D (e ∘ C) + (1 - alpha) XYZ_backdrop        or P_E C in exact mode
+//     XYZ   = Σ D_g (e_g ∘ C_g) + (1 - alpha) XYZ_backdrop    over light groups g;
+//                                                              P_E C_g in exact mode
 //     frame = encode(appearance(XYZ))
 //
 // NumPy twin: volspec/relight/host.py; truth: volspec/relight/reference.py (colour-science).
 //
 // Reads   coefficients   texture array, LAYERS layers of RGBA float (16 or 32 bit), image row 0
 //                        at texel row 0. Channel i is component i % 4 of layer i / 4:
-//                        0 .. M-1 the premultiplied coefficients C, M the opacity alpha, then 0.
+//                        the premultiplied coefficients C, M channels of one light group after
+//                        the other's, then the opacity alpha, then 0.
 //         XYZ_from_layer one mat4x3 per layer, column j the XYZ that a 1 in component j adds:
-//                        D diag(e) (or P_E) for C, -XYZ_backdrop for alpha. Y = 100 for white.
+//                        D diag(e) (or P_E) of the group for C, -XYZ_backdrop for alpha. Y = 100
+//                        for white.
 //         backdrop_XYZ   XYZ where nothing covers the backdrop.
 //         passage        CIECAM02's numbers (include/ciecam02.glsl); absent for model "none".
 // Writes  frame          sRGB code values 0 to 1, alpha 1.
-// Host    LAYERS, CIECAM02 (1 or 0), SAME_SURROUND (1 or 0), FIRST_ROW_AT_BOTTOM (1 where what is drawn will be read
-//         back, GL's rows running up; 0 for a canvas or window), IMAGE_HEIGHT (pixels, used if
-//         0), and volspec.appearance.constants.shader_constants().
+// Host    LAYERS, CIECAM02 (1 or 0), SAME_SURROUND (1 or 0), FIRST_ROW_AT_BOTTOM (1 where what is
+//         drawn will be read back, GL's rows running up; 0 for a canvas or window), IMAGE_HEIGHT
+//         (pixels, used if 0), and volspec.appearance.constants.shader_constants().
 //
 // Valid for `330 core` and `300 es`; the host writes the version line.
 #ifdef GL_ES

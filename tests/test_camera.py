@@ -69,26 +69,26 @@ def test_the_first_row_is_the_top_and_the_first_column_the_left() -> None:
     volume = Volume(values)
     table = TransferTable((0.0, 1.0), np.linspace(0, 1, 1024), np.ones((1024, 1)), 1.0)
     camera = Camera.orbit(volume, azimuth_deg=0, elevation_deg=0)
-    _, alpha, _ = Raycaster(volume).cast(table, camera, (40, 40), RaycastSpec())
+    _, alpha, *_ = Raycaster(volume).cast(table, camera, (40, 40), RaycastSpec())
     row, column = np.unravel_index(alpha.argmax(), alpha.shape)
     assert row < 15 and column > 25
 
 
-def test_pictures_need_a_positive_size_and_at_most_24_channels() -> None:
+def test_pictures_need_a_positive_size_and_at_most_32_channels() -> None:
     volume = phantom.ball(8)
     caster, camera = Raycaster(volume), Camera.orbit(volume)
-    table = TransferTable((0.0, 1.0), np.linspace(0, 1, 64), np.ones((64, 25)), 1.0)
+    table = TransferTable((0.0, 1.0), np.linspace(0, 1, 64), np.ones((64, 33)), 1.0)
     for size in [(0, 5), (10**6, 10**6), (64.5, 64), 64, "big"]:
         with pytest.raises(RaycastError, match=r"1x1 to|whole pixels"):
             caster.cast(table, camera, size, RaycastSpec())  # type: ignore[arg-type]
-    with pytest.raises(RaycastError, match="25 channels; at most 24"):
+    with pytest.raises(RaycastError, match="33 channels; at most 32"):
         caster.cast(table, camera, (5, 5), RaycastSpec())
 
 
 def test_a_picture_beyond_the_device_s_memory_is_refused_in_one_line() -> None:
     volume = phantom.ball(8)
     table = TransferTable((0.0, 1.0), np.linspace(0, 1, 64), np.ones((64, 16)), 1.0)
-    with pytest.raises((DeviceError, MemoryError), match=r"no room for|allocate"):
+    with pytest.raises((DeviceError, MemoryError), match=r"needs .* are free; cast it smaller"):
         Raycaster(volume).cast(table, Camera.orbit(volume), (16384, 16384), RaycastSpec())
 
 

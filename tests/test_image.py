@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import OpenEXR
 import pytest
 
+from volspec._exr import write_exr
 from volspec._files import write_whole
 from volspec.basis import SpectralBasis
 from volspec.errors import ImageError, InputError, ShapeError
@@ -66,10 +68,23 @@ def other_basis_version(header: dict, channels: dict) -> None:
     ("change", "message"),
     [
         (other_basis_version, "basis is refused.*version.*render again"),
-        (lambda h, c: h.update({"volspec:format": 2}), "format 2, this volspec reads 1"),
+        (lambda h, c: h.update({"volspec:format": 3}), "format 3, this volspec reads 1 and 2"),
         (lambda h, c: h.pop("volspec:basis"), "not a coefficient image"),
         (lambda h, c: h.update({"volspec:basis": "{"}), "basis is refused"),
         (lambda h, c: c.pop("coefficients.03"), "'coefficients.03' is missing"),
+        (lambda h, c: h.pop("volspec:groups"), "light groups are refused.*render again"),
+        (lambda h, c: h.update({"volspec:groups": '{"key": 2}'}), "'key' has share 2"),
+        (lambda h, c: h.update({"volspec:groups": '["key"]'}), "light groups are refused"),
+        (
+            lambda h, c: h.update({"volspec:groups": '{"key": 0.5, "fill": 0.5}'}),
+            r"'key\.coefficients\.00' is missing",
+        ),
+        (lambda h, c: c["A"].__isub__(0.5), "'A' runs from -0.4.* an opacity is 0…1"),
+        (lambda h, c: c["A"].__imul__(3), "'A' runs from 0.* an opacity is 0…1"),
+        (
+            lambda h, c: c.update({k: v.astype(np.uint32) for k, v in c.items() if "." in k}),
+            "coefficients are uint32",
+        ),
     ],
 )
 def test_images_of_another_making_are_refused(
@@ -81,6 +96,111 @@ def test_images_of_another_making_are_refused(
     with pytest.raises(ImageError, match=message) as caught:
         CoefficientImage.load(path)
     assert "image.exr" in str(caught.value) and "\n" not in str(caught.value)
+
+
+ODD = {
+    "key.left": 0.5,
+    "fill light ~ 50 %": 0.25,
+    "%2E": 0.125,
+    "Lücke": 0.0625,
+    "a-b_c" * 40: 0.0625,
+}
+
+
+def grouped(image: CoefficientImage, kind: type = np.float32) -> CoefficientImage:
+    """Five light groups with names that OpenEXR or a layer's name could trip over."""
+    layers = np.concatenate([share * image.coefficients for share in ODD.values()], axis=-1)
+    first = np.where(image.alpha > 0.7, image.depth_mm / 2, np.inf).astype(np.float32)
+    return dataclasses.replace(image, coefficients=layers.astype(kind), groups=ODD, first_mm=first)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float16])
+def test_light_groups_come_back_under_their_own_names(
+    image: CoefficientImage, tmp_path: Path, kind: type
+) -> None:
+    made = grouped(image, kind)
+    made.save(tmp_path / "image.exr")
+    again = CoefficientImage.load(tmp_path / "image.exr")
+    assert type(again.groups) is dict and list(again.groups.items()) == list(ODD.items())
+    assert again.coefficients.dtype == kind
+    assert np.array_equal(again.coefficients, made.coefficients)
+    assert again.alpha.dtype == again.depth_mm.dtype == np.float32
+    assert np.array_equal(again.first_mm, made.first_mm)
+    for name in ODD:
+        assert np.array_equal(again.layer(name), made.layer(name))
+
+
+def test_light_groups_are_layers_of_the_file(image: CoefficientImage, tmp_path: Path) -> None:
+    grouped(image, np.float16).save(tmp_path / "image.exr")
+    layers = ("key%2Eleft", "fill%20light%20%7E%2050%20%25", "%252E", "L%C3%BCcke", "a-b_c" * 40)
+    assert [unquote(layer) for layer in layers] == list(ODD)
+    with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
+        channels = {name: channel.pixels.dtype for name, channel in file.channels().items()}
+        assert json.loads(file.header()["volspec:groups"]) == ODD
+    halves = {f"{layer}.coefficients.{k:02d}": np.float16 for layer in layers for k in range(7)}
+    assert channels == halves | dict.fromkeys(("A", "Z", "ZFirst"), np.float32)
+
+
+def test_images_of_format_1_have_one_light_group(image: CoefficientImage, tmp_path: Path) -> None:
+    header = {"volspec:format": 1, "volspec:basis": json.dumps(image.basis.to_dict())}
+    channels = {f"coefficients.{k:02d}": image.coefficients[..., k] for k in range(7)}
+    channels |= {"A": image.alpha, "Z": image.depth_mm}
+    write_exr(tmp_path / "old.exr", header, channels, ImageError)
+    again = CoefficientImage.load(tmp_path / "old.exr")
+    assert again.groups == {"light": 1.0} and again.first_mm is None
+    assert np.array_equal(again.coefficients, image.coefficients)
+    assert np.array_equal(again.layer("light"), image.coefficients)
+
+
+def test_a_compositor_s_rounding_of_opacity_is_clipped(
+    image: CoefficientImage, tmp_path: Path
+) -> None:
+    alpha = image.alpha.copy()
+    alpha[0, :2] = -5e-4, 1 + 5e-4
+    dataclasses.replace(image, alpha=alpha).save(tmp_path / "image.exr")
+    again = CoefficientImage.load(tmp_path / "image.exr").alpha
+    assert again[0, :2].tolist() == [0, 1]
+    assert np.array_equal(again[1:], alpha[1:])
+
+
+def test_a_layer_is_a_view_of_its_group_s_channels(image: CoefficientImage) -> None:
+    made = grouped(image)
+    for k, name in enumerate(ODD):
+        layer = made.layer(name)
+        assert layer.shape == (12, 9, 7) and np.shares_memory(layer, made.coefficients)
+        assert np.array_equal(layer, made.coefficients[..., 7 * k : 7 * k + 7])
+    assert repr(made) == f"CoefficientImage(9x12, 7 channels in each of {', '.join(ODD)})"
+    assert repr(image) == "CoefficientImage(9x12, 7 channels)"
+    with pytest.raises(ImageError, match=r"no light group 'key'; .*it has key\.left, fill light"):
+        made.layer("key")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"groups": {"key": 0.5, "fill": 0.4}}, "key, fill sum to 0.9; they must sum to 1"),
+        ({"groups": {"key": 1.5, "fill": -0.5}}, "'key' has share 1.5"),
+        ({"groups": {"fill": -0.5, "key": 1.5}}, "'fill' has share -0.5; give a number of 0…1"),
+        ({"groups": {"key": float("nan")}}, "'key' has share nan"),
+        ({"groups": {"key": "much"}}, "'key' has share 'much'"),
+        ({"groups": {"key": True}}, "'key' has share True"),
+        ({"groups": {}}, "groups is {}; give {name: share}"),
+        ({"groups": ("key",)}, r"groups is \('key',\)"),
+        ({"groups": {" ": 1.0}}, "a light group is named ' '"),
+        ({"groups": {3: 1.0}}, "a light group is named 3"),
+        ({"groups": {"ü" * 34: 1.0}}, "a name of 204 characters in a file, at most 200 fit"),
+        ({"groups": {"a": 0.5, "b": 0.5}}, r"7 channels for each of 2 .* expected \(H, W, 14\)"),
+        ({"coefficients": np.zeros((12, 9, 7))}, "are float64; give float32 or float16"),
+        ({"coefficients": np.zeros((12, 9, 7)).tolist()}, "are list; give float32"),
+        ({"first_mm": np.zeros((9, 12), np.float32)}, r"first_mm has shape \(9, 12\); expected"),
+    ],
+)
+def test_groups_and_arrays_that_no_cast_leaves_are_refused(
+    image: CoefficientImage, change: dict, message: str
+) -> None:
+    with pytest.raises((ImageError, ShapeError), match=message) as caught:
+        dataclasses.replace(image, **change)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("note", ["garbage", '{"model": 3}', '{"newkey": 3}', "[1]"])

@@ -1,17 +1,22 @@
-"""Transfer functions: what a table holds, and what is refused."""
+"""Transfer functions of points: what a table holds, and what is refused."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from volspec.basis import SpectralBasis
+from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.errors import TransferError, VolspecWarning
 from volspec.spectra import Spectrum, reflectance
-from volspec.transfer import TransferFunction, TransferTable
+from volspec.transfer import TransferFunction
 
 BASIS = SpectralBasis.load("general-7")
 MATERIALS = {"copper": reflectance("copper"), "steel": reflectance("steel")}
+# Ten reflectances for seven channels.
+MANY = {f"CES/{i}": reflectance(f"CES/{i}") for i in range(1, 11)}
+AMBER = Spectrum([390, 500, 600, 710], [0.1, 0.2, 0.9, 0.9])
 
 
 def function(*points: object, **settings: object) -> TransferFunction:
@@ -57,6 +62,107 @@ def test_narrow_peaks_are_not_missed() -> None:
         ).bake(1)
 
 
+def test_only_materials_in_use_are_rows() -> None:
+    table = function((0, 0.5, "steel"), (1, 0.5, {"steel": 0.5, "copper": 0})).bake(1.0)
+    assert table.shares.shape == (1024, 1) and table.channels.shape == (1, 7)
+    assert np.allclose(table.channels[0], BASIS.analyze(MATERIALS["steel"]))
+
+
+@settings(derandomize=True, deadline=None, max_examples=50)
+@given(st.lists(st.lists(st.floats(0, 0.1), min_size=10, max_size=10), min_size=2, max_size=4))
+def test_rows_are_never_more_than_channels_and_colours_are_the_mixes(shares: list) -> None:
+    mixes = [dict(zip(MANY, row, strict=True)) for row in shares]
+    mixes = [mix if any(mix.values()) else {"CES/1": 0.1} for mix in mixes]
+    points = [(value, 0.5, mix) for value, mix in enumerate(mixes)]
+    table = TransferFunction(points, MANY, BASIS).bake(1.0, size=3 * (len(mixes) - 1) + 1)
+    assert len(table.channels) <= 7 == table.size
+    for i, mix in enumerate(mixes):
+        expected = sum(share * BASIS.analyze(MANY[name]) for name, share in mix.items())
+        assert np.allclose(table.coefficients[3 * i], expected)
+
+
+def test_gradients_multiply_the_opacity() -> None:
+    points = (0, 0.2, "steel"), (1, 0.8, "copper")
+    gradients = [(10, 0.0), (20, 1.0), (40, 0.5)]
+    plain = function(*points).bake(1.0, size=5)
+    table = function(*points, gradient_opacity=gradients).bake(1.0, size=5, rows=9)
+    assert table.gradient_top == 40 and table.opacity.shape == (9, 5)
+    factors = np.array([0, 0, 0, 0.5, 1, 0.875, 0.75, 0.625, 0.5])  # at 0, 5, … 40
+    assert np.allclose(table.opacity, factors[:, None] * plain.opacity)
+    assert np.array_equal(table.shares, np.broadcast_to(plain.shares, (9, 5, 2)))
+    assert table.shares.flags.c_contiguous
+    # The factor is of a reference step: half a step lets the root through.
+    assert np.isclose(table.step_opacity(0.5)[3, 0], 1 - 0.9**0.5)
+
+
+def test_tables_of_gradients_are_64_rows_or_more_for_close_points() -> None:
+    def rows(*gradients: tuple) -> int:
+        return len(function((0, 1, "steel"), gradient_opacity=gradients).bake(1.0).opacity)
+
+    assert rows((0, 0), (50, 1)) == rows((5, 0.5)) == 64
+    assert rows((0, 0), (40, 0), (41, 1)) == 256
+    with pytest.warns(VolspecWarning, match=r"gradients at 400 and 401 are too close"):
+        assert rows((0, 0), (400, 0), (401, 1)) == 256
+
+
+def test_filters_are_mixed_by_shares_and_free_of_opacity() -> None:
+    table = function(
+        (0, 0.1, "steel"), (1, 0.9, {"copper": 0.25, "steel": 0.25}), filters={"copper": AMBER}
+    ).bake(1.0, size=3)
+    amber = BASIS.analyze(AMBER)
+    assert amber.min() > 0 and amber.max() < 1
+    # In the middle 0.125 of copper and 0.625 of steel: a sixth.
+    assert table.filters is not None
+    assert np.allclose(table.filters, np.outer([0, 1 / 6, 1 / 2], amber))
+
+
+def test_a_table_without_a_filter_in_use_has_none() -> None:
+    for filters in ({}, {"copper": AMBER}):
+        assert function((0, 0.5, "steel"), filters=filters).bake(1.0).filters is None
+
+
+def test_filters_beyond_the_basis_are_clipped_and_told() -> None:
+    narrow = Spectrum([390, 549, 550, 560, 561, 710], [0, 0, 1, 1, 0, 0])
+    signed = function((0, 0.5, "copper"), filters={"copper": narrow})
+    assert BASIS.analyze(narrow).min() < -0.02
+    with pytest.warns(VolspecWarning, match=r"filter of 'copper' leaves 0…1 by 0\.") as caught:
+        filters = signed.bake(1.0).filters
+    assert filters is not None and filters.min() == 0 and filters.max() <= 1
+    assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"gradient_opacity": []}, "no gradient_opacity"),
+        ({"gradient_opacity": 5}, "gradient_opacity is 5; give a list"),
+        ({"gradient_opacity": [5]}, "gradient_opacity 1 is 5; expected"),
+        ({"gradient_opacity": [(0, 1)]}, "ends at gradient 0"),
+        ({"gradient_opacity": [(-1, 1)]}, "gradient -1; give 0 or more"),
+        ({"gradient_opacity": [(float("inf"), 1)]}, "gradient inf"),
+        ({"gradient_opacity": [(0, 0), (0, 1)]}, "gradient 0 after 0; let gradients rise"),
+        ({"gradient_opacity": [(5, 2)]}, "factor 2; give 0…1"),
+        ({"filters": [AMBER]}, "give {material: Spectrum}"),
+        ({"filters": {"coper": AMBER}}, "'coper'; did you mean 'copper'"),
+        ({"filters": {"copper": "amber"}}, "expected a Spectrum of 0…1"),
+        ({"filters": {"copper": Spectrum([390, 710], [0, 2])}}, "lets 0 to 2 through"),
+        ({"filters": {"copper": AMBER}, "gradient_opacity": [(5, 1)]}, "do not go together"),
+        ({"reference_step_mm": "long"}, "reference_step_mm is 'long'"),
+        ({"reference_step_mm": float("nan")}, "reference_step_mm is nan"),
+    ],
+)
+def test_bad_settings_are_named_in_one_line(settings: dict, message: str) -> None:
+    with pytest.raises(TransferError, match=message) as caught:
+        function((0, 0.5, "steel"), **settings)
+    assert "\n" not in str(caught.value)
+
+
+def test_channels_of_materials_have_no_filters() -> None:
+    basis = MaterialBasis(MATERIALS)
+    with pytest.raises(TransferError, match="need channels of wavelengths"):
+        TransferFunction([(0, 1, "steel")], MATERIALS, basis, filters={"steel": AMBER})
+
+
 def test_materials_must_be_reflectances() -> None:
     def one(material: object, basis: object = BASIS) -> TransferFunction:
         return TransferFunction([(0, 0.5, "m")], {"m": material}, basis)  # type: ignore[arg-type,dict-item]
@@ -67,25 +173,9 @@ def test_materials_must_be_reflectances() -> None:
         one("copper")
     with pytest.raises(TransferError, match="expected a SpectralBasis"):
         one(MATERIALS["steel"], "general-7")
-    with pytest.warns(VolspecWarning, match="reflects up to 5"):
+    with pytest.warns(VolspecWarning, match="reflects up to 5") as caught:
         one(Spectrum([390, 710], [5, 5]))
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"domain": (5.0, 5.0)},
-        {"opacity": np.full(8, 2.0)},
-        {"opacity": np.zeros(1), "coefficients": np.zeros((1, 2))},
-        {"coefficients": np.zeros((7, 2))},
-        {"reference_step_mm": 0.0},
-    ],
-)
-def test_tables_are_valid_at_birth(change: dict) -> None:
-    good = {"domain": (0.0, 1.0), "opacity": np.zeros(8), "coefficients": np.zeros((8, 2))}
-    TransferTable(**good, reference_step_mm=1.0)
-    with pytest.raises(TransferError, match="transfer table"):
-        TransferTable(**{**good, "reference_step_mm": 1.0, **change})
+    assert caught[0].filename == __file__
 
 
 def test_step_opacity_is_corrected_for_the_step() -> None:
@@ -113,7 +203,11 @@ def test_reference_step_defaults_to_the_smallest_spacing() -> None:
         (((0, 0.5, {"steel": -1}),), "share -1"),
         (((0, 0.5, {}),), "sum to 0"),
         (((0, 0.5),), "expected"),
-        (((0, "much", "steel"),), "expected"),
+        (((0, "much", "steel"),), "opacity is 'much'; expected a number"),
+        (((0, True, "steel"),), "opacity is True"),
+        (((0, 0.5, 7),), "material is 7; expected a name or"),
+        (((0, 0.5, {"steel": "all"}),), "share of 'steel' is 'all'"),
+        (5 * ("x",), "point 1 is 'x'; expected"),
     ],
 )
 def test_bad_points_are_named_in_one_line(points: tuple, message: str) -> None:

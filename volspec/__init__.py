@@ -16,16 +16,23 @@ _HOMES = {
     "volspec.appearance": ("Display", "Viewing"),
     "volspec.basis": ("MaterialBasis", "SpectralBasis", "load_basis"),
     "volspec.export": ("write_frame",),
-    "volspec.errors": ("DeviceError", "InputError", "VolspecError", "VolspecWarning"),
-    "volspec.pipeline": ("Relighter", "raycast", "relight"),
-    "volspec.raycast": ("Camera", "CoefficientImage", "RaycastSpec"),
+    "volspec.errors": (
+        *("CastCancelled", "DeviceError", "InputError", "VolspecError", "VolspecWarning"),
+    ),
+    "volspec.pipeline": ("Relighter", "raycast", "refine", "relight"),
+    "volspec.raycast": (
+        *("Ambient", "Camera", "ClipPlane", "CoefficientImage", "Directional", "Headlight"),
+        *("LightGroup", "Point", "RaycastSpec"),
+    ),
     "volspec.relight": ("LightRig",),
     "volspec.scene": ("Scene",),
     "volspec.spectra": (
         *("SpectralGrid", "SpectralImage", "Spectrum", "light", "light_names"),
         *("read_spectrum", "reflectance", "reflectance_names"),
     ),
-    "volspec.transfer": ("TransferFunction",),
+    "volspec.transfer": (
+        *("Isosurfaces", "LabelFunction", "Region", "TransferFunction", "TransferFunction2D"),
+    ),
     "volspec.volume": ("Volume", "load_volume", "phantom"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}

@@ -87,7 +87,7 @@ def write_exr(
     channels: Mapping[str, ArrayLike],
     error: type[InputError],
 ) -> None:
-    """Write an OpenEXR file of float32 scan lines, losslessly compressed, whole or not at all.
+    """Write an OpenEXR file of scan lines, losslessly compressed, whole or not at all.
 
     Parameters
     ----------
@@ -95,6 +95,7 @@ def write_exr(
     header : {str: value}
         Beside the type and the compression, which are set here.
     channels : {str: (H, W) array}
+        float16 stays so; everything else is written as float32.
     error : type
         What to raise.
 
@@ -106,10 +107,14 @@ def write_exr(
     import OpenEXR
 
     layout = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
-    pixels = {key: np.ascontiguousarray(image, np.float32) for key, image in channels.items()}
+    pixels = {key: _stored(np.asarray(image)) for key, image in channels.items()}
     with write_whole(path) as temporary:
         try:
             with captured_output([]):
                 OpenEXR.File({**header, **layout}, pixels).write(os.fspath(temporary))
         except (RuntimeError, OSError, ValueError) as fault:
             raise error(f"{os.fspath(path)}: cannot be written: {fault}") from fault
+
+
+def _stored(image: NDArray[Any]) -> NDArray[Any]:
+    return np.ascontiguousarray(image, np.float16 if image.dtype == np.float16 else np.float32)

@@ -1,7 +1,12 @@
-"""What this machine offers: OpenCL and GL devices, versions, and how to mend what is missing."""
+"""What this machine offers: OpenCL and GL devices, versions, and how to mend what is missing.
+
+Casts run on the first GPU, else the first CPU; the environment variable ``VOLSPEC_DEVICE``
+(part of a device's or platform's name, or the number shown here) chooses another.
+"""
 
 from __future__ import annotations
 
+import os
 import platform
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -9,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from volspec import __version__
 from volspec._gpu import opencl
-from volspec.errors import OpenGLError
+from volspec.errors import OpenCLError, OpenGLError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -27,7 +32,9 @@ class Examination:
     Parameters
     ----------
     opencl : tuple of DeviceInfo
-        The first is the one casts run on.
+    casts_on : int or None
+        Which of them casts run on; None where there is none, or none that ``VOLSPEC_DEVICE``
+        names.
     gl : str or None
         Renderer and version of the headless context relighting draws in.
     problems : tuple of str
@@ -39,6 +46,7 @@ class Examination:
     python: str
     versions: dict[str, str]
     opencl: tuple[opencl.DeviceInfo, ...]
+    casts_on: int | None
     gl: str | None
     problems: tuple[str, ...]
     healthy: bool
@@ -55,14 +63,19 @@ class Examination:
         table = Table(title=f"volspec {__version__}, {self.python}", show_header=False)
         for i, device in enumerate(self.opencl):
             memory = f"{device.memory_bytes / 2**30:.1f} GiB"
-            used = " (casts run here)" if i == 0 else ""
+            used = " (casts run here)" if i == self.casts_on else ""
             table.add_row(
-                "OpenCL",
+                f"OpenCL {i}",
                 f"{device.name}{used}\n{device.platform}, {device.version}, "
                 f"{device.compute_units} compute units, {memory}",
             )
         if not self.opencl:
             table.add_row("OpenCL", "[red]no device[/red]")
+        variable = os.environ.get(opencl.DEVICE_VARIABLE)
+        table.add_row(
+            opencl.DEVICE_VARIABLE,
+            escape(variable) if variable else "not set; a name's part or a number chooses a device",
+        )
         table.add_row("GL", self.gl or "[yellow]no context: relighting uses NumPy[/yellow]")
         table.add_row("versions", "\n".join(f"{k} {v}" for k, v in self.versions.items()))
         console.print(table)
@@ -84,10 +97,16 @@ def examine() -> Examination:
             if package != "pocl-binary-distribution":
                 problems.append(f"{package}: pip install {package}")
     devices = opencl.devices()
+    casts_on = None
     if not devices:
         problems.append("an OpenCL device: pip install 'pyopencl[pocl]'")
-    elif devices[0].platform == opencl.POCL and (remedy := opencl.missing_linker()):
-        problems.append(remedy)
+    else:
+        try:
+            casts_on = opencl.chosen_device()
+        except OpenCLError as error:
+            problems.append(str(error))
+    if casts_on is not None and devices[casts_on].platform == opencl.POCL:
+        problems.extend(filter(None, [opencl.missing_linker()]))
     blocked = bool(problems)
     gl = None
     try:
@@ -103,6 +122,7 @@ def examine() -> Examination:
         python=f"Python {platform.python_version()} on {platform.system()} {platform.machine()}",
         versions=versions,
         opencl=tuple(devices),
+        casts_on=casts_on,
         gl=gl,
         problems=tuple(problems),
         healthy=bool(devices) and not blocked,

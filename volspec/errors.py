@@ -67,6 +67,10 @@ class SceneError(InputError):
     """A scene file is missing or wrong; the message names the field and its value."""
 
 
+class CastCancelled(VolspecError):
+    """A cast was ended by the one who asked for it; what was there before stays."""
+
+
 class DeviceError(VolspecError, RuntimeError):
     """The machine lacks something, or a driver refused."""
 

@@ -9,28 +9,29 @@ The demo, the command line, the exporters and the viewer all come through here.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from volspec.errors import RaycastError, VolspecWarning
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.gpu import Progress, Raycaster
+from volspec.raycast.gpu import Cancel, Progress, Raycaster
 from volspec.relight import Relighter, relight
-from volspec.transfer import TransferFunction
+from volspec.transfer import SurfaceTable, Transfer, TransferTable
 from volspec.volume import Volume
 
-__all__ = ["Raycaster", "Relighter", "raycast", "relight"]
+__all__ = ["Raycaster", "Relighter", "raycast", "refine", "relight"]
 
 
 def raycast(
     volume: Volume | Any,
-    transfer: TransferFunction,
+    transfer: Transfer,
     camera: Camera,
     size: tuple[int, int] = (512, 512),
     spec: RaycastSpec | None = None,
     *,
     device: str | None = None,
     progress: Progress | None = None,
+    cancel: Cancel | None = None,
     caster: Raycaster | None = None,
     notes: Mapping[str, str] | None = None,
 ) -> CoefficientImage:
@@ -40,16 +41,18 @@ def raycast(
     ----------
     volume : Volume, pyvista ImageData or array (Z, Y, X)
         NumPy, xarray and Zarr arrays count as 1 mm voxels.
-    transfer : TransferFunction
+    transfer : TransferFunction, TransferFunction2D, LabelFunction or Isosurfaces
     camera : Camera
     size : (width, height)
         Pixels.
     spec : RaycastSpec, optional
-        Step, shading, early end.
+        Step, shading, lights, cuts.
     device : str, optional
         Part of an OpenCL device's name.
     progress : callable, optional
         Called with the finished share, 0…1.
+    cancel : callable, optional
+        Asked every few milliseconds; true ends the cast.
     caster : Raycaster, optional
         The volume already on a device, for several casts of it; ``device`` is then the
         caster's.
@@ -59,7 +62,7 @@ def raycast(
     Returns
     -------
     CoefficientImage
-        (H, W, M) channels premultiplied by opacity, alpha and depth.
+        (H, W, M) channels premultiplied by opacity, a layer of them a light group; alpha, depths.
 
     Raises
     ------
@@ -67,6 +70,8 @@ def raycast(
         If there is no device or the volume does not fit it.
     VolumeError, RaycastError
         If the volume or the picture's size cannot be cast, or the caster holds another volume.
+    CastCancelled
+        If ``cancel`` ended it.
 
     Examples
     --------
@@ -90,16 +95,9 @@ def raycast(
             "give the caster's own"
         )
     table = transfer.bake(min(volume.spacing_mm))
-    coefficients, alpha, depth = caster.cast(table, camera, size, spec, progress)
-    if not alpha.any():
-        warnings.warn(
-            f"{volume.name}: the picture is empty. The transfer function runs from "
-            f"{table.domain[0]:g} to {table.domain[1]:g} with opacity up to "
-            f"{table.opacity.max():g}, the volume's values from {volume.range[0]:g} to "
-            f"{volume.range[1]:g}; or the camera looks past it",
-            VolspecWarning,
-            stacklevel=2,
-        )
+    cast = caster.cast(table, camera, size, spec, progress, cancel)
+    if not cast.alpha.any():
+        warnings.warn(_empty(volume, table), VolspecWarning, stacklevel=2)
     kept = {
         "volume": volume.name,
         "camera": repr(camera),
@@ -107,4 +105,64 @@ def raycast(
         "device": caster.device,
         **(notes or {}),
     }
-    return CoefficientImage(coefficients, alpha, depth, transfer.basis, kept)
+    return CoefficientImage(
+        *(cast.coefficients, cast.alpha, cast.depth_mm, transfer.basis, kept),
+        groups=spec.shares(),
+        first_mm=cast.first_mm,
+    )
+
+
+def refine(
+    volume: Volume | Any,
+    transfer: Transfer,
+    camera: Camera,
+    size: tuple[int, int] = (512, 512),
+    spec: RaycastSpec | None = None,
+    *,
+    coarsest: int = 4,
+    **settings: Any,
+) -> Iterator[CoefficientImage]:
+    """Cast coarse first: pictures of a 1/4, a 1/2 and all of the size, each when it is done.
+
+    A viewer shows each, enlarged, while the next is under way; ``cancel`` ends the one that is.
+
+    Parameters
+    ----------
+    volume, transfer, camera, size, spec
+        As `raycast`.
+    coarsest : int
+        The first picture's sides are divided by this; halved until 1.
+    **settings
+        As `raycast`.
+
+    Yields
+    ------
+    CoefficientImage
+        The last has the whole size.
+    """
+    volume = Volume.of(volume)
+    caster = settings.pop("caster", None) or Raycaster(volume, device=settings.pop("device", None))
+    divisor = max(1, coarsest)
+    while True:
+        width, height = (max(1, -(-side // divisor)) for side in size)
+        yield raycast(volume, transfer, camera, (width, height), spec, caster=caster, **settings)
+        if divisor == 1:
+            return
+        divisor = -(-divisor // 2)
+
+
+def _empty(volume: Volume, table: TransferTable | SurfaceTable) -> str:
+    """Why a picture may show nothing."""
+    if isinstance(table, SurfaceTable):
+        levels = ", ".join(f"{value:g}" for value in table.values)
+        what = f"The isosurfaces lie at {levels}"
+    else:
+        what = (
+            f"The transfer function runs from {table.domain[0]:g} to {table.domain[1]:g} with "
+            f"opacity up to {table.opacity.max():g}"
+        )
+    return (
+        f"{volume.name}: the picture is empty. {what}, the volume's values from "
+        f"{volume.range[0]:g} to {volume.range[1]:g}; or the camera looks past it, or crop and "
+        "clip planes leave nothing of it"
+    )

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from volspec.raycast import Camera, RaycastSpec
-from volspec.raycast import reference as numpy_raycast
 from volspec.raycast.gpu import Raycaster
+from volspec.raycast.sampling import world_rays
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 
@@ -22,7 +22,7 @@ def homogeneous(opacity: float, reference_step_mm: float = 1.0) -> TransferTable
 
 def chords_mm(volume: Volume, camera: Camera, size: tuple[int, int]) -> np.ndarray:
     """(H, W) length of each pixel's ray inside the volume's box, by slabs in the world."""
-    origin, direction = numpy_raycast._rays(camera, *size)
+    origin, direction = world_rays(camera, *size)
     low, high = volume.corners_mm.min(axis=0), volume.corners_mm.max(axis=0)
     with np.errstate(divide="ignore"):
         a, b = (low - origin) / direction, (high - origin) / direction
@@ -41,7 +41,7 @@ def test_homogeneous_slab_matches_beer_lambert(step_mm: float, view: tuple[int, 
     camera = Camera.orbit(volume, azimuth_deg=view[0], elevation_deg=view[1])
     spec = RaycastSpec(ambient=1, diffuse=0, alpha_stop=1, step_mm=step_mm)
     size = (48, 40)
-    coefficients, alpha, _ = Raycaster(volume).cast(homogeneous(0.05), camera, size, spec)
+    coefficients, alpha, *_ = Raycaster(volume).cast(homogeneous(0.05), camera, size, spec)
     expected = 1 - 0.95 ** chords_mm(volume, camera, size)
     assert np.abs(alpha - expected).max() < 1e-5
     assert np.abs(coefficients - 0.5 * expected[..., None]).max() < 1e-5
@@ -63,7 +63,7 @@ def test_depth_of_an_opaque_wall_is_its_distance() -> None:
     """Parallel rays onto a wall of full opacity stop within half a step of its face."""
     volume = phantom.slab(size=16, thickness=8)
     camera = Camera.orbit(volume, azimuth_deg=0, elevation_deg=90, orthographic=True)
-    _, alpha, depth = Raycaster(volume).cast(homogeneous(1.0), camera, (33, 33), FLAT)
+    _, alpha, depth, _ = Raycaster(volume).cast(homogeneous(1.0), camera, (33, 33), FLAT)
     face = camera.position_mm[2] - 8.0
     assert alpha[16, 16] == 1
     assert abs(depth[16, 16] - face) <= 0.25 + 1e-4

@@ -62,7 +62,7 @@ def test_a_cast_of_materials_is_the_cast_of_31_bands(ball: CoefficientImage) -> 
     caster, view = Raycaster(volume), Camera.orbit(volume)
 
     def cast(bands: slice) -> np.ndarray:
-        part = replace(table, coefficients=spectra[:, bands], white=np.ones(16))
+        part = replace(table, shares=spectra[:, bands], channels=np.eye(16), white=np.ones(16))
         return np.asarray(caster.cast(part, view, (48, 40), SPEC)[0])
 
     low, high = cast(slice(0, 16)), cast(slice(15, 31))
@@ -177,6 +177,6 @@ def test_an_edit_outlives_the_next_cast(ball: CoefficientImage) -> None:
 
 
 def test_more_materials_than_can_be_cast_are_refused_with_the_curve() -> None:
-    many = {f"m{k}": reflectance("gold") for k in range(24)}
-    with pytest.raises(TransferError, match="24 materials and white are 25 channels, at most 24"):
+    many = {f"m{k}": reflectance("gold") for k in range(32)}
+    with pytest.raises(TransferError, match="32 materials and white are 33 channels, at most 32"):
         TransferFunction([(0.1, 0.5, "m1")], many, MaterialBasis(many))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from volspec.raycast import Camera, RaycastSpec, reference
-from volspec.raycast.gpu import Raycaster
-from volspec.transfer import TransferTable
+from volspec.raycast.gpu import Raycaster, Result
+from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, load_volume, phantom
 
 # Full scale is 1. Positions carry float32 rounding of a few 1e-5 voxels, and the steepest edge
@@ -20,23 +20,33 @@ TOLERANCE = 1e-4
 
 def assert_alike(
     volume: Volume,
-    table: TransferTable,
+    table: TransferTable | SurfaceTable,
     camera: Camera,
     spec: RaycastSpec,
     size: tuple[int, int] = (64, 64),
+    grazing: int = 0,
+    tolerance: float = TOLERANCE,
+    plateaus: bool = False,
     **settings: int,
-) -> None:
-    """Compare every pixel; the message shows the worst with both values."""
+) -> Result:
+    """Compare every pixel but the ``grazing`` worst; the message shows the worst of the rest.
+
+    With ``plateaus`` the greatest value may lie in several places: depths are not compared.
+    """
     ours = Raycaster(volume, **settings).cast(table, camera, size, spec)
     true = reference.cast(volume, table, camera, size, spec)
     assert true[1].max() > 0.05, "the camera misses the volume: nothing is compared"
+    missed = np.abs(ours[0] - true[0]).max(axis=2) > tolerance
+    alike = ~missed if missed.sum() <= grazing else np.ones_like(missed)
     for name, a, b in zip(("coefficients", "alpha"), ours, true, strict=False):
-        off = np.abs(a - b)
+        off = np.abs(a - b).reshape(*alike.shape, -1).max(axis=2)
+        off[~alike] = 0
         worst = np.unravel_index(off.argmax(), off.shape)
         assert np.isfinite(a).all()
-        assert off.max() < TOLERANCE, f"{name}{worst}: kernel {a[worst]}, reference {b[worst]}"
-    seen = true[1] > 0.01
-    assert np.allclose(ours[2][seen], true[2][seen], atol=2e-2)
+        assert off.max() < tolerance, f"{name}{worst}: kernel {a[worst]}, reference {b[worst]}"
+    seen = (true[1] > 0.01) & alike
+    assert plateaus or np.allclose(ours[2][seen], true[2][seen], atol=2e-2)
+    return ours
 
 
 @pytest.mark.parametrize("lanes", [1, 4, 8])
@@ -136,7 +146,7 @@ def test_bands_with_progress_give_the_same_picture(
     caster, camera = Raycaster(engine), Camera.orbit(engine)
     shares: list[float] = []
     whole = caster.cast(engine_table, camera, (100, 260), RaycastSpec())
-    banded = caster.cast(engine_table, camera, (100, 260), RaycastSpec(), shares.append)
+    banded = caster.cast(engine_table, camera, (100, 260), RaycastSpec(tile_ms=0.1), shares.append)
     assert all(np.array_equal(a, b) for a, b in zip(whole, banded, strict=True))
     assert shares == sorted(shares) and shares[-1] == 1 and len(shares) > 8
 
@@ -151,7 +161,7 @@ def test_light_before_the_cast_equals_light_after_it(
     """
     light = np.random.default_rng(1).uniform(0.1, 3.0, 7)
     caster, camera = Raycaster(engine), Camera.orbit(engine)
-    lit = dataclasses.replace(engine_table, coefficients=engine_table.coefficients * light)
+    lit = dataclasses.replace(engine_table, channels=engine_table.channels * light)
     before = caster.cast(lit, camera, (256, 256), RaycastSpec())[0]
     after = caster.cast(engine_table, camera, (256, 256), RaycastSpec())[0] * light
     assert np.abs(before - after).max() < 4e-6 * np.abs(after).max()

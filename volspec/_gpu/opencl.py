@@ -2,12 +2,14 @@
 
 PoCL (pulled in as a wheel) makes every CPU a device, so that "no device" means a broken
 installation; the message says how to mend it. Compiled programs are cached by PoCL and the
-GPU drivers on disk and here per context.
+GPU drivers on disk and here per context. Where several devices are, the environment variable
+``VOLSPEC_DEVICE`` chooses one for every run.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -19,14 +21,18 @@ from functools import cache
 from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+from numpy.typing import NDArray
 
 from volspec._gpu.sources import Source
-from volspec.errors import OpenCLError, nearest
+from volspec.errors import OpenCLError, ShapeError, nearest
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
 POCL = "Portable Computing Language"
+DEVICE_VARIABLE = "VOLSPEC_DEVICE"
 _REMEDY = "install PoCL with: pip install 'pyopencl[pocl]'; `volspec doctor` shows more"
 
 
@@ -46,6 +52,40 @@ class DeviceInfo:
 def devices() -> list[DeviceInfo]:
     """Every device of every platform, GPUs first; empty where OpenCL is missing."""
     return [_describe(device) for device in _all_devices()]
+
+
+def chosen_device(name: str | None = None) -> int:
+    """Which of `devices` a name means.
+
+    Parameters
+    ----------
+    name : str, optional
+        Part of a device's or its platform's name, in any case; the first that matches is
+        taken. A whole number is an index. Default: what ``VOLSPEC_DEVICE`` holds, else the
+        first GPU, else the first CPU.
+
+    Raises
+    ------
+    OpenCLError
+        If there is no device, or none of that name; the message lists those there are.
+    """
+    found = devices()
+    if not found:
+        raise OpenCLError(f"no OpenCL device found; {_REMEDY}")
+    wanted, source = name, ""
+    if name is None:
+        wanted, source = os.environ.get(DEVICE_VARIABLE), f" ({DEVICE_VARIABLE})"
+    if not wanted:
+        return 0
+    for i, device in enumerate(found):
+        text = f"{device.platform}\n{device.name}".lower()
+        if str(i) == wanted if wanted.isdecimal() else wanted.lower() in text:
+            return i
+    known = [n for device in found for n in (device.name, device.platform)]
+    there = ", ".join(f"{i}: {device.name} ({device.platform})" for i, device in enumerate(found))
+    raise OpenCLError(
+        f"no OpenCL device named {wanted!r}{source}; {nearest(wanted, known)}there is {there}"
+    )
 
 
 def _all_devices() -> list[cl.Device]:
@@ -121,33 +161,32 @@ class Compute:
     queue: cl.CommandQueue
     info: DeviceInfo
     _kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel] = field(default_factory=dict)
+    # Bytes of each buffer that still lives.
+    _held: WeakKeyDictionary[cl.Buffer, int] = field(default_factory=WeakKeyDictionary)
 
     @classmethod
     def open(cls, name: str | None = None) -> Compute:
-        """Open the first device (GPUs first), or the first whose name contains ``name``.
+        """Open the device that a name means (`chosen_device`).
 
         Raises
         ------
         OpenCLError
-            If there is no device, or none of that name.
+            If there is no device, none of that name, or its driver refuses a context.
         """
-        found = _all_devices()
-        if not found:
-            raise OpenCLError(f"no OpenCL device found; {_REMEDY}")
-        if name is not None:
-            names = [device.name.strip() for device in found]
-            chosen = [d for d, n in zip(found, names, strict=True) if name.lower() in n.lower()]
-            if not chosen:
-                raise OpenCLError(
-                    f"no OpenCL device named {name!r}; {nearest(name, names)}"
-                    f"there is: {', '.join(names)}"
-                )
-            found = chosen
+        index = chosen_device(name)
+        device = _all_devices()[index]
         import pyopencl as cl
 
-        _require_linker(found[0])
-        context = cl.Context([found[0]])
-        return cls(context, cl.CommandQueue(context), _describe(found[0]))
+        _require_linker(device)
+        try:
+            context = cl.Context([device])
+            queue = cl.CommandQueue(context)
+        except cl.Error as error:
+            raise OpenCLError(
+                f"{device.name.strip()}: its driver makes no context ({_one_line(error)}); choose "
+                f"another device with {DEVICE_VARIABLE}, `volspec doctor` lists them"
+            ) from error
+        return cls(context, queue, _describe(device))
 
     def kernel(self, source: Source, name: str, options: Sequence[str] = ()) -> cl.Kernel:
         """Build a program and take a kernel from it, once per source, name and options.
@@ -155,7 +194,8 @@ class Compute:
         Raises
         ------
         OpenCLError
-            If it does not build; the message carries device, options and the compiler's line.
+            If it does not build; the message carries device, options, the compiler's first
+            complaint and the line of the source it is about.
         """
         import pyopencl as cl
 
@@ -167,12 +207,9 @@ class Compute:
                     warnings.simplefilter("ignore")
                     program = cl.Program(self.context, source.text).build(options=list(options))
             except cl.RuntimeError as error:
-                lines = [
-                    line.strip() for line in str(error).splitlines() if "error" in line.lower()
-                ]
                 raise OpenCLError(
                     f"{source.files[1]} does not build on {self.info.name} with "
-                    f"{' '.join(options) or 'no options'}: {lines[-1] if lines else error}"
+                    f"{' '.join(options) or 'no options'}: {_complaint(str(error), source)}"
                 ) from error
             try:
                 self._kernels[key] = cl.Kernel(program, name)
@@ -184,19 +221,35 @@ class Compute:
                 ) from error
         return self._kernels[key]
 
-    def upload(self, array: Any) -> cl.Buffer:
-        """A read-only device copy of a contiguous array.
+    def upload(self, array: NDArray[Any], *, share: bool = False) -> cl.Buffer:
+        """A buffer that kernels read, with an array's values.
+
+        Parameters
+        ----------
+        array : C-contiguous array
+        share : bool
+            On a CPU take the array's own memory instead of a copy. The buffer keeps the array
+            alive; do not write to it meanwhile.
 
         Raises
         ------
+        ShapeError
+            If the array is not C-contiguous: kernels would read it in another order.
         OpenCLError
             If the device has no room for it.
         """
         import pyopencl as cl
 
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        with self._told(array.nbytes):
-            return cl.Buffer(self.context, flags, hostbuf=array)
+        if not array.flags.c_contiguous:
+            raise ShapeError(
+                f"{self.info.name}: an array of shape {array.shape} is not C-contiguous; "
+                "pass numpy.ascontiguousarray(array)"
+            )
+        shared = share and self.info.is_cpu
+        source = cl.mem_flags.USE_HOST_PTR if shared else cl.mem_flags.COPY_HOST_PTR
+        return self._buffer(
+            cl.mem_flags.READ_ONLY | source, array.nbytes, array, counted=not shared
+        )
 
     def output(self, nbytes: int) -> cl.Buffer:
         """A device buffer that kernels write and the host reads.
@@ -208,8 +261,48 @@ class Compute:
         """
         import pyopencl as cl
 
+        return self._buffer(cl.mem_flags.READ_WRITE, nbytes)
+
+    def require(self, nbytes: int, what: str, remedy: str) -> None:
+        """Refuse what memory does not suffice for, before any of it is taken.
+
+        Parameters
+        ----------
+        nbytes : int
+            All that is about to be allocated.
+        what : str
+            What needs it, as the message's subject: ``"engine.nrrd at 4096x4096"``.
+        remedy : str
+            What the user can do.
+
+        Raises
+        ------
+        OpenCLError
+            If the device's memory, less what is allocated here, is smaller; on a CPU also if
+            the host's is.
+        """
+        free = max(self.info.memory_bytes - sum(self._held.values()), 0)
+        if self.info.is_cpu:
+            free = min(free, _host_free_bytes())
+        if nbytes > free:
+            raise OpenCLError(
+                f"{self.info.name}: {what} needs {_size(nbytes)}, {_size(free)} are free; {remedy}"
+            )
+
+    def _buffer(
+        self,
+        flags: int,
+        nbytes: int,
+        array: NDArray[Any] | None = None,
+        *,
+        counted: bool = True,
+    ) -> cl.Buffer:
         with self._told(nbytes):
-            return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, nbytes)
+            size = 0 if array is not None else nbytes
+            buffer = _buffer_type()(self.context, flags, size, hostbuf=array)
+        if counted:
+            self._held[buffer] = nbytes
+        return buffer
 
     @contextmanager
     def _told(self, nbytes: int) -> Iterator[None]:
@@ -223,8 +316,8 @@ class Compute:
             yield
         except cl.Error as error:
             raise OpenCLError(
-                f"{self.info.name} has no room for {nbytes / 2**20:.0f} MiB (its largest buffer is "
-                f"{limit / 2**20:.0f} MiB); cast a smaller picture or a down-sampled volume"
+                f"{self.info.name} has no room for {_size(nbytes)} (its largest buffer is "
+                f"{_size(limit)}); cast a smaller picture or a down-sampled volume"
             ) from error
 
     def download(self, buffer: cl.Buffer, into: Any) -> None:
@@ -238,3 +331,65 @@ def _cache_folder() -> str:
     """Where PoCL keeps compiled programs."""
     default = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")) / "pocl"
     return os.environ.get("POCL_CACHE_DIR", str(default))
+
+
+@cache
+def _buffer_type() -> type[cl.Buffer]:
+    """A buffer that can be counted while it lives: pyopencl's own takes no weak references."""
+    import pyopencl as cl
+
+    class CountedBuffer(cl.Buffer):
+        pass
+
+    return CountedBuffer
+
+
+def _host_free_bytes(root: Path = Path("/")) -> int:
+    """Memory this process can still take: the machine's, or its container's where that is less."""
+    try:
+        lines = (root / "proc/meminfo").read_text().splitlines()
+        free = next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvail"))
+    except (OSError, StopIteration):
+        free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    group = root / "sys/fs/cgroup"
+    try:
+        limit = int((group / "memory.max").read_text())  # ValueError where it says "max"
+        used = int((group / "memory.current").read_text())
+        stat = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
+    except (OSError, ValueError):
+        return free
+    # Files read once count as used, but are dropped when memory runs short.
+    return min(free, max(limit - used + int(stat.get("inactive_file", 0)), 0))
+
+
+def _size(nbytes: int) -> str:
+    return f"{nbytes / 2**30:.1f} GiB" if nbytes >= 2**30 else f"{nbytes / 2**20:.1f} MiB"
+
+
+def _one_line(error: object) -> str:
+    return " ".join(str(error).split())
+
+
+# "FILE:12:5: error: …" is clang's form, "error: FILE:12:5: …" PoCL's.
+_COMPLAINT = re.compile(
+    r"^(?:(?:fatal )?error: )?([^:\n]+):(\d+):(\d+): (?:(?:fatal )?error: )?(.*)$", re.MULTILINE
+)
+_MARK = re.compile(r'#line (\d+) "([^"]+)"')
+
+
+def _complaint(log: str, source: Source) -> str:
+    """The compiler's first complaint in one line, with the text of the source line."""
+    found = next((m for m in _COMPLAINT.finditer(log) if "error: " in m[0]), None)
+    if found is None:
+        return _one_line(log)
+    # The compiler has a name of its own for what stands before the first mark.
+    file = found[1] if found[1] in source.files else source.files[0]
+    name, number = source.files[0], 0
+    for line in source.text.splitlines():
+        if mark := _MARK.match(line):
+            number, name = int(mark[1]) - 1, mark[2]
+            continue
+        number += 1
+        if (name, number) == (file, int(found[2])):
+            return f'{file}:{number}:{found[3]}: error: {found[4]}: "{line.strip()}"'
+    return _one_line(found[0])

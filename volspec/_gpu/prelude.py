@@ -22,6 +22,8 @@ def _literal(value: float) -> str:
 
 
 def _define(name: str, value: ArrayLike, language: Language) -> str:
+    if isinstance(value, str):
+        return f"#define {name} {value}"
     if isinstance(value, bool | np.bool_):
         return f"#define {name} {int(value)}"
     if isinstance(value, int | np.integer):

@@ -1,4 +1,4 @@
-"""Launch ``kernels/raycast.cl``: a volume stays on the device, casts follow.
+"""Launch the casting kernels: a volume stays on the device, casts follow.
 
     volume -> transfer -> [raycast] -> relight -> appearance
 
@@ -8,9 +8,10 @@ The twin is ``volspec/raycast/reference.py``.
 from __future__ import annotations
 
 import operator
+import time
+from collections import deque
 from collections.abc import Callable
-from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,42 +19,50 @@ from numpy.typing import NDArray
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
-from volspec.errors import OpenCLError, RaycastError
-from volspec.raycast.spec import Camera, RaycastSpec
-from volspec.transfer import MAX_CHANNELS, TransferTable
+from volspec.errors import CastCancelled, OpenCLError, RaycastError
+from volspec.raycast import packed
+from volspec.raycast.camera import Camera
+from volspec.raycast.light_volume.gpu import LightVolume
+from volspec.raycast.light_volume.spec import light_layers
+from volspec.raycast.spec import RaycastSpec
+from volspec.transfer import MAX_CHANNELS, SurfaceTable, TransferTable
 from volspec.volume import Volume
-from volspec.volume.bricks import BRICK, brick_ranges, leap_distances
+from volspec.volume.bricks import (
+    BRICK,
+    brick_ranges,
+    chessboard_leaps,
+    opacity_spread,
+    straddled_bricks,
+    visible_bricks,
+)
 
-Progress = Callable[[float], None]
-Result = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+Progress = Callable[[float], object]
+Cancel = Callable[[], bool]
 
 # Packet shape by LANES, (width, height) in pixels; lanes.clh numbers the lanes row by row.
 TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2)}
-_VOXEL_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
-# The struct Cast of the kernel, field for field.
-_CAST = np.dtype(
-    [
-        (name, np.float32, 4)
-        for name in (
-            *("target", "forward", "across", "down"),
-            *("index_x", "index_y", "index_z", "top", "shade"),
-        )
-    ]
-    + [
-        (name, np.float32)
-        for name in (
-            *("middle_x", "middle_y", "distance", "perspective", "phase", "start"),
-            *("domain_low", "domain_scale", "last_entry", "step", "opaque"),
-            *("gradient_scale", "gradient_floor_squared"),
-        )
-    ]
-    + [
-        (name, np.int32)
-        for name in ("width", "height", "row", "slice", "bricks_x", "bricks_y", "shininess")
-    ]
-)
-_BANDS = 16
+LOCAL = (8, 8)
+# Codes of bricks from here on are strides (rays.clh).
+STRIDES = 248
 MAX_SIDE = 16384
+_VOXEL_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
+_OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
+# The first launch of a cast, in rows of work-groups, before any has been timed.
+_FIRST_ROWS = 2
+
+
+class Result(NamedTuple):
+    """What a cast gathers.
+
+    ``coefficients`` (H, W, L·M) premultiplied by opacity, layer after layer; ``alpha`` (H, W);
+    ``depth_mm`` (H, W) expected distance from the camera of what is seen, and ``first_mm`` (H, W)
+    where it is first hit; both inf where nothing is.
+    """
+
+    coefficients: NDArray[np.floating]
+    alpha: NDArray[np.float32]
+    depth_mm: NDArray[np.float32]
+    first_mm: NDArray[np.float32]
 
 
 class Raycaster:
@@ -81,15 +90,23 @@ class Raycaster:
         self.lanes = lanes or (8 if self._compute.info.is_cpu else 1)
         if self.lanes not in TILES:
             raise RaycastError(f"raycast: lanes is {lanes}; give one of {sorted(TILES)}")
-        padded = np.pad(volume.values, ((1, 2),) * 3, mode="edge")
-        if padded.size > np.iinfo(np.int32).max:
+        values = volume.values
+        if values.size > np.iinfo(np.int32).max:
             raise OpenCLError(
-                f"{volume.name}: {padded.size / 2**30:.1f} Gi voxels; at most 2 Gi can be cast, "
-                "down-sample the volume"
+                f"{volume.name}: {values.size / 2**30:.1f} Gi voxels; at most 2 Gi can be cast, "
+                "take volume.downsampled(2)"
             )
-        self._padded_shape = padded.shape
-        self._voxels = self._compute.upload(padded)
+        if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
+            values = np.pad(values, ((0, 0), (0, 0), (0, 4 - values.shape[2])), mode="edge")
+        if not self._compute.info.is_cpu:
+            self._compute.require(values.nbytes, volume.name, "take volume.downsampled(2)")
+        self._stored_shape = values.shape
+        self._voxels = self._compute.upload(values, share=True)
         self._low, self._high = brick_ranges(volume.values)
+        whole = self._voxels
+        if values is not volume.values:
+            whole = self._compute.upload(volume.values, share=True)
+        self._lights = LightVolume(self._compute, volume, whole)
 
     @property
     def device(self) -> str:
@@ -98,11 +115,12 @@ class Raycaster:
 
     def cast(
         self,
-        table: TransferTable,
+        table: TransferTable | SurfaceTable,
         camera: Camera,
         size: tuple[int, int],
         spec: RaycastSpec,
         progress: Progress | None = None,
+        cancel: Cancel | None = None,
     ) -> Result:
         """Cast a picture.
 
@@ -112,132 +130,192 @@ class Raycaster:
             Pixels.
         progress : callable, optional
             Called with the finished share, 0…1, after each band of the picture.
-
-        Returns
-        -------
-        coefficients : (H, W, M) float32, premultiplied by opacity
-        alpha : (H, W) float32
-        depth_mm : (H, W) float32
-            Expected distance from the camera of what is seen; inf where nothing is.
+        cancel : callable, optional
+            Asked between bands, every `RaycastSpec.tile_ms` or so; true ends the cast.
 
         Raises
         ------
         RaycastError
-            If the size is not positive.
+            If the size is not positive, or nothing is left to see by crop or table.
+        CastCancelled
+            If ``cancel`` said so.
+        OpenCLError
+            If memory does not suffice.
         """
         width, height = _checked_size(size)
-        step = spec.step_of(self.volume)
-        opacity = table.step_opacity(step)
-        channels = table.coefficients.shape[1]
-        if channels > MAX_CHANNELS:
-            raise RaycastError(f"raycast: {channels} channels; at most {MAX_CHANNELS} can be cast")
-        kernel = self._kernel(channels, spec)
-        compute = self._compute
+        if table.size > MAX_CHANNELS:
+            raise RaycastError(
+                f"raycast: {table.size} channels; at most {MAX_CHANNELS} can be cast"
+            )
+        layers = len(spec.groups) * table.size
+        dtype = np.float16 if spec.half else np.float32
+        self._compute.require(
+            width * height * (layers * np.dtype(dtype).itemsize + 12),
+            f"a picture of {width}x{height} with {layers} channels",
+            "cast it smaller, with fewer light groups, or with half=True",
+        )
+        struct = packed.cast_struct(self.volume, table, camera, size, spec)
+        struct["row"] = self._stored_shape[2]
+        struct["slice"] = self._stored_shape[1] * self._stored_shape[2]
+        struct["bricks_x"], struct["bricks_y"] = self._low.shape[2], self._low.shape[1]
+        program = packed.Program.of(table, spec, spec.step_of(self.volume))
+        light, numbers = self._light(struct, table, spec, camera)
         inputs = [
-            compute.upload(array)
+            self._compute.upload(np.ascontiguousarray(array))
             for array in (
-                leap_distances(self._low, self._high, table.domain, opacity),
-                _with_differences(opacity),
-                _colour_rows(table),
+                self._codes(table, spec),
+                program.opacity,
+                program.shares,
+                program.channels,
+                program.filters,
+                packed.source_rows(self.volume, camera, spec),
             )
         ]
-        shapes = ((height, width, channels), (height, width), (height, width))
-        results = tuple(np.empty(shape, np.float32) for shape in shapes)
-        outputs = [compute.output(result.nbytes) for result in results]
-        arguments = self._arguments(table, camera, size, spec, step, len(opacity))
-        self._launch(kernel, (self._voxels, *inputs, arguments, *outputs), size, progress)
-        for buffer, result in zip(outputs, results, strict=True):
-            compute.download(buffer, result)
-        coefficients, alpha, depth = results
-        return coefficients, alpha, depth * np.float32(min(self.volume.spacing_mm))
+        result = Result(
+            np.empty((height, width, layers), dtype),
+            *(np.empty((height, width), np.float32) for _ in range(3)),
+        )
+        bands = _Bands(self._compute, result, TILES[self.lanes], spec.tile_ms)
+        kernel = self._kernel(program, spec, numbers)
+        bands.run(kernel, (self._voxels, *inputs, light, struct), progress, cancel)
+        unit = np.float32(min(self.volume.spacing_mm))
+        result.depth_mm[...] *= unit
+        result.first_mm[...] *= unit
+        return result
 
-    def _kernel(self, channels: int, spec: RaycastSpec) -> Any:
+    def _light(
+        self,
+        struct: NDArray[np.void],
+        table: TransferTable | SurfaceTable,
+        spec: RaycastSpec,
+        camera: Camera,
+    ) -> tuple[Any, list[int]]:
+        """The light volume's buffer, and each source's layer in it (-1: none)."""
+        wanted = [(layer.group, layer.source) for layer in light_layers(spec, self.volume, camera)]
+        buffer, grid, _ = self._lights.layers(table, spec, camera)
+        struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
+        struct["light_scale"][:3] = grid.per_index
+        places = [(g, s) for g, group in enumerate(spec.groups) for s in range(len(group.sources))]
+        return buffer, [wanted.index(place) if place in wanted else -1 for place in places]
+
+    def _codes(self, table: TransferTable | SurfaceTable, spec: RaycastSpec) -> NDArray[Any]:
+        """What is known of each brick: rays.clh, or its greatest value."""
+        low, high = self._low, self._high
+        if spec.mode != "composite":
+            return high
+        if isinstance(table, SurfaceTable):
+            return np.minimum(
+                chessboard_leaps(straddled_bricks(low, high, table.values)), STRIDES - 1
+            )
+        visible = visible_bricks(low, high, table.domain, table.opacity)
+        codes = np.minimum(chessboard_leaps(visible), STRIDES - 1)
+        if spec.adaptive > 0:
+            opacity = table.step_opacity(spec.step_of(self.volume))
+            spread = opacity_spread(low, high, table.domain, opacity)
+            codes[visible & (spread < spec.adaptive)] = STRIDES
+            codes[visible & (spread < spec.adaptive / 4)] = STRIDES + 1
+        return codes
+
+    def _kernel(self, program: packed.Program, spec: RaycastSpec, layers: list[int]) -> Any:
         tile_width, tile_height = TILES[self.lanes]
         constants = {
             "LANES": self.lanes,
             "TILE_WIDTH": tile_width,
             "TILE_HEIGHT": tile_height,
-            "CHANNELS": channels,
-            "PART": _part(channels),
-            "PARTS": -(-channels // _part(channels)),
             "BRICK": BRICK,
-            "SHADED": spec.shaded,
-            "SPECULAR": spec.specular > 0,
+            "STRIDES": STRIDES,
+            "ADAPTIVE": int(spec.adaptive > 0),
+            "VOXEL": _VOXEL_TYPES[self.volume.values.dtype.name],
             "VOXEL_BYTES": self.volume.values.itemsize,
-            "VOXEL_SIGNED": self.volume.values.dtype.kind == "i",
+            "VOXEL_SIGNED": int(self.volume.values.dtype.kind == "i"),
+            **program.constants,
+            **packed.definitions(spec, layers),
         }
-        voxel = _VOXEL_TYPES[self.volume.values.dtype.name]
-        text = prelude(constants, "opencl") + f"#define VOXEL {voxel}\n"
-        options = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
-        return self._compute.kernel(assemble("kernels/raycast.cl", text), "raycast", options)
+        source = assemble(f"kernels/{program.name}.cl", prelude(constants, "opencl"))
+        return self._compute.kernel(source, program.name, _OPTIONS)
 
-    def _arguments(
-        self,
-        table: TransferTable,
-        camera: Camera,
-        size: tuple[int, int],
-        spec: RaycastSpec,
-        step: float,
-        table_size: int,
-    ) -> NDArray[np.void]:
-        volume = self.volume
-        unit = min(volume.spacing_mm)
-        matrix = volume.index_from_world
-        field = camera.ray_field(*size)
-        cast = np.zeros((), _CAST)
-        cast["target"][:3] = matrix[:3, :3] @ field.target + matrix[:3, 3]
-        cast["forward"][:3] = field.forward
-        cast["across"][:3], cast["down"][:3] = field.across / unit, field.down / unit
-        for axis, name in enumerate(("index_x", "index_y", "index_z")):
-            cast[name][:3] = matrix[axis, :3] * unit
-        cast["middle_x"], cast["middle_y"] = field.middle
-        cast["distance"], cast["perspective"] = field.distance / unit, field.perspective
-        # Steps are counted from the camera but numbered from the one next to the target.
-        nearest = round(field.distance / step)
-        cast["start"] = -nearest * step / unit
-        cast["phase"] = (nearest * step - field.distance) / unit
-        cast["top"][:3] = np.array(volume.shape_xyz) - 1
-        cast["shade"] = spec.ambient, spec.diffuse, spec.specular, 0
-        cast["shininess"] = spec.shininess
-        low, high = table.domain
-        if (table_size - 1) / (high - low) > np.finfo(np.float32).max:
-            raise RaycastError(
-                f"{volume.name}: the transfer function spans {high - low:g}, too little for "
-                "float32; multiply the volume's values"
-            )
-        cast["last_entry"] = table_size - 1
-        cast["domain_low"], cast["domain_scale"] = low, (table_size - 1) / (high - low)
-        cast["step"], cast["opaque"] = step / unit, 1 - spec.alpha_stop
-        cast["gradient_scale"] = 0.5 * spec.gradient_scale(volume)
-        cast["gradient_floor_squared"] = spec.gradient_floor_squared
-        cast["width"], cast["height"] = size
-        cast["row"] = self._padded_shape[2]
-        cast["slice"] = self._padded_shape[1] * self._padded_shape[2]
-        cast["bricks_x"], cast["bricks_y"] = self._low.shape[2], self._low.shape[1]
-        return cast
 
-    def _launch(
+class _Bands:
+    """A picture cast band by band: no launch takes long, and none waits for the host.
+
+    Two bands are under way at any time; each one's height follows from how long the last took.
+    """
+
+    def __init__(
+        self, compute: Compute, result: Result, tile: tuple[int, int], tile_ms: float
+    ) -> None:
+        self._compute = compute
+        self._result = result
+        self._tile = tile
+        self._tile_ms = tile_ms
+        height, width = result.alpha.shape
+        self._columns = -(-width // (tile[0] * LOCAL[0])) * LOCAL[0]
+        self._group_rows = -(-height // (tile[1] * LOCAL[1]))
+
+    def run(
         self,
         kernel: Any,
         arguments: tuple[Any, ...],
-        size: tuple[int, int],
         progress: Progress | None,
+        cancel: Cancel | None,
     ) -> None:
-        """Cast in bands of whole work-groups: progress can be told, drivers are not blocked."""
-        tile_width, tile_height = TILES[self.lanes]
-        local = (8, 8)
-        columns = -(-size[0] // (tile_width * local[0])) * local[0]
-        groups = -(-size[1] // (tile_height * local[1]))
-        bands = min(_BANDS, groups)
-        edges = np.linspace(0, groups, bands + 1).round().astype(int)
-        for first, last in pairwise(edges):
-            rows = int(last - first) * local[1]
-            first_tile = np.int32(first * local[1])
-            kernel(self._compute.queue, (columns, rows), local, *arguments, first_tile)
-            if progress:
-                self._compute.queue.finish()
-                progress(float(last) / groups)
-        self._compute.queue.finish()
+        """Launch and fetch every band; see `Raycaster.cast`."""
+        under_way: deque[tuple[int, int, Any, list[Any]]] = deque()
+        row, rows, began = 0, _FIRST_ROWS, time.perf_counter()
+        try:
+            while row < self._group_rows or under_way:
+                if cancel is not None and cancel():
+                    raise CastCancelled("raycast: cancelled")
+                while row < self._group_rows and len(under_way) < 2:
+                    last = min(row + rows, self._group_rows)
+                    under_way.append(self._launch(kernel, arguments, row, last))
+                    row = last
+                first, last, done, buffers = under_way.popleft()
+                done.wait()
+                took = 1e3 * (time.perf_counter() - began)
+                began = time.perf_counter()
+                wanted = (last - first) * self._tile_ms / max(took, 1e-3)
+                rows = int(np.clip(wanted, max(1, rows // 2), 4 * rows))
+                self._fetch(first, last, buffers)
+                if progress is not None:
+                    progress(last / self._group_rows)
+        finally:
+            self._compute.queue.finish()
+
+    def _launch(
+        self, kernel: Any, arguments: tuple[Any, ...], first: int, last: int
+    ) -> tuple[int, int, Any, list[Any]]:
+        lines = self._lines(first, last)
+        buffers = [
+            self._compute.output(
+                (lines.stop - lines.start) * array[0].size * np.dtype(np.float32).itemsize
+            )
+            for array in self._result
+        ]
+        done = kernel(
+            self._compute.queue,
+            (self._columns, (last - first) * LOCAL[1]),
+            LOCAL,
+            *arguments,
+            *buffers,
+            np.int32(first * LOCAL[1]),
+        )
+        self._compute.queue.flush()
+        return first, last, done, buffers
+
+    def _lines(self, first: int, last: int) -> slice:
+        group = LOCAL[1] * self._tile[1]
+        return slice(first * group, min(last * group, len(self._result.alpha)))
+
+    def _fetch(self, first: int, last: int, buffers: list[Any]) -> None:
+        lines = self._lines(first, last)
+        for buffer, array in zip(buffers, self._result, strict=True):
+            if array.dtype == np.float32:
+                self._compute.download(buffer, array[lines])
+            else:
+                full = np.empty(array[lines].shape, np.float32)
+                self._compute.download(buffer, full)
+                array[lines] = full
 
 
 def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
@@ -252,22 +330,3 @@ def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
             f"raycast: the picture is {width}x{height}; give 1x1 to {MAX_SIDE}x{MAX_SIDE}"
         )
     return width, height
-
-
-def _with_differences(opacity: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(N, 2): each entry and its difference to the next, one load instead of two."""
-    return np.stack([opacity, np.append(np.diff(opacity), 0.0)], axis=1).astype(np.float32)
-
-
-def _part(channels: int) -> int:
-    """Floats in a vector of channels. Never 16: PoCL 3.0 cannot compile float16 for AVX-512."""
-    return 4 if channels <= 4 else 8
-
-
-def _colour_rows(table: TransferTable) -> NDArray[np.float32]:
-    """The table's channels and, as the last row, white's; padded to whole vectors."""
-    channels = table.coefficients.shape[1]
-    part = _part(channels)
-    rows = np.zeros((len(table.coefficients) + 1, -(-channels // part) * part), np.float32)
-    rows[:-1, :channels], rows[-1, :channels] = table.coefficients, table.white
-    return rows

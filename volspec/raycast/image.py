@@ -2,42 +2,54 @@
 
     volume -> transfer -> [raycast] -> relight -> appearance
 
-In the file every channel of the basis is one float channel ``coefficients.00``,
-``coefficients.01``, …; ``A`` is the opacity and ``Z`` the depth in millimetres. The header's
-``volspec:basis`` holds the whole basis (JSON), so that an image can be relit without the scene
-that made it, and one of another basis version is refused.
+In the file every channel of the basis is one float or half channel ``coefficients.00``,
+``coefficients.01``, …; several light groups are layers, ``key.coefficients.00``. ``A`` is the
+opacity, ``Z`` the depth and ``ZFirst`` the first hit, both in millimetres. The header's
+``volspec:groups`` holds the groups' shares and ``volspec:basis`` the whole basis (JSON), so that an
+image can be relit without the scene that made it, and one of another basis version is refused.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._exr import read_exr, write_exr
 from volspec.basis import Basis, SpectralBasis, basis_from_dict
-from volspec.errors import BasisError, ImageError, ShapeError
+from volspec.errors import BasisError, ImageError, ShapeError, nearest
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.values import light_power
 
-FORMAT = 1
+FORMAT = 2
+_READ = (1, FORMAT)  # images of format 1 have one light group
+ONE_GROUP: Mapping[str, float] = MappingProxyType({"light": 1.0})
+"""The light groups and shares of an image whose lights are not steered apart."""
+_SUM_ERROR = 1e-6  # of the shares
+_LONGEST_NAME = 200  # of a layer; OpenEXR cuts a channel's name off at 255
+_ALPHA_ERROR = 1e-3  # what a compositor's rounding may add to an opacity
 # What a camera's noise may bring below 0, and highlights above 1, in a spectral picture.
 _NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoefficientImage:
-    """Reflection under flat white light, channel by channel.
+    """Reflection under flat white light, channel by channel, for each light group.
 
     Parameters
     ----------
-    coefficients : (H, W, M) float32
-        Premultiplied by opacity; unitless.
+    coefficients : (H, W, L·M) float32 or float16
+        The M channels of the first light group, then those of the next; premultiplied by opacity;
+        unitless.
     alpha : (H, W) float32
         Opacity, 0…1.
     depth_mm : (H, W) float32
@@ -46,36 +58,83 @@ class CoefficientImage:
         With M channels.
     notes : {str: str}
         Free text kept in the file's header (scene, camera, software).
+    groups : {str: float}
+        The L light groups in the order of their channels, and each one's share of the light on a
+        surface that faces every source (`RaycastSpec.shares`): 0 or more, together 1.
+    first_mm : (H, W) float32, optional
+        Distance of the first hit, where the opacity passes a threshold; inf where nothing is.
 
     Raises
     ------
     ShapeError
         If the arrays do not belong together.
+    ImageError
+        If the coefficients are of another type, or the groups have no names or wrong shares.
+
+    Examples
+    --------
+    >>> one, basis = np.ones((1, 1), np.float32), SpectralBasis.load("general-7")
+    >>> layers = np.concatenate([np.full((1, 1, 7), v, np.float16) for v in (0.6, 0.1)], axis=-1)
+    >>> image = CoefficientImage(layers, one, one, basis, groups={"key": 0.75, "fill": 0.25})
+    >>> image
+    CoefficientImage(1x1, 7 channels in each of key, fill)
+    >>> image.layer("key")[0, 0].tolist() == layers[0, 0, :7].tolist()
+    True
     """
 
-    coefficients: NDArray[np.float32]
+    coefficients: NDArray[Any]
     alpha: NDArray[np.float32]
     depth_mm: NDArray[np.float32]
     basis: Basis
     notes: Mapping[str, str] = field(default_factory=dict)
+    groups: Mapping[str, float] = field(default_factory=lambda: dict(ONE_GROUP))
+    first_mm: NDArray[np.float32] | None = None
 
     def __repr__(self) -> str:
         width, height = self.size
-        return f"CoefficientImage({width}x{height}, {self.basis.size} channels)"
+        where = f" in each of {', '.join(self.groups)}" if len(self.groups) > 1 else ""
+        return f"CoefficientImage({width}x{height}, {self.basis.size} channels{where})"
 
     def __post_init__(self) -> None:
-        shape = np.shape(self.coefficients)
-        if len(shape) != 3 or shape[2] != self.basis.size:
+        groups = _checked_groups(self.groups)
+        object.__setattr__(self, "groups", groups)
+        shape, size = np.shape(self.coefficients), self.basis.size
+        if len(shape) != 3 or shape[2] != len(groups) * size:
+            many = f" for each of {len(groups)} light groups" if len(groups) > 1 else ""
             raise ShapeError(
                 f"coefficient image: coefficients have shape {shape}, the basis "
-                f"{self.basis.name!r} has {self.basis.size} channels; expected (H, W, M)"
+                f"{self.basis.name!r} has {size} channels{many}; expected "
+                f"(H, W, {len(groups) * size})"
             )
-        for name in ("alpha", "depth_mm"):
-            if np.shape(getattr(self, name)) != shape[:2]:
+        kind = getattr(self.coefficients, "dtype", type(self.coefficients).__name__)
+        if kind not in (np.float32, np.float16):
+            raise ImageError(
+                f"coefficient image: coefficients are {kind}; give float32 or float16, such as "
+                "coefficients.astype('float32')"
+            )
+        for name in ("alpha", "depth_mm", "first_mm"):
+            array = getattr(self, name)
+            if np.shape(array) != shape[:2] and not (name == "first_mm" and array is None):
                 raise ShapeError(
-                    f"coefficient image: {name} has shape {np.shape(getattr(self, name))}; "
-                    f"expected {shape[:2]}"
+                    f"coefficient image: {name} has shape {np.shape(array)}; expected {shape[:2]}"
                 )
+
+    def layer(self, group: str) -> NDArray[Any]:
+        """(H, W, M) the channels of one light group: a view.
+
+        Raises
+        ------
+        ImageError
+            If the image has no such group.
+        """
+        if group not in self.groups:
+            raise ImageError(
+                f"coefficient image: no light group {group!r}; {nearest(str(group), self.groups)}"
+                f"it has {', '.join(self.groups)}"
+            )
+        size = self.basis.size
+        first = list(self.groups).index(group) * size
+        return self.coefficients[..., first : first + size]
 
     @property
     def size(self) -> tuple[int, int]:
@@ -147,12 +206,17 @@ class CoefficientImage:
         header = {
             "volspec:format": FORMAT,
             "volspec:basis": json.dumps(self.basis.to_dict()),
+            "volspec:groups": json.dumps(self.groups),
             "volspec:notes": json.dumps(dict(self.notes)),
         }
-        channels = {
-            f"coefficients.{k:02d}": self.coefficients[..., k] for k in range(self.basis.size)
+        names = _channel_names(self.groups, self.basis.size)
+        channels = {name: self.coefficients[..., k] for k, name in enumerate(names)}
+        channels |= {
+            name: np.asarray(pixels, np.float32)
+            for name, pixels in (("A", self.alpha), ("Z", self.depth_mm), ("ZFirst", self.first_mm))
+            if pixels is not None
         }
-        write_exr(path, header, channels | {"A": self.alpha, "Z": self.depth_mm}, ImageError)
+        write_exr(path, header, channels, ImageError)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> CoefficientImage:
@@ -161,8 +225,8 @@ class CoefficientImage:
         Raises
         ------
         ImageError
-            If the file is missing, damaged, no coefficient image, or made with a format or
-            basis version this volspec does not know.
+            If the file is missing, damaged, no coefficient image, made with a format or basis
+            version this volspec does not know, or holds what no cast leaves.
         """
         name = os.fspath(path)
         missing = f"no such file; `volspec render SCENE -o {name}` makes one"
@@ -172,9 +236,9 @@ class CoefficientImage:
                 f"{name}: not a coefficient image; `volspec render` makes them, and a spectral "
                 "picture needs --basis"
             )
-        if header.get("volspec:format") != FORMAT:
+        if (version := header.get("volspec:format")) not in _READ:
             raise ImageError(
-                f"{name}: format {header.get('volspec:format')}, this volspec reads {FORMAT}; "
+                f"{name}: format {version}, this volspec reads {' and '.join(map(str, _READ))}; "
                 "render the scene again"
             )
         try:
@@ -182,14 +246,74 @@ class CoefficientImage:
             notes = dict(json.loads(header.get("volspec:notes", "{}")))
         except (BasisError, ValueError, KeyError, TypeError) as error:
             raise ImageError(f"{name}: its basis is refused ({error}); render again") from error
-        wanted = [f"coefficients.{k:02d}" for k in range(basis.size)]
+        try:
+            stored = ONE_GROUP if version == 1 else json.loads(header["volspec:groups"])
+            groups = _checked_groups(stored)
+        except (ImageError, ValueError, KeyError, TypeError) as error:
+            raise ImageError(
+                f"{name}: its light groups are refused ({error}); render again"
+            ) from error
+        wanted = _channel_names(groups, basis.size)
         for key in (*wanted, "A", "Z"):
             if key not in pixels:
                 raise ImageError(f"{name}: channel {key!r} is missing; render the scene again")
         coefficients = np.stack([pixels[key] for key in wanted], axis=-1)
         if not (np.isfinite(coefficients).all() and np.isfinite(pixels["A"]).all()):
             raise ImageError(f"{name}: holds NaN or infinite values; render the scene again")
-        return cls(coefficients, pixels["A"], pixels["Z"], basis, notes)
+        alpha, depth = (pixels[key].astype(np.float32) for key in ("A", "Z"))
+        low, high = float(alpha.min()), float(alpha.max())
+        if low < -_ALPHA_ERROR or high > 1 + _ALPHA_ERROR:
+            raise ImageError(
+                f"{name}: channel 'A' runs from {low:g} to {high:g}; an opacity is 0…1, render "
+                "the scene again"
+            )
+        first = pixels["ZFirst"].astype(np.float32) if "ZFirst" in pixels else None
+        try:
+            return cls(coefficients, alpha.clip(0, 1), depth, basis, notes, groups, first)
+        except (ImageError, ShapeError) as error:
+            raise ImageError(f"{name}: {error}") from error
+
+
+def _checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
+    """Light groups as a dictionary of their own, each named and with its share."""
+    if not (isinstance(groups, Mapping) and groups):
+        raise ImageError(
+            f"coefficient image: groups is {groups!r:.60}; give {{name: share}}, at least one"
+        )
+    shares = {}
+    for name, share in groups.items():
+        if not (isinstance(name, str) and name.strip()):
+            raise ImageError(f"coefficient image: a light group is named {name!r}; give a word")
+        if (length := len(_layer_name(name))) > _LONGEST_NAME:
+            raise ImageError(
+                f"coefficient image: light group {name[:20] + '…'!r} has a name of {length} "
+                f"characters in a file, at most {_LONGEST_NAME} fit; shorten it"
+            )
+        if isinstance(share, bool) or not isinstance(share, int | float | np.number):
+            share = math.nan
+        if not 0 <= share <= 1 + _SUM_ERROR:
+            raise ImageError(
+                f"coefficient image: light group {name!r} has share {groups[name]!r:.40}; "
+                "give a number of 0…1"
+            )
+        shares[name] = float(share)
+    if abs(sum(shares.values()) - 1) > _SUM_ERROR:
+        raise ImageError(
+            f"coefficient image: the shares of light groups {', '.join(shares)} sum to "
+            f"{sum(shares.values()):g}; they must sum to 1, as RaycastSpec.shares() does"
+        )
+    return shares
+
+
+def _channel_names(groups: Mapping[str, float], size: int) -> list[str]:
+    """Names in the file, in the order of the channels; one group needs no layer name."""
+    layers = [f"{_layer_name(group)}." for group in groups] if len(groups) > 1 else [""]
+    return [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(size)]
+
+
+def _layer_name(group: str) -> str:
+    """Percent-encoded but for letters, digits, _ and -: a dot would part the layer in two."""
+    return quote(group, safe="", errors="surrogatepass").replace(".", "%2E").replace("~", "%7E")
 
 
 def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:

@@ -2,31 +2,45 @@
 
     volume -> transfer -> [raycast] -> relight -> appearance
 
-The ray of a pixel is cut into steps kΔ…(k+1)Δ measured from the camera, clipped to the
-volume; each is sampled at its middle and weighs as much as its clipped length. A homogeneous
-body therefore has exactly Beer-Lambert's transmittance along any ray. Front to back
+The ray of a pixel is cut into steps kΔ…(k+1)Δ measured from the camera, clipped to what is kept
+of the volume; each is sampled at its middle and weighs as much as its clipped length. A
+homogeneous body therefore has exactly Beer-Lambert's transmittance along any ray. Front to back
 
     α = 1 − (1 − opacity(v))^(length / reference step)
     C += T α (g s(v) + k_s),   T ← T (1 − α)                               (METHOD §3)
 
-The twin is ``kernels/raycast.cl``.
+The twins are ``kernels/raycast.cl`` and, by name below, those beside it.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
-from volspec.raycast.spec import Camera, RaycastSpec
-from volspec.transfer import TransferTable
+import numpy as np
+
+from volspec.raycast.camera import Camera
+from volspec.raycast.sampling import (
+    Array,
+    Index,
+    Rays,
+    Sampler,
+    arrivals,
+    between,
+    classified,
+    entry_of,
+    rays_of,
+    shading,
+)
+from volspec.raycast.spec import RaycastSpec
+from volspec.transfer import SurfaceTable, TransferTable, segment_means
 from volspec.volume import Volume
 
-Result = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Result = tuple[Array, Array, Array, Array]
 
 
 def cast(
     volume: Volume,
-    table: TransferTable,
+    table: TransferTable | SurfaceTable,
     camera: Camera,
     size: tuple[int, int],
     spec: RaycastSpec,
@@ -39,137 +53,215 @@ def cast(
 
     Returns
     -------
-    coefficients : (H, W, M)
+    coefficients : (H, W, L·M)
         Premultiplied by opacity.
     alpha : (H, W)
-    depth_mm : (H, W)
-        Expected distance from the camera of what is seen; inf where nothing is.
+    depth_mm, first_mm : (H, W)
+        Expected distance from the camera of what is seen, and where it is first hit; inf where
+        nothing is.
     """
     width, height = size
-    origin, direction = _rays(camera, width, height)
-    matrix = volume.index_from_world
-    start = origin @ matrix[:3, :3].T + matrix[:3, 3]
-    along = direction @ matrix[:3, :3].T
-    near, far = _clip(start, along, np.array(volume.shape_xyz) - 1.0)
-    step = spec.step_of(volume)
-    padded = np.pad(volume.values.astype(np.float64), 1, mode="edge")
-    opacity = table.step_opacity(step)
-    channels = table.coefficients
-    low, high = table.domain
-    last = len(opacity) - 1
-
-    rays = len(near)
-    covered = np.zeros(rays)
-    colour = np.zeros((rays, channels.shape[1]))
-    through = np.ones(rays)
-    depth = np.zeros(rays)
-    k = np.floor(near / step)
-    while True:
-        begin = np.maximum(k * step, near)
-        end = np.minimum((k + 1) * step, far)
-        live = np.flatnonzero((end > begin) & (through > 1 - spec.alpha_stop))
-        if not live.size:
-            break
-        middle = 0.5 * (begin[live] + end[live])
-        point = start[live] + middle[:, None] * along[live]
-        value, gradient = _sample(padded, point)
-        at = np.clip((value - low) / (high - low) * last, 0, last)
-        j = np.minimum(at.astype(int), last - 1)
-        f = at - j
-        alpha = (1 - f) * opacity[j] + f * opacity[j + 1]
-        alpha = 1 - (1 - alpha) ** ((end[live] - begin[live]) / step)
-        seen = (1 - f)[:, None] * channels[j] + f[:, None] * channels[j + 1]
-        diffuse, specular = _shading(gradient, direction[live], matrix, volume, spec)
-        weight = through[live] * alpha
-        gloss = specular[:, None] * table.white
-        colour[live] += weight[:, None] * (diffuse[:, None] * seen + gloss)
-        covered[live] += weight
-        depth[live] += weight * middle
-        through[live] *= 1 - alpha
-        k[live] += 1
-    with np.errstate(divide="ignore", invalid="ignore"):
-        expected = np.where(covered > 0, depth / covered, np.inf)
+    kind: type[_March] = _March
+    if isinstance(table, SurfaceTable):
+        kind = _Surfaces
+    elif spec.mode != "composite":
+        kind = _Projection
+    elif spec.preintegrated:
+        kind = _Preintegrated
+    elif table.filters is not None:
+        kind = _Filtered
+    march = kind(volume, table, camera, spec, rays_of(volume, camera, size, spec))
+    march.run()
     shape = (height, width)
-    return colour.reshape(*shape, -1), covered.reshape(shape), expected.reshape(shape)
-
-
-def _rays(
-    camera: Camera, width: int, height: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    field = camera.ray_field(width, height)
-    y, x = (grid.ravel()[:, None] for grid in np.mgrid[0:height, 0:width].astype(np.float64))
-    offset = (x - field.middle[0]) * field.across + (y - field.middle[1]) * field.down
-    straight = field.forward * field.distance
-    if field.perspective:
-        direction = straight + offset
-        origin = np.broadcast_to(field.target - straight, direction.shape)
-    else:
-        direction = np.broadcast_to(straight, offset.shape)
-        origin = field.target + offset - straight
-    return origin, direction / np.linalg.norm(direction, axis=1, keepdims=True)
-
-
-def _clip(
-    start: NDArray[np.float64], along: NDArray[np.float64], top: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where rays enter and leave the box 0…top (index space); empty where near ≥ far."""
-    parallel = along == 0
-    between = (start >= 0) & (start <= top)
     with np.errstate(divide="ignore", invalid="ignore"):
-        a, b = (0 - start) / along, (top - start) / along
-    # A ray parallel to two faces lies between them for ever or never.
-    enter = np.where(parallel, np.where(between, -np.inf, np.inf), np.minimum(a, b)).max(axis=1)
-    leave = np.where(parallel, np.where(between, np.inf, -np.inf), np.maximum(a, b)).min(axis=1)
-    return np.maximum(enter, 0.0), np.maximum(leave, 0.0)
+        expected = np.where(march.covered > 0, march.depth / march.covered, np.inf)
+    colour = march.colour.reshape(*shape, -1)
+    parts = march.covered, expected, march.first
+    return (colour, *(part.reshape(shape) for part in parts))  # type: ignore[return-value]
 
 
-def _sample(
-    padded: NDArray[np.float64], point: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Trilinear value and gradient (central differences of the trilinear field, ±1 voxel)."""
-    value = _trilinear(padded, point)
-    gradient = np.empty_like(point)
-    for axis in range(3):
-        offset = np.zeros(3)
-        offset[axis] = 1
-        gradient[:, axis] = 0.5 * (
-            _trilinear(padded, point + offset) - _trilinear(padded, point - offset)
+class _March:
+    """Rays under way, compositing; the other ways to cast replace a part of it."""
+
+    def __init__(
+        self,
+        volume: Volume,
+        table: Any,
+        camera: Camera,
+        spec: RaycastSpec,
+        rays: Rays,
+    ) -> None:
+        self.volume, self.table, self.camera = volume, table, camera
+        self.spec, self.rays = spec, rays
+        self.sampler = Sampler(volume, table, spec)
+        self.arrives = arrivals(volume, table, spec, camera)
+        self.step = spec.step_of(volume)
+        count = len(rays.near)
+        self.covered, self.depth = np.zeros(count), np.zeros(count)
+        self.first, self.through = np.full(count, np.inf), np.ones(count)
+        self.colour = np.zeros((count, len(spec.groups), table.size))
+
+    def run(self) -> None:
+        """Front to back, all rays a step at a time."""
+        rays, step = self.rays, self.step
+        k = np.floor((rays.near - rays.shift) / step)
+        while True:
+            begin = np.maximum(k * step + rays.shift, rays.near)
+            end = np.minimum((k + 1) * step + rays.shift, rays.far)
+            live = np.flatnonzero((end > begin) & (self.through > 1 - self.spec.alpha_stop))
+            if not live.size:
+                break
+            self.take(live, begin[live], end[live])
+            k[live] += 1
+
+    def point(self, rays: Index, along: Array) -> Array:
+        """(R, 3) index positions at ``along`` mm."""
+        return self.rays.start[rays] + along[:, None] * self.rays.along[rays]
+
+    def take(self, live: Index, begin: Array, end: Array) -> None:
+        """One step of each live ray."""
+        middle = 0.5 * (begin + end)
+        point = self.point(live, middle)
+        shaded = self.spec.shaded or self.table.gradient_top is not None
+        gradient = self.sampler.gradient(point) if shaded else None
+        share, seen = classified(self.table, self.sampler, point, gradient, self.step)
+        alpha = 1 - (1 - share) ** ((end - begin) / self.step)
+        self.reflect(live, middle, point, gradient, alpha, seen)
+
+    def reflect(
+        self,
+        live: Index,
+        along: Array,
+        point: Array,
+        gradient: Array | None,
+        alpha: Array,
+        seen: Array,
+    ) -> None:
+        """Samples of opacity alpha reflect what is seen, and cover what lies behind."""
+        light = self.light(live, point, gradient, seen)
+        weight = self.through[live] * alpha
+        self.colour[live] += weight[:, None, None] * light
+        self.cover(live, along, weight)
+        self.through[live] -= weight
+
+    def light(self, live: Index, point: Array, gradient: Array | None, seen: Array) -> Array:
+        """(R, L, M) what samples reflect of each group's light."""
+        factor, gloss = shading(
+            *(self.volume, self.camera, self.spec, self.arrives, point),
+            self.rays.direction[live],
+            gradient if self.spec.shaded else None,
         )
-    return value, gradient
+        return factor[:, :, None] * seen[:, None, :] + gloss[:, :, None] * self.table.white
+
+    def cover(self, live: Index, along: Array, weight: Array) -> None:
+        """Count opacity and where it is."""
+        self.covered[live] += weight
+        hit = np.isinf(self.first[live]) & (self.covered[live] >= self.spec.first_opacity)
+        self.first[live[hit]] = along[hit]
+        self.depth[live] += weight * along
 
 
-def _trilinear(padded: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.float64]:
-    top = np.array(padded.shape[::-1]) - 1.0
-    inside = np.clip(point + 1, 0, top)
-    base = np.minimum(inside.astype(int), np.maximum(top.astype(int) - 1, 0))
-    f = inside - base
-    x, y, z = base.T
-    fx, fy, fz = f.T
-    result = np.zeros(len(point))
-    for dz, wz in ((0, 1 - fz), (1, fz)):
-        for dy, wy in ((0, 1 - fy), (1, fy)):
-            for dx, wx in ((0, 1 - fx), (1, fx)):
-                result += wx * wy * wz * padded[z + dz, y + dy, x + dx]
-    return result
+class _Filtered(_March):
+    """Spectral absorption: one transmittance a channel; twin: raycast.cl with FILTERED."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.passing = np.ones((len(self.through), self.table.size))
+
+    def take(self, live: Index, begin: Array, end: Array) -> None:
+        middle = 0.5 * (begin + end)
+        point = self.point(live, middle)
+        gradient = self.sampler.gradient(point) if self.spec.shaded else None
+        share, seen = classified(self.table, self.sampler, point, gradient, self.step)
+        fraction = (end - begin) / self.step
+        alpha = 1 - (1 - share) ** fraction
+        entries = self.table.step_transmittance(self.step)
+        j, f = entry_of(self.table, self.sampler.value(point))
+        passed = between(entries, j, f) ** fraction[:, None]
+        light = self.light(live, point, gradient, seen) * self.passing[live][:, None, :]
+        self.colour[live] += alpha[:, None, None] * light
+        self.passing[live] *= np.where(share[:, None] > 0, passed, 1.0)
+        left = self.passing[live].mean(axis=1)
+        self.cover(live, middle, self.through[live] - left)
+        self.through[live] = left
 
 
-def _shading(
-    gradient: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    index_from_world: NDArray[np.float64],
-    volume: Volume,
-    spec: RaycastSpec,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Factor of the reflectance and the light-coloured addition; headlight along the ray."""
-    if not spec.shaded:
-        return np.full(len(gradient), spec.ambient), np.zeros(len(gradient))
-    per_spacing = index_from_world[:3, :3] * min(volume.spacing_mm)
-    world = (gradient * spec.gradient_scale(volume)) @ per_spacing
-    square = (world**2).sum(axis=1)
-    trust = square / (square + spec.gradient_floor_squared)
-    facing = np.abs((world * direction).sum(axis=1)) / np.sqrt(np.maximum(square, 1e-30))
-    lambert = 1 + trust * (facing - 1)
-    return (
-        spec.ambient + spec.diffuse * lambert,
-        spec.specular * trust * facing**spec.shininess,
-    )
+class _Preintegrated(_March):
+    """The transfer function integrated between a step's ends; twin: preintegrated.cl."""
+
+    def take(self, live: Index, begin: Array, end: Array) -> None:
+        front, back = (self.sampler.value(self.point(live, at)) for at in (begin, end))
+        means = segment_means(self.table, self.step, front, back)
+        alpha = -np.expm1(-means[:, 0] * (end - begin) / self.step)
+        seen = means[:, 1:] / np.maximum(means[:, :1], 1e-30) @ self.table.channels
+        middle = 0.5 * (begin + end)
+        point = self.point(live, middle)
+        gradient = self.sampler.gradient(point) if self.spec.shaded else None
+        self.reflect(live, middle, point, gradient, alpha, seen)
+
+
+class _Surfaces(_March):
+    """Isosurfaces between a step's ends; twin: surfaces.cl."""
+
+    def take(self, live: Index, begin: Array, end: Array) -> None:
+        table, stop = self.table, 1 - self.spec.alpha_stop
+        front, back = (self.sampler.value(self.point(live, at)) for at in (begin, end))
+        rising = back > front
+        for s in range(len(table.values)):
+            which = np.where(rising, s, len(table.values) - 1 - s)
+            level = table.values[which]
+            met = ((front < level) != (back < level)) & (self.through[live] > stop)
+            if not met.any():
+                continue
+            rays, which = live[met], which[met]
+            along = self._place(rays, begin[met], end[met], front[met], back[met], level[met])
+            point = self.point(rays, along)
+            gradient = self.sampler.gradient(point) if self.spec.shaded else None
+            seen = (table.shares @ table.channels)[which]
+            self.reflect(rays, along, point, gradient, table.opacity[which], seen)
+
+    def _place(
+        self, rays: Index, near: Array, far: Array, front: Array, back: Array, level: Array
+    ) -> Array:
+        """Where the value is the level, by two rounds of false position."""
+        along = near + (level - front) / (back - front) * (far - near)
+        for _ in range(2):
+            value = self.sampler.value(self.point(rays, along))
+            before = (value < level) == (front < level)
+            near, front = np.where(before, along, near), np.where(before, value, front)
+            far, back = np.where(before, far, along), np.where(before, back, value)
+            rise = back - front
+            share = (level - front) / np.where(rise == 0, 1, rise)
+            along = np.where(rise == 0, near, near + share * (far - near))
+        return along
+
+
+class _Projection(_March):
+    """The greatest or the mean value of a ray; twin: projection.cl."""
+
+    def run(self) -> None:
+        count = len(self.rays.near)
+        self.best, self.place = np.full(count, -np.inf), np.zeros(count)
+        self.sum, self.length = np.zeros(count), np.zeros(count)
+        super().run()
+        rays = np.flatnonzero(self.rays.near < self.rays.far)
+        value, place = self.best[rays], self.place[rays]
+        if self.spec.mode == "average":
+            value = self.sum[rays] / self.length[rays]
+            place = 0.5 * (self.rays.near + self.rays.far)[rays]
+        j, f = entry_of(self.table, value)
+        alpha = between(self.table.opacity, j, f)
+        seen = between(self.table.coefficients, j, f)
+        unshaded = np.array(list(self.spec.strengths().values()))
+        light = unshaded[:, None] * seen[:, None, :]
+        self.colour[rays] = alpha[:, None, None] * light
+        self.cover(rays, place, alpha)
+
+    def take(self, live: Index, begin: Array, end: Array) -> None:
+        middle = 0.5 * (begin + end)
+        value = self.sampler.value(self.point(live, middle))
+        more = live[value > self.best[live]]
+        self.place[more] = middle[value > self.best[live]]
+        self.best[more] = value[value > self.best[live]]
+        self.sum[live] += (end - begin) * value
+        self.length[live] += end - begin

@@ -1,177 +1,53 @@
-"""What a cast is asked to do: camera and settings, frozen and valid at birth.
-
-Axes: world millimetres, right-handed. Picture rows run downwards, the first row is the top.
-"""
+"""How a cast marches, shades and clips: settings, frozen and valid at birth."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import CameraError, RaycastError
+from volspec.errors import RaycastError, nearest
+from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup, Vector
 from volspec.volume import Volume
 
-Vector = tuple[float, float, float]
+Bounds = tuple[float, float]
+Mode = Literal["composite", "maximum", "average"]
+MODES = ("composite", "maximum", "average")
+MAX_PLANES = 6
+# A ray of more samples than this is a slip of the step, not a picture.
+MAX_STEPS = 1 << 17
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
-    """A pinhole or, where ``height_mm`` is given, an orthographic camera.
+class ClipPlane:
+    """A plane that cuts the volume; the side its normal points to stays.
 
     Parameters
     ----------
-    position_mm, target_mm : (x, y, z)
-        Where it stands and what it looks at.
-    up : (x, y, z)
-        A direction that shall point upwards in the picture.
-    fov_deg : float
-        Vertical field of view of the pinhole, above 0 and below 180.
-    height_mm : float, optional
-        Height of the picture in the world; makes the camera orthographic.
-
-    Raises
-    ------
-    CameraError
-        If a number is not finite, the camera stands on its target, or looks along ``up``.
+    point_mm : (x, y, z)
+        Any point of the plane.
+    normal : (x, y, z)
+        Towards what stays; any length but 0.
     """
 
-    position_mm: Vector
-    target_mm: Vector
-    up: Vector = (0.0, 0.0, 1.0)
-    fov_deg: float = 30.0
-    height_mm: float | None = None
+    point_mm: Vector
+    normal: Vector
 
     def __post_init__(self) -> None:
-        for name in ("position_mm", "target_mm", "up"):
-            object.__setattr__(self, name, _three(name, getattr(self, name)))
-        if not 0 < self.fov_deg < 180:
-            raise CameraError(f"camera: fov_deg is {self.fov_deg}; give degrees between 0 and 180")
-        if self.height_mm is not None and not (
-            math.isfinite(self.height_mm) and self.height_mm > 0
-        ):
-            raise CameraError(f"camera: height_mm is {self.height_mm}; give millimetres above 0")
-        view = np.subtract(self.target_mm, self.position_mm)
-        distance = np.linalg.norm(view)
-        if distance == 0:
-            raise CameraError(f"camera: stands on its target {self.target_mm}; move one of them")
-        if np.linalg.norm(np.cross(view / distance, self.up)) < 1e-6 * np.linalg.norm(self.up) or (
-            not np.any(self.up)
-        ):
-            raise CameraError(f"camera: looks along its up direction {self.up}; choose another up")
-
-    @classmethod
-    def orbit(
-        cls,
-        volume: Volume,
-        *,
-        azimuth_deg: float = 30.0,
-        elevation_deg: float = 20.0,
-        zoom: float = 1.0,
-        fov_deg: float = 30.0,
-        up: Vector = (0.0, 0.0, 1.0),
-        target_mm: Vector | None = None,
-        orthographic: bool = False,
-    ) -> Camera:
-        """Look at a volume's centre, or a target, from a direction around its ``up`` axis.
-
-        At zoom 1 the sphere around the volume just fills the picture's height. Azimuth 0
-        stands at −y (z up), +90 at +x; an elevation of ±90 looks along ``up`` and takes the
-        direction of azimuth as the picture's top.
-
-        >>> import numpy as np
-        >>> camera = Camera.orbit(Volume(np.zeros((3, 3, 3))), azimuth_deg=0, elevation_deg=0)
-        >>> [round(x, 3) for x in camera.position_mm]
-        [1.0, -5.692, 1.0]
-        """
-        volume = Volume.of(volume)
-        for name, angle in (("azimuth_deg", azimuth_deg), ("elevation_deg", elevation_deg)):
-            if not math.isfinite(angle):
-                raise CameraError(f"camera: {name} is {angle}; give degrees")
-        if not (math.isfinite(zoom) and zoom > 0):
-            raise CameraError(f"camera: zoom is {zoom}; give a number above 0")
-        if not 0 < fov_deg < 180:
-            raise CameraError(f"camera: fov_deg is {fov_deg}; give degrees between 0 and 180")
-        corners = volume.corners_mm
-        centre = corners.mean(axis=0)
-        radius = float(np.linalg.norm(corners - centre, axis=1).max()) or 1.0
-        target = centre if target_mm is None else np.array(_three("target_mm", target_mm))
-        axis = np.asarray(up, dtype=np.float64)
-        if axis.shape != (3,) or not np.linalg.norm(axis) > 0:
-            raise CameraError(f"camera: up is {up}; give a direction")
-        axis = axis / np.linalg.norm(axis)
-        # The front: −y, made perpendicular to up; where up is ±y, −x.
-        front = np.array([0.0, -1.0, 0.0])
-        front -= front.dot(axis) * axis
-        if np.linalg.norm(front) < 1e-6:
-            front = np.array([-1.0, 0.0, 0.0])
-        front /= np.linalg.norm(front)
-        side = np.cross(axis, front)
-        azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
-        around = math.cos(azimuth) * front + math.sin(azimuth) * side
-        direction = math.cos(elevation) * around + math.sin(elevation) * axis
-        top = math.cos(elevation) * axis - math.sin(elevation) * around
-        distance = radius / math.sin(math.radians(fov_deg) / 2) / zoom
-        return cls(
-            position_mm=tuple(target + distance * direction),
-            target_mm=tuple(target),
-            up=tuple(top),
-            fov_deg=fov_deg,
-            height_mm=2 * radius / zoom if orthographic else None,
-        )
-
-    def frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Unit vectors (right, up, forward) of the picture in the world."""
-        forward = np.subtract(self.target_mm, self.position_mm)
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, self.up)
-        right /= np.linalg.norm(right)
-        return right, np.cross(right, forward), forward
-
-    def ray_field(self, width: int, height: int) -> RayField:
-        """The rays of a picture of so many pixels."""
-        right, up, forward = self.frame()
-        distance = float(np.linalg.norm(np.subtract(self.target_mm, self.position_mm)))
-        tall = self.height_mm or 2 * distance * math.tan(math.radians(self.fov_deg) / 2)
-        return RayField(
-            target=np.asarray(self.target_mm),
-            forward=forward,
-            across=right * (tall / height),
-            down=-up * (tall / height),
-            middle=((width - 1) / 2, (height - 1) / 2),
-            distance=distance,
-            perspective=self.height_mm is None,
-        )
-
-
-def _three(name: str, given: Vector) -> Vector:
-    try:
-        x, y, z = (float(v) for v in given)
-    except (TypeError, ValueError):
-        raise CameraError(f"camera: {name} is {given!r:.60}; give three numbers") from None
-    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-        raise CameraError(f"camera: {name} is {(x, y, z)}; give three finite numbers")
-    return x, y, z
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RayField:
-    """Rays as offsets in the plane through the camera's target, square to its view.
-
-    Pixel (x, y) passes the plane at ``target + r``, r = (x − x₀) across + (y − y₀) down, with
-    direction ``forward * distance + r`` (perspective) or ``forward``. Anchoring rays at the
-    target keeps single-precision coordinates as small as the volume, however far the camera.
-    """
-
-    target: NDArray[np.float64]
-    forward: NDArray[np.float64]
-    across: NDArray[np.float64]
-    down: NDArray[np.float64]
-    middle: tuple[float, float]
-    distance: float
-    perspective: bool
+        for name in ("point_mm", "normal"):
+            given = getattr(self, name)
+            try:
+                vector = tuple(float(v) for v in given)
+            except (TypeError, ValueError):
+                vector = ()
+            if len(vector) != 3 or not all(map(math.isfinite, vector)):
+                raise RaycastError(f"clip plane: {name} is {given!r:.60}; give three numbers")
+            object.__setattr__(self, name, vector)
+        if not any(self.normal):
+            raise RaycastError("clip plane: normal is (0, 0, 0); give a direction")
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +59,8 @@ class RaycastSpec:
     step_mm : float, optional
         Distance of samples; half the volume's smallest spacing when left out.
     ambient, diffuse, specular : float
-        Weights ≥ 0 of light from everywhere, two-sided Lambert and Blinn-Phong from a
-        headlight. With ``diffuse`` and ``specular`` 0 no gradient is computed;
+        How surfaces reflect: weights ≥ 0 of light from everywhere, two-sided Lambert and
+        Blinn-Phong. With ``diffuse`` and ``specular`` 0 no gradient is computed;
         ``ambient=1, diffuse=0`` shows the plain reflectances.
     shininess : int
         Blinn-Phong exponent, 1 to 1024; whole, since integer powers cost a few products.
@@ -193,6 +69,41 @@ class RaycastSpec:
     flat_gradient : float
         Gradients below this share of the volume's range per smallest spacing fade to
         unshaded, so that noise in flat regions leaves no speckle.
+    groups : tuple of LightGroup
+        Where light comes from; each group leaves a layer of channels. One group of ambient light
+        and a headlight when left out.
+    mode : {"composite", "maximum", "average"}
+        What a ray gathers: opacity and colour; or the greatest or the mean value along it, which
+        the transfer function then shows.
+    jitter : float
+        Share of a step, 0 to 1, by which the samples of a ray are shifted at random, against
+        rings of wood grain; the picture stays the same for the same ``seed``.
+    seed : int
+        Of the jitter.
+    preintegrated : bool
+        Integrate the transfer function between a step's two ends instead of reading it once at
+        the middle: no bands where it is steep.
+    adaptive : float
+        Steps grow to 2 or 4 where the transfer function's opacity of a step varies by less than
+        this within a brick of 8 voxels; 0 keeps every step.
+    crop_voxels : ((x0, x1), (y0, y1), (z0, z1)), optional
+        What stays, in voxel indices.
+    clip_planes : tuple of ClipPlane
+        Up to six.
+    light_cells : int
+        Cells of the light volume (shadows, ambient occlusion) along the longest axis, 8 to 512.
+    half : bool
+        Keep the picture's channels as float16: half the memory, three digits.
+    first_opacity : float
+        Opacity at which something counts as hit, for `CoefficientImage.first_mm`.
+    tile_ms : float
+        About how long one launch on the device may take; a driver kills long ones, and between
+        two a cast can be cancelled.
+
+    Raises
+    ------
+    RaycastError
+        If a number is out of range, a crop is empty or there are too many lights or planes.
     """
 
     step_mm: float | None = None
@@ -202,29 +113,168 @@ class RaycastSpec:
     shininess: int = 32
     alpha_stop: float = 0.9995
     flat_gradient: float = 0.02
+    groups: tuple[LightGroup, ...] = HEADLIT
+    mode: Mode = "composite"
+    jitter: float = 0.0
+    seed: int = 0
+    preintegrated: bool = False
+    adaptive: float = 0.0
+    crop_voxels: tuple[Bounds, Bounds, Bounds] | None = None
+    clip_planes: tuple[ClipPlane, ...] = ()
+    light_cells: int = 96
+    half: bool = False
+    first_opacity: float = 0.1
+    tile_ms: float = 20.0
 
     def __post_init__(self) -> None:
-        for name in ("ambient", "diffuse", "specular", "flat_gradient"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
+        for name in ("ambient", "diffuse", "specular", "flat_gradient", "adaptive"):
+            value = _number(name, getattr(self, name))
+            if not value >= 0:
                 raise RaycastError(f"raycast: {name} is {value}; give a number of 0 or more")
         if self.shininess not in range(1, 1025):
             raise RaycastError(
                 f"raycast: shininess is {self.shininess}; give a whole number of 1 to 1024"
             )
-        if self.step_mm is not None and not (math.isfinite(self.step_mm) and self.step_mm > 0):
-            raise RaycastError(f"raycast: step_mm is {self.step_mm}; give millimetres above 0")
-        if not 0 < self.alpha_stop <= 1:
-            raise RaycastError(f"raycast: alpha_stop is {self.alpha_stop}; give 0…1, above 0")
+        for name in ("step_mm", "tile_ms"):
+            value = getattr(self, name)
+            if value is not None and not _number(name, value) > 0:
+                raise RaycastError(f"raycast: {name} is {value}; give a number above 0")
+        for name in ("alpha_stop", "first_opacity"):
+            value = _number(name, getattr(self, name))
+            if not 0 < value <= 1:
+                raise RaycastError(f"raycast: {name} is {value}; give 0…1, above 0")
+        if not 0 <= _number("jitter", self.jitter) <= 1:
+            raise RaycastError(f"raycast: jitter is {self.jitter}; give 0 to 1 step")
+        if self.seed not in range(1 << 32):
+            raise RaycastError(f"raycast: seed is {self.seed}; give a whole number of 0 to 2^32-1")
+        if self.light_cells not in range(8, 513):
+            raise RaycastError(f"raycast: light_cells is {self.light_cells}; give 8 to 512")
+        if self.mode not in MODES:
+            raise RaycastError(
+                f"raycast: mode is {self.mode!r}; {nearest(str(self.mode), MODES)}"
+                f"give {', '.join(MODES)}"
+            )
+        if self.preintegrated and self.mode != "composite":
+            raise RaycastError(f"raycast: preintegrated has no meaning with mode {self.mode!r}")
+        self._check_groups()
+        self._check_cuts()
+
+    def _check_groups(self) -> None:
+        groups = (self.groups,) if isinstance(self.groups, LightGroup) else tuple(self.groups)
+        if not groups or not all(isinstance(group, LightGroup) for group in groups):
+            raise RaycastError(f"raycast: groups is {groups!r:.60}; give LightGroups, at least one")
+        names = [group.name for group in groups]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise RaycastError(f"raycast: two light groups are named {twice!r}; rename one")
+        sources = sum(len(group.sources) for group in groups)
+        if len(groups) > MAX_GROUPS or sources > MAX_SOURCES:
+            raise RaycastError(
+                f"raycast: {len(groups)} light groups with {sources} sources; at most "
+                f"{MAX_GROUPS} and {MAX_SOURCES} can be cast"
+            )
+        object.__setattr__(self, "groups", groups)
+
+    def _check_cuts(self) -> None:
+        planes = tuple(self.clip_planes)
+        if len(planes) > MAX_PLANES or not all(isinstance(p, ClipPlane) for p in planes):
+            raise RaycastError(
+                f"raycast: clip_planes is {planes!r:.60}; give up to {MAX_PLANES} ClipPlanes"
+            )
+        object.__setattr__(self, "clip_planes", planes)
+        if self.crop_voxels is None:
+            return
+        crop = np.asarray(self.crop_voxels, dtype=np.float64)
+        if crop.shape != (3, 2) or not np.isfinite(crop).all():
+            raise RaycastError(
+                f"raycast: crop_voxels is {self.crop_voxels!r:.80}; "
+                "give ((x0, x1), (y0, y1), (z0, z1))"
+            )
+        for axis, (low, high) in zip("xyz", crop, strict=True):
+            if not low < high:
+                raise RaycastError(
+                    f"raycast: crop_voxels along {axis} is {low:g} to {high:g}; nothing would be "
+                    "left, give two that rise"
+                )
+        object.__setattr__(
+            self, "crop_voxels", tuple((float(low), float(high)) for low, high in crop)
+        )
 
     @property
     def shaded(self) -> bool:
-        """Whether gradients are needed."""
-        return self.diffuse > 0 or self.specular > 0
+        """Whether gradients are needed for shading."""
+        directed = any(
+            not isinstance(source, Ambient) for group in self.groups for source in group.sources
+        )
+        return directed and (self.diffuse > 0 or self.specular > 0)
+
+    def strengths(self) -> dict[str, float]:
+        """What each group gives a white surface that faces all of its sources."""
+        return {
+            group.name: sum(
+                source.intensity * (self.ambient if isinstance(source, Ambient) else self.diffuse)
+                for source in group.sources
+            )
+            for group in self.groups
+        }
+
+    def shares(self) -> dict[str, float]:
+        """How much of the light on a surface that faces every source each group gives; sum 1."""
+        strength = self.strengths()
+        total = sum(strength.values())
+        if total == 0:
+            return dict.fromkeys(strength, 1 / len(strength))
+        return {name: value / total for name, value in strength.items()}
 
     def step_of(self, volume: Volume) -> float:
-        """The step in millimetres for a volume."""
-        return self.step_mm or 0.5 * min(volume.spacing_mm)
+        """The step in millimetres for a volume.
+
+        Raises
+        ------
+        RaycastError
+            If a ray through the volume would take more than `MAX_STEPS` or less than one.
+        """
+        if self.step_mm is None:
+            return 0.5 * min(volume.spacing_mm)
+        corners = volume.corners_mm
+        diagonal = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
+        if not 1 <= diagonal / self.step_mm <= MAX_STEPS:
+            raise RaycastError(
+                f"raycast: step_mm is {self.step_mm:g} and {volume.name} {diagonal:g} mm across: "
+                f"{diagonal / self.step_mm:g} steps; give 1 to {MAX_STEPS}, half a voxel is "
+                f"{0.5 * min(volume.spacing_mm):g}"
+            )
+        return self.step_mm
+
+    def kept(self, volume: Volume) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Least and greatest index (x, y, z) of what the crop leaves of a volume.
+
+        Raises
+        ------
+        RaycastError
+            If it leaves nothing.
+        """
+        last = np.array(volume.shape_xyz) - 1.0
+        if self.crop_voxels is None:
+            return np.zeros(3), last
+        low, high = np.array(self.crop_voxels).T
+        for axis, near, far, end in zip("xyz", low, high, last, strict=True):
+            if near >= end or far <= 0:
+                raise RaycastError(
+                    f"raycast: crop_voxels along {axis} is {near:g} to {far:g}; {volume.name} "
+                    f"reaches from 0 to {end:g}, nothing would be left"
+                )
+        return np.maximum(low, 0.0), np.minimum(high, last)
+
+    def index_planes(self, volume: Volume) -> NDArray[np.float64]:
+        """(P, 4) clip planes in index space: normal · index ≥ w is kept, normals per voxel."""
+        world = volume.world_from_index
+        rows = np.zeros((len(self.clip_planes), 4))
+        for row, plane in zip(rows, self.clip_planes, strict=True):
+            normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
+            row[:3] = normal @ world[:3, :3]
+            row[3] = normal @ (np.asarray(plane.point_mm) - world[:3, 3])
+            row /= np.linalg.norm(row[:3])
+        return rows
 
     def gradient_scale(self, volume: Volume) -> float:
         """Value per smallest spacing -> share of the volume's range; 0 for a constant one."""
@@ -235,3 +285,11 @@ class RaycastSpec:
     def gradient_floor_squared(self) -> float:
         """`flat_gradient` squared; never 0, so that 0/0 cannot arise."""
         return max(self.flat_gradient**2, 1e-12)
+
+
+def _number(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        raise RaycastError(f"raycast: {name} is {value!r:.40}; give a number")
+    if not math.isfinite(value):
+        raise RaycastError(f"raycast: {name} is {value}; give a finite number")
+    return float(value)

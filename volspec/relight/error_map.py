@@ -186,7 +186,7 @@ def error_map(
         As `Relighter.frame`.
     """
     lit, exact = (
-        Illumination.of(image.basis, light, RelightSpec(mode=name, backdrop=backdrop))
+        Illumination.of(image.basis, light, RelightSpec(mode=name, backdrop=backdrop), image.groups)
         for name in (mode, "exact")
     )
     white = visible_white(exact.white_XYZ)

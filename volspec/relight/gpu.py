@@ -2,7 +2,7 @@
 
     illumination -> [gpu] -> frame
 
-The coefficients are uploaded once. A light change sends some sixty numbers and draws.
+The coefficients are uploaded once. A light change sends three numbers a channel and draws.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     import moderngl
 
 _GLSL = "330 core"
+# Components of uniforms: a mat4x3 takes four vectors of four, and this much is for all the others.
+_COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
 
 
 def uniforms(light: Illumination, viewing: Viewing) -> dict[str, NDArray[np.float32]]:
@@ -43,7 +45,7 @@ def uniforms(light: Illumination, viewing: Viewing) -> dict[str, NDArray[np.floa
     Parameters
     ----------
     light : Illumination
-        The light, for M channels.
+        The light, for L·M channels.
     viewing : Viewing
         Scene and display conditions.
 
@@ -85,8 +87,8 @@ class GLEngine:
 
     Parameters
     ----------
-    coefficients : (H, W, M) float32
-        Premultiplied by alpha.
+    coefficients : (H, W, L·M) float32
+        The channels of L light groups, premultiplied by alpha.
     alpha : (H, W) float32
         Opacity.
     context : moderngl.Context, optional
@@ -95,8 +97,8 @@ class GLEngine:
     Raises
     ------
     OpenGLError
-        If no context can be made, the image does not fit the device, or the driver refuses
-        the shader.
+        If no context can be made, the image or its channels do not fit the device, or the driver
+        refuses the shader.
     """
 
     def __init__(
@@ -133,6 +135,13 @@ class GLEngine:
                 f"OpenGL: the image is {self._width} x {self._height}, the largest texture of "
                 f"{self.name} {device['max_size']}; cast a smaller image"
             )
+        room = self._context.info["GL_MAX_FRAGMENT_UNIFORM_COMPONENTS"] - _OTHER_COMPONENTS
+        layers = min(device["max_layers"], room // _COMPONENTS_PER_LAYER)
+        if size[2] > layers:
+            raise OpenGLError(
+                f"OpenGL: the image has {self._channels} channels in all light groups, "
+                f"{self.name} takes {4 * layers - 1}; cast fewer groups or with a smaller basis"
+            )
         try:
             self._texture = self._keep(self._context.texture_array(size, 4, dtype="f4"))
             self._target("f1")
@@ -151,7 +160,7 @@ class GLEngine:
         return made_current(self._context, self._handle)
 
     def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
-        """Take another image of the first one's shape; (H, W, M) and (H, W)."""
+        """Take another image of the first one's shape; (H, W, L·M) and (H, W)."""
         with self._current():
             self._texture.write(pack_layers(coefficients, alpha))
 
@@ -196,7 +205,7 @@ class GLEngine:
         if channels != self._channels:
             raise ShapeError(
                 f"relight: the light has {channels} channels, the image {self._channels}; "
-                "were both made with the same basis?"
+                "were both made with the same basis and light groups?"
             )
         with self._current():
             values = uniforms(light, viewing)

@@ -31,7 +31,7 @@ class HostEngine:
         self.upload(coefficients, alpha)
 
     def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
-        """Take another image, `bounded`; (H, W, M) and (H, W)."""
+        """Take another image, `bounded`; (H, W, L·M) and (H, W)."""
         self._coefficients, self._alpha = bounded(coefficients), bounded(alpha)
 
     def render(

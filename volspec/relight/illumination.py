@@ -1,13 +1,14 @@
-"""A light as what it does to a pixel: one 3 × M matrix and the backdrop's colour.
+"""A light as what it does to a pixel: one 3 × L·M matrix and the backdrop's colour.
 
-    light, basis -> [illumination] -> reference | host | gpu
+    light, basis, light groups -> [illumination] -> reference | host | gpu
 
-    XYZ = D (e ∘ C)  + (1 - alpha) XYZ_backdrop        componentwise, e = A E
-    XYZ = P_E C      + (1 - alpha) XYZ_backdrop        exact
-    XYZ = D R(e) C   + (1 - alpha) XYZ_backdrop        linear-model
+    XYZ = Σ_g D_g (e_g ∘ C_g)  + (1 - alpha) XYZ_backdrop        componentwise, e_g = A E_g
+    XYZ = Σ_g P_E_g C_g        + (1 - alpha) XYZ_backdrop        exact
+    XYZ = Σ_g D_g R(e_g) C_g   + (1 - alpha) XYZ_backdrop        linear-model
 
-All are one matrix product: the basis gives D diag(e), P_E or D R(e). Every renderer takes it
-from here, so they differ only in what they do with the XYZ.
+All are one matrix product: the basis gives D diag(e), P_E or D R(e) for each of L light groups,
+and they stand side by side. Every renderer takes it from here, so they differ only in what they
+do with the XYZ.
 
 References
 ----------
@@ -16,6 +17,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -24,7 +26,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.spec import Viewing
 from volspec.errors import ShapeError, ViewingError
+from volspec.raycast.image import ONE_GROUP
 from volspec.relight.spec import LightRig, RelightSpec
+from volspec.spectra.observer import color_matching_functions
 from volspec.spectra.photometry import XYZ_of, white_XYZ
 from volspec.spectra.spectrum import Spectrum
 
@@ -33,7 +37,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Times a coefficient of 1e9 and sixteen channels this stays far inside float32.
+# Times a coefficient of 1e9 and some hundred channels this stays far inside float32.
 _LARGEST = 1e20
 
 
@@ -44,19 +48,19 @@ class Illumination:
     Raises
     ------
     ShapeError
-        If the arrays are not (3, M), (3,) and (3,).
+        If the arrays are not (3, L·M), (3,) and (3,).
     ViewingError
         If a number is not finite or beyond 1e20.
     """
 
     XYZ_from_channels: Array
-    """(3, M): D diag(e) or P_E, times the level's and exposure's gain."""
+    """(3, L·M): D diag(e) or P_E group by group, times the level's and exposure's gain."""
     white_XYZ: Array
-    """(3,): the adopted white, Y = 100 whatever the gain."""
+    """(3,): the adopted white, which faces every source; Y = 100 whatever the gain."""
     backdrop_XYZ: Array
     """(3,): the lit backdrop, gain included."""
     illuminance_lux: float | None = None
-    """E_v of the light, lux; None where it carries none and the viewing's counts."""
+    """E_v on what faces every source, lux; None where it carries none and the viewing's counts."""
 
     def __post_init__(self) -> None:
         for name in ("XYZ_from_channels", "white_XYZ", "backdrop_XYZ"):
@@ -72,7 +76,13 @@ class Illumination:
                 )
 
     @classmethod
-    def of(cls, basis: Basis, light: Spectrum | LightRig, spec: RelightSpec) -> Illumination:
+    def of(
+        cls,
+        basis: Basis,
+        light: Spectrum | LightRig,
+        spec: RelightSpec,
+        groups: Mapping[str, float] = ONE_GROUP,
+    ) -> Illumination:
         """Work out what a light does to the coefficients of a basis.
 
         Parameters
@@ -80,14 +90,17 @@ class Illumination:
         basis : SpectralBasis or MaterialBasis
             The basis of the coefficient image.
         light : Spectrum or LightRig
-            One light, or lights with weights.
+            One light, or lights with weights and groups.
         spec : RelightSpec
             Mode, backdrop, level and exposure.
+        groups : {str: float}
+            The image's light groups in the order of their channels, and their shares.
 
         Raises
         ------
         ViewingError
-            If ``light`` is neither, or ``level="absolute"`` lacks lux.
+            If ``light`` is neither, shines from an unknown group or from none that has a share, or
+            ``level="absolute"`` lacks lux.
         SpectrumError
             If a light does not cover the basis' grid, has negative power or is black.
         """
@@ -97,22 +110,23 @@ class Illumination:
                 f"relight: light is {light!r:.60}; expected a Spectrum, such as "
                 "volspec.light('D65'), or a LightRig"
             )
+        facing = rig.facing(groups)
         gain = spec.viewing.exposure
         if spec.level == "absolute":
-            if rig.total_lux is None:
+            if facing.total_lux is None:
                 raise ViewingError(
                     "relight: level='absolute' needs the lights' lux; "
                     "give LightRig(..., illuminance_lux=...) or use level='relative'"
                 )
-            gain *= rig.total_lux / spec.viewing.illuminance_lux
-        mixed = rig.mixed(basis.grid)
-        matrix = basis.color_matrix(mixed, spec.mode)
+            gain *= facing.total_lux / spec.viewing.illuminance_lux
+        mixed = facing.mixed(basis.grid)
         white = white_XYZ(mixed, basis.observer_deg)
+        matrix = _groups_matrix(basis, rig, spec.mode, groups, mixed)
         if isinstance(spec.backdrop, Spectrum):
             backdrop = XYZ_of(mixed, spec.backdrop, basis.observer_deg)
         else:
             backdrop = spec.backdrop * white
-        return cls(gain * matrix, white, gain * backdrop, rig.total_lux)
+        return cls(gain * matrix, white, gain * backdrop, facing.total_lux)
 
     def viewed(self, viewing: Viewing) -> Viewing:
         """A viewing under this light: its E_v, where it carries one, gives the scene's L_A.
@@ -128,7 +142,7 @@ class Illumination:
 
         Parameters
         ----------
-        coefficients : (..., M) array_like
+        coefficients : (..., L·M) array_like
             Premultiplied by alpha.
         alpha : (...) array_like
             Opacity, 0 to 1.
@@ -148,7 +162,25 @@ class Illumination:
         if C.shape != opacity.shape + (self.XYZ_from_channels.shape[1],):
             raise ShapeError(
                 f"relight: coefficients have shape {C.shape}, alpha {opacity.shape}, the light "
-                f"{self.XYZ_from_channels.shape[1]} channels; expected (..., M), (...) and M. "
-                "Were they made with the same basis?"
+                f"{self.XYZ_from_channels.shape[1]} channels; expected (..., L·M), (...) and L·M. "
+                "Were they made with the same basis and light groups?"
             )
         return C @ self.XYZ_from_channels.T + (1.0 - opacity)[..., None] * self.backdrop_XYZ
+
+
+def _groups_matrix(
+    basis: Basis, rig: LightRig, mode: str, groups: Mapping[str, float], mixed: Spectrum
+) -> Array:
+    """(3, L·M): each group's colour matrix, as bright beside ``mixed`` as the group is."""
+    V = color_matching_functions(basis.grid, basis.observer_deg)[1]
+    columns = []
+    for group in groups:
+        own = rig.shining_from(group)
+        if own is None:
+            columns.append(np.zeros((3, basis.size)))
+            continue
+        E = own.mixed(basis.grid)
+        # The basis scales to Y = 100 for the group alone; the white is that of the groups together.
+        brightness = float(V @ E.values) / float(V @ mixed.values)
+        columns.append(basis.color_matrix(E, mode) * brightness)
+    return np.hstack(columns)

@@ -101,7 +101,7 @@ def encoded_frame(
 
     Parameters
     ----------
-    coefficients : (H, W, M) array_like
+    coefficients : (H, W, L·M) array_like
         Premultiplied by alpha.
     alpha : (H, W) array_like
         Opacity.
@@ -146,5 +146,5 @@ def relight_reference(
         As `Illumination.of`.
     """
     spec = spec or RelightSpec()
-    lit = Illumination.of(image.basis, light, spec)
+    lit = Illumination.of(image.basis, light, spec, image.groups)
     return encoded_frame(image.coefficients, image.alpha, lit, spec.viewing)

@@ -104,16 +104,17 @@ class Relighter:
         return self._engine.name
 
     def update(self, image: CoefficientImage) -> None:
-        """Take another cast of the same size and basis size, as when the camera moves.
+        """Take another cast of the same size, basis size and number of light groups.
 
-        Reflectances that were edited stay so, where the new image has such materials.
+        The groups may have other names and shares. Reflectances that were edited stay so, where
+        the new image has such materials.
 
         Raises
         ------
         RelightError
             If it is closed.
         ShapeError
-            If size or channel count differ.
+            If size, channel count or number of groups differ.
         """
         self._require_open()
         arrays = _arrays(image)
@@ -122,6 +123,11 @@ class Relighter:
             raise ShapeError(
                 f"relight: the image has shape {new}, this Relighter was made for {old}; "
                 "make another Relighter"
+            )
+        if len(image.groups) != len(self._image.groups):
+            raise ShapeError(
+                f"relight: the image has {len(image.groups)} light groups, this Relighter was made "
+                f"for {len(self._image.groups)}; make another Relighter"
             )
         if isinstance(image.basis, MaterialBasis):
             kept = {k: v for k, v in self._edits.items() if k in image.basis.materials}
@@ -161,7 +167,7 @@ class Relighter:
         RelightError
             If it is closed or the dtype is another.
         ViewingError
-            If an argument is out of range.
+            If an argument is out of range, or a light shines from a group the image lacks.
         SpectrumError
             If a light is black, has negative power or does not cover the grid.
         """
@@ -175,7 +181,7 @@ class Relighter:
                 f"relight: dtype is {dtype!r}; expected numpy.uint8 or numpy.float32"
             )
         spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
-        lit = Illumination.of(self._image.basis, light, spec)
+        lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
         return self._on_engine(lambda engine: engine.render(lit, spec.viewing, kind))
 
     def error_map(
@@ -275,11 +281,11 @@ def _arrays(image: CoefficientImage) -> tuple[NDArray[np.float32], NDArray[np.fl
         )
     coefficients = np.ascontiguousarray(image.coefficients, dtype=np.float32)
     alpha = np.ascontiguousarray(image.alpha, dtype=np.float32)
-    size = image.basis.size
+    size = image.basis.size * len(image.groups)
     if coefficients.ndim != 3 or coefficients.shape != alpha.shape + (size,) or not alpha.size:
         raise ShapeError(
             f"relight: coefficients have shape {coefficients.shape}, alpha {alpha.shape}, the "
-            f"basis {size} channels; expected (H, W, M), (H, W) and M"
+            f"basis and groups {size} channels; expected (H, W, L·M), (H, W) and L·M"
         )
     return coefficients, alpha
 

@@ -10,8 +10,8 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -44,9 +44,28 @@ def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...
     return numbers
 
 
+def _names(groups: Sequence[str], count: int) -> tuple[str, ...]:
+    one_each = not isinstance(groups, str) and isinstance(groups, Sequence)
+    if not (one_each and all(isinstance(name, str) for name in groups)):
+        raise ViewingError(
+            f"LightRig.groups is {groups!r:.60}; expected the name of a light group for each "
+            "light, '' for all groups"
+        )
+    names = tuple(groups) or ("",) * count
+    if len(names) != count:
+        raise ViewingError(
+            f"LightRig.groups has {len(names)} names for {count} lights; give one each"
+        )
+    return names
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LightRig:
-    """Lights that add up: e = Σ_j w_j A E_j.
+    """Lights that add up, in each of an image's light groups: e_g = Σ_j w_j A E_j.
+
+    The sum for group g runs over the lights that shine from it or from all groups. A surface
+    that faces every source gets Σ_g share_g e_g, where share_g is the group's share of the light
+    in the cast (`CoefficientImage.groups`). A perfect diffuser there is the adopted white.
 
     Parameters
     ----------
@@ -55,14 +74,19 @@ class LightRig:
     weights : sequence of float, optional
         w_j, at least 0; empty is all 1.
     illuminance_lux : sequence of float, optional
-        What each light gives at weight 1, lux. The spectra are then only shapes. Their sum is
-        the E_v from which the scene's L_A follows (unless `Viewing.L_A` is given): dim light
-        looks dim at ``level="relative"`` too. Needed for ``level="absolute"``.
+        What each light gives a surface that faces every source, at weight 1 and shining from
+        all groups, lux; from one group it gives that group's share of it. The spectra are then
+        only shapes. The sum is the E_v from which the scene's L_A follows (unless `Viewing.L_A`
+        is given): dim light looks dim at ``level="relative"`` too. Needed for
+        ``level="absolute"``.
+    groups : sequence of str, optional
+        The light group that each light shines from; ``""`` is all of them, and so is empty.
 
     Raises
     ------
     ViewingError
-        If there is no light, counts differ, a number is negative, or everything is off.
+        If there is no light, counts differ, a number is negative, a group is no name, or
+        everything is off.
 
     Examples
     --------
@@ -71,11 +95,19 @@ class LightRig:
     >>> rig = LightRig((flat, ramp), weights=(0.5, 1.0))
     >>> rig.mixed(SpectralGrid(400, 700, 150)).values.round(3).tolist()
     [0.925, 2.1, 3.275]
+
+    A flat key and a ramp that fills, with a third of the light:
+
+    >>> rig = LightRig((flat, ramp), groups=("key", "fill"))
+    >>> facing = rig.facing({"key": 2 / 3, "fill": 1 / 3})
+    >>> facing.mixed(SpectralGrid(400, 700, 150)).values.round(3).tolist()
+    [0.808, 1.2, 1.592]
     """
 
     lights: tuple[Spectrum, ...]
     weights: tuple[float, ...] = ()
     illuminance_lux: tuple[float, ...] | None = None
+    groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         lights = tuple(self.lights)
@@ -94,14 +126,61 @@ class LightRig:
             raise ViewingError("LightRig: every weight is 0, so there is no light; raise one")
         object.__setattr__(self, "lights", lights)
         object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "groups", _names(self.groups, count))
         if self.illuminance_lux is not None:
             lux = _numbers("LightRig.illuminance_lux", self.illuminance_lux, count)
             if not any(w * v for w, v in zip(weights, lux, strict=True)):
                 raise ViewingError("LightRig: the lights give 0 lux together; raise one")
             object.__setattr__(self, "illuminance_lux", lux)
 
+    def facing(self, shares: Mapping[str, float]) -> LightRig:
+        """What a surface that faces every source gets: each light by its group's share.
+
+        Parameters
+        ----------
+        shares : {str: float}
+            An image's light groups, as `CoefficientImage.groups`.
+
+        Returns
+        -------
+        LightRig
+            Without groups; `mixed` is its spectrum and `total_lux` its E_v.
+
+        Raises
+        ------
+        ViewingError
+            If a light shines from a group that the image does not have, or all lights from groups
+            that gave it no light.
+        """
+        for j, group in enumerate(self.groups):
+            if group and group not in shares:
+                raise ViewingError(
+                    f"LightRig: light {j + 1} shines from group {group!r}; "
+                    f"{nearest(group, shares)}the image has {', '.join(shares)}"
+                )
+        weights = tuple(
+            weight * (shares[group] if group else 1.0)
+            for weight, group in zip(self.weights, self.groups, strict=True)
+        )
+        if not any(weights):
+            used = (f"{g!r}" for w, g in zip(self.weights, self.groups, strict=True) if w)
+            raise ViewingError(
+                f"LightRig: there is no light, as group {', '.join(dict.fromkeys(used))} gave none "
+                "to the cast; light another"
+            )
+        return replace(self, weights=weights, groups=())
+
+    def shining_from(self, group: str) -> LightRig | None:
+        """The lights that shine from a group, as a rig without groups; None where it is dark."""
+        own = [j for j, name in enumerate(self.groups) if name in ("", group)]
+        lux = None if self.illuminance_lux is None else tuple(self.illuminance_lux[j] for j in own)
+        weights = tuple(self.weights[j] for j in own)
+        if not any(w * v for w, v in zip(weights, lux or (1.0,) * len(own), strict=True)):
+            return None
+        return LightRig(tuple(self.lights[j] for j in own), weights, lux)
+
     def mixed(self, grid: SpectralGrid) -> Spectrum:
-        """The sum of the lights as one Spectrum on a grid.
+        """The sum of the lights as one Spectrum on a grid, whatever they shine from.
 
         Its scale is the lights' own, or W / (m² nm) where the rig has `illuminance_lux`.
 
@@ -122,7 +201,7 @@ class LightRig:
 
     @property
     def total_lux(self) -> float | None:
-        """Illuminance of the sum, lux; None if the lights carry none."""
+        """Illuminance of the sum, whatever the lights shine from, lux; None if they carry none."""
         if self.illuminance_lux is None:
             return None
         return sum(w * v for w, v in zip(self.weights, self.illuminance_lux, strict=True))
@@ -137,13 +216,15 @@ class RelightSpec:
     viewing : Viewing
         The eye's and the display's conditions.
     mode : str
-        ``"componentwise"``: D (e ∘ C), the factor model; ``"exact"``: P_E C, the light matrix;
-        ``"linear-model"``: D R(e) C, what the papers' factor model stands for.
+        For each light group, ``"componentwise"``: D (e ∘ C), the factor model; ``"exact"``:
+        P_E C, the light matrix; ``"linear-model"``: D R(e) C, what the papers' factor model
+        stands for.
     backdrop : float or Spectrum
-        Reflectance of the diffuser behind the volume, 0 (black) to 1; it is lit too. The
+        Reflectance of the diffuser behind the volume, 0 (black) to 1; it faces every source. The
         default, 0.2, is the grey that the appearance model takes for the surround.
     level : str
-        ``"relative"``: the light's white has Y = 100, a swap never darkens the picture.
+        ``"relative"``: the light's white, on a surface that faces every source, has Y = 100: a
+        swap or a group switched off never darkens the picture.
         ``"absolute"``: Y = 100 is the viewing's ``illuminance_lux``; lights add. At both levels
         the eye adapts to the rig's lux where it carries them, else to the viewing's.
 

@@ -3,7 +3,7 @@
     volume -> [transfer] -> raycast -> relight -> appearance
 
 Between two points opacity and reflectance run linearly; beyond the first and the last they
-stay. Baking analyses every material in the basis and samples the curve into a table, which is
+stay. Baking analyses the materials in the basis and samples the curve into a table, which is
 all the raycaster sees: reflectances and opacities are gone from there on, channels remain.
 """
 
@@ -12,73 +12,32 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
-from volspec.errors import TransferError, VolspecWarning, nearest
+from volspec.basis import Basis, SpectralBasis
+from volspec.errors import TransferError, VolspecWarning
 from volspec.spectra import Spectrum
+from volspec.transfer.filters import checked_filters, filter_rows
+from volspec.transfer.mixes import (
+    Point,
+    check_materials,
+    checked_point,
+    checked_step,
+    fraction,
+    listed,
+    number,
+    rows_of_channels,
+    used,
+)
+from volspec.transfer.table import TransferTable, entries
 
-Mix = str | Mapping[str, float]
-Point = tuple[float, float, Mix]
-
-# What the kernel's tables and a file's header can hold at ease.
-MAX_CHANNELS = 24
-# A table is long enough for four entries between the two closest points, within these limits.
-SMALLEST_TABLE, LARGEST_TABLE = 1024, 65536
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TransferTable:
-    """A transfer function as the raycaster reads it.
-
-    Parameters
-    ----------
-    domain : (float, float)
-        Values of the first and the last entry; other values take the nearest end.
-    opacity : (N,)
-        Opacity per reference step, 0…1.
-    coefficients : (N, M)
-        The reflectance's channels, not premultiplied.
-    reference_step_mm : float
-        Length over which ``opacity`` holds.
-    white : (M,), optional
-        Channels of the perfect diffuser, to which a highlight adds; ones when left out.
-    """
-
-    domain: tuple[float, float]
-    opacity: NDArray[np.float64]
-    coefficients: NDArray[np.float64]
-    reference_step_mm: float
-    white: NDArray[np.float64] = field(default_factory=lambda: np.ones(0))
-
-    def __post_init__(self) -> None:
-        low, high = self.domain
-        opacity, coefficients = np.asarray(self.opacity), np.asarray(self.coefficients)
-        if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise TransferError(f"transfer table: the domain is {self.domain}; give two that rise")
-        if opacity.ndim != 1 or len(opacity) < 2 or not ((opacity >= 0) & (opacity <= 1)).all():
-            raise TransferError("transfer table: opacity must be (N,) of 0…1 with N of 2 or more")
-        if coefficients.ndim != 2 or len(coefficients) != len(opacity):
-            raise TransferError(
-                f"transfer table: coefficients have shape {coefficients.shape}, opacity "
-                f"{opacity.shape}; expected (N, M) and (N,)"
-            )
-        if not (math.isfinite(self.reference_step_mm) and self.reference_step_mm > 0):
-            raise TransferError(f"transfer table: reference step {self.reference_step_mm} mm")
-        M = coefficients.shape[1]
-        white = np.asarray(self.white, dtype=np.float64) if len(self.white) else np.ones(M)
-        if white.shape != (M,):
-            raise TransferError(f"transfer table: white has shape {white.shape}; expected ({M},)")
-        object.__setattr__(self, "white", white)
-
-    def step_opacity(self, step_mm: float) -> NDArray[np.float64]:
-        """(N,) opacity of one step: 1 − (1 − opacity)^(step / reference step), METHOD §3."""
-        return 1 - (1 - self.opacity) ** (step_mm / self.reference_step_mm)
+_WHO = "transfer function"
+# Entries over values; with gradients a table has rows too, and must still fit a cache.
+_SIZES, _SIZES_WITH_GRADIENT, _ROWS = (1024, 65536), (1024, 4096), (64, 256)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,105 +54,70 @@ class TransferFunction:
     basis : SpectralBasis or MaterialBasis
     reference_step_mm : float, optional
         Length over which an opacity holds; the volume's smallest spacing when left out.
+    gradient_opacity : sequence of (gradient magnitude, factor), optional
+        What multiplies the opacity per reference step, 0…1, where the value changes by this
+        much per millimetre; rising, linear in between. Makes boundaries stand out.
+    filters : {material: Spectrum}, optional
+        Spectral absorption: the transmission, 0…1, of a material at opacity 1; a reference
+        step lets 1 − opacity (1 − filter) through, channel by channel. Materials without one
+        are grey. Needs a SpectralBasis; not together with ``gradient_opacity``.
 
     Raises
     ------
     TransferError
-        If there is no point, an opacity is outside 0…1, values decrease, or a material is
-        unknown (the nearest names are given).
+        If there is no point, an opacity is outside 0…1, values decrease, a material is
+        unknown (the nearest names are given), or gradients or filters are out of range.
+
+    Examples
+    --------
+    >>> from volspec.spectra import reflectance
+    >>> metals = {name: reflectance(name) for name in ("copper", "gold")}
+    >>> function = TransferFunction(
+    ...     [(60, 0.0, "copper"), (90, 0.5, {"gold": 0.7, "copper": 0.3})],
+    ...     metals, SpectralBasis.load("general-7"))
+    >>> table = function.bake(smallest_spacing_mm=0.5)
+    >>> table.domain, table.opacity.shape, table.shares[-1].tolist()
+    ((60.0, 90.0), (1024,), [0.3, 0.7])
     """
 
     points: Sequence[Point]
     materials: Mapping[str, Spectrum]
     basis: Basis
     reference_step_mm: float | None = None
+    gradient_opacity: Sequence[tuple[float, float]] | None = None
+    filters: Mapping[str, Spectrum] | None = None
 
     def __post_init__(self) -> None:
-        if not self.points:
-            raise TransferError(
-                "transfer function: no points; give at least one (value, opacity, material)"
-            )
-        self._check_materials()
-        step = self.reference_step_mm
-        if step is not None and not (math.isfinite(step) and step > 0):
-            raise TransferError(f"transfer function: reference_step_mm is {step}; give mm above 0")
-        checked = tuple(self._checked(i, point) for i, point in enumerate(self.points))
-        for i, (left, right) in enumerate(pairwise(checked)):
+        points = listed(_WHO, "points", self.points, "(value, opacity, material)")
+        check_materials(_WHO, self.materials, self.basis)
+        checked = tuple(
+            checked_point(f"{_WHO}: point {i}", point, self.materials)
+            for i, point in enumerate(points, start=1)
+        )
+        for i, (left, right) in enumerate(pairwise(checked), start=2):
             if right[0] < left[0]:
                 raise TransferError(
-                    f"transfer function: point {i + 2} has value {right[0]:g} after "
-                    f"{left[0]:g}; sort the points by value"
+                    f"{_WHO}: point {i} has value {right[0]:g} after {left[0]:g}; "
+                    "sort the points by value"
                 )
         object.__setattr__(self, "points", checked)
-
-    def _check_materials(self) -> None:
-        if not isinstance(self.basis, SpectralBasis | MaterialBasis):
-            raise TransferError(
-                f"transfer function: basis is {self.basis!r:.40}; expected a SpectralBasis, "
-                "such as SpectralBasis.load('general-7'), or a MaterialBasis"
-            )
-        if self.basis.size > MAX_CHANNELS:
-            what = f"{self.basis.size} channels"
-            if isinstance(self.basis, MaterialBasis):
-                what = f"{len(self.basis.materials)} materials and white are {what}"
-            raise TransferError(
-                f"transfer function: {what}, at most {MAX_CHANNELS} can be cast; "
-                "take a SpectralBasis of fewer channels"
-            )
-        if not isinstance(self.materials, Mapping):
-            raise TransferError("transfer function: materials must be {name: Spectrum}")
-        for name, spectrum in self.materials.items():
-            if not isinstance(spectrum, Spectrum):
+        object.__setattr__(self, "reference_step_mm", checked_step(_WHO, self.reference_step_mm))
+        if self.gradient_opacity is not None:
+            object.__setattr__(self, "gradient_opacity", _checked_factors(self.gradient_opacity))
+        if self.filters is not None:
+            filters = checked_filters(_WHO, self.filters, self.materials, self.basis)
+            if filters and self.gradient_opacity is not None:
                 raise TransferError(
-                    f"transfer function: material {name!r} is {spectrum!r:.40}; expected a "
-                    "Spectrum, such as reflectance('copper')"
+                    f"{_WHO}: filters and gradient_opacity do not go together; give one of them"
                 )
-            worst = spectrum.values.min()
-            if worst < 0:
-                raise TransferError(
-                    f"transfer function: material {name!r} reflects {worst:g} at "
-                    f"{spectrum.wavelengths_nm[spectrum.values.argmin()]:g} nm; give 0…1"
-                )
-            if spectrum.values.max() > 1 + 1e-6:
-                warnings.warn(
-                    f"transfer function: material {name!r} reflects up to "
-                    f"{spectrum.values.max():g}; more than 1 only fluorescent matter does, "
-                    "was a light given?",
-                    VolspecWarning,
-                    stacklevel=5,
-                )
+            object.__setattr__(self, "filters", filters)
 
     def __repr__(self) -> str:
         return f"TransferFunction({len(self.points)} points, {', '.join(self.materials)})"
 
-    def _checked(self, index: int, point: Point) -> tuple[float, float, dict[str, float]]:
-        where = f"transfer function: point {index + 1}"
-        try:
-            value, opacity, mix = point
-            value, opacity = float(value), float(opacity)
-            shares = {mix: 1.0} if isinstance(mix, str) else {k: float(v) for k, v in mix.items()}
-        except (TypeError, ValueError, AttributeError) as error:
-            raise TransferError(
-                f"{where} is {point!r}; expected (value, opacity, material or mix)"
-            ) from error
-        if not math.isfinite(value):
-            raise TransferError(f"{where} has value {value}; give a finite number")
-        if not 0 <= opacity <= 1:
-            raise TransferError(f"{where} (value {value:g}) has opacity {opacity}; give 0…1")
-        for name, share in shares.items():
-            if name not in self.materials:
-                known = ", ".join(sorted(self.materials)) or "none"
-                raise TransferError(
-                    f"{where}: no material {name!r}; {nearest(name, self.materials)}known: {known}"
-                )
-            if not (math.isfinite(share) and share >= 0):
-                raise TransferError(f"{where}: share {share} of {name!r}; give 0…1")
-        total = sum(shares.values())
-        if not 0 < total <= 1 + 1e-6:
-            raise TransferError(f"{where}: shares sum to {total:g}; give above 0 and at most 1")
-        return value, opacity, shares
-
-    def bake(self, smallest_spacing_mm: float, size: int | None = None) -> TransferTable:
+    def bake(
+        self, smallest_spacing_mm: float, size: int | None = None, rows: int | None = None
+    ) -> TransferTable:
         """Sample the curve into a table over the span of the points.
 
         Parameters
@@ -201,47 +125,101 @@ class TransferFunction:
         smallest_spacing_mm : float
             The volume's, used where the function has no reference step of its own.
         size : int, optional
-            Entries; chosen by the distance of the closest points when left out. Points closer
-            than a 65536th of the span are warned about.
+            Entries; chosen by the distance of the closest points when left out: 1024 to 65536,
+            with ``gradient_opacity`` to 4096. Closer points are warned about.
+        rows : int, optional
+            Of a table with gradients; 64 to 256, chosen likewise.
+
+        Returns
+        -------
+        TransferTable
+            Opacity (N,), or (G, N) with ``gradient_opacity``.
         """
-        names = sorted(self.materials)
-        channels = self.basis.channels_of({name: self.materials[name] for name in names})
-        points = cast(Sequence[tuple[float, float, dict[str, float]]], self.points)
-        values = np.array([value for value, _, _ in points])
-        opacities = np.array([opacity for _, opacity, _ in points])
-        mixes = np.array([[mix.get(name, 0.0) for name in names] for _, _, mix in points])
+        values = np.array([value for value, _, _ in self.points])
+        opacities = np.array([opacity for _, opacity, _ in self.points])
+        mixes = [mix for _, _, mix in self.points]
+        shares, channels = rows_of_channels(mixes, self.materials, self.basis)
         low, high = values[0], values[-1]
         if low == high:  # one value: a table needs two ends
             low, high = low - 0.5, high + 0.5
-        at = np.linspace(low, high, size or _table_size(values))
-        # np.interp wants rising positions: of two points of one value the later moves up by
-        # one unit in the last place, which leaves a sharp step.
-        for i in range(1, len(values)):
-            values[i] = max(values[i], np.nextafter(values[i - 1], np.inf))
-        opacity = np.interp(at, values, opacities)
-        shares = np.stack([np.interp(at, values, mix) for mix in mixes.T], axis=1)
-        # Beyond the ends the first and the last point hold, also where a step lies there.
-        opacity[[0, -1]], shares[[0, -1]] = opacities[[0, -1]], mixes[[0, -1]]
+        limits = _SIZES if self.gradient_opacity is None else _SIZES_WITH_GRADIENT
+        at = np.linspace(low, high, size or _size("points", values, low, limits))
+        opacity = _sampled(at, values, opacities[:, None])[:, 0]
+        shares = _sampled(at, values, shares)
+        top, filters = None, None
+        if self.gradient_opacity is not None:
+            gradients, factors = np.array(self.gradient_opacity).T
+            top = float(gradients[-1])
+            row_at = np.linspace(0, top, rows or _size("gradients", gradients, 0.0, _ROWS))
+            opacity = np.interp(row_at, gradients, factors)[:, None] * opacity
+            # Copied, since the device takes it as it lies in memory.
+            shares = np.ascontiguousarray(np.broadcast_to(shares, (len(row_at), *shares.shape)))
+        own = {k: f for k, f in (self.filters or {}).items() if k in used(mixes)}
+        if own and isinstance(self.basis, SpectralBasis):
+            passed = _sampled(at, values, filter_rows(mixes, own, self.basis))
+            # A mean of rows of 0…1 may leave that by rounding.
+            filters = (passed[:, :-1] / passed[:, -1:]).clip(0, 1)
         return TransferTable(
             domain=(float(low), float(high)),
             opacity=opacity,
-            coefficients=shares @ channels,
+            shares=shares,
+            channels=channels,
             reference_step_mm=self.reference_step_mm or smallest_spacing_mm,
             white=self.basis.white,
+            gradient_top=top,
+            filters=filters,
         )
 
 
-def _table_size(values: NDArray[np.float64]) -> int:
-    """A power of two that puts four entries between the closest points of different value."""
-    gaps = np.diff(values)
-    gaps = gaps[gaps > 0]
-    wanted = 4 * (values[-1] - values[0]) / gaps.min() if gaps.size else 0
-    if wanted > 4 * LARGEST_TABLE:
-        i = int(np.flatnonzero(np.diff(values) == gaps.min())[0])
+def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    what = "(gradient magnitude, factor)"
+    checked: list[tuple[float, float]] = []
+    for i, pair in enumerate(listed(_WHO, "gradient_opacity", given, what), start=1):
+        where = f"{_WHO}: gradient_opacity {i}"
+        try:
+            gradient, factor = pair
+        except (TypeError, ValueError):
+            raise TransferError(f"{where} is {pair!r:.60}; expected {what}") from None
+        gradient = number(where, "gradient", gradient)
+        if not (math.isfinite(gradient) and gradient >= 0):
+            raise TransferError(f"{where} has gradient {gradient:g}; give 0 or more, value per mm")
+        if checked and gradient <= checked[-1][0]:
+            raise TransferError(
+                f"{where} has gradient {gradient:g} after {checked[-1][0]:g}; let gradients rise"
+            )
+        checked.append((gradient, fraction(where, "factor", factor)))
+    if checked[-1][0] == 0:
+        raise TransferError(f"{_WHO}: gradient_opacity ends at gradient 0; give one above")
+    return tuple(checked)
+
+
+def _sampled(
+    at: NDArray[np.float64], values: NDArray[np.float64], rows: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N, C) the curve through (P,) values and their (P, C) rows."""
+    # np.interp wants rising positions: of two points of one value the later moves up by one
+    # unit in the last place, which leaves a sharp step.
+    rising = values.copy()
+    for i in range(1, len(rising)):
+        rising[i] = max(rising[i], np.nextafter(rising[i - 1], np.inf))
+    sampled = np.stack([np.interp(at, rising, column) for column in rows.T], axis=1)
+    # Beyond the ends the first and the last point hold, also where a step lies there.
+    sampled[[0, -1]] = rows[[0, -1]]
+    return sampled
+
+
+def _size(what: str, points: NDArray[np.float64], low: float, limits: tuple[int, int]) -> int:
+    """Entries from ``low`` on, four between the closest points of different value."""
+    gaps = np.diff(points)
+    if not (gaps > 0).any():
+        return limits[0]
+    i = int(np.where(gaps > 0, gaps, np.inf).argmin())
+    span = points[-1] - low
+    if span > limits[1] * gaps[i]:
         warnings.warn(
-            f"transfer function: points at {values[i]:g} and {values[i + 1]:g} are too close for "
-            f"the span {values[0]:g}…{values[-1]:g} and may be missed; leave out the outer points",
+            f"{_WHO}: {what} at {points[i]:g} and {points[i + 1]:g} are too close for the span "
+            f"{low:g}…{points[-1]:g} and may be missed; leave out the outer {what}",
             VolspecWarning,
             stacklevel=3,
         )
-    return int(np.clip(2 ** np.ceil(np.log2(max(wanted, 1))), SMALLEST_TABLE, LARGEST_TABLE))
+    return entries(4 * span / gaps[i], limits)

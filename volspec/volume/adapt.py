@@ -6,12 +6,14 @@ Cell scalars are taken where a grid has no point scalars; their lattice is the c
 from __future__ import annotations
 
 import logging
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from volspec.errors import VolumeError
+from volspec.volume.headers import check_vtk_length
 from volspec.volume.model import Volume
 
 if TYPE_CHECKING:
@@ -24,20 +26,29 @@ def read_vtk_image(path: Path) -> Volume:
     Raises
     ------
     VolumeError
-        If VTK reports an error or the file holds something other than image data.
+        If VTK reports an error, the file ends early or holds something other than image data.
     """
     import pyvista
     from pyvista.core.utilities.observers import VtkErrorCatcher
-    from vtkmodules.vtkCommonCore import vtkLogger
+    from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
 
+    check_vtk_length(path)
     # VTK prints its complaints, pyvista logs them again; what the user needs is one line.
     before = vtkLogger.GetCurrentVerbosityCutoff()
+    # Where another library has switched VTK's warnings off, its errors would not reach us either.
+    told = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.SetGlobalWarningDisplay(1)
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     logging.disable(logging.ERROR)
     try:
-        with VtkErrorCatcher(raise_errors=True, send_to_logging=False):
+        with (
+            VtkErrorCatcher(raise_errors=True, send_to_logging=False),
+            warnings.catch_warnings(),
+        ):
+            # pyvista warns of errors that it caught itself.
+            warnings.filterwarnings("error", ".*raised an error while reading", UserWarning)
             grid = pyvista.read(path)
-    except (OSError, ValueError, RuntimeError, TypeError) as error:
+    except (OSError, ValueError, RuntimeError, TypeError, UserWarning) as error:
         raise VolumeError(
             f"{path}: not readable as VTK image data; is the file complete and of the type its "
             "name says?"
@@ -45,6 +56,7 @@ def read_vtk_image(path: Path) -> Volume:
     finally:
         logging.disable(logging.NOTSET)
         vtkLogger.SetStderrVerbosity(before)
+        vtkObject.SetGlobalWarningDisplay(told)
     return volume_from_pyvista(grid, name=str(path))
 
 

@@ -42,49 +42,159 @@ def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _reduced(values: NDArray[Any], least: np.ufunc) -> NDArray[Any]:
-    # z first: the reduction then runs over whole contiguous slices.
-    for axis in range(3):
-        starts = np.arange(0, values.shape[axis], BRICK)
-        inside = least.reduceat(values, starts, axis=axis)
-        first = values.take(starts[1:], axis=axis)
-        body = [slice(None)] * 3
-        body[axis] = slice(0, len(starts) - 1)
-        inside[tuple(body)] = least(inside[tuple(body)], first)
-        values = inside
-    return values
+    bricks = np.empty([-(-n // BRICK) for n in values.shape], values.dtype)
+    # One layer of bricks at a time, z first and x last: whole slices are reduced into one that
+    # stays in the cache, and only the little that is left is turned to reduce along x.
+    for k, layer in enumerate(bricks):
+        plane = least.reduce(values[k * BRICK : (k + 1) * BRICK + 1], axis=0)
+        rows = _first_axis_reduced(plane, least)
+        layer.T[:] = _first_axis_reduced(np.ascontiguousarray(rows.T), least)
+    return bricks
 
 
-def leap_distances(
+def _first_axis_reduced(plane: NDArray[Any], least: np.ufunc) -> NDArray[Any]:
+    starts = np.arange(0, len(plane), BRICK)
+    reduced = least.reduceat(plane, starts, axis=0)
+    least(reduced[:-1], plane[starts[1:]], out=reduced[:-1])
+    return reduced
+
+
+def visible_bricks(
     low: NDArray[Any],
     high: NDArray[Any],
     domain: tuple[float, float],
     opacity: NDArray[np.floating],
-) -> NDArray[np.uint8]:
-    """Chessboard distance, in bricks, to the nearest brick that a table makes visible.
+) -> NDArray[np.bool_]:
+    """Bricks in which a table's opacity can be above 0.
 
     Parameters
     ----------
     low, high : (z, y, x) arrays
         From `brick_ranges`.
     domain : (float, float)
-        Values of the table's first and last entry.
-    opacity : (N,)
-        The table's opacities.
+        Values of the table's first and last entry. Where entries are labels, (0, N - 1): any
+        visible label between the least and the greatest of a brick counts.
+    opacity : (N,) or (G, N)
+        The table's opacities; of rows for several gradients any counts.
+
+    Returns
+    -------
+    (z, y, x) bool
+
+    Examples
+    --------
+    >>> low, high = np.array([[[0, 6]]]), np.array([[[3, 9]]])
+    >>> visible_bricks(low, high, (0, 10), np.array([0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1])).tolist()
+    [[[False, True]]]
+    """
+    seen = np.atleast_2d(opacity).max(axis=0) > 0
+    first, last = _entries(low, high, domain, len(seen))
+    count = np.concatenate([[0], np.cumsum(seen)])
+    return count[last + 1] > count[first]
+
+
+def straddled_bricks(
+    low: NDArray[Any], high: NDArray[Any], levels: NDArray[np.floating]
+) -> NDArray[np.bool_]:
+    """Bricks that a surface of one of the levels can pass.
+
+    Parameters
+    ----------
+    low, high : (z, y, x) arrays
+        From `brick_ranges`.
+    levels : (L,)
+        Values of the surfaces, in any order; taken as float32, as kernels compare them.
+
+    Returns
+    -------
+    (z, y, x) bool
+        Whether a level lies in low … high, both included.
+
+    Examples
+    --------
+    >>> low, high = np.array([[[0, 6]]]), np.array([[[3, 9]]])
+    >>> straddled_bricks(low, high, np.array([5.0, 9.0])).tolist()
+    [[[False, True]]]
+    """
+    ordered = np.sort(np.asarray(levels, np.float32))
+    below = np.searchsorted(ordered, low.astype(np.float32), side="left")
+    return np.searchsorted(ordered, high.astype(np.float32), side="right") > below
+
+
+def opacity_spread(
+    low: NDArray[Any],
+    high: NDArray[Any],
+    domain: tuple[float, float],
+    opacity: NDArray[np.floating],
+) -> NDArray[np.float32]:
+    """How far a table's opacity can vary inside each brick: greatest less least.
+
+    Parameters
+    ----------
+    low, high, domain, opacity
+        As in `visible_bricks`.
+
+    Returns
+    -------
+    (z, y, x) float32
+        From 0, where a brick is homogeneous.
+
+    Examples
+    --------
+    >>> low, high = np.array([[[0, 2]]]), np.array([[[1, 3]]])
+    >>> opacity_spread(low, high, (0, 3), np.array([0.5, 0.5, 0.25, 1.0])).tolist()
+    [[[0.0, 0.75]]]
+    """
+    rows = np.atleast_2d(opacity).astype(np.float32)
+    first, last = _entries(low, high, domain, rows.shape[1])
+    greatest = _range_reduced(rows.max(axis=0), first, last, np.maximum)
+    return greatest - _range_reduced(rows.min(axis=0), first, last, np.minimum)
+
+
+def _range_reduced(
+    table: NDArray[np.float32], first: NDArray[Any], last: NDArray[Any], least: np.ufunc
+) -> NDArray[np.float32]:
+    """The least of table[first … last] for each pair, by runs of 2^k entries: two cover any."""
+    power = np.frexp(last - first + 1)[1] - 1
+    result = np.empty(first.shape, np.float32)
+    run = table
+    for k in range(int(power.max()) + 1):
+        here = power == k
+        result[here] = least(run[first[here]], run[last[here] + 1 - 2**k])
+        run = least(run[: -(2**k)], run[2**k :])
+    return result
+
+
+def _entries(
+    low: NDArray[Any], high: NDArray[Any], domain: tuple[float, float], size: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First and last table entry that values from low to high can read, neighbours included."""
+    scale = (size - 1) / (domain[1] - domain[0])
+    first = np.floor((low.astype(np.float64) - domain[0]) * scale)
+    last = np.ceil((high.astype(np.float64) - domain[0]) * scale)
+    return np.clip(first, 0, size - 1).astype(np.intp), np.clip(last, 0, size - 1).astype(np.intp)
+
+
+def chessboard_leaps(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Chessboard distance, in bricks, to the nearest one that is visible.
+
+    Parameters
+    ----------
+    visible : (z, y, x) bool
 
     Returns
     -------
     (z, y, x) uint8
         0 where something may be seen; d where all bricks nearer than d are empty.
+
+    Examples
+    --------
+    >>> chessboard_leaps(np.array([[[True, False, False, False]]])).tolist()
+    [[[0, 1, 2, 3]]]
     """
     from scipy.ndimage import distance_transform_cdt
 
-    last = len(opacity) - 1
-    scale = last / (domain[1] - domain[0])
-    first = np.clip(np.floor((low.astype(np.float64) - domain[0]) * scale), 0, last).astype(int)
-    end = np.clip(np.ceil((high.astype(np.float64) - domain[0]) * scale), 0, last).astype(int)
-    seen = np.concatenate([[0], np.cumsum(np.asarray(opacity) > 0)])
-    empty = seen[end + 1] == seen[first]
-    if empty.all():
-        return np.full(empty.shape, 255, np.uint8)
-    distance = distance_transform_cdt(empty, metric="chessboard")
+    if not visible.any():
+        return np.full(visible.shape, 255, np.uint8)
+    distance = distance_transform_cdt(~visible, metric="chessboard")
     return np.minimum(distance, 255).astype(np.uint8)

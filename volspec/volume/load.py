@@ -8,11 +8,8 @@ VTK's readers for the medical formats: docs/decisions/0001.
 
 from __future__ import annotations
 
-import gzip
 import os
-import struct
 import warnings
-import zlib
 from pathlib import Path
 from urllib.parse import parse_qsl
 
@@ -21,6 +18,7 @@ import numpy as np
 from volspec._files import captured_output
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume.adapt import read_vtk_image
+from volspec.volume.headers import check_itk_header, warn_if_longer
 from volspec.volume.model import Volume
 
 _ITK_SUFFIXES = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz")
@@ -140,7 +138,7 @@ def _load_raw(path: Path, query: str) -> Volume:
 def _load_with_itk(path: Path) -> Volume:
     import SimpleITK as sitk
 
-    _check_header(path)
+    check_itk_header(path)
     said: list[str] = []
     try:
         with captured_output(said):
@@ -159,58 +157,15 @@ def _load_with_itk(path: Path) -> Volume:
             f"{image.GetNumberOfComponentsPerPixel()} components a voxel; a volume is 3-D with "
             "one. Choose one channel or time step"
         )
+    values = sitk.GetArrayFromImage(image)
+    warn_if_longer(path, values.nbytes)
     world = np.eye(4)
     spacing = np.array(image.GetSpacing())
     world[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * spacing
     world[:3, 3] = image.GetOrigin()
     return Volume(
-        sitk.GetArrayFromImage(image),
+        values,
         spacing_mm=tuple(spacing),
         world_from_index=world,
         name=str(path),
     )
-
-
-def _check_header(path: Path) -> None:
-    """Refuse what ITK reads without complaint: spacings it mirrors, NIfTI data it lacks."""
-    with path.open("rb") as file:
-        head = file.read(4096)
-    for line in head.split(b"\n\n")[0].decode("latin-1").splitlines():
-        key, _, value = line.replace("=", ":", 1).partition(":")
-        if key.strip().lower() not in ("spacings", "elementspacing"):
-            continue
-        try:
-            spacing = [float(word) for word in value.split()]
-        except ValueError:
-            continue  # ITK says what is wrong with it
-        if not all(0 < s < np.inf for s in spacing):
-            raise VolumeError(
-                f"{path}: spacing {value.strip()}; each of x, y, z must be positive, "
-                "correct the header"
-            )
-    if path.name.lower().endswith((".nii", ".nii.gz")):
-        _check_nifti_length(path)
-
-
-def _check_nifti_length(path: Path) -> None:
-    gzipped = path.name.lower().endswith(".gz")
-    try:
-        with gzip.open(path) if gzipped else path.open("rb") as file:
-            head = file.read(352)
-            held = len(head)
-            while chunk := file.read(1 << 22):
-                held += len(chunk)
-    except (OSError, EOFError, zlib.error) as error:
-        raise VolumeError(f"{path}: cannot be read ({error}); is the file complete?") from error
-    order = "<" if head[:4] == struct.pack("<i", 348) else ">"
-    if len(head) < 352 or head[:4] != struct.pack(order + "i", 348):
-        return  # NIfTI-2, or none at all: ITK decides
-    dims = struct.unpack_from(order + "8h", head, 40)
-    count = int(np.prod([max(n, 1) for n in dims[1 : 1 + max(dims[0], 0)]], dtype=np.int64))
-    (bits,) = struct.unpack_from(order + "h", head, 72)
-    (start,) = struct.unpack_from(order + "f", head, 108)
-    if head[344:347] == b"n+1" and held < start + count * bits // 8:
-        raise VolumeError(
-            f"{path}: holds {held} bytes, its header asks for {int(start) + count * bits // 8}; "
-            "truncated, copy or download it again"
-        )

@@ -9,21 +9,19 @@ at ``world_from_index @ (i, j, k, 1)`` millimetres.
 
 from __future__ import annotations
 
-import warnings
+import operator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import VolspecWarning, VolumeError
+from volspec.errors import VolumeError
+from volspec.volume.checks import checked_geometry, checked_values
+from volspec.volume.downsample import block_means, block_modes, downsampled_values
 
 if TYPE_CHECKING:
     import pyvista
-
-# What the kernels read as it is; everything else becomes the nearest of these that holds it.
-KEPT_DTYPES = (np.uint8, np.uint16, np.int16, np.float32)
-_WIDENED = {"b1": np.uint8, "i1": np.int16}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,9 +31,10 @@ class Volume:
     Parameters
     ----------
     values : (Z, Y, X) array
-        NumPy, xarray or Zarr; uint8, uint16, int16 and float32 are kept, other types
-        become float32 (int8 becomes int16). NaN and infinities are counted, warned about
-        and replaced by the least finite value.
+        NumPy, xarray or Zarr; uint8, uint16, int16 and float32 are kept. Wider integers
+        become the smallest of these integers that holds them all, other types float32 (int8
+        becomes int16). NaN and infinities are counted and warned about: +inf becomes the
+        greatest finite value, NaN and -inf the least.
     spacing_mm : (x, y, z), optional
         Distance of neighbouring voxel centres; positive. Read from ``world_from_index``
         where that is given, else 1 mm.
@@ -48,8 +47,8 @@ class Volume:
     Raises
     ------
     VolumeError
-        If the array is not 3-D, has fewer than two voxels along an axis or no finite value, or
-        the geometry is singular.
+        If it is no 3-D array of real numbers, has fewer than two voxels along an axis or no
+        finite value, or the geometry is singular.
 
     Examples
     --------
@@ -66,12 +65,12 @@ class Volume:
     range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        values = _checked_values(self.values, self.name)
-        spacing, world = _checked_geometry(self.spacing_mm, self.world_from_index, self.name)
+        values, span = checked_values(self.values, self.name)
+        spacing, world = checked_geometry(self.spacing_mm, self.world_from_index, self.name)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "spacing_mm", spacing)
         object.__setattr__(self, "world_from_index", world)
-        object.__setattr__(self, "range", (float(values.min()), float(values.max())))
+        object.__setattr__(self, "range", span)
 
     def __repr__(self) -> str:
         x, y, z = self.shape_xyz
@@ -103,10 +102,59 @@ class Volume:
         VolumeError
             If a number is not positive.
         """
-        spacing, _ = _checked_geometry(spacing_mm, None, self.name)
+        spacing, _ = checked_geometry(spacing_mm, None, self.name)
         world = self.world_from_index.copy()
         world[:3, :3] *= np.asarray(spacing) / np.asarray(self.spacing_mm)
         return Volume(self.values, world_from_index=world, name=self.name)
+
+    def downsampled(self, factor: int, *, labels: bool = False) -> Volume:
+        """The same volume with one voxel for every block of factor³, of the same type.
+
+        A new voxel stands at its block's centre. The lattice stays regular: where the factor
+        does not divide a count, the last block holds fewer voxels, and what it yields stands
+        where a whole block's centre would, up to (factor - 1) / 2 old voxels too far out.
+
+        Parameters
+        ----------
+        factor : int
+            Old voxels along a block's edge, from 1.
+        labels : bool
+            Take a block's most frequent value (of equally frequent ones the least) instead of
+            its mean.
+
+        Raises
+        ------
+        VolumeError
+            If the factor is no whole number from 1, or leaves fewer than two voxels along an
+            axis.
+
+        Examples
+        --------
+        >>> half = Volume(np.zeros((4, 6, 7), np.uint8)).downsampled(2)
+        >>> half.shape_xyz, half.spacing_mm, half.world_from_index[:3, 3].tolist()
+        ((4, 3, 2), (2.0, 2.0, 2.0), [0.5, 0.5, 0.5])
+        """
+        try:
+            step = operator.index(factor)
+        except TypeError:
+            step = 0
+        if step < 1:
+            raise VolumeError(
+                f"{self.name}: down-sampled by {factor!r:.40}; give a whole number from 1"
+            )
+        least = min(self.shape_xyz)
+        if -(-least // step) < 2:
+            raise VolumeError(
+                f"{self.name}: down-sampled by {step}, {least} voxels leave one; a volume has at "
+                f"least two along each axis, give a factor below {least}"
+            )
+        index_from_new = np.diag([step, step, step, 1.0])
+        index_from_new[:3, 3] = (step - 1) / 2
+        return Volume(
+            downsampled_values(self.values, step, block_modes if labels else block_means),
+            world_from_index=self.world_from_index @ index_from_new,
+            name=self.name,
+        )
 
     @classmethod
     def of(cls, given: Volume | pyvista.ImageData | ArrayLike) -> Volume:
@@ -115,7 +163,7 @@ class Volume:
             return given
         if hasattr(given, "point_data"):
             return cls.from_pyvista(given)
-        return cls(np.asarray(given))
+        return cls(given)  # type: ignore[arg-type]
 
     @classmethod
     def from_pyvista(cls, grid: pyvista.ImageData, scalars: str | None = None) -> Volume:
@@ -129,99 +177,3 @@ class Volume:
         from volspec.volume.adapt import volume_to_pyvista
 
         return volume_to_pyvista(self)
-
-
-def _checked_values(given: ArrayLike, name: str) -> NDArray[Any]:
-    values = np.asarray(given)
-    if values.ndim != 3:
-        raise VolumeError(
-            f"{name}: the array has shape {values.shape}; a volume is 3-D (Z, Y, X), "
-            "one scalar a voxel. Choose one channel or time step"
-        )
-    if min(values.shape) < 2:
-        raise VolumeError(
-            f"{name}: the array has shape {values.shape}; a volume has at least two voxels along "
-            "each axis, was a single slice given?"
-        )
-    if values.dtype.kind not in "buif":
-        raise VolumeError(f"{name}: values of type {values.dtype} are not real numbers")
-    if values.dtype.newbyteorder("=") not in KEPT_DTYPES:
-        wider = _WIDENED.get(f"{values.dtype.kind}{values.dtype.itemsize}", np.float32)
-        # Doubles beyond float32 become infinite here and are counted below.
-        with np.errstate(over="ignore"):
-            widened = values.astype(wider)
-        if values.dtype.kind == "f" and (np.isfinite(values) & ~np.isfinite(widened)).any():
-            raise VolumeError(
-                f"{name}: values up to {np.abs(values[np.isfinite(values)]).max():g} exceed "
-                "float32; rescale the volume"
-            )
-        if values.dtype.kind in "iu" and not np.array_equal(widened.astype(values.dtype), values):
-            warnings.warn(
-                f"{name}: {values.dtype} values beyond 2^24 lose their last digits as float32; "
-                "subtract an offset first",
-                VolspecWarning,
-                stacklevel=4,
-            )
-        values = widened
-    values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
-    if values.dtype.kind == "f":
-        values = _finite(values, name)
-    values = values.view()
-    values.flags.writeable = False
-    return values
-
-
-def _finite(values: NDArray[Any], name: str) -> NDArray[Any]:
-    bad = ~np.isfinite(values)
-    count = int(bad.sum())
-    if not count:
-        return values
-    if count == values.size:
-        raise VolumeError(f"{name}: none of the {count} voxels is a finite float32 number")
-    least = values[~bad].min()
-    warnings.warn(
-        f"{name}: {count} of {values.size} voxels are NaN or infinite; "
-        f"treated as the minimum, {least:g}",
-        VolspecWarning,
-        stacklevel=5,
-    )
-    return np.where(bad, least, values)
-
-
-def _checked_geometry(
-    spacing: tuple[float, float, float] | None,
-    world: ArrayLike | None,
-    name: str,
-) -> tuple[tuple[float, float, float], NDArray[np.float64]]:
-    if spacing is not None:
-        spacing_array = np.asarray(spacing, dtype=np.float64)
-        if spacing_array.shape != (3,):
-            raise VolumeError(f"{name}: spacing_mm is {spacing}; give three numbers (x, y, z)")
-        if not (np.isfinite(spacing_array).all() and (spacing_array > 0).all()):
-            raise VolumeError(
-                f"{name}: spacing {tuple(spacing_array.tolist())} mm; "
-                "each of x, y, z must be positive, correct the header or give spacing_mm"
-            )
-    else:
-        spacing_array = np.ones(3)
-    if world is None:
-        matrix = np.diag([*spacing_array, 1.0])
-    else:
-        matrix = np.array(world, dtype=np.float64)
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-            raise VolumeError(f"{name}: world_from_index must be a finite (4, 4) matrix")
-        lengths = np.linalg.norm(matrix[:3, :3], axis=0)
-        if (lengths <= 0).any() or abs(np.linalg.det(matrix[:3, :3] / lengths)) < 1e-6:
-            raise VolumeError(
-                f"{name}: the orientation matrix {matrix[:3, :3].tolist()} is singular; "
-                "its columns must be independent directions"
-            )
-        if spacing is not None and not np.allclose(lengths, spacing_array, rtol=1e-4):
-            raise VolumeError(
-                f"{name}: spacing {tuple(spacing_array.tolist())} mm and world_from_index "
-                f"(columns {lengths.round(6).tolist()} mm) disagree; give one of them"
-            )
-        spacing_array = lengths
-    matrix.flags.writeable = False
-    x, y, z = (float(v) for v in spacing_array)
-    return (x, y, z), matrix

@@ -1,0 +1,96 @@
+"""How fast is a GPU? ``python -m benchmarks.gpu [--device NAME]``.
+
+Casts the engine with one ray a work-item, as GPUs do it, and beside it on PoCL where that is
+here; prints milliseconds and pictures per second, and keeps a row in ``docs/benchmarks.md``'s
+table of devices. A second run of one device and commit replaces its row.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import astuple, dataclass
+from datetime import UTC, datetime
+
+from benchmarks.cast import SPECS
+from benchmarks.measure import commit, in_turn
+from benchmarks.page import PAGE, between, replaced
+from benchmarks.volumes import BenchScene, bench_scene
+from volspec._gpu.opencl import POCL, devices
+from volspec.pipeline import Raycaster, raycast
+
+SIZES = {"512²": (512, 512), "1080p": (1920, 1080)}
+TABLE = "devices"
+HEAD = (
+    "| device | driver | date | commit | "
+    + " | ".join(f"{kind} {size}" for size in SIZES for kind in SPECS)
+    + " |\n"
+    + "|---" * (4 + len(SIZES) * len(SPECS))
+    + "|\n"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A row of the table: where, when, what; a cell a size and shading."""
+
+    device: str
+    driver: str
+    date: str
+    commit: str
+    cells: tuple[str, ...]
+
+    def line(self) -> str:
+        """Markdown."""
+        *words, cells = astuple(self)
+        return "| " + " | ".join(word.replace("|", "/") for word in (*words, *cells)) + " |"
+
+    def replaces(self, line: str) -> bool:
+        """Whether a row of the table is this device's and commit's."""
+        cells = [cell.strip() for cell in line.split("|")]
+        return len(cells) > 4 and (cells[1], cells[4]) == (self.device, self.commit)
+
+
+def recorded(text: str, record: Record) -> str:
+    """The page with the record in its table of devices."""
+    rows = between(text, TABLE).strip().splitlines()[2:]
+    kept = [row for row in rows if not record.replaces(row)]
+    return replaced(text, TABLE, "\n" + HEAD + "\n".join([*kept, record.line()]) + "\n")
+
+
+def measured(scene: BenchScene, caster: Raycaster, beside: Raycaster | None) -> tuple[str, ...]:
+    """A cell each, the peer's ratio where there is one."""
+    cells = []
+    for label, size in SIZES.items():
+        for kind, spec in SPECS.items():
+
+            def cast(which: Raycaster, size=size, spec=spec) -> object:
+                return raycast(scene.volume, scene.transfer, scene.camera, size, spec, caster=which)
+
+            pairs = in_turn(lambda: cast(caster), lambda: cast(beside or caster))
+            ms, peer_ms = sorted(pairs[:, 0])[len(pairs) // 2], sorted(pairs[:, 1])[len(pairs) // 2]
+            ratio = f", PoCL × {peer_ms / ms:.1f}" if beside else ""
+            cells.append(f"{ms:.1f} ms, {1e3 / ms:.0f}/s{ratio}")
+            print(f"{kind} {label}: {cells[-1]}", flush=True)
+    return tuple(cells)
+
+
+def main() -> None:
+    """Measure, print and keep."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--device", help="part of an OpenCL device's name; default the first GPU")
+    scene = bench_scene("engine")
+    caster = Raycaster(scene.volume, device=parser.parse_args().device, lanes=1)
+    found = devices()
+    info = next(device for device in found if device.name == caster.device)
+    pocl = next((d.name for d in found if d.platform == POCL and d.name != info.name), None)
+    beside = Raycaster(scene.volume, device=pocl) if pocl else None
+    print(f"{info.name} ({info.version})" + (f" beside {pocl}" if pocl else ""))
+    cells = measured(scene, caster, beside)
+    date = datetime.now(UTC).date().isoformat()
+    record = Record(info.name, info.version, date, commit(), cells)
+    PAGE.write_text(recorded(PAGE.read_text(encoding="utf-8"), record), encoding="utf-8")
+    print(f"kept in {PAGE.name}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""What memory does a cast take beside the volume? On the chest CT, or the largest there is.
+
+A process of its own loads the volume, casts a corner of it (so that compilers and libraries are
+there already) and then measures: bytes of live OpenCL buffers, and how much its resident memory
+grows, at its peak and after. The volume on the device, once, and the images are taken off; on
+PoCL the device's memory is the process's.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyopencl as cl
+
+from benchmarks.cast import SIZE, STOPPED
+from benchmarks.measure import Figure
+from benchmarks.volumes import bench_scene
+from volspec.pipeline import Raycaster, raycast
+from volspec.volume import Volume
+
+ASKED = 30
+NAMES = ("chest", "foot", "engine")
+_FIRST_CELLS = 24
+
+
+class Ledger:
+    """Bytes of the OpenCL buffers that live, and their peak."""
+
+    def __init__(self) -> None:
+        self.live = self.peak = 0
+
+    def watch(self) -> None:
+        """Have every buffer from here on entered."""
+        ledger = self
+
+        class Buffer(cl.Buffer):  # type: ignore[misc]
+            def __init__(self, *arguments: object, **keywords: object) -> None:
+                super().__init__(*arguments, **keywords)
+                ledger.live += self.size
+                ledger.peak = max(ledger.peak, ledger.live)
+                self._entered = self.size
+
+            def __del__(self) -> None:
+                ledger.live -= self._entered
+
+        cl.Buffer = Buffer
+
+
+def resident(field: str) -> int:
+    """VmRSS (now) or VmHWM (its peak) of this process, bytes."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(f"{field}:"):
+            return int(line.split()[1]) * 1024
+    raise OSError(f"no {field} in /proc/self/status")
+
+
+def measured(name: str) -> dict[str, int]:
+    """Bytes of one cast, beside the volume's and the images' own."""
+    scene = bench_scene(name)
+    volume, spec = scene.volume, STOPPED["shaded"]
+    z, y, x = (n // 2 for n in volume.values.shape)
+    corner = Volume(
+        volume.values[z : z + _FIRST_CELLS, y : y + _FIRST_CELLS, x : x + _FIRST_CELLS].copy(),
+        spacing_mm=volume.spacing_mm,
+    )
+    raycast(corner, scene.transfer, scene.camera, SIZE, spec, caster=Raycaster(corner))
+    ledger = Ledger()
+    ledger.watch()
+    gc.collect()
+    Path("/proc/self/clear_refs").write_text("5")  # the peak starts anew
+    before = resident("VmRSS")
+    caster = Raycaster(volume)
+    image = raycast(volume, scene.transfer, scene.camera, SIZE, spec, caster=caster)
+    gc.collect()
+    images = image.coefficients.nbytes + image.alpha.nbytes + image.depth_mm.nbytes
+    own = volume.values.nbytes + images
+    return {
+        "volume": volume.values.nbytes,
+        "images": images,
+        "device": ledger.peak - own,
+        # The images lie on the device and here; the device keeps none once they are read.
+        "peak": resident("VmHWM") - before - own - images,
+        "kept": resident("VmRSS") - before - own,
+    }
+
+
+def figures() -> Iterator[Figure]:
+    """Shares of the volume's size."""
+    for name in NAMES:
+        done = subprocess.run(
+            [sys.executable, "-m", "benchmarks.memory", name], capture_output=True, text=True
+        )
+        if done.returncode == 0:
+            break
+    else:
+        why = (done.stderr.strip().splitlines() or ["no output"])[-1]
+        yield Figure("memory", None, ASKED, at_most=True, note=why)
+        return
+    found = json.loads(done.stdout.splitlines()[-1])
+    print(f"memory/{name}: " + ", ".join(f"{k} {v / 2**20:.1f} MiB" for k, v in found.items()))
+    for key, title in (("device", "device"), ("kept", "process"), ("peak", "process, peak")):
+        share = 100 * found[key] / found["volume"]
+        yield Figure(f"memory/{name}: {title}", share, ASKED, at_most=True, unit="%")
+
+
+if __name__ == "__main__":
+    print(json.dumps(measured(sys.argv[1])))

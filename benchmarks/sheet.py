@@ -1,0 +1,38 @@
+"""The bench's five scenes under daylight: ``python -m benchmarks.sheet``.
+
+Writes ``docs/images/benchmarks.png``: unshaded above, shaded below.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image
+
+from benchmarks.cast import SPECS
+from benchmarks.page import PAGE
+from benchmarks.volumes import BenchScene, bench_scenes
+from volspec.pipeline import Raycaster, raycast, relight
+from volspec.spectra import light
+
+TILE = (240, 240)
+
+
+def sheet() -> np.ndarray:
+    """A column a scene, a row a shading."""
+    daylight, columns = light("D65"), []
+    for scene in bench_scenes():
+        if not isinstance(scene, BenchScene):
+            raise FileNotFoundError(f"{scene[0]}: {scene[1]}")
+        caster = Raycaster(scene.volume)
+        casts = [
+            raycast(scene.volume, scene.transfer, scene.camera, TILE, spec, caster=caster)
+            for spec in SPECS.values()
+        ]
+        columns.append(np.concatenate([relight(c, daylight, backdrop=0.05) for c in casts]))
+    return np.concatenate(columns, axis=1)
+
+
+if __name__ == "__main__":
+    # A palette of 256 colours keeps the repository small.
+    picture = Image.fromarray(sheet()).quantize(256, dither=Image.Dither.NONE)
+    picture.save(PAGE.parent / "images" / "benchmarks.png", optimize=True)

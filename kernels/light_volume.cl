@@ -1,0 +1,309 @@
+// The light volume: what of each source's light arrives at the nodes of a coarse grid.
+//
+//     σ = mean over the voxels nearest to a node of −log(1 − opacity(v)) / reference step
+//     T = exp(−∫ σ ds) towards a light;  open = min(1, 2 · mean of T over the sphere)
+//     layer = T or open, read LIFT cells out of what is dense
+//
+// NumPy twin: volspec/raycast/light_volume/reference.py (layers). Same steps, same order.
+//
+// Launch: 1-D, whole work-groups. `extinction` has a work-item a node of the padded grid, the
+// others one a packet of LANES nodes along x. For each layer `parallel` or `converging`, then
+// `lift`.
+//
+// The padded grid float[nz + 2][ny + 2][nx + 2 LANES] holds σ per cell, 0 in the padding: packets
+// read whole vectors at any shift, and light that leaves the grid meets nothing.
+//
+// extinction  reads   voxels VOXEL[nz][ny][nx] as the volume has them; spans Span[nx + ny + nz],
+//                     the voxels of each node, axis by axis; table float2[rows][entries]: σ per
+//                     cell and difference to the next entry, or for SURFACES (level, optical depth)
+//             writes  the padded grid
+// parallel    reads   the padded grid; steps Step[], direction after direction; ends int[] of each
+// converging  reads   the padded grid; the light's place
+//             write   raw, ushort[nz][ny][nx], 65535 where all light arrives
+// lift        reads   the padded grid, raw
+//             writes  layers ushort[layer][nz][ny][nx]
+//
+// The host sets LANES, VOXEL, KIND (one of the four below), MAX_PLANES, LIFT (cells) and LIFT_KNEE.
+
+#include "lanes.clh"
+#include "light.clh"
+
+#define VALUES 0     // table over values
+#define GRADIENTS 1  // table over values and gradients
+#define LABELS 2     // entry i is for label i; beyond the table is nothing
+#define SURFACES 3   // levels
+
+// Transmittance of less than half of 1/65535.
+#define DARK 12.0f
+
+typedef struct {
+    int first, count;
+    float weight, slope;  // voxel n of the span counts weight + n · slope
+} Span;
+
+typedef struct {
+    float4 planes[MAX_PLANES];  // voxel (i, j, k) is cut where a i + b j + c k + d < 0
+    float4 gradient[3];  // rows: difference of two voxels apart along x, y, z -> rows of the table
+    float4 edge;         // cells per spacing along x, y, z
+    int4 nodes, voxels;
+    int4 low, high;      // the crop: first voxel that stays, and first that does not again
+    float domain_low, domain_scale;  // value of entry 0, entries per value
+    int last_entry, last_row;        // of the table; the last surface
+    int plane_count;
+} Field;
+
+// A step along a direction, the same for all nodes: its cell of the grid, seen from the node, and
+// the trilinear weights of the cell's corners (x fastest) times the step's length in cells.
+typedef struct {
+    int x, y, z, at;
+    float weight[8];
+} Step;
+
+#if KIND == SURFACES
+// Optical depth of a voxel's share of the surfaces, per cell.
+static inline float sigma_of(__global const VOXEL *voxels, __global const float2 *table,
+                             const Field *field, int x, int y, int z, size_t at) {
+    const int row = field->voxels.x, slice = row * field->voxels.y;
+    const float here = voxels[at];
+    const float next_x = x + 1 < field->voxels.x ? (float)voxels[at + 1] : here;
+    const float next_y = y + 1 < field->voxels.y ? (float)voxels[at + row] : here;
+    const float next_z = z + 1 < field->voxels.z ? (float)voxels[at + slice] : here;
+    float depth_x = 0.0f, depth_y = 0.0f, depth_z = 0.0f;
+    for (int s = 0; s <= field->last_entry; ++s) {
+        const float2 surface = table[s];
+        const int below = here < surface.x;
+        depth_x += below != (next_x < surface.x) ? surface.y : 0.0f;
+        depth_y += below != (next_y < surface.x) ? surface.y : 0.0f;
+        depth_z += below != (next_z < surface.x) ? surface.y : 0.0f;
+    }
+    if (depth_x + depth_y + depth_z == 0.0f) return 0.0f;
+    const float gx = fabs(next_x - here) * field->domain_scale * field->edge.x;
+    const float gy = fabs(next_y - here) * field->domain_scale * field->edge.y;
+    const float gz = fabs(next_z - here) * field->domain_scale * field->edge.z;
+    const float across = depth_x * gx * field->edge.x + depth_y * gy * field->edge.y +
+                         depth_z * gz * field->edge.z;
+    return across * rsqrt(UPPER(gx * gx + gy * gy + gz * gz, 1e-30f));
+}
+#else
+static inline float entry_at(__global const float2 *row, int j, float f) {
+    const float2 two = row[j];
+    return two.x + f * two.y;
+}
+
+static inline float sigma_of(__global const VOXEL *voxels, __global const float2 *table,
+                             const Field *field, int x, int y, int z, size_t at) {
+    const float value = voxels[at];
+#if KIND == LABELS
+    const int label = value < 0.0f ? -1 : (int)value;
+    return label < 0 || label > field->last_entry ? 0.0f : table[label].x;
+#else
+    const float last = field->last_entry;
+    const float raw = (value - field->domain_low) * field->domain_scale;
+    const float entry = LOWER(UPPER(raw, 0.0f), last);
+    const int j = LOWER((int)entry, field->last_entry - 1);
+    const float f = entry - (float)j;
+#if KIND == VALUES
+    return entry_at(table, j, f);
+#else
+    const int row = field->voxels.x, slice = row * field->voxels.y;
+    const float dx = (float)voxels[x + 1 < field->voxels.x ? at + 1 : at] - voxels[x ? at - 1 : at];
+    const float dy =
+        (float)voxels[y + 1 < field->voxels.y ? at + row : at] - voxels[y ? at - row : at];
+    const float dz =
+        (float)voxels[z + 1 < field->voxels.z ? at + slice : at] - voxels[z ? at - slice : at];
+    const float4 g = dx * field->gradient[0] + dy * field->gradient[1] + dz * field->gradient[2];
+    const float height = LOWER(sqrt(g.x * g.x + g.y * g.y + g.z * g.z), (float)field->last_row);
+    const int r = LOWER((int)height, field->last_row - 1);
+    __global const float2 *below = table + r * (field->last_entry + 1);
+    const float a = entry_at(below, j, f), b = entry_at(below + field->last_entry + 1, j, f);
+    return a + (height - (float)r) * (b - a);
+#endif
+#endif
+}
+#endif
+
+__kernel void extinction(__global const VOXEL *restrict voxels, __global const Span *restrict spans,
+                         __global const float2 *restrict table, const Field field,
+                         __global float *restrict sigma) {
+    const uint item = get_global_id(0);
+    const uint row = field.nodes.x + 2 * LANES, slice = row * (field.nodes.y + 2);
+    if (item >= slice * (field.nodes.z + 2)) return;
+    const int nx = (int)(item % row) - LANES, ny = (int)(item / row % (field.nodes.y + 2)) - 1;
+    const int nz = (int)(item / slice) - 1;
+    float sum = 0.0f;
+    if (nx >= 0 && nx < field.nodes.x && ny >= 0 && ny < field.nodes.y && nz >= 0 &&
+        nz < field.nodes.z) {
+        const Span across = spans[nx], down = spans[field.nodes.x + ny];
+        const Span deep = spans[field.nodes.x + field.nodes.y + nz];
+        const int begin = UPPER(across.first, field.low.x);
+        const int end = LOWER(across.first + across.count, field.high.x);
+        for (int k = 0; k < deep.count; ++k) {
+            const int z = deep.first + k;
+            if (z < field.low.z || z >= field.high.z) continue;
+            for (int j = 0; j < down.count; ++j) {
+                const int y = down.first + j;
+                if (y < field.low.y || y >= field.high.y) continue;
+                const size_t start = ((size_t)z * field.voxels.y + y) * field.voxels.x;
+                float line = 0.0f;
+                for (int x = begin; x < end; ++x) {
+                    int cut = 0;
+                    for (int p = 0; p < field.plane_count; ++p) {
+                        const float4 plane = field.planes[p];
+                        cut |= plane.x * x + plane.y * y + plane.z * z + plane.w < 0.0f;
+                    }
+                    if (cut) continue;
+                    line += (across.weight + (float)(x - across.first) * across.slope) *
+                            sigma_of(voxels, table, &field, x, y, z, start + x);
+                }
+                sum += (deep.weight + (float)k * deep.slope) *
+                       (down.weight + (float)j * down.slope) * line;
+            }
+        }
+    }
+    sigma[item] = sum;
+}
+
+typedef struct {
+    int x, y, z;  // the packet's first node
+    int row, slice;
+    __global const float *sigma;  // that node, in the padded grid
+} Packet;
+
+// The packet of this work-item; false where there is none left.
+static inline bool packet_of(const int4 nodes, __global const float *sigma, Packet *p) {
+    const uint item = get_global_id(0), columns = (nodes.x + LANES - 1) / LANES;
+    if (item >= columns * nodes.y * nodes.z) return false;
+    p->x = item % columns * LANES;
+    p->y = item / columns % nodes.y;
+    p->z = item / columns / nodes.y;
+    p->row = nodes.x + 2 * LANES;
+    p->slice = p->row * (nodes.y + 2);
+    p->sigma = sigma + ((size_t)(p->z + 1) * p->slice + (p->y + 1) * p->row + p->x + LANES);
+    return true;
+}
+
+static inline void store(const Packet *p, const int4 nodes, floatN light,
+                         __global ushort *layer) {
+    intL level;
+    level.v = CONVERT_INT(light * 65535.0f + 0.5f);
+    const size_t at = ((size_t)p->z * nodes.y + p->y) * nodes.x + p->x;
+    FOR_LANES(l) if (p->x + l < nodes.x) layer[at + l] = level.s[l];
+}
+
+// Vectors at any address.
+typedef struct __attribute__((packed)) { floatN v; } Nodes;
+#define NODES(offset) (((__global const Nodes *)(first + (offset)))->v)
+
+// What arrives along directions that are the same for all nodes: neighbours read neighbours, with
+// the same weights. gain: times the mean over the directions, up to 1.
+__kernel void parallel(__global const float *restrict sigma, __global const Step *restrict steps,
+                       __global const int *restrict ends, const int directions, const float gain,
+                       const int4 nodes, __global ushort *restrict raw) {
+    Packet p;
+    if (!packet_of(nodes, sigma, &p)) return;
+    floatN light = 0.0f;
+    for (int d = 0, s = 0; d < directions; ++d) {
+        const int end = ends[d];
+        floatN depth = 0.0f;
+        for (; s < end; ++s) {
+            __global const Step *step = steps + s;
+            // Beyond the grid for all lanes; a straight way does not come back.
+            if ((uint)(p.x + step->x + LANES) >= (uint)(nodes.x + LANES) ||
+                (uint)(p.y + step->y + 1) > (uint)nodes.y ||
+                (uint)(p.z + step->z + 1) > (uint)nodes.z)
+                break;
+            __global const float *first = p.sigma + step->at;
+            depth += step->weight[0] * NODES(0) + step->weight[1] * NODES(1) +
+                     step->weight[2] * NODES(p.row) + step->weight[3] * NODES(p.row + 1) +
+                     step->weight[4] * NODES(p.slice) + step->weight[5] * NODES(p.slice + 1) +
+                     step->weight[6] * NODES(p.slice + p.row) +
+                     step->weight[7] * NODES(p.slice + p.row + 1);
+            if (!ANY(MASK(depth < DARK))) break;
+        }
+        s = end;
+        light += exp_minus(depth);
+    }
+    light *= gain / (float)directions;
+    store(&p, nodes, LOWER(light, 1.0f), raw);
+}
+
+// What arrives from a point. place: of the light in the grid; world_x, y, z: rows that take a way
+// in the grid to the world, in cells; bias: where the way begins, in cells.
+__kernel void converging(__global const float *restrict sigma, const float4 place,
+                         const float4 world_x, const float4 world_y, const float4 world_z,
+                         const float bias, const int4 nodes, __global ushort *restrict raw) {
+    Packet p;
+    if (!packet_of(nodes, sigma, &p)) return;
+    floatL column;
+    FOR_LANES(l) column.s[l] = p.x + l;
+    const float last_x = nodes.x, last_y = nodes.y, last_z = nodes.z;
+    floatN dx = place.x - column.v, dy = place.y - p.y, dz = place.z - p.z;
+    const floatN wx = world_x.x * dx + world_x.y * dy + world_x.z * dz;
+    const floatN wy = world_y.x * dx + world_y.y * dy + world_y.z * dz;
+    const floatN wz = world_z.x * dx + world_z.y * dy + world_z.z * dz;
+    const floatN square = UPPER(wx * wx + wy * wy + wz * wz, 1e-30f);
+    const floatN inverse = inverse_root(square), away = square * inverse;
+    dx *= inverse;
+    dy *= inverse;
+    dz *= inverse;
+    floatN depth = 0.0f;
+    for (float begin = bias;; begin += 1.0f) {
+        const floatN left = UPPER(LOWER(away - begin, 1.0f), 0.0f);
+        const floatN middle = begin + 0.5f * left;
+        const floatN x = column.v + middle * dx, y = p.y + middle * dy, z = p.z + middle * dz;
+        const intN inside = MASK(x > -1.0f) & MASK(x < last_x) & MASK(y > -1.0f) &
+                            MASK(y < last_y) & MASK(z > -1.0f) & MASK(z < last_z);
+        if (!ANY(inside & MASK(left > 0.0f) & MASK(depth < DARK))) break;
+        // Lanes beyond the grid read its padding.
+        const floatN cx = LOWER(UPPER(x, -1.0f), last_x) + 1.0f;
+        const floatN cy = LOWER(UPPER(y, -1.0f), last_y) + 1.0f;
+        const floatN cz = LOWER(UPPER(z, -1.0f), last_z) + 1.0f;
+        const intN ix = LOWER(CONVERT_INT(cx), nodes.x), iy = LOWER(CONVERT_INT(cy), nodes.y),
+                   iz = LOWER(CONVERT_INT(cz), nodes.z);
+        const floatN fx = cx - CONVERT_FLOAT(ix), fy = cy - CONVERT_FLOAT(iy),
+                     fz = cz - CONVERT_FLOAT(iz);
+        intL at;
+        at.v = iz * p.slice + iy * p.row + ix + LANES - 1;
+        const int rows[4] = {0, p.row, p.slice, p.slice + p.row};
+        floatL a[4], b[4];
+        FOR_LANES(l) {
+            __global const float *here = sigma + (uint)at.s[l];
+            _Pragma("unroll") for (int r = 0; r < 4; ++r) {
+                a[r].s[l] = here[rows[r]];
+                b[r].s[l] = here[rows[r] + 1];
+            }
+        }
+        const floatN low = lerp(lerp(a[0].v, b[0].v, fx), lerp(a[1].v, b[1].v, fx), fy);
+        const floatN high = lerp(lerp(a[2].v, b[2].v, fx), lerp(a[3].v, b[3].v, fx), fy);
+        depth += left * lerp(low, high, fz);
+    }
+    store(&p, nodes, exp_minus(depth), raw);
+}
+
+// Nodes next to a surface lie half within it and would shadow it in bands: they take what arrives
+// a little outside, down the slope of σ; in faint media, where nothing is a surface, less far.
+// metric_x, y, z: rows that turn a gradient in the grid into the way it points there, both in
+// cells of the world.
+__kernel void lift(__global const float *restrict sigma, __global const ushort *restrict raw,
+                   const float4 metric_x, const float4 metric_y, const float4 metric_z,
+                   const int4 nodes, const int layer, __global ushort *restrict layers) {
+    Packet p;
+    if (!packet_of(nodes, sigma, &p)) return;
+    __global const float *first = p.sigma;
+    const floatN gx = 0.5f * (NODES(1) - NODES(-1));
+    const floatN gy = 0.5f * (NODES(p.row) - NODES(-p.row));
+    const floatN gz = 0.5f * (NODES(p.slice) - NODES(-p.slice));
+    const floatN wx = metric_x.x * gx + metric_x.y * gy + metric_x.z * gz;
+    const floatN wy = metric_y.x * gx + metric_y.y * gy + metric_y.z * gz;
+    const floatN wz = metric_z.x * gx + metric_z.y * gy + metric_z.z * gz;
+    const floatN square = UPPER(gx * wx + gy * wy + gz * wz, 1e-30f);
+    const floatN far = LIFT / (square * inverse_root(square) + LIFT_KNEE);
+    floatL column;
+    FOR_LANES(l) column.s[l] = p.x + l;
+    const float last_x = nodes.x - 1, last_y = nodes.y - 1, last_z = nodes.z - 1;
+    const floatN x = LOWER(UPPER(column.v - far * wx, 0.0f), last_x);
+    const floatN y = LOWER(UPPER((float)p.y - far * wy, 0.0f), last_y);
+    const floatN z = LOWER(UPPER((float)p.z - far * wz, 0.0f), last_z);
+    const floatN light = light_at(raw, nodes.x, nodes.y, nodes.z, x, y, z);
+    store(&p, nodes, light, layers + (size_t)layer * nodes.x * nodes.y * nodes.z);
+}

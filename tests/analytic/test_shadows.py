@@ -1,0 +1,192 @@
+"""Light volumes whose answers are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.twins.test_light_volume import downloaded, lit, opened
+from volspec.raycast import Ambient, Camera, Directional, Point
+from volspec.raycast.light_volume import LightGrid, reference
+from volspec.raycast.light_volume.spec import sphere_directions
+from volspec.raycast.lights import Source
+from volspec.transfer import SurfaceTable, TransferTable
+from volspec.volume import Volume, phantom
+
+SIGMA = 0.05  # 1/mm
+# A step of the layers' levels where the transmittance is above 0.1: of its logarithm, 1/6553.
+LEVEL = 2 / 6553
+
+
+def fog(sigma: float = SIGMA) -> TransferTable:
+    opacity = np.full(1024, 1 - math.exp(-sigma))
+    return TransferTable((0.0, 2.0), opacity, np.full((1024, 2), 0.5), 1.0)
+
+
+def solid() -> TransferTable:
+    """Opaque at 1, nothing at 0."""
+    return TransferTable((0.0, 1.0), np.array([0.0, 1.0]), np.eye(2), 1.0)
+
+
+def layer_of(
+    volume: Volume, table: TransferTable | SurfaceTable, source: Source, cells: int
+) -> np.ndarray:
+    """(nz, ny, nx) 0…1."""
+    camera = Camera.orbit(volume)
+    return downloaded(opened(volume), table, lit(source, cells=cells), camera)[0]
+
+
+def test_straight_light_through_a_slab_matches_beer_lambert() -> None:
+    """−log T = σ (d − h/2) at depths of whole cells, h a cell.
+
+    The first cell of the way is left out; beyond the face σ falls to 0 within a cell, which adds
+    half of one. Middles are exact where σ is linear within steps. On the face itself T is 1.
+    """
+    light = Directional((0, 0, 1), shadows=True)
+    layer = layer_of(phantom.slab(32, 16), fog(), light, 33)
+    depth = np.arange(16, -1, -1)[:, None, None]
+    expected = SIGMA * np.maximum(depth - 0.5, 0)
+    assert np.abs(-np.log(layer) - expected).max() < LEVEL
+
+
+@pytest.mark.parametrize("cells", [17, 33, 65])
+@pytest.mark.parametrize("towards", [(1.2, 1, 1.1), (-1, 1, 1.2), (1, -1, -1)])
+def test_slanting_light_through_a_slab_matches_beer_lambert(
+    towards: tuple[float, float, float], cells: int
+) -> None:
+    """Within σ h: the way's first cell is left out, what lies beyond the face adds at most one.
+
+    Beyond a face met at the angle θ there is h / (2 cos θ), at most h here. Where steps straddle
+    a kink of σ, once on either side of the face, their middles are wrong by up to h/8.
+    """
+    volume = phantom.slab(32, 16)
+    way = np.array(towards) / np.linalg.norm(towards)
+    grid = LightGrid.of(volume, cells)
+    top = np.array(volume.shape_xyz) - 1.0
+    axes = [np.linspace(0, t, n) for t, n in zip(top, grid.shape_xyz, strict=True)]
+    z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
+    node = np.stack([x, y, z], axis=-1)
+    to_face = (np.where(way > 0, top - node, node) / np.abs(way)).min(axis=-1)
+    layer = layer_of(volume, fog(), Directional(towards, shadows=True), cells)
+    off = -np.log(layer) / SIGMA - to_face
+    slack = grid.cell_mm / 4 + LEVEL / SIGMA
+    assert off.min() > -grid.cell_mm - slack and off.max() < slack
+
+
+def test_light_from_within_a_slab_matches_beer_lambert() -> None:
+    """−log T = σ (d − h): a way that ends at the light is cut exactly."""
+    place = np.array((13.3, 17.2, 7.9))
+    layer = layer_of(phantom.slab(32, 16), fog(), Point(tuple(place), shadows=True), 33)
+    z, y, x = np.mgrid[0:17, 0:33, 0:33]
+    away = np.linalg.norm(np.stack([x, y, z], axis=-1) - place, axis=-1)
+    assert np.abs(-np.log(layer) - SIGMA * np.maximum(away - 1, 0)).max() < LEVEL
+
+
+def test_occlusion_in_even_fog_is_twice_its_transmittance() -> None:
+    """open = 2 exp(−σ (r − h/2)) where the whole sphere lies within."""
+    fog_volume = phantom.slab(32, 32)
+    layer = layer_of(fog_volume, fog(0.3), Ambient(occlusion=True, radius_mm=7.25), 33)
+    expected = 2 * math.exp(-0.3 * 6.75)
+    assert abs(layer[16, 16, 16] - expected) < 1 / 65535
+    assert layer[0, 0, 0] > layer[16, 16, 16]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        Directional((1, 2, 3), shadows=True),
+        Point((5.0, 6.0, 70.0), shadows=True),
+        Ambient(occlusion=True),
+    ],
+)
+def test_all_light_arrives_in_an_empty_volume(source: Source) -> None:
+    empty = Volume(np.zeros((9, 12, 15), np.uint8))
+    assert (layer_of(empty, solid(), source, 20) == 1).all()
+
+
+def plate() -> Volume:
+    """A square of 17 × 17 voxels at z = 20 in an empty cube of 33³."""
+    values = np.zeros((33, 33, 33), np.uint8)
+    values[20, 8:25, 8:25] = 1
+    return Volume(values)
+
+
+def test_a_plate_casts_its_shadow_exactly_behind_it() -> None:
+    """Opacity is held at 1 − 1e-4; within two cells its surface spreads."""
+    layer = layer_of(plate(), solid(), Directional((0, 0, 1), shadows=True), 33)
+    square = np.zeros((33, 33), bool)
+    square[8:25, 8:25] = True
+    assert np.abs(layer[:17, square] - 1e-4).max() < 1 / 65535
+    assert (layer[:17, ~square] == 1).all()
+    assert (layer[23:] == 1).all()
+
+
+def test_a_point_lights_shadow_widens_with_distance() -> None:
+    """By similar triangles, to a cell: the plate's edge is a slope of a cell to each side."""
+    layer = layer_of(plate(), solid(), Point((16.0, 16.0, 60.0), shadows=True), 33)
+    from_middle = np.abs(np.arange(33) - 16)
+    for z in (2, 8, 14):
+        half = 8 * (60 - z) / (60 - 20)
+        row = layer[z, 16]
+        assert (row[from_middle < half - 1] < 1e-3).all()
+        assert (row[from_middle > half + 1.5] == 1).all()
+
+
+@pytest.mark.parametrize("surface", [60, 61, 62, 63])
+@pytest.mark.parametrize(
+    "source",
+    [
+        Directional((0, 0, 1), shadows=True),
+        Directional((4, 0, 1), shadows=True),
+        Ambient(occlusion=True),
+    ],
+)
+def test_a_flat_wall_does_not_shadow_itself(surface: int, source: Source) -> None:
+    """Wherever it lies between nodes, 2.7 voxels apart: it gets three quarters and more.
+
+    You should see no bands on it. Without the lift slanting light would fade to 0 in bands.
+    """
+    values = np.zeros((128, 128, 128), np.uint8)
+    values[:surface] = 1
+    volume = Volume(values)
+    layer = layer_of(volume, solid(), source, 48)
+    grid = LightGrid.of(volume, 48)
+    at = np.array([[64.0, 64.0, surface - 0.5]])
+    assert reference.light_at(layer, grid, at)[0] > 0.75
+
+
+def test_cut_away_voxels_cast_no_shadow() -> None:
+    volume, camera = plate(), Camera.orbit(plate())
+    spec = lit(
+        Directional((0, 0, 1), shadows=True), cells=33, crop_voxels=((0, 32), (0, 32), (0, 19))
+    )
+    assert (downloaded(opened(volume), solid(), spec, camera) == 1).all()
+
+
+def test_a_surface_counts_by_its_area() -> None:
+    """∫ σ dV = −log(1 − opacity) · 4πr² of a sphere, whatever its slope to the lattice."""
+    volume = phantom.ball(64, spacing_mm=(1.0, 1.3, 1.6))
+    radius = 0.5 * 31.5
+    table = SurfaceTable(np.array([0.5]), np.array([0.6]), np.ones((1, 1)))
+    total = reference._surface_extinction(volume, table).sum() * math.prod(volume.spacing_mm)
+    assert total == pytest.approx(-math.log(0.4) * 4 * math.pi * radius**2, rel=0.02)
+
+
+def test_light_of_the_camera_comes_from_behind_it() -> None:
+    volume = plate()
+    camera = Camera.orbit(volume, azimuth_deg=40, elevation_deg=30)
+    back = tuple(np.subtract(camera.position_mm, camera.target_mm))
+    in_camera = lit(Directional((0, 0, 1), frame="camera", shadows=True))
+    in_world = lit(Directional(back, shadows=True))
+    layers = [downloaded(opened(volume), solid(), s, camera) for s in (in_camera, in_world)]
+    assert np.abs(layers[0] - layers[1]).max() <= 1 / 65535
+
+
+def test_directions_of_occlusion_balance() -> None:
+    """Their mean is 0 and their spread alike in all axes, to a few hundredths."""
+    directions = sphere_directions()
+    assert np.allclose(np.linalg.norm(directions, axis=1), 1)
+    assert np.abs(directions.mean(axis=0)).max() < 0.02
+    assert np.abs(directions.T @ directions / len(directions) - np.eye(3) / 3).max() < 0.02

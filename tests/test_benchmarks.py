@@ -1,0 +1,106 @@
+"""What the benchmarks stand on: their scenes, their arithmetic, their page; nothing is timed."""
+
+from __future__ import annotations
+
+import doctest
+import json
+import math
+from dataclasses import asdict, replace
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from benchmarks import measure, page, picture
+from benchmarks.gpu import Record, recorded
+from benchmarks.measure import Comparison, Figure, in_turn, report, save
+from benchmarks.page import PAGE, between, replaced
+from benchmarks.picture import psnr
+from benchmarks.volumes import NAMES, RECIPES, bench_scene, stored
+from volspec.spectra import reflectance_names
+
+RECORD = Record("A GPU", "1.0", "2030-01-02", "abc1234", ("1 ms", "2 ms", "3 ms", "4 ms"))
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_every_scene_rises_from_clear_and_names_materials_of_the_library(name: str) -> None:
+    recipe = RECIPES[name]
+    values = [value for value, _, _ in recipe.points]
+    assert all(a < b for a, b in pairwise(values))
+    assert recipe.points[0][1] == 0, "what lies below the first point is air"
+    assert all(0 <= opacity < 1 for _, opacity, _ in recipe.points)
+    assert {material for _, _, material in recipe.points} == set(recipe.materials)
+    assert set(recipe.materials.values()) <= set(reflectance_names())
+
+
+def test_the_engine_is_the_demo_in_seven_channels() -> None:
+    assert len(NAMES) == 5
+    assert bench_scene("engine").transfer.basis.size == 7
+
+
+@pytest.mark.parametrize("module", [measure, page, picture], ids=lambda m: m.__name__)
+def test_examples_say_what_they_give(module: ModuleType) -> None:
+    assert doctest.testmod(module).failed == 0
+
+
+def test_a_volume_that_is_not_here_says_how_to_name_its_folder() -> None:
+    with pytest.raises(FileNotFoundError, match="VOLSPEC_DATA"):
+        stored("no such volume")()
+
+
+def test_psnr_is_that_of_the_root_mean_square() -> None:
+    picture = np.linspace(0, 1, 100).reshape(10, 10)
+    assert psnr(picture, picture + 0.01) == pytest.approx(40)
+    assert psnr(picture, picture) == math.inf
+
+
+def test_both_sides_are_timed_alternately_after_a_call_of_their_own() -> None:
+    calls: list[str] = []
+    times = in_turn(lambda: calls.append("a"), lambda: calls.append("b"), our_calls=2, runs=2)
+    assert "".join(calls) == "aaabb" * 2
+    assert times.shape == (2, 2)
+
+
+def test_a_figure_is_met_on_its_own_side() -> None:
+    assert Figure("faster", 3.0, asked=3).met
+    assert not Figure("faster", 2.9, asked=3).met
+    assert Figure("smaller", 1.1, asked=1.15, at_most=True).met
+    assert Figure("unasked", 1.0).met is Figure("skipped", None, asked=3).met is None
+
+
+def test_the_report_tells_misses_and_reasons() -> None:
+    text = report([Figure("a", 1.0, asked=3), Figure("b", None, asked=3, note="no file")])
+    assert "MISSED" in text.splitlines()[1]
+    assert text.splitlines()[2].endswith("skipped: no file")
+
+
+def test_rows_are_saved_in_their_documented_form(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    row = Comparison("cast/engine/flat", "vtk-fixed-point", 1.0, 3.0, 3.0, "CPU", "abc")
+    save([Figure("a", 3.0, row=row), Figure("memory", 1.0)])
+    assert json.loads(Path("build/bench.json").read_text()) == [asdict(row)]
+
+
+def test_a_device_and_commit_keep_one_row() -> None:
+    empty = "before <!-- devices -->\n<!-- /devices --> after"
+    once = recorded(empty, RECORD)
+    assert recorded(once, RECORD) == once
+    again = recorded(once, replace(RECORD, date="2030-02-03", cells=("9 ms",) * 4))
+    assert again.count("A GPU") == 1 and "9 ms" in again and "1 ms" not in again
+    other = recorded(once, replace(RECORD, commit="def5678"))
+    assert other.count("A GPU") == 2
+    assert other.startswith("before") and other.endswith("after")
+
+
+def test_a_page_without_markers_is_refused() -> None:
+    with pytest.raises(ValueError, match="<!-- t -->"):
+        replaced("text", "t", "")
+
+
+@pytest.mark.parametrize("name", ["devices", "convergence", "figures"])
+def test_the_page_has_room_for_what_scripts_write(name: str) -> None:
+    assert between(PAGE.read_text(encoding="utf-8"), name).startswith("\n")

@@ -1,0 +1,206 @@
+"""Light groups: each has its own light, and what is switched off never darkens the picture."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from volspec.appearance import Viewing
+from volspec.basis import MODES, Basis, MaterialBasis, SpectralBasis
+from volspec.errors import SpectrumError, ViewingError
+from volspec.raycast import CoefficientImage
+from volspec.relight import Illumination, LightRig, RelightSpec, error_map
+from volspec.spectra import (
+    Spectrum,
+    XYZ_of,
+    color_matching_functions,
+    light,
+    reflectance,
+    white_XYZ,
+)
+
+A, D65, FL2 = map(light, ("A", "D65", "FL2"))
+GENERAL = SpectralBasis.load("general-7")
+PAINTS = MaterialBasis({name: reflectance(name) for name in ("gold", "copper")})
+SHARES = {"key": 0.7, "fill": 0.2, "rim": 0.1}
+
+
+def cast(basis: Basis = GENERAL, shares: Mapping[str, float] = SHARES) -> CoefficientImage:
+    """Random surfaces under random light of each group; the first pixel is white, facing all."""
+    rng = np.random.default_rng(3)
+    alpha = rng.random((4, 5)).astype(np.float32)
+    alpha[0, 0] = 1.0
+    layers = []
+    for share in shares.values():
+        layer = rng.random((4, 5, basis.size)) * alpha[..., None] * share
+        layer[0, 0] = share * basis.white
+        layers.append(layer)
+    coefficients = np.concatenate(layers, axis=-1).astype(np.float32)
+    return CoefficientImage(coefficients, alpha, np.ones_like(alpha), basis, groups=shares)
+
+
+def lit(image: CoefficientImage, rig: Spectrum | LightRig, **how: object) -> Illumination:
+    return Illumination.of(image.basis, rig, RelightSpec(**how), image.groups)
+
+
+def XYZ(image: CoefficientImage, rig: Spectrum | LightRig, **how: object) -> np.ndarray:
+    return lit(image, rig, **how).scene_XYZ(image.coefficients, image.alpha)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("basis", [GENERAL, PAINTS], ids=["spectra", "materials"])
+def test_groups_are_the_sum_of_pictures_of_one_group_each(basis: Basis, mode: str) -> None:
+    image = cast(basis)
+    lights, lux = dict(zip(SHARES, (A, D65, FL2), strict=True)), (300.0, 800.0, 50.0)
+    how = {"mode": mode, "level": "absolute", "backdrop": 0.0}
+    together = XYZ(image, LightRig(tuple(lights.values()), (), lux, tuple(lights)), **how)
+    alone = [
+        XYZ(
+            CoefficientImage(image.layer(name), image.alpha, image.depth_mm, basis),
+            LightRig((lamp,), illuminance_lux=(v,)),
+            **how,
+        )
+        for (name, lamp), v in zip(lights.items(), lux, strict=True)
+    ]
+    np.testing.assert_allclose(together, sum(alone), rtol=1e-12)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_lights_of_several_groups_add_up_with_their_backdrop(mode: str) -> None:
+    image = cast()
+    how = {"mode": mode, "level": "absolute", "backdrop": reflectance("ColorChecker/red")}
+    lux, groups = (300.0, 800.0, 50.0), ("key", "fill", "rim")
+
+    def under(*weights: float) -> np.ndarray:
+        return XYZ(image, LightRig((A, D65, FL2), weights, lux, groups), **how)
+
+    parts = under(1, 0, 0), under(0, 0.5, 0), under(0, 0, 2)
+    np.testing.assert_allclose(under(1, 0.5, 2), sum(parts), rtol=1e-12)
+
+
+@pytest.mark.parametrize("weights", [w for w in itertools.product((0, 1), repeat=3) if any(w)])
+@pytest.mark.parametrize("mode", MODES)
+def test_white_that_faces_every_source_is_the_adopted_white(
+    mode: str, weights: tuple[int, ...]
+) -> None:
+    """Y = 100 whatever is switched off: the first pixel is that diffuser."""
+    image = cast()
+    rig = LightRig((A, D65, FL2), weights, groups=("key", "fill", "rim"))
+    # XYZ of a sum of lights: by the luminous energies in which they reach the surface.
+    Y = np.array([color_matching_functions(GENERAL.grid)[1] @ E.values for E in (A, D65, FL2)])
+    part = Y * weights * list(SHARES.values())
+    white = part @ [white_XYZ(E) for E in (A, D65, FL2)] / part.sum()
+    found = lit(image, rig, mode=mode)
+    np.testing.assert_allclose(found.white_XYZ, white, rtol=1e-12)
+    assert found.white_XYZ[1] == pytest.approx(100, rel=1e-12)
+    # float32 coefficients.
+    np.testing.assert_allclose(XYZ(image, rig, mode=mode)[0, 0], white, rtol=1e-6)
+
+
+def test_exact_mode_is_31_bands_where_each_group_has_its_own_light() -> None:
+    shares = {"key": 0.6, "fill": 0.4}
+    names = ("ColorChecker/orange", "ColorChecker/blue sky")
+    S = GENERAL.synthesize(GENERAL.analyze([reflectance(name) for name in names]))
+    facing = np.array([[0.9, 0.1], [0.2, 1.0]])[:, None] * list(shares.values())
+    coefficients = (facing[..., None] * GENERAL.analyze(S)[:, None, None]).reshape(2, 1, -1)
+    one = np.ones((2, 1), np.float32)
+    image = CoefficientImage(coefficients.astype("f4"), one, one, GENERAL, groups=shares)
+    E = np.array([A.values, 2 * FL2.values])
+    Q = color_matching_functions(GENERAL.grid)
+    kappa = 100 / (Q[1] @ (np.array(list(shares.values())) @ E))
+    truth = kappa * ((facing[:, 0] @ E) * S) @ Q.T
+    rig = LightRig((A, FL2), (1, 2), groups=("key", "fill"))
+    # float32 coefficients, and rows that meet each light's white exactly.
+    np.testing.assert_allclose(XYZ(image, rig, mode="exact")[:, 0], truth, rtol=1e-5)
+
+
+def test_a_light_of_no_group_shines_from_all() -> None:
+    image = cast()
+    everywhere = LightRig((A, A, A), groups=("key", "fill", "rim"))
+    for rig in (A, LightRig((A,)), LightRig((A,), groups=("",))):
+        np.testing.assert_allclose(XYZ(image, rig), XYZ(image, everywhere), rtol=1e-12)
+    merged = CoefficientImage(
+        sum(image.layer(name) for name in SHARES), image.alpha, image.depth_mm, GENERAL
+    )
+    # Sums of float32 coefficients.
+    np.testing.assert_allclose(XYZ(merged, A), XYZ(image, A), rtol=1e-6)
+    both = LightRig((A, FL2), groups=("", "key"))
+    listed = LightRig((A, FL2, A, A), groups=("key", "key", "fill", "rim"))
+    np.testing.assert_allclose(XYZ(image, both), XYZ(image, listed), rtol=1e-12)
+
+
+def test_a_group_without_light_stays_dark() -> None:
+    image = cast()
+    matrix = lit(image, LightRig((A, D65), (1, 0), groups=("key", "fill"))).XYZ_from_channels
+    assert matrix[:, :7].any() and not matrix[:, 7:].any()
+    only = lit(image, LightRig((A,), groups=("key",)))
+    assert np.array_equal(only.XYZ_from_channels, matrix)
+
+
+def test_lux_is_what_a_light_gives_from_all_groups() -> None:
+    image = cast()
+    lux = (1000.0, 500.0)
+    for groups, expected in (
+        ((), 1500.0),
+        (("key", "fill"), 0.7 * 1000 + 0.2 * 500),
+        (("", "rim"), 1000 + 0.1 * 500),
+    ):
+        rig = LightRig((A, D65), illuminance_lux=lux, groups=groups)
+        found = lit(image, rig, level="absolute", viewing=Viewing(illuminance_lux=2000.0))
+        assert found.illuminance_lux == pytest.approx(expected)
+        white = XYZ_of(rig.facing(SHARES).mixed(GENERAL.grid), np.ones(31))
+        backdrop = 0.2 * white * expected / 2000
+        np.testing.assert_allclose(found.backdrop_XYZ, backdrop, rtol=1e-12)
+
+
+def test_a_dim_group_alone_looks_dim_at_relative_level() -> None:
+    image = cast()
+    rig = LightRig((A, D65), (1, 0), (1000.0, 1000.0), ("fill", "key"))
+    found = lit(image, rig)
+    assert found.white_XYZ[1] == pytest.approx(100)
+    assert found.viewed(Viewing()).illuminance_lux == pytest.approx(200)
+
+
+def test_the_error_map_of_groups_is_that_of_their_sum_where_one_light_shines() -> None:
+    image = cast()
+    merged = CoefficientImage(
+        sum(image.layer(name) for name in SHARES), image.alpha, image.depth_mm, GENERAL
+    )
+    found, truth = error_map(image, light("FL4")), error_map(merged, light("FL4"))
+    # Sums of float32 coefficients.
+    np.testing.assert_allclose(found.delta_e, truth.delta_e, atol=1e-3)
+    rig = LightRig((light("FL4"), A), groups=("key", "rim"))
+    assert error_map(image, rig).max > 0
+    assert error_map(image, rig, mode="exact").max == 0
+
+
+def test_groups_that_do_not_fit_are_refused_in_one_line() -> None:
+    image = cast()
+    black = Spectrum([390, 710], [0.0, 0.0], name="night")
+    unlit = cast(shares={"key": 1.0, "off": 0.0})
+    lux = (0.0, 1.0)
+    cases = [
+        (lambda: lit(image, LightRig((A,), groups=("kye",))), "did you mean 'key'.*key, fill, rim"),
+        (lambda: lit(image, LightRig((A, A), groups=("key", "sun"))), "light 2 .* 'sun'; the im"),
+        (lambda: LightRig((A, A), groups=("key",)), "1 names for 2 lights; give one each"),
+        (lambda: LightRig((A,), groups="key"), "groups is 'key'; expected the name"),
+        (lambda: LightRig((A,), groups=(3,)), r"groups is \(3,\)"),
+        (lambda: LightRig((A,), groups=7), "groups is 7"),
+        (lambda: LightRig((A,), (0,), groups=("key",)), "every weight is 0, so there is no light"),
+        (lambda: lit(unlit, LightRig((A,), groups=("off",))), "no light, as group 'off' gave none"),
+        (lambda: lit(unlit, LightRig((A, A), (), lux, ("key", "off"))), "0 lux together"),
+        (
+            lambda: lit(image, LightRig((A,), groups=("key",)), level="absolute"),
+            "needs the lights' lux",
+        ),
+    ]
+    for make, message in cases:
+        with pytest.raises(ViewingError, match=message) as caught:
+            make()
+        assert "\n" not in str(caught.value)
+    for groups in ((), ("key", "fill")):
+        with pytest.raises(SpectrumError, match="'night' has no luminous energy"):
+            lit(image, LightRig((A, black), groups=groups))

@@ -1,0 +1,236 @@
+"""Devices by name, buffers in the host's own memory, and one line for what does not work."""
+
+from __future__ import annotations
+
+import gc
+import io
+import weakref
+from pathlib import Path
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+from volspec import doctor
+from volspec._gpu import opencl
+from volspec._gpu.opencl import Compute, DeviceInfo, chosen_device
+from volspec._gpu.sources import Source
+from volspec.errors import OpenCLError, ShapeError
+
+FIRST = "__kernel void f(__global const uchar *x, __global int *y) { y[0] = x[0] + x[%d]; }\n"
+
+
+@pytest.fixture(scope="module")
+def compute() -> Compute:
+    return Compute.open()
+
+
+@pytest.fixture
+def two_devices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A GPU and a CPU, as far as names go."""
+    known = [
+        DeviceInfo(name, platform, "OpenCL 3.0", is_cpu, 8, 2**34, 2**32)
+        for name, platform, is_cpu in [
+            ("NVIDIA H200", "NVIDIA CUDA", False),
+            ("pthread-AMD EPYC", opencl.POCL, True),
+        ]
+    ]
+    monkeypatch.setattr(opencl, "devices", lambda: known)
+
+
+def resident_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+
+def sum_of_ends(compute: Compute, buffer: cl.Buffer, last: int) -> int:
+    kernel = compute.kernel(Source(FIRST % last, ("<prelude>", "first.cl")), "f")
+    result, answer = compute.output(4), np.empty(1, np.int32)
+    kernel(compute.queue, (1,), None, buffer, result)
+    compute.download(result, answer)
+    return int(answer[0])
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="Linux tells what is resident")
+def test_a_shared_array_is_not_copied_on_a_cpu(compute: Compute) -> None:
+    if not compute.info.is_cpu:
+        pytest.skip("only CPUs share")
+    values = np.full(100 << 20, 3, np.uint8)
+    values.flags.writeable = False
+    sum_of_ends(compute, compute.upload(values[:8]), 7)  # the compiler takes memory once
+    before = resident_bytes()
+    buffer = compute.upload(values, share=True)
+    assert sum_of_ends(compute, buffer, values.size - 1) == 6
+    assert resident_bytes() - before < 20 << 20
+    copy = compute.upload(values)
+    assert resident_bytes() - before > 80 << 20 and copy.size == values.size
+
+
+def test_a_shared_array_lives_as_long_as_its_buffer(compute: Compute) -> None:
+    class Watched(np.ndarray):
+        """An array that takes weak references."""
+
+    values = np.arange(9, dtype=np.uint8).view(Watched)
+    alive = weakref.ref(values)
+    buffer = compute.upload(values, share=True)
+    del values
+    gc.collect()
+    assert (alive() is not None) == compute.info.is_cpu
+    assert sum_of_ends(compute, buffer, 8) == 8
+    del buffer
+    gc.collect()
+    assert alive() is None
+
+
+@pytest.mark.parametrize("share", [False, True])
+def test_arrays_in_another_order_are_refused(compute: Compute, share: bool) -> None:
+    with pytest.raises(ShapeError, match=r"shape \(3, 2\) is not C-contiguous"):
+        compute.upload(np.zeros((2, 3), np.float32).T, share=share)
+
+
+def test_what_memory_does_not_suffice_for_is_refused_before_it_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compute = Compute.open()
+    compute.info = DeviceInfo("tiny", "test", "1", False, 1, 3 << 20, 2 << 20)
+    compute.require(3 << 20, "a picture", "cast a smaller one")
+    buffer = compute.output(1 << 20)
+    compute.require(2 << 20, "a picture", "cast a smaller one")
+    with pytest.raises(OpenCLError) as caught:
+        compute.require(3 << 20, "a picture", "cast a smaller one")
+    expected = "tiny: a picture needs 3.0 MiB, 2.0 MiB are free; cast a smaller one"
+    assert str(caught.value) == expected
+    del buffer
+    compute.require(3 << 20, "a picture", "cast a smaller one")
+    compute.info = DeviceInfo("cpu", "test", "1", True, 1, 9 << 30, 2 << 30)
+    monkeypatch.setattr(opencl, "_host_free_bytes", lambda: 1 << 30)
+    with pytest.raises(OpenCLError, match=r"needs 3\.2 GiB, 1\.0 GiB are free"):
+        compute.require(int(3.2 * 2**30), "a picture", "cast a smaller one")
+
+
+def test_a_shared_array_takes_nothing_of_the_device() -> None:
+    compute = Compute.open()
+    if not compute.info.is_cpu:
+        pytest.skip("only CPUs share")
+    shared = compute.upload(np.zeros(8, np.uint8), share=True)
+    assert sum(compute._held.values()) == 0 and shared.size == 8
+
+
+def test_a_container_s_limit_counts_as_the_host_s_memory(tmp_path: Path) -> None:
+    files = {
+        "proc/meminfo": "MemTotal: 9000 kB\nMemAvailable: 4096 kB\n",
+        "sys/fs/cgroup/memory.max": "max\n",
+        "sys/fs/cgroup/memory.current": "3000000\n",
+        "sys/fs/cgroup/memory.stat": "anon 2000000\ninactive_file 1000000\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert opencl._host_free_bytes(tmp_path) == 4096 * 1024
+    (tmp_path / "sys/fs/cgroup/memory.max").write_text("4000000\n")
+    assert opencl._host_free_bytes(tmp_path) == 2_000_000
+    assert opencl._host_free_bytes(tmp_path / "nowhere") > 2**20
+
+
+BROKEN = (
+    "#define A 1\n"
+    '#line 1 "kernels/broken.cl"\n'
+    "__kernel void f(__global int *x) {\n"
+    '#line 1 "kernels/include/part.clh"\n'
+    "    int y = 2;\n"
+    "    int z = %s;\n"
+    '#line 3 "kernels/broken.cl"\n'
+    "    x[0] = %s;\n"
+    "}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            BROKEN % ("unheard_of", "y"),
+            "kernels/include/part.clh:2:13: error: use of undeclared identifier 'unheard_of': "
+            '"int z = unheard_of;"',
+        ),
+        (
+            BROKEN % ("1", "unheard_of"),
+            "kernels/broken.cl:3:12: error: use of undeclared identifier 'unheard_of': "
+            '"x[0] = unheard_of;"',
+        ),
+        ("int = 1;\n" + BROKEN % (1, 1), "<prelude>:1:5: error: expected identifier or '(': \"int"),
+        ("#error no such lanes\n", '<prelude>:1:2: error: no such lanes: "#error no such lanes"'),
+    ],
+)
+def test_a_kernel_that_does_not_build_quotes_the_line(
+    compute: Compute, text: str, message: str
+) -> None:
+    source = Source(text, ("<prelude>", "kernels/broken.cl", "kernels/include/part.clh"))
+    with pytest.raises(OpenCLError) as caught:
+        compute.kernel(source, "f", ["-w"])
+    start = f"kernels/broken.cl does not build on {compute.info.name} with -w: "
+    assert str(caught.value).startswith(start) and "\n" not in str(caught.value)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("form", ["error: {}: {}", "{}: error: {}", "{}: fatal error: {}"])
+def test_complaints_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
+    source = Source(BROKEN % ("1", "foo"), ("<prelude>", "kernels/broken.cl"))
+    log = "said by a driver\nkernels/broken.cl:1:1: warning: hm\n" + form.format(
+        "kernels/broken.cl:3:12", "no 'foo'"
+    )
+    expected = "kernels/broken.cl:3:12: error: no 'foo': \"x[0] = foo;\""
+    assert opencl._complaint(log, source) == expected
+    assert opencl._complaint("the linker\n  gave up", source) == "the linker gave up"
+
+
+@pytest.mark.usefixtures("two_devices")
+def test_devices_are_chosen_by_name_platform_number_or_variable(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("VOLSPEC_DEVICE", raising=False)
+    assert [chosen_device(name) for name in (None, "h200", "epyc", "cuda", "portable", "1")] == [
+        *(0, 0, 1, 0, 1, 1)
+    ]
+    monkeypatch.setenv("VOLSPEC_DEVICE", "EPYC")
+    assert chosen_device() == 1 and chosen_device("nvidia") == 0
+    monkeypatch.setenv("VOLSPEC_DEVICE", "")
+    assert chosen_device() == 0
+
+
+@pytest.mark.usefixtures("two_devices")
+def test_an_unknown_device_lists_those_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = r"there is 0: NVIDIA H200 \(NVIDIA CUDA\), 1: pthread-AMD EPYC \(Portable Comp"
+    with pytest.raises(OpenCLError, match=rf"no OpenCL device named 'radeon'; {listed}"):
+        chosen_device("radeon")
+    with pytest.raises(OpenCLError, match="named '2'"):
+        chosen_device("2")
+    monkeypatch.setenv("VOLSPEC_DEVICE", "nvidia h20x")
+    with pytest.raises(OpenCLError, match=r"\(VOLSPEC_DEVICE\); did you mean 'NVIDIA H200'"):
+        chosen_device()
+
+
+def test_a_driver_that_makes_no_context_is_named_in_one_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(devices: object) -> None:
+        raise cl.RuntimeError("Context failed:\n OUT_OF_HOST_MEMORY")
+
+    monkeypatch.setattr(cl, "Context", refuse)
+    with pytest.raises(OpenCLError, match=r"makes no context.*OUT_OF_HOST") as caught:
+        Compute.open()
+    assert "VOLSPEC_DEVICE" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_doctor_tells_the_device_of_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rich.console import Console
+
+    monkeypatch.setenv("VOLSPEC_DEVICE", "0")
+    found = doctor.examine()
+    assert found.casts_on == 0 and found.healthy
+    console = Console(record=True, width=160, file=io.StringIO())
+    found.print(console)
+    assert "casts run here" in (text := console.export_text()) and "VOLSPEC_DEVICE" in text
+    monkeypatch.setenv("VOLSPEC_DEVICE", "nonsense")
+    found = doctor.examine()
+    assert found.casts_on is None and not found.healthy
+    assert any("'nonsense' (VOLSPEC_DEVICE)" in problem for problem in found.problems)

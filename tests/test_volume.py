@@ -1,0 +1,187 @@
+"""Volumes from arrays: what is kept, narrowed, replaced or refused, and down-sampling."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+from volspec.errors import VolspecWarning, VolumeError
+from volspec.volume import Volume
+
+
+def test_geometry_must_be_regular() -> None:
+    values = np.zeros((2, 2, 2), np.uint8)
+    with pytest.raises(VolumeError, match="singular"):
+        Volume(values, world_from_index=np.ones((4, 4)))
+    with pytest.raises(VolumeError, match="disagree"):
+        Volume(values, spacing_mm=(1, 1, 2), world_from_index=np.eye(4))
+
+
+@pytest.mark.parametrize("spacing", [(1, 1), "abc", ((1, 2), 3, 4), {}, (1j, 1, 1)])
+def test_spacings_that_are_not_three_numbers_are_refused(spacing: Any) -> None:
+    with pytest.raises(VolumeError, match=r"scan: spacing_mm is .*; give three numbers"):
+        Volume(np.zeros((2, 2, 2)), spacing_mm=spacing, name="scan")
+    with pytest.raises(VolumeError, match="give three numbers"):
+        Volume(np.zeros((2, 2, 2))).with_spacing(spacing)
+
+
+@pytest.mark.parametrize("world", ["abc", [[1, 2], [3]], np.eye(3), np.full((4, 4), np.inf)])
+def test_worlds_that_are_no_matrix_are_refused(world: Any) -> None:
+    with pytest.raises(VolumeError, match=r"must be a finite \(4, 4\) matrix"):
+        Volume(np.zeros((2, 2, 2)), world_from_index=world)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([[1, 2], [3]], "list is no array"),
+        ("abc", "type <U3 are not real numbers"),
+        (None, "type object are not real numbers"),
+        (5, r"shape \(\); a volume is 3-D"),
+    ],
+)
+def test_what_is_no_array_is_refused(values: Any, message: str) -> None:
+    for make in (Volume, Volume.of):
+        with pytest.raises(VolumeError, match=message) as caught:
+            make(values)
+        assert "\n" not in str(caught.value)
+
+
+def test_arrays_of_other_libraries_are_read_through_numpy() -> None:
+    class Lazy:
+        """What xarray and Zarr offer."""
+
+        def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+            return np.arange(8, dtype=np.uint8).reshape(2, 2, 2)
+
+    volume = Volume.of(Lazy())  # type: ignore[arg-type]
+    assert volume.values.dtype == np.uint8 and volume.range == (0, 7)
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        *[(name, name) for name in ("u1", "u2", "i2", "f4")],
+        *[("i1", "i2"), ("?", "u1"), ("f2", "f4"), ("f8", "f4"), (">i2", "i2"), (">f4", "f4")],
+    ],
+)
+def test_types_that_kernels_read_are_kept_and_others_widened(given: str, kept: str) -> None:
+    assert Volume(np.ones((2, 2, 2), given)).values.dtype == np.dtype(kept)
+
+
+@pytest.mark.parametrize(
+    ("given", "low", "high", "kept"),
+    [
+        (given, low, high, kept)
+        for given in ("i4", "u4", "i8", "u8", ">i8")
+        for low, high, kept in [
+            *[(0, 255, "u1"), (0, 256, "u2"), (0, 65535, "u2"), (0, 65536, "f4")],
+            *[(-1, 200, "i2"), (-32768, 32767, "i2"), (-1, 32768, "f4")],
+        ]
+        if low >= 0 or "i" in given
+    ],
+)
+def test_wide_integers_become_the_smallest_that_holds_them(
+    given: str, low: int, high: int, kept: str
+) -> None:
+    values = np.full((2, 2, 2), high, given)
+    values[0, 0, 0] = low
+    volume = Volume(values)
+    assert volume.values.dtype == np.dtype(kept) and volume.range == (low, high)
+    assert np.array_equal(volume.values, values)
+
+
+def test_minus_infinity_and_nan_become_the_minimum_and_infinity_the_maximum() -> None:
+    values = np.linspace(2, 9, 27, dtype=np.float32).reshape(3, 3, 3)
+    values[0, 0, 1], values[0, 1, 1], values[1, 1, 1] = np.nan, -np.inf, np.inf
+    said = r"3 of 27 .*; 2 \(NaN, -inf\) became the minimum, 2, 1 \(\+inf\) the maximum, 9"
+    with pytest.warns(VolspecWarning, match=said) as caught:
+        volume = Volume(values)
+    assert len(caught) == 1 and caught[0].filename == __file__
+    assert volume.values[0, 0, 1] == volume.values[0, 1, 1] == volume.range[0] == 2
+    assert volume.values[1, 1, 1] == volume.range[1] == 9
+
+
+def test_doubles_beyond_float32_are_refused() -> None:
+    values = np.ones((2, 2, 2))
+    values[0, 0, 0] = 1e300
+    with pytest.raises(VolumeError, match=r"1e\+300 exceed float32; rescale"):
+        Volume(values)
+
+
+def test_integers_that_float32_cannot_hold_are_warned_about() -> None:
+    Volume(np.full((2, 2, 2), 2**24, np.int64))
+    with pytest.warns(VolspecWarning, match="int64 values beyond 2"):
+        Volume(np.full((2, 2, 2), 2**24 + 1, np.int64))
+
+
+def test_doubles_that_float32_rounds_are_warned_about() -> None:
+    ramp = np.linspace(0, 1, 27).reshape(3, 3, 3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Volume(ramp)
+        Volume(ramp.round() + 1e6)  # whole numbers below 2^24 stay what they are
+        Volume(np.full((2, 2, 2), 0.1))
+    with pytest.warns(VolspecWarning, match=r"1000000 … 1000001 are rounded by up to 0\.029 as"):
+        Volume(ramp + 1e6)
+    with pytest.warns(VolspecWarning, match="rounded by"):
+        Volume(ramp * 1e-60)  # below float32's least number
+    ramp[0, 0, 0] = np.nan
+    with pytest.warns(VolspecWarning) as caught:
+        Volume(ramp + 1e6)
+    assert ["1 of 27" in str(w.message) for w in caught] == [True, False]
+
+
+def test_down_sampling_takes_the_mean_of_blocks_and_of_what_is_left_at_the_ends() -> None:
+    values = np.random.default_rng(1).integers(-900, 900, (5, 6, 7)).astype(np.int16)
+    small = Volume(values).downsampled(3)
+    assert small.values.dtype == np.int16 and small.shape_xyz == (3, 2, 2)
+    for k, j, i in np.ndindex(small.values.shape):
+        block = values[3 * k : 3 * k + 3, 3 * j : 3 * j + 3, 3 * i : 3 * i + 3]
+        assert small.values[k, j, i] == round(float(block.mean()))
+    assert Volume(values).downsampled(1).values.tolist() == values.tolist()
+    halves = Volume(values.astype(np.float32) / 4).downsampled(2)
+    assert halves.values.dtype == np.float32
+    assert halves.values[0, 0, 0] == values[:2, :2, :2].mean() / 4
+
+
+def test_down_sampled_voxels_stand_at_their_blocks_centres() -> None:
+    """A field linear in the world is itself again where blocks are whole."""
+    world = np.array([[0, -1, 0, 5], [2, 0, 0, 6], [0, 0, 3, 7], [0, 0, 0, 1]], float)
+
+    def places(volume: Volume) -> np.ndarray:
+        z, y, x = np.indices(volume.values.shape)
+        index = np.stack([x, y, z, np.ones_like(x)])
+        return np.einsum("ab,b...->a...", volume.world_from_index, index)[:3]
+
+    volume = Volume(np.zeros((4, 8, 12), np.float32), world_from_index=world)
+    field = np.tensordot([1, 2, 3], places(volume), 1).astype(np.float32)
+    small = Volume(field, world_from_index=world).downsampled(2)
+    assert small.spacing_mm == (4, 2, 6)
+    assert np.allclose(small.values, np.tensordot([1, 2, 3], places(small), 1))
+
+
+def test_down_sampled_labels_are_the_most_frequent() -> None:
+    labels = np.random.default_rng(2).integers(0, 5, (5, 6, 7)).astype(np.uint8) * 50
+    small = Volume(labels).downsampled(3, labels=True)
+    for k, j, i in np.ndindex(small.values.shape):
+        block = labels[3 * k : 3 * k + 3, 3 * j : 3 * j + 3, 3 * i : 3 * i + 3]
+        found, counts = np.unique(block, return_counts=True)
+        assert small.values[k, j, i] == found[counts.argmax()]
+    assert small.values.dtype == np.uint8
+
+
+@pytest.mark.parametrize("factor", [0, -2, 1.5, "2", None])
+def test_factors_that_are_not_whole_numbers_from_1_are_refused(factor: Any) -> None:
+    with pytest.raises(VolumeError, match=r"scan: down-sampled by .*; give a whole number from 1"):
+        Volume(np.zeros((4, 4, 4)), name="scan").downsampled(factor)
+
+
+def test_a_volume_is_not_down_sampled_to_one_voxel() -> None:
+    volume = Volume(np.zeros((5, 9, 9)))
+    assert volume.downsampled(4).shape_xyz == (3, 3, 2)
+    with pytest.raises(VolumeError, match=r"by 5, 5 voxels leave one; .*give a factor below 5"):
+        volume.downsampled(5)

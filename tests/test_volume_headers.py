@@ -1,0 +1,213 @@
+"""Files whose size is not what their header promises, and label files of wide integers."""
+
+from __future__ import annotations
+
+import gzip
+import struct
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista
+
+from tests.test_volume_files import NRRD, VALUES, nifti
+from volspec.errors import VolspecWarning, VolumeError
+from volspec.volume import load_volume
+
+
+def load_silently(path: Path) -> np.ndarray:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return load_volume(path).values
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_truncated_nifti_is_refused(tmp_path: Path, suffix: str) -> None:
+    """ITK fills what is missing without a word."""
+    whole = nifti(VALUES, np.eye(4))
+    path = tmp_path / f"v{suffix}"
+    path.write_bytes(whole if suffix == ".nii" else gzip.compress(whole))
+    assert load_volume(path).shape_xyz == (4, 3, 2)
+    cut = whole[:-9]
+    path.write_bytes(cut if suffix == ".nii" else gzip.compress(cut))
+    with pytest.raises(VolumeError, match="asks for 400; truncated"):
+        load_volume(path)
+    path.write_bytes((whole if suffix == ".nii" else gzip.compress(whole))[:-12])
+    with pytest.raises(VolumeError, match=path.name):
+        load_volume(path)
+
+
+def grid(**arrays: np.ndarray) -> pyvista.ImageData:
+    made = pyvista.ImageData(dimensions=(6, 5, 40))
+    for name, array in arrays.items():
+        made.point_data[name] = array
+    return made
+
+
+RAMP = (np.arange(1200) * 10 + 7).astype(np.int16)
+GRIDS: dict[str, Callable[[], pyvista.ImageData]] = {
+    "scalars": lambda: grid(a=RAMP),
+    "a second array": lambda: grid(a=RAMP, b=RAMP.astype(np.float64)),
+    "vectors beside": lambda: grid(a=RAMP, v=np.ones((1200, 3))),
+    "labels": lambda: grid(a=RAMP.astype(np.int64)),
+}
+
+
+@pytest.mark.parametrize("name", GRIDS)
+def test_a_truncated_legacy_vtk_file_is_refused(tmp_path: Path, name: str) -> None:
+    """VTK gives what is missing any value. The last 40 bytes may be its closing words."""
+    path = tmp_path / "v.vtk"
+    GRIDS[name]().save(path)
+    whole = path.read_bytes()
+    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    path.write_bytes(whole + b"\n")
+    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    for cut in (40, 200, 1300, 2300):
+        path.write_bytes(whole[:-cut])
+        with pytest.raises(VolumeError, match=r"v\.vtk: (holds .* bytes.*or more|not readable)"):
+            load_volume(path)
+
+
+def test_a_truncated_ascii_vtk_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "v.vtk"
+    grid(a=RAMP).save(path, binary=False)
+    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    path.write_bytes(path.read_bytes()[:-200])
+    with pytest.raises(VolumeError, match="not readable"):
+        load_volume(path)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("appended", [False, True])
+def test_a_truncated_vti_file_is_refused(tmp_path: Path, compressed: bool, appended: bool) -> None:
+    """VTK reads uncompressed appended data past the file's end without complaint."""
+    from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
+
+    path = tmp_path / "v.vti"
+    image = grid(a=RAMP)
+    writer = vtkXMLImageDataWriter()
+    writer.SetInputData(image)
+    writer.SetFileName(str(path))
+    writer.SetEncodeAppendedData(False)
+    writer.SetDataMode(writer.Appended if appended else writer.Binary)
+    if not compressed:
+        writer.SetCompressorTypeToNone()
+    writer.Write()
+    whole = path.read_bytes()
+    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    for cut in (30, 400, 1200):
+        path.write_bytes(whole[:-cut])
+        with pytest.raises(VolumeError, match="</VTKFile> is missing; truncated"):
+            load_volume(path)
+
+
+def test_a_vti_file_with_damaged_data_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "v.vti"
+    grid(a=RAMP).save(path)
+    whole = path.read_bytes()
+    start = whole.index(b"RangeMax")
+    path.write_bytes(whole[: start + 200] + whole[start + 400 :])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(VolumeError, match="not readable as VTK image data"):
+            load_volume(path)
+
+
+def write_nrrd(path: Path, surplus: bytes) -> None:
+    path.write_bytes(NRRD.encode() + VALUES.tobytes() + surplus)
+
+
+def write_gzipped_nrrd(path: Path, surplus: bytes) -> None:
+    header = NRRD.replace("encoding: raw", "encoding: gzip").encode()
+    path.write_bytes(header + gzip.compress(VALUES.tobytes() + surplus))
+
+
+def write_detached_nrrd(path: Path, surplus: bytes) -> None:
+    path.write_text(NRRD.replace("encoding: raw", "encoding: raw\ndata file: voxels.bin"))
+    (path.parent / "voxels.bin").write_bytes(VALUES.tobytes() + surplus)
+
+
+META = "ObjectType = Image\nNDims = 3\nDimSize = 4 3 2\nElementType = MET_SHORT\n"
+
+
+def write_mhd(path: Path, surplus: bytes) -> None:
+    path.write_text(f"{META}ElementDataFile = voxels.raw\n")
+    (path.parent / "voxels.raw").write_bytes(VALUES.tobytes() + surplus)
+
+
+def write_mhd_with_offset(path: Path, surplus: bytes) -> None:
+    path.write_text(f"{META}HeaderSize = 5\nElementDataFile = voxels.raw\n")
+    (path.parent / "voxels.raw").write_bytes(b"12345" + VALUES.tobytes() + surplus)
+
+
+def write_mha(path: Path, surplus: bytes) -> None:
+    path.write_bytes(f"{META}ElementDataFile = LOCAL\n".encode() + VALUES.tobytes() + surplus)
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("v.nrrd", write_nrrd),
+        ("v.nrrd", write_gzipped_nrrd),
+        ("v.nhdr", write_detached_nrrd),
+        ("v.mhd", write_mhd),
+        ("v.mhd", write_mhd_with_offset),
+        ("v.mha", write_mha),
+    ],
+)
+def test_files_longer_than_their_header_says_are_warned_about(
+    tmp_path: Path, name: str, write: Callable[[Path, bytes], None]
+) -> None:
+    path = tmp_path / name
+    write(path, b"")
+    assert np.array_equal(load_silently(path), VALUES)
+    write(path, b"more")
+    with pytest.warns(VolspecWarning, match=r"52 bytes of voxels.* describes 48") as caught:
+        assert np.array_equal(load_volume(path).values, VALUES)
+    assert len(caught) == 1 and caught[0].filename == __file__
+
+
+def test_a_gzip_file_in_two_members_is_not_longer(tmp_path: Path) -> None:
+    """Only the last member's length stands at the end."""
+    header = NRRD.replace("encoding: raw", "encoding: gzip").encode()
+    raw = VALUES.tobytes()
+    (tmp_path / "v.nrrd").write_bytes(header + gzip.compress(raw[:40]) + gzip.compress(raw[40:]))
+    assert np.array_equal(load_silently(tmp_path / "v.nrrd"), VALUES)
+
+
+def wide_nifti(values: np.ndarray) -> bytes:
+    data = bytearray(nifti(values, np.eye(4)))
+    struct.pack_into("<2h", data, 70, 1024, 64)
+    return bytes(data)
+
+
+@pytest.mark.parametrize(("most", "kept"), [(29, np.uint8), (29000, np.uint16)])
+def test_label_files_of_wide_integers_stay_whole_numbers(
+    tmp_path: Path, most: int, kept: type
+) -> None:
+    labels = (np.arange(24, dtype=np.int64).reshape(2, 3, 4) * most) // 23
+    image = pyvista.ImageData(dimensions=(4, 3, 2))
+    image.point_data["labels"] = labels.ravel()
+    image.save(tmp_path / "points.vti")
+    image = pyvista.ImageData(dimensions=(5, 4, 3))
+    image.cell_data["labels"] = labels.ravel().astype(np.int32)
+    image.save(tmp_path / "cells.vti")
+    (tmp_path / "v.nii").write_bytes(wide_nifti(labels))
+    header = NRRD.replace("type: short", "type: int64").encode()
+    (tmp_path / "v.nrrd").write_bytes(header + labels.tobytes())
+    for name in ("points.vti", "cells.vti", "v.nii", "v.nrrd"):
+        values = load_silently(tmp_path / name)
+        assert values.dtype == kept and np.array_equal(values, labels), name
+
+
+def test_pyvista_s_frog_is_read_as_labels() -> None:
+    from pyvista import examples
+
+    path = Path(examples.dir_path) / "frog_tissues.vti"
+    if not path.exists():
+        pytest.skip("this pyvista ships no frog")
+    frog = load_volume(path)
+    assert frog.shape_xyz == (500, 470, 136) and frog.values.dtype == np.uint8
+    assert frog.range == (0, 29) and frog.spacing_mm == (1, 1, 1.5)

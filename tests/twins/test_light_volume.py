@@ -1,0 +1,248 @@
+"""The light volume's kernels against their float64 reference, node by node."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from volspec._gpu.opencl import Compute
+from volspec._gpu.sources import Source, asset
+from volspec.raycast import Ambient, Camera, ClipPlane, Directional, LightGroup, Point, RaycastSpec
+from volspec.raycast.light_volume import LightGrid, light_layers, reference
+from volspec.raycast.light_volume.gpu import LightVolume
+from volspec.raycast.lights import Source as LightSource
+from volspec.transfer import SurfaceTable, TransferTable
+from volspec.volume import Volume, phantom
+
+# A layer's own rounding is half of 1/65535, and a way of 100 float32 steps adds as much.
+TOLERANCE = 2 / 65535
+
+SUN = Directional((0.3, -1.0, 0.6), shadows=True)
+LAMP = Directional((1.0, 2.0, 1.0), frame="camera", shadows=True)
+BULB = Point((300.0, -80.0, 200.0), shadows=True)
+SKY = Ambient(occlusion=True)
+
+
+def lit(*sources: LightSource, cells: int = 24, **settings: object) -> RaycastSpec:
+    groups = (LightGroup("light", sources),)
+    return RaycastSpec(groups=groups, light_cells=cells, **settings)  # type: ignore[arg-type]
+
+
+def opened(volume: Volume, lanes: int | None = None) -> LightVolume:
+    compute = Compute.open()
+    return LightVolume(compute, volume, compute.upload(volume.values), lanes=lanes)
+
+
+def downloaded(
+    ours: LightVolume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
+) -> np.ndarray:
+    """(L, nz, ny, nx) 0…1."""
+    buffer, grid, count = ours.layers(table, spec, camera)
+    layers = np.empty((count, *grid.shape_xyz[::-1]), np.uint16)
+    ours._compute.download(buffer, layers)
+    return layers / 65535
+
+
+def assert_alike(
+    volume: Volume,
+    table: TransferTable | SurfaceTable,
+    spec: RaycastSpec,
+    camera: Camera | None = None,
+    lanes: int | None = None,
+    dark: float = 0.9,
+) -> None:
+    """Compare every node; the message shows the worst with both values."""
+    camera = camera or Camera.orbit(volume)
+    ours = downloaded(opened(volume, lanes), table, spec, camera)
+    true = reference.layers(volume, table, spec, camera)
+    assert ours.shape == true.shape
+    for layer in true:
+        assert layer.min() < dark and layer.max() > 0.9, "nothing is shadowed, or everything"
+    off = np.abs(ours - true)
+    worst = np.unravel_index(off.argmax(), off.shape)
+    assert off.max() <= TOLERANCE, f"{worst}: kernel {ours[worst]}, reference {true[worst]}"
+
+
+def oblique() -> Volume:
+    """Shear, rotation and unequal spacing."""
+    rng = np.random.default_rng(5)
+    world = np.eye(4)
+    world[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0] @ np.diag([1.0, 1.7, 2.5])
+    world[:3, 1] += 0.4 * world[:3, 0]
+    world[:3, 3] = 40, -10, 5
+    values = phantom.ball(24).values[:, 2:, 5:] * 200
+    return Volume(values.astype(np.int16) - 50, world_from_index=world)
+
+
+def ramp(low: float, high: float, top: float = 0.9) -> TransferTable:
+    at = np.linspace(0, 1, 1024)
+    return TransferTable((low, high), top * at**2, np.full((1024, 2), 0.5), 1.0)
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+def test_engine_matches_reference_at_every_packet_width(
+    engine: Volume, engine_table: TransferTable, lanes: int
+) -> None:
+    assert_alike(engine, engine_table, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
+
+
+@pytest.mark.parametrize("cells", [9, 24, 40])
+def test_oblique_anisotropic_volume_matches_reference(cells: int) -> None:
+    """Few nodes to many voxels, and many to few: then nodes lie between voxels."""
+    volume = oblique()
+    bulb = Point(tuple(volume.corners_mm[3] + 5), shadows=True)
+    sky = Ambient(occlusion=True, radius_mm=28.3)
+    assert_alike(volume, ramp(-40, 150), lit(SUN, LAMP, bulb, sky, cells=cells))
+
+
+@pytest.mark.parametrize(
+    "towards", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (-3, 2, -1)]
+)
+def test_light_from_every_side_matches_reference(
+    engine: Volume, engine_table: TransferTable, towards: tuple[int, int, int]
+) -> None:
+    assert_alike(engine, engine_table, lit(Directional(towards, shadows=True)))
+
+
+def test_point_light_inside_the_volume_matches_reference(
+    engine: Volume, engine_table: TransferTable
+) -> None:
+    """Also on a node, where the way has no length."""
+    x, y, z = np.array(engine.corners_mm[7]) / 2
+    on_a_node = tuple(engine.corners_mm[7] * (8 / 23, 12 / 23, 0))
+    inside = Point((x + 3, y - 7, z), shadows=True)
+    assert_alike(engine, engine_table, lit(inside, Point(on_a_node, shadows=True)))
+
+
+def test_point_light_of_the_camera_matches_reference(
+    engine: Volume, engine_table: TransferTable
+) -> None:
+    torch = Point((40.0, 60.0, -300.0), frame="camera", shadows=True)
+    camera = Camera.orbit(engine, azimuth_deg=-70, elevation_deg=35)
+    assert_alike(engine, engine_table, lit(torch), camera)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.float32])
+def test_every_voxel_type_matches_reference(dtype: type) -> None:
+    volume = Volume((phantom.ball(20).values * 120).astype(dtype))
+    assert_alike(volume, ramp(0, 120), lit(SUN, SKY))
+
+
+def test_cuts_match_reference(engine: Volume, engine_table: TransferTable) -> None:
+    """The planes pass exactly through voxels, the crop through two faces of them."""
+    planes = (ClipPlane((100.0, 0, 0), (1, 0, 0)), ClipPlane((0, 0, 20.0), (0, 1, 3)))
+    crop = ((20.5, 240.0), (30.0, 200.2), (0.0, 90.0))
+    spec = lit(SUN, SKY, crop_voxels=crop, clip_planes=planes)
+    assert_alike(engine, engine_table, spec)
+    volume = oblique()
+    through = ClipPlane(tuple(volume.corners_mm.mean(axis=0)), (1, 1, 1))
+    assert_alike(volume, ramp(-40, 150), lit(SUN, clip_planes=(through,)))
+
+
+def test_crop_beyond_the_volume_matches_reference() -> None:
+    crop = ((-5.0, 100.0), (3.0, 12.0), (-1e9, 1e9))
+    assert_alike(phantom.ball(20), ramp(0, 1), lit(SUN, crop_voxels=crop))
+
+
+@pytest.mark.parametrize("shape", [(2, 2, 2), (2, 9, 90), (17, 2, 3)])
+@pytest.mark.parametrize("spacing_mm", [1e-6, 1.0, 1e6])
+def test_thin_and_tiny_volumes_match_reference(
+    shape: tuple[int, int, int], spacing_mm: float
+) -> None:
+    """Whatever the unit, and with lights far outside; thin ones shadow next to nothing."""
+    values = np.random.default_rng(6).integers(0, 2, shape).astype(np.uint8)
+    volume = Volume(values, spacing_mm=(spacing_mm,) * 3)
+    table = TransferTable((0, 1), np.array([0.0, 0.7]), np.eye(2), spacing_mm)
+    far = Point((1e4 * spacing_mm, 3e3 * spacing_mm, 2e4 * spacing_mm), shadows=True)
+    assert_alike(volume, table, lit(SUN, far, cells=8), dark=2)
+
+
+def test_table_over_gradients_matches_reference() -> None:
+    """Only the steep shell is opaque: shadows come from where rays see something."""
+    volume = oblique()
+    at = np.linspace(0, 1, 64)
+    opacity = np.linspace(0, 0.95, 16)[:, None] * at
+    table = TransferTable((-40, 150), opacity, np.full((16, 64, 2), 0.5), 1.0, gradient_top=12.0)
+    assert_alike(volume, table, lit(SUN, SKY))
+
+
+def test_labels_match_reference() -> None:
+    """Label 3 is not in the table and is not seen."""
+    values = np.random.default_rng(3).choice(4, size=(12, 14, 16), p=[0.5, 0.2, 0.2, 0.1])
+    volume = Volume(values.astype(np.uint8))
+    opacity = np.array([0.0, 0.9, 0.3])
+    table = TransferTable((0, 2), opacity, np.eye(3), 1.0, labels=True)
+    assert_alike(volume, table, lit(SUN, SKY))
+
+
+@pytest.mark.parametrize("opacity", [0.7, 1.0])
+def test_surfaces_match_reference(opacity: float) -> None:
+    table = SurfaceTable([0.0, 77.5], [0.4, opacity], np.eye(2))
+    assert_alike(oblique(), table, lit(SUN, SKY))
+
+
+def test_layers_follow_what_changes_and_only_that(
+    engine: Volume, engine_table: TransferTable
+) -> None:
+    """Kept layers equal layers made anew, whatever changed between."""
+    ours, camera = opened(engine), Camera.orbit(engine)
+    turned = Camera.orbit(engine, azimuth_deg=120)
+    other = dataclasses.replace(engine_table, opacity=engine_table.opacity / 2)
+    for table, spec, view in (
+        (engine_table, lit(SUN, LAMP), camera),
+        (engine_table, lit(SUN, LAMP), turned),
+        (engine_table, lit(LAMP), turned),
+        (engine_table, lit(LAMP, SUN, SKY), turned),
+        (other, lit(LAMP, SUN, SKY), turned),
+        (other, lit(LAMP, SUN, crop_voxels=((0, 99), (0, 99), (0, 99))), turned),
+        (other, lit(LAMP, SUN, cells=13), turned),
+    ):
+        kept = downloaded(ours, table, spec, view)
+        assert np.array_equal(kept, downloaded(opened(engine), table, spec, view))
+
+
+def test_lights_without_shadows_have_no_layer(engine: Volume, engine_table: TransferTable) -> None:
+    spec = lit(Ambient(), Directional((1, 0, 0)), Point((0, 0, 0)))
+    assert opened(engine).layers(engine_table, spec, Camera.orbit(engine))[2] == 0
+
+
+def test_layers_come_in_order_of_groups_and_sources(engine: Volume) -> None:
+    groups = (LightGroup("a", (Ambient(), SUN)), LightGroup("b", (SKY, Point((0, 0, 0)), BULB)))
+    found = light_layers(RaycastSpec(groups=groups), engine, Camera.orbit(engine))
+    assert [(layer.group, layer.source) for layer in found] == [(0, 1), (1, 0), (1, 2)]
+    assert [layer.kind for layer in found] == ["directional", "occlusion", "point"]
+
+
+_SAMPLER = """
+__kernel void sample(__global const ushort *layer, __global const floatN *at,
+                     __global floatN *out) {
+    const int p = get_global_id(0);
+    out[p] = light_at(layer, NX, NY, NZ, at[3 * p], at[3 * p + 1], at[3 * p + 2]);
+}
+"""
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+def test_samples_of_a_layer_match_reference(lanes: int) -> None:
+    """Everywhere, on the outermost nodes too, where the last cell ends."""
+    rng = np.random.default_rng(4)
+    volume = Volume(np.zeros((21, 33, 41), np.uint8), spacing_mm=(1, 1, 2))
+    grid = LightGrid.of(volume, 11)
+    layer = rng.integers(0, 65536, grid.shape_xyz[::-1]).astype(np.uint16)
+    top = np.array(grid.shape_xyz) - 1
+    at = np.concatenate([rng.uniform(0, top, (64, 3)), rng.integers(0, 2, (64, 3)) * top])
+    packets = at.reshape(-1, lanes, 3).transpose(0, 2, 1).astype(np.float32)
+    sizes = dict(zip(("NX", "NY", "NZ"), grid.shape_xyz, strict=True))
+    defines = [f"#define {name} {value}" for name, value in {"LANES": lanes, **sizes}.items()]
+    parts = [asset(f"kernels/include/{name}.clh").read_text() for name in ("lanes", "light")]
+    source = Source("\n".join([*defines, *parts, _SAMPLER]), ("<prelude>", "light.clh"))
+    compute, out = Compute.open(), np.empty(len(at), np.float32)
+    buffer = compute.output(out.nbytes)
+    given = compute.upload(layer), compute.upload(np.ascontiguousarray(packets)), buffer
+    compute.kernel(source, "sample")(compute.queue, (len(packets),), None, *given)
+    compute.download(buffer, out)
+    true = reference.light_at(layer / 65535, grid, at / np.array(grid.per_index))
+    # Positions of up to 10 nodes in float32 are 1e-6 off, and nodes differ by up to 1.
+    assert np.abs(out - true).max() < 5e-6

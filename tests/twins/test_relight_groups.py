@@ -1,0 +1,125 @@
+"""With light groups the shader, its NumPy twin and the reference still make the same picture."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.twins.test_relighter import box_basis, gl_or_skip
+from volspec._gpu.opengl import headless_context
+from volspec.appearance import Viewing
+from volspec.basis import MODES, Basis, MaterialBasis
+from volspec.errors import OpenGLError, ShapeError
+from volspec.raycast.image import CoefficientImage
+from volspec.relight import LightRig, Relighter, RelightSpec, relight
+from volspec.relight import gpu as gpu_module
+from volspec.relight.reference import relight_reference
+from volspec.spectra import light, reflectance
+
+RIG = LightRig(
+    tuple(map(light, ("A", "D65", "FL2", "HP1"))),
+    (1.0, 0.4, 2.0, 0.3),
+    (800.0, 300.0, 100.0, 500.0),
+    ("key", "fill", "rim", ""),
+)
+
+
+def cast(
+    count: int = 3, basis: Basis | None = None, seed: int = 0, half: bool = False
+) -> CoefficientImage:
+    """Random surfaces in light groups key, fill, rim, group 3, …"""
+    basis = basis or box_basis(7)
+    rng = np.random.default_rng(seed)
+    names = [*("key", "fill", "rim")[:count], *(f"group {g}" for g in range(3, count))]
+    shares = rng.random(count)
+    shares /= shares.sum()
+    alpha = rng.random((6, 5)).astype(np.float32)
+    layers = shares[:, None] * rng.random((6, 5, count, basis.size)) * alpha[..., None, None]
+    kind = np.float16 if half else np.float32
+    coefficients = layers.reshape(6, 5, -1).astype(kind)
+    groups = dict(zip(names, shares.tolist(), strict=True))
+    return CoefficientImage(coefficients, alpha, np.ones_like(alpha), basis, groups=groups)
+
+
+@pytest.fixture(params=["gl", "numpy"])
+def backend(request: pytest.FixtureRequest) -> str:
+    if request.param == "gl":
+        gl_or_skip(cast()).close()
+    return str(request.param)
+
+
+@pytest.mark.parametrize("level", ["relative", "absolute"])
+@pytest.mark.parametrize("mode", MODES)
+def test_three_groups_match_the_reference_in_every_mode(
+    backend: str, mode: str, level: str
+) -> None:
+    image = cast()
+    truth = relight_reference(image, RIG, RelightSpec(mode=mode, level=level))
+    frame = relight(image, RIG, mode=mode, level=level, dtype=np.float32, backend=backend)
+    worst = np.unravel_index(np.abs(frame - truth).argmax(), truth.shape)
+    # llvmpipe's pow, measured 5e-5.
+    assert abs(frame[worst] - truth[worst]) < 2e-4, (worst, frame[worst[:2]], truth[worst[:2]])
+
+
+@pytest.mark.parametrize(("count", "size"), [(8, 16), (8, 31)])
+def test_as_many_groups_as_a_cast_can_have_are_drawn(count: int, size: int) -> None:
+    image = cast(count, box_basis(size))
+    gl_or_skip(image).close()
+    frames = [relight(image, RIG, dtype=np.float32, backend=backend) for backend in ("gl", "numpy")]
+    np.testing.assert_allclose(*frames, atol=2e-4)
+
+
+def test_more_channels_than_a_device_takes_are_refused_by_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    gl_or_skip(cast()).close()
+    context = headless_context()
+    most = context.info["GL_MAX_FRAGMENT_UNIFORM_COMPONENTS"]
+    context.release()
+    # As if a layer needed a fifth of what this device has: 20 channels with alpha, not 22.
+    monkeypatch.setattr(gpu_module, "_COMPONENTS_PER_LAYER", (most - 64) // 5)
+    with pytest.raises(OpenGLError, match=r"21 channels in all light groups, .* takes 19; cast"):
+        Relighter(cast(), backend="gl")
+
+
+def test_half_coefficients_give_the_frame_of_the_same_numbers_in_float32(backend: str) -> None:
+    half = cast(half=True)
+    whole = replace(half, coefficients=half.coefficients.astype(np.float32))
+    assert half.coefficients.dtype == np.float16
+    for mode in MODES:
+        one, other = (relight(im, RIG, mode=mode, backend=backend) for im in (half, whole))
+        assert np.array_equal(one, other)
+
+
+def test_a_relighter_follows_the_groups_of_a_new_image(backend: str) -> None:
+    first, second = cast(seed=0), cast(seed=1)
+    renamed = replace(second, groups=dict(zip("abc", second.groups.values(), strict=True)))
+    rig = replace(RIG, groups=("a", "b", "c", ""))
+    with Relighter(first, backend) as relighter:
+        relighter.frame(RIG)
+        relighter.update(renamed)
+        updated = relighter.frame(rig)
+        message = re.escape("the image has 7 light groups, this Relighter was made for 3")
+        with pytest.raises(ShapeError, match=message):
+            relighter.update(cast(7, box_basis(3)))
+        with pytest.raises(ShapeError, match="make another Relighter"):
+            relighter.update(cast(2))
+    assert np.array_equal(updated, relight(second, RIG, backend=backend))
+
+
+def test_reflectances_are_edited_in_every_group(backend: str) -> None:
+    paints = {name: reflectance(name) for name in ("gold", "copper")}
+    image = cast(basis=MaterialBasis(paints))
+    changed = image.basis.with_reflectances({"gold": reflectance("iron")})
+    viewing = Viewing(model="none")
+    with Relighter(image, backend) as relighter:
+        before = relighter.frame(RIG, viewing)
+        relighter.set_reflectances({"gold": reflectance("iron")})
+        after = relighter.frame(RIG, viewing)
+    assert not np.array_equal(before, after)
+    assert np.array_equal(
+        after, relight(replace(image, basis=changed), RIG, viewing, backend=backend)
+    )

@@ -1,0 +1,187 @@
+"""Where a picture is taken from: the camera and the rays of its pixels.
+
+Axes: world millimetres, right-handed. Picture rows run downwards, the first row is the top.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import CameraError
+from volspec.volume import Volume
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A pinhole or, where ``height_mm`` is given, an orthographic camera.
+
+    Parameters
+    ----------
+    position_mm, target_mm : (x, y, z)
+        Where it stands and what it looks at.
+    up : (x, y, z)
+        A direction that shall point upwards in the picture.
+    fov_deg : float
+        Vertical field of view of the pinhole, above 0 and below 180.
+    height_mm : float, optional
+        Height of the picture in the world; makes the camera orthographic.
+
+    Raises
+    ------
+    CameraError
+        If a number is not finite, the camera stands on its target, or looks along ``up``.
+    """
+
+    position_mm: Vector
+    target_mm: Vector
+    up: Vector = (0.0, 0.0, 1.0)
+    fov_deg: float = 30.0
+    height_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("position_mm", "target_mm", "up"):
+            object.__setattr__(self, name, _three(name, getattr(self, name)))
+        if not 0 < self.fov_deg < 180:
+            raise CameraError(f"camera: fov_deg is {self.fov_deg}; give degrees between 0 and 180")
+        if self.height_mm is not None and not (
+            math.isfinite(self.height_mm) and self.height_mm > 0
+        ):
+            raise CameraError(f"camera: height_mm is {self.height_mm}; give millimetres above 0")
+        view = np.subtract(self.target_mm, self.position_mm)
+        distance = np.linalg.norm(view)
+        if distance == 0:
+            raise CameraError(f"camera: stands on its target {self.target_mm}; move one of them")
+        if np.linalg.norm(np.cross(view / distance, self.up)) < 1e-6 * np.linalg.norm(self.up) or (
+            not np.any(self.up)
+        ):
+            raise CameraError(f"camera: looks along its up direction {self.up}; choose another up")
+
+    @classmethod
+    def orbit(
+        cls,
+        volume: Volume,
+        *,
+        azimuth_deg: float = 30.0,
+        elevation_deg: float = 20.0,
+        zoom: float = 1.0,
+        fov_deg: float = 30.0,
+        up: Vector = (0.0, 0.0, 1.0),
+        target_mm: Vector | None = None,
+        orthographic: bool = False,
+    ) -> Camera:
+        """Look at a volume's centre, or a target, from a direction around its ``up`` axis.
+
+        At zoom 1 the sphere around the volume just fills the picture's height. Azimuth 0
+        stands at −y (z up), +90 at +x; an elevation of ±90 looks along ``up`` and takes the
+        direction of azimuth as the picture's top.
+
+        >>> import numpy as np
+        >>> camera = Camera.orbit(Volume(np.zeros((3, 3, 3))), azimuth_deg=0, elevation_deg=0)
+        >>> [round(x, 3) for x in camera.position_mm]
+        [1.0, -5.692, 1.0]
+        """
+        volume = Volume.of(volume)
+        for name, angle in (("azimuth_deg", azimuth_deg), ("elevation_deg", elevation_deg)):
+            if not math.isfinite(angle):
+                raise CameraError(f"camera: {name} is {angle}; give degrees")
+        if not (math.isfinite(zoom) and zoom > 0):
+            raise CameraError(f"camera: zoom is {zoom}; give a number above 0")
+        if not 0 < fov_deg < 180:
+            raise CameraError(f"camera: fov_deg is {fov_deg}; give degrees between 0 and 180")
+        corners = volume.corners_mm
+        centre = corners.mean(axis=0)
+        radius = float(np.linalg.norm(corners - centre, axis=1).max()) or 1.0
+        target = centre if target_mm is None else np.array(_three("target_mm", target_mm))
+        axis = np.asarray(up, dtype=np.float64)
+        if axis.shape != (3,) or not np.linalg.norm(axis) > 0:
+            raise CameraError(f"camera: up is {up}; give a direction")
+        axis = axis / np.linalg.norm(axis)
+        # The front: −y, made perpendicular to up; where up is ±y, −x.
+        front = np.array([0.0, -1.0, 0.0])
+        front -= front.dot(axis) * axis
+        if np.linalg.norm(front) < 1e-6:
+            front = np.array([-1.0, 0.0, 0.0])
+        front /= np.linalg.norm(front)
+        side = np.cross(axis, front)
+        azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+        around = math.cos(azimuth) * front + math.sin(azimuth) * side
+        direction = math.cos(elevation) * around + math.sin(elevation) * axis
+        top = math.cos(elevation) * axis - math.sin(elevation) * around
+        distance = radius / math.sin(math.radians(fov_deg) / 2) / zoom
+        return cls(
+            position_mm=tuple(target + distance * direction),
+            target_mm=tuple(target),
+            up=tuple(top),
+            fov_deg=fov_deg,
+            height_mm=2 * radius / zoom if orthographic else None,
+        )
+
+    def frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Unit vectors (right, up, forward) of the picture in the world."""
+        forward = np.subtract(self.target_mm, self.position_mm)
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, self.up)
+        right /= np.linalg.norm(right)
+        return right, np.cross(right, forward), forward
+
+    def to_world(self, direction: Vector, frame: str = "camera") -> NDArray[np.float64]:
+        """A direction in (right, up, back) of the camera, or the world's already, in the world."""
+        if frame == "world":
+            return np.asarray(direction)
+        right, up, forward = self.frame()
+        return np.asarray(direction) @ np.stack([right, up, -forward])
+
+    def place_mm(self, position: Vector, frame: str = "camera") -> NDArray[np.float64]:
+        """A place counted from the camera's, or the world's already, in the world."""
+        if frame == "world":
+            return np.asarray(position)
+        return np.asarray(self.position_mm) + self.to_world(position)
+
+    def ray_field(self, width: int, height: int) -> RayField:
+        """The rays of a picture of so many pixels."""
+        right, up, forward = self.frame()
+        distance = float(np.linalg.norm(np.subtract(self.target_mm, self.position_mm)))
+        tall = self.height_mm or 2 * distance * math.tan(math.radians(self.fov_deg) / 2)
+        return RayField(
+            target=np.asarray(self.target_mm),
+            forward=forward,
+            across=right * (tall / height),
+            down=-up * (tall / height),
+            middle=((width - 1) / 2, (height - 1) / 2),
+            distance=distance,
+            perspective=self.height_mm is None,
+        )
+
+
+def _three(name: str, given: Vector) -> Vector:
+    try:
+        x, y, z = (float(v) for v in given)
+    except (TypeError, ValueError):
+        raise CameraError(f"camera: {name} is {given!r:.60}; give three numbers") from None
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        raise CameraError(f"camera: {name} is {(x, y, z)}; give three finite numbers")
+    return x, y, z
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RayField:
+    """Rays as offsets in the plane through the camera's target, square to its view.
+
+    Pixel (x, y) passes the plane at ``target + r``, r = (x − x₀) across + (y − y₀) down, with
+    direction ``forward * distance + r`` (perspective) or ``forward``. Anchoring rays at the
+    target keeps single-precision coordinates as small as the volume, however far the camera.
+    """
+
+    target: NDArray[np.float64]
+    forward: NDArray[np.float64]
+    across: NDArray[np.float64]
+    down: NDArray[np.float64]
+    middle: tuple[float, float]
+    distance: float
+    perspective: bool

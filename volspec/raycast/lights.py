@@ -1,0 +1,192 @@
+"""Where light comes from: sources without a spectrum, in groups that are steered apart.
+
+    [light groups] -> raycast -> one layer of channels a group -> relight
+
+A cast knows directions, never spectra: each group leaves its own layer of channels, and gets
+its spectrum and weight when the picture is relit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from volspec.errors import RaycastError
+
+Vector = tuple[float, float, float]
+Frame = Literal["world", "camera"]
+MAX_GROUPS = 8
+MAX_SOURCES = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Ambient:
+    """Light from everywhere, which `RaycastSpec.ambient` reflects.
+
+    Parameters
+    ----------
+    intensity : float
+        Of 0 or more.
+    occlusion : bool
+        Whether what is near takes light away (ambient occlusion).
+    radius_mm : float, optional
+        How far occluders reach; a tenth of the volume's diagonal when left out.
+    """
+
+    intensity: float = 1.0
+    occlusion: bool = False
+    radius_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_intensity(self)
+        if self.radius_mm is not None and not (
+            math.isfinite(self.radius_mm) and self.radius_mm > 0
+        ):
+            raise RaycastError(f"ambient light: radius_mm is {self.radius_mm}; give mm above 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Headlight:
+    """A light at the camera, along every ray; it casts no shadow that the camera could see."""
+
+    intensity: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check_intensity(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Directional:
+    """A light far away.
+
+    Parameters
+    ----------
+    towards : (x, y, z)
+        From the volume to the light; any length but 0.
+    frame : {"world", "camera"}
+        Axes of ``towards``: the world's, or (right, up, back) of the camera, for a light that
+        moves with it.
+    intensity : float
+    shadows : bool
+        Whether the volume casts shadows into itself.
+    """
+
+    towards: Vector
+    frame: Frame = "world"
+    intensity: float = 1.0
+    shadows: bool = False
+
+    def __post_init__(self) -> None:
+        _check_intensity(self)
+        _check_frame(self)
+        towards = _vector("directional light", "towards", self.towards)
+        if not any(towards):
+            raise RaycastError("directional light: towards is (0, 0, 0); give a direction")
+        object.__setattr__(self, "towards", towards)
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A light near by, which shines alike in all directions.
+
+    Parameters
+    ----------
+    position_mm : (x, y, z)
+    frame : {"world", "camera"}
+        The world, or (right, up, back) from the camera's position.
+    intensity : float
+    shadows : bool
+    falloff_mm : float, optional
+        Distance at which the light has its intensity, which falls with the distance squared;
+        when left out it does not fall. Nearer than a tenth of it the light stays as it is.
+    """
+
+    position_mm: Vector
+    frame: Frame = "world"
+    intensity: float = 1.0
+    shadows: bool = False
+    falloff_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_intensity(self)
+        _check_frame(self)
+        position = _vector("point light", "position_mm", self.position_mm)
+        object.__setattr__(self, "position_mm", position)
+        if self.falloff_mm is not None and not (
+            math.isfinite(self.falloff_mm) and self.falloff_mm > 0
+        ):
+            raise RaycastError(f"point light: falloff_mm is {self.falloff_mm}; give mm above 0")
+
+
+Source = Ambient | Headlight | Directional | Point
+
+
+@dataclass(frozen=True, slots=True)
+class LightGroup:
+    """Sources that share a spectrum and a weight: one layer of channels.
+
+    Parameters
+    ----------
+    name : str
+        What a light of the rig is given to.
+    sources : tuple of Ambient, Headlight, Directional, Point
+        At least one.
+
+    Raises
+    ------
+    RaycastError
+        If there is no name, no source or something else among them.
+
+    Examples
+    --------
+    >>> LightGroup("key", (Directional((1, -2, 1), frame="camera", shadows=True),)).name
+    'key'
+    """
+
+    name: str
+    sources: tuple[Source, ...]
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and self.name.strip()):
+            raise RaycastError(f"light group: name is {self.name!r}; give a word")
+        sources = (self.sources,) if isinstance(self.sources, Source) else tuple(self.sources)
+        if not sources:
+            raise RaycastError(f"light group {self.name!r}: no source; give at least one")
+        for source in sources:
+            if not isinstance(source, Source):
+                raise RaycastError(
+                    f"light group {self.name!r}: {source!r:.60} is no source; give Ambient, "
+                    "Headlight, Directional or Point"
+                )
+        object.__setattr__(self, "sources", sources)
+
+
+def _check_intensity(source: Source) -> None:
+    if not (math.isfinite(source.intensity) and source.intensity >= 0):
+        raise RaycastError(
+            f"{type(source).__name__.lower()} light: intensity is {source.intensity}; "
+            "give a number of 0 or more"
+        )
+
+
+def _check_frame(source: Directional | Point) -> None:
+    if source.frame not in ("world", "camera"):
+        raise RaycastError(
+            f"{type(source).__name__.lower()} light: frame is {source.frame!r}; "
+            "give 'world' or 'camera'"
+        )
+
+
+def _vector(who: str, name: str, given: Vector) -> Vector:
+    try:
+        x, y, z = (float(v) for v in given)
+    except (TypeError, ValueError):
+        raise RaycastError(f"{who}: {name} is {given!r:.60}; give three numbers") from None
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        raise RaycastError(f"{who}: {name} is {(x, y, z)}; give three finite numbers")
+    return x, y, z
+
+
+# One layer, as a viewer without lights of its own has it.
+HEADLIT = (LightGroup("light", (Ambient(), Headlight())),)

@@ -1,0 +1,301 @@
+"""Specs and tables as the kernels read them: arrays of plain numbers, no device needed.
+
+The struct, the rows and their padding are those that ``kernels/include`` documents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import RaycastError
+from volspec.raycast.camera import Camera
+from volspec.raycast.lights import Ambient, Directional, Headlight, Point, Source
+from volspec.raycast.spec import MAX_PLANES, RaycastSpec
+from volspec.transfer import SurfaceTable, TransferTable, integral_rows
+from volspec.volume import Volume
+
+# The struct Cast of rays.clh, field for field.
+CAST = np.dtype(
+    [
+        (name, np.float32, 4)
+        for name in (
+            *("target", "forward", "across", "down", "index_x", "index_y", "index_z"),
+            *("low", "high", "last", "shade"),
+        )
+    ]
+    + [("planes", np.float32, (MAX_PLANES, 4)), ("light_scale", np.float32, 4)]
+    + [
+        (name, np.float32)
+        for name in (
+            *("middle_x", "middle_y", "distance", "perspective", "phase", "start", "step"),
+            *("jitter", "domain_low", "domain_scale", "last_entry", "row_scale", "last_row"),
+            *("opaque", "first_opacity", "gradient_scale", "gradient_floor_squared"),
+        )
+    ]
+    + [
+        (name, np.int32)
+        for name in (
+            *("width", "height", "row", "slice", "bricks_x", "bricks_y"),
+            *("light_x", "light_y", "light_z", "plane_count", "shininess", "seed"),
+        )
+    ]
+    + [("unused", np.int32, 3)]  # OpenCL pads the struct to the alignment of float4
+)
+# Numbers of the sources' kinds in shade.clh.
+KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
+
+
+def cast_struct(
+    volume: Volume,
+    table: TransferTable | SurfaceTable,
+    camera: Camera,
+    size: tuple[int, int],
+    spec: RaycastSpec,
+) -> NDArray[np.void]:
+    """The numbers of a cast but those of the buffers (rows, bricks, light volume).
+
+    Raises
+    ------
+    RaycastError
+        If what is kept is empty, or the transfer function's span too small for float32.
+    """
+    step = spec.step_of(volume)
+    unit = min(volume.spacing_mm)
+    matrix = volume.index_from_world
+    field = camera.ray_field(*size)
+    cast = np.zeros((), CAST)
+    cast["target"][:3] = matrix[:3, :3] @ field.target + matrix[:3, 3]
+    cast["forward"][:3] = field.forward
+    cast["across"][:3], cast["down"][:3] = field.across / unit, field.down / unit
+    for axis, name in enumerate(("index_x", "index_y", "index_z")):
+        cast[name][:3] = matrix[axis, :3] * unit
+    cast["middle_x"], cast["middle_y"] = field.middle
+    cast["distance"], cast["perspective"] = field.distance / unit, field.perspective
+    # Steps are counted from the camera but numbered from the one next to the target.
+    nearest = round(field.distance / step)
+    cast["start"] = -nearest * step / unit
+    cast["phase"] = (nearest * step - field.distance) / unit
+    low, high = spec.kept(volume)
+    cast["low"][:3], cast["high"][:3] = low, high
+    cast["last"][:3] = np.array(volume.shape_xyz) - 1
+    cast["shade"] = spec.ambient, spec.diffuse, spec.specular, 0
+    planes = spec.index_planes(volume)
+    cast["planes"][: len(planes)], cast["plane_count"] = planes, len(planes)
+    cast["shininess"], cast["seed"] = spec.shininess, np.uint32(spec.seed).view(np.int32)
+    cast["step"], cast["opaque"] = step / unit, 1 - spec.alpha_stop
+    cast["jitter"], cast["first_opacity"] = spec.jitter, spec.first_opacity
+    cast["gradient_floor_squared"] = spec.gradient_floor_squared
+    cast["width"], cast["height"] = size
+    _set_table(cast, table, volume, spec, step)
+    return cast
+
+
+def _set_table(
+    cast: NDArray[np.void],
+    table: TransferTable | SurfaceTable,
+    volume: Volume,
+    spec: RaycastSpec,
+    step: float,
+) -> None:
+    cast["gradient_scale"] = 0.5 * gradient_scale(table, volume, spec)
+    if isinstance(table, SurfaceTable):
+        cast["last_entry"] = len(table.values) - 1
+        return
+    low, high = table.domain
+    last = table.opacity.shape[-1] - 1
+    if last / (high - low) > np.finfo(np.float32).max:
+        raise RaycastError(
+            f"{volume.name}: the transfer function spans {high - low:g}, too little for "
+            "float32; multiply the volume's values"
+        )
+    cast["last_entry"] = last
+    cast["domain_low"], cast["domain_scale"] = low, last / (high - low)
+    if table.gradient_top is not None:
+        rows = len(table.opacity) - 1
+        share_per_spacing = spec.gradient_scale(volume) * min(volume.spacing_mm)
+        cast["last_row"] = rows
+        # From a share of the range per smallest spacing, which the kernel has, to rows.
+        cast["row_scale"] = rows / (table.gradient_top * max(share_per_spacing, 1e-30))
+
+
+def gradient_scale(table: TransferTable | SurfaceTable, volume: Volume, spec: RaycastSpec) -> float:
+    """Value (or, with labels, opacity of a step) per smallest spacing -> share of the range."""
+    if isinstance(table, TransferTable) and table.labels:
+        most = table.step_opacity(spec.step_of(volume)).max()
+        return 1 / float(most) if most > 0 else 0.0
+    return spec.gradient_scale(volume)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Program:
+    """Which kernel casts a table, what it is compiled with, and its tables.
+
+    Parameters
+    ----------
+    name : str
+        Of the kernel, and of its file in ``kernels/``.
+    constants : {str: number}
+    opacity, shares, channels, filters : arrays
+        As the kernel's header says.
+    """
+
+    name: str
+    constants: Mapping[str, int]
+    opacity: NDArray[np.float32]
+    shares: NDArray[np.float32]
+    channels: NDArray[np.float32]
+    filters: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, table: TransferTable | SurfaceTable, spec: RaycastSpec, step_mm: float) -> Program:
+        """The program for a table and settings.
+
+        Raises
+        ------
+        RaycastError
+            If the two do not go together.
+        """
+        _check_together(table, spec)
+        count, channels = table.channels.shape
+        name, rows, extra = "raycast", 1, {}
+        mixed = np.vstack([table.channels, table.white])
+        filters = np.zeros((1, 8))
+        if isinstance(table, SurfaceTable):
+            name, extra = "surfaces", {"SURFACES": len(table.values)}
+            opacity = np.stack([table.values, table.opacity], axis=1).astype(np.float32)
+            shares = _padded(table.shares)
+        elif spec.preintegrated:
+            name, count = "preintegrated", count + 1
+            # (τ, τ s …) -> (τ s …, τ): the shares first, as everywhere; τ mixes nothing.
+            quantities = [np.roll(q, -1, axis=1) for q in integral_rows(table, step_mm)]
+            shares = np.stack([_padded(q) for q in quantities])
+            opacity = np.zeros((1, 2), np.float32)
+            mixed = np.insert(mixed, len(mixed) - 1, 0.0, axis=0)
+        else:
+            of_step = table.step_opacity(step_mm)
+            if spec.mode != "composite":
+                name, extra = "projection", {"MAXIMUM": int(spec.mode == "maximum")}
+                of_step = table.opacity
+            rows = 1 if table.gradient_top is None else len(table.opacity)
+            opacity, shares = opacity_rows(of_step), share_rows(table.shares)
+            if table.filters is not None:
+                # Every channel has a transmittance: shares must be the channels themselves.
+                count = channels
+                mixed = np.vstack([np.eye(channels), table.white])
+                shares = share_rows(table.coefficients)
+                filters = np.vstack([table.step_transmittance(step_mm), table.white])
+        part = part_of(count)
+        constants = {
+            "SHARES": count,
+            "CHANNELS": channels,
+            "PART": part,
+            "PARTS": -(-count // part),
+            "LABELS": int(isinstance(table, TransferTable) and table.labels),
+            "TABLE_ROWS": rows,
+            "FILTERED": int(isinstance(table, TransferTable) and table.filters is not None),
+            "ENDS": int(name in ("surfaces", "preintegrated")),
+            "WIDE": int(name != "projection" and (spec.shaded or rows > 1)),
+            **extra,
+        }
+        return cls(name, constants, opacity, shares, mixed.astype(np.float32), _padded(filters))
+
+
+def _check_together(table: TransferTable | SurfaceTable, spec: RaycastSpec) -> None:
+    if isinstance(table, SurfaceTable):
+        kind = "isosurfaces"
+    elif table.labels:
+        kind = "labels"
+    elif table.gradient_top is not None:
+        kind = "a transfer function of gradients"
+    elif table.filters is not None:
+        kind = "spectral absorption"
+    else:
+        return
+    if spec.mode != "composite":
+        raise RaycastError(f"raycast: mode {spec.mode!r} has no meaning with {kind}")
+    if spec.preintegrated:
+        raise RaycastError(f"raycast: preintegrated cannot be had with {kind}; leave it out")
+    if spec.adaptive > 0 and kind in ("isosurfaces", "spectral absorption"):
+        raise RaycastError(f"raycast: adaptive steps cannot be had with {kind}; give adaptive=0")
+
+
+def opacity_rows(opacity: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(…, N + 1, 2): each entry and its difference to the next; the last is nothing."""
+    rows = np.zeros((*opacity.shape[:-1], opacity.shape[-1] + 1, 2), np.float32)
+    rows[..., :-1, 0] = opacity
+    rows[..., :-2, 1] = np.diff(opacity, axis=-1)
+    return rows
+
+
+def share_rows(shares: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(…, N + 1, parts · part): an entry's shares, padded to whole vectors; the last is nothing."""
+    nothing = np.zeros((*shares.shape[:-2], 1, shares.shape[-1]))
+    return _padded(np.concatenate([shares, nothing], axis=-2))
+
+
+def part_of(count: int) -> int:
+    """Floats in a vector of shares. Never 16: PoCL 3.0 cannot compile float16 for AVX-512."""
+    return 4 if count <= 4 else 8
+
+
+def _padded(rows: NDArray[Any]) -> NDArray[np.float32]:
+    """Rows lengthened with zeros to whole vectors."""
+    count = rows.shape[-1]
+    part = part_of(count)
+    result = np.zeros((*rows.shape[:-1], -(-count // part) * part), np.float32)
+    result[..., :count] = rows
+    return result
+
+
+def sources_of(spec: RaycastSpec) -> list[tuple[int, Source]]:
+    """(group, source) in the kernel's order."""
+    return [(i, source) for i, group in enumerate(spec.groups) for source in group.sources]
+
+
+def source_rows(volume: Volume, camera: Camera, spec: RaycastSpec) -> NDArray[np.float32]:
+    """(3 + 2 · sources, 4): world rows, then each source's place and falloff (shade.clh)."""
+    unit = min(volume.spacing_mm)
+    sources = sources_of(spec)
+    rows = np.zeros((3 + 2 * len(sources), 4))
+    # Positions are counted from the camera's target, to keep them small.
+    world = volume.world_from_index[:3].copy()
+    world[:, 3] -= camera.target_mm
+    rows[:3] = world / unit
+    for row, (_, source) in zip(rows[3:].reshape(-1, 2, 4), sources, strict=True):
+        row[0, 3] = source.intensity
+        if isinstance(source, Directional):
+            towards = camera.to_world(source.towards, source.frame)
+            row[0, :3] = towards / np.linalg.norm(towards)
+        elif isinstance(source, Point):
+            at = camera.place_mm(source.position_mm, source.frame)
+            row[0, :3] = (at - camera.target_mm) / unit
+            row[1, 0] = ((source.falloff_mm or 0.0) / unit) ** 2
+    return rows.astype(np.float32)
+
+
+def braces(numbers: list[int]) -> str:
+    """A C initialiser."""
+    return "{" + ", ".join(map(str, numbers)) + "}"
+
+
+def definitions(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
+    """What shade.clh is compiled with; ``layers`` the light volume's layer of each source."""
+    sources = sources_of(spec)
+    kinds = [KINDS[type(source)] for _, source in sources]
+    shaded = spec.shaded and spec.mode == "composite"
+    return {
+        "GROUPS": len(spec.groups),
+        "SOURCES": len(sources),
+        "SOURCE_KIND": braces(kinds),
+        "SOURCE_GROUP": braces([group for group, _ in sources]),
+        "SOURCE_LAYER": braces(layers),
+        "SHADED": int(shaded),
+        "SPECULAR": int(shaded and spec.specular > 0),
+        "LIT": int(max(layers) >= 0),
+        "POINTS": int(KINDS[Point] in kinds),
+    }

@@ -1,0 +1,312 @@
+"""Rays, samples and shading in NumPy, float64: what the reference is made of.
+
+Twins: ``kernels/include/rays.clh``, ``field.clh`` and ``shade.clh``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.raycast.camera import Camera
+from volspec.raycast.light_volume import reference as light_reference
+from volspec.raycast.light_volume.spec import LightGrid, light_layers
+from volspec.raycast.lights import Ambient, Directional, Headlight
+from volspec.raycast.packed import gradient_scale, sources_of
+from volspec.raycast.spec import RaycastSpec
+from volspec.transfer import SurfaceTable, TransferTable
+from volspec.volume import Volume
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+# (R, 3) index -> (R,) share of a source's light that arrives there.
+Arrives = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rays:
+    """R rays of a picture, row by row: world and index space, clipped to what is kept.
+
+    ``start`` (R, 3) index at the camera, ``along`` (R, 3) index per mm, ``direction`` (R, 3) unit
+    vectors of the world, ``near`` and ``far`` (R,) mm from the camera, ``shift`` (R,) mm by
+    which the steps are jittered.
+    """
+
+    start: Array
+    along: Array
+    direction: Array
+    near: Array
+    far: Array
+    shift: Array
+
+
+def rays_of(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> Rays:
+    """Every ray of a picture."""
+    width, height = size
+    origin, direction = world_rays(camera, width, height)
+    matrix = volume.index_from_world
+    start = origin @ matrix[:3, :3].T + matrix[:3, 3]
+    along = direction @ matrix[:3, :3].T
+    near, far = _clip(start, along, *spec.kept(volume))
+    for plane in spec.index_planes(volume):
+        toward, inside = along @ plane[:3], start @ plane[:3] - plane[3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            meet = -inside / toward
+        near = np.where(toward > 0, np.maximum(near, meet), near)
+        far = np.where(toward < 0, np.minimum(far, meet), far)
+        near = np.where((toward == 0) & (inside < 0), np.inf, near)
+    gone = near >= far
+    near, far = np.where(gone, 0.0, near), np.where(gone, 0.0, far)
+    y, x = (grid.ravel() for grid in np.mgrid[0:height, 0:width])
+    shift = spec.jitter * spec.step_of(volume) * _hash(x, y, spec.seed)
+    return Rays(start, along, direction, near, far, shift)
+
+
+def world_rays(camera: Camera, width: int, height: int) -> tuple[Array, Array]:
+    """(R, 3) origins in mm and unit directions, row by row."""
+    field = camera.ray_field(width, height)
+    y, x = (grid.ravel()[:, None] for grid in np.mgrid[0:height, 0:width].astype(np.float64))
+    offset = (x - field.middle[0]) * field.across + (y - field.middle[1]) * field.down
+    straight = field.forward * field.distance
+    if field.perspective:
+        direction = straight + offset
+        origin = np.broadcast_to(field.target - straight, direction.shape)
+    else:
+        direction = np.broadcast_to(straight, offset.shape)
+        origin = field.target + offset - straight
+    return origin, direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+def _clip(start: Array, along: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Where rays enter and leave the box low…high (index space); empty where near ≥ far."""
+    parallel = along == 0
+    between = (start >= low) & (start <= high)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a, b = (low - start) / along, (high - start) / along
+    # A ray parallel to two faces lies between them for ever or never.
+    enter = np.where(parallel, np.where(between, -np.inf, np.inf), np.minimum(a, b)).max(axis=1)
+    leave = np.where(parallel, np.where(between, np.inf, -np.inf), np.maximum(a, b)).min(axis=1)
+    return np.maximum(enter, 0.0), np.maximum(leave, 0.0)
+
+
+def _hash(x: NDArray[np.int64], y: NDArray[np.int64], seed: int) -> Array:
+    """0…1 by pixel and seed, bit by bit what rays.clh computes."""
+    with np.errstate(over="ignore"):
+        h = x.astype(np.uint32) * np.uint32(0x8DA6B343) ^ y.astype(np.uint32) * np.uint32(
+            0xD8163841
+        )
+        h ^= np.uint32(seed) * np.uint32(0xCB1AB31F)
+        h = (h ^ (h >> np.uint32(16))) * np.uint32(0x7FEB352D)
+        h = (h ^ (h >> np.uint32(15))) * np.uint32(0x846CA68B)
+        h ^= h >> np.uint32(16)
+    return (h >> np.uint32(8)) * 2.0**-24
+
+
+class Sampler:
+    """A volume's trilinear field; of opacities where its values are labels.
+
+    Parameters
+    ----------
+    volume : Volume
+    table : TransferTable or SurfaceTable
+    spec : RaycastSpec
+    """
+
+    def __init__(
+        self, volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec
+    ) -> None:
+        values = volume.values.astype(np.float64)
+        self.labels: NDArray[np.int64] | None = None
+        if isinstance(table, TransferTable) and table.labels:
+            opacity = np.append(table.step_opacity(spec.step_of(volume)), 0.0)
+            self.labels = np.minimum(volume.values.astype(np.int64), len(opacity) - 1)
+            values = opacity[self.labels]
+        self._padded = np.pad(values, 1, mode="edge")
+        self._scale = gradient_scale(table, volume, spec)
+        self._world = volume.index_from_world[:3, :3] * min(volume.spacing_mm)
+        # Value per mm -> the share of the range per smallest spacing that gradients are.
+        self.shares_per_mm = max(spec.gradient_scale(volume) * min(volume.spacing_mm), 1e-30)
+
+    def value(self, point: Array) -> Array:
+        """(R,) at (R, 3) index positions."""
+        return trilinear(self._padded, point + 1)
+
+    def gradient(self, point: Array) -> Array:
+        """(R, 3) in the world, as share of the volume's range per smallest spacing.
+
+        Central differences of the trilinear field, ± 1 voxel.
+        """
+        gradient = np.empty_like(point)
+        for axis in range(3):
+            offset = np.zeros(3)
+            offset[axis] = 1
+            gradient[:, axis] = 0.5 * (self.value(point + offset) - self.value(point - offset))
+        return self._scale * gradient @ self._world
+
+    def label(self, point: Array) -> NDArray[np.int64]:
+        """(R,) the label around that covers most, by trilinear weight and opacity."""
+        assert self.labels is not None
+        base, f = cell(self.labels.shape, point)
+        labels, covers = [], []
+        for row in range(4):
+            y, z = base[:, 1] + (row & 1), base[:, 2] + (row >> 1)
+            wy = f[:, 1] if row & 1 else 1 - f[:, 1]
+            wz = f[:, 2] if row >> 1 else 1 - f[:, 2]
+            for side, wx in ((0, 1 - f[:, 0]), (1, f[:, 0])):
+                x = base[:, 0] + side
+                labels.append(self.labels[z, y, x])
+                covers.append(self._padded[z + 1, y + 1, x + 1] * wx * wy * wz)
+        best, most = labels[0], np.full(len(point), -1.0)
+        for one in labels:
+            total = sum(
+                np.where(other == one, cover, 0.0)
+                for other, cover in zip(labels, covers, strict=True)
+            )
+            more = total > most * 1.000001
+            best, most = np.where(more, one, best), np.where(more, total, most)
+        return best
+
+
+def cell(shape: tuple[int, ...], point: Array) -> tuple[NDArray[np.int64], Array]:
+    """(R, 3) first voxel of the cell around a point (x, y, z), and the place within it."""
+    top = np.array(shape[::-1]) - 1.0
+    inside = np.clip(point, 0, top)
+    base = np.minimum(inside.astype(int), np.maximum(top.astype(int) - 1, 0))
+    return base, inside - base
+
+
+def trilinear(values: Array, point: Array) -> Array:
+    """(R,) values[z, y, x] between nodes, at (R, 3) index positions held inside."""
+    base, f = cell(values.shape, point)
+    x, y, z = base.T
+    fx, fy, fz = f.T
+    result = np.zeros(len(point))
+    for dz, wz in ((0, 1 - fz), (1, fz)):
+        for dy, wy in ((0, 1 - fy), (1, fy)):
+            for dx, wx in ((0, 1 - fx), (1, fx)):
+                result += wx * wy * wz * values[z + dz, y + dy, x + dx]
+    return result
+
+
+def shading(
+    volume: Volume,
+    camera: Camera,
+    spec: RaycastSpec,
+    arrives: dict[int, Arrives],
+    point: Array,
+    direction: Array,
+    gradient: Array | None,
+) -> tuple[Array, Array]:
+    """What each group sheds on samples: factor of the reflectance, and addition of white.
+
+    Parameters
+    ----------
+    arrives : {source number: function}
+        Shadows and occlusion of the sources that have them, in the order of `sources_of`.
+    point, direction : (R, 3)
+        Index position; the ray's unit vector in the world.
+    gradient : (R, 3) or None
+        None where nothing is shaded.
+
+    Returns
+    -------
+    factor, gloss : (R, L)
+    """
+    factor = np.zeros((len(point), len(spec.groups)))
+    gloss = np.zeros_like(factor)
+    if gradient is not None:
+        square = (gradient**2).sum(axis=1)
+        trust = square / (square + spec.gradient_floor_squared)
+        length = np.sqrt(np.maximum(square, 1e-30))
+    for number, (group, source) in enumerate(sources_of(spec)):
+        light = source.intensity * arrives.get(number, lambda p: np.ones(len(p)))(point)
+        if isinstance(source, Ambient):
+            factor[:, group] += light * spec.ambient
+            continue
+        if gradient is None:
+            factor[:, group] += light * spec.diffuse
+            continue
+        if isinstance(source, Headlight):
+            towards = -direction
+        elif isinstance(source, Directional):
+            towards = camera.to_world(source.towards, source.frame)[None]
+            towards = towards / np.linalg.norm(towards)
+        else:
+            world = point @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3]
+            towards = camera.place_mm(source.position_mm, source.frame) - world
+            away = np.linalg.norm(towards, axis=1)
+            towards = towards / np.maximum(away, 1e-12)[:, None]
+            if source.falloff_mm is not None:
+                squared = source.falloff_mm**2
+                light = light * squared / np.maximum(away**2, 0.01 * squared)
+        half = towards - direction
+        half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
+        facing = np.abs((gradient * towards).sum(axis=1)) / length
+        middling = np.minimum(np.abs((gradient * half).sum(axis=1)) / length, 1.0)
+        factor[:, group] += light * spec.diffuse * (1 + trust * (facing - 1))
+        gloss[:, group] += light * spec.specular * trust * middling**spec.shininess
+    return factor, gloss
+
+
+def arrivals(
+    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
+) -> dict[int, Arrives]:
+    """Shadows and occlusion, by number of the source in `sources_of`."""
+    wanted = light_layers(spec, volume, camera)
+    if not wanted:
+        return {}
+    grid = LightGrid.of(volume, spec.light_cells)
+    layers = light_reference.layers(volume, table, spec, camera)
+    places = [(g, s) for g, group in enumerate(spec.groups) for s in range(len(group.sources))]
+    return {
+        places.index((layer.group, layer.source)): partial(light_reference.light_at, values, grid)
+        for layer, values in zip(wanted, layers, strict=True)
+    }
+
+
+def classified(
+    table: TransferTable, sampler: Sampler, point: Array, gradient: Array | None, step_mm: float
+) -> tuple[Array, Array]:
+    """(R,) opacity of a step and (R, M) reflectance of samples."""
+    value = sampler.value(point)
+    if table.labels:
+        channels = np.vstack([table.coefficients, np.zeros(table.size)])
+        return value, channels[sampler.label(point)]
+    opacity, coefficients = table.step_opacity(step_mm), table.coefficients
+    j, f = entry_of(table, value)
+    if table.gradient_top is None:
+        return between(opacity, j, f), between(coefficients, j, f)
+    assert gradient is not None
+    rows = len(opacity) - 1
+    steepness = np.linalg.norm(gradient, axis=1) / sampler.shares_per_mm
+    height = np.clip(steepness / table.gradient_top * rows, 0, rows)
+    row = np.minimum(height.astype(int), rows - 1)
+    g = height - row
+    flat = [each.reshape(-1, *each.shape[2:]) for each in (opacity, coefficients)]
+    low, high = row * opacity.shape[1] + j, (row + 1) * opacity.shape[1] + j
+    alpha, seen = (mixed(between(each, low, f), between(each, high, f), g) for each in flat)
+    return alpha, seen
+
+
+def entry_of(table: TransferTable, value: Array) -> tuple[Index, Array]:
+    """The entry before each value, and how far to the next."""
+    low, high = table.domain
+    last = table.opacity.shape[-1] - 1
+    at = np.clip((value - low) / (high - low) * last, 0, last)
+    j = np.minimum(at.astype(int), last - 1)
+    return j, at - j
+
+
+def between(entries: Array, j: Index, f: Array) -> Array:
+    """(R, …) entries at j + f."""
+    return mixed(entries[j], entries[j + 1], f)
+
+
+def mixed(a: Array, b: Array, f: Array) -> Array:
+    """(R, …) from a to b."""
+    f = f.reshape(-1, *(1,) * (a.ndim - 1))
+    return (1 - f) * a + f * b

@@ -1,0 +1,254 @@
+"""A transfer function over value and gradient: boundaries told apart from what they bound.
+
+    volume -> [regions] -> raycast -> relight -> appearance
+
+A region is a rectangle of values and gradient magnitudes with soft sides. Thin boundaries of
+one value but of different steepness, which a curve over values cannot part, get their own.
+
+References
+----------
+[1] Kniss, Kindlmann, Hansen (2002), "Multidimensional Transfer Functions for Interactive Volume
+    Rendering", IEEE TVCG 8(3), 270-285. doi:10.1109/TVCG.2002.1021579
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.basis import Basis
+from volspec.errors import TransferError, VolspecWarning
+from volspec.spectra import Spectrum
+from volspec.transfer.mixes import (
+    Mix,
+    check_materials,
+    checked_mix,
+    checked_step,
+    fraction,
+    listed,
+    number,
+    rows_of_channels,
+)
+from volspec.transfer.table import TransferTable, entries
+
+_WHO = "transfer function 2D"
+# Entries over values and rows over gradients.
+_SIZES, _ROWS = (256, 2048), (64, 256)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Region:
+    """A soft rectangle of values and gradients.
+
+    Parameters
+    ----------
+    values : (low, high)
+    gradients : (low, high)
+        Gradient magnitudes, value per millimetre, from 0; high may be ``inf``.
+    opacity : float
+        Per reference step, 0…1, in the middle.
+    material : str or {name: share}
+        Shares are ≥ 0 and sum to at most 1 (the rest is black).
+    softness : float
+        Share, 0…1, of each side's half-width over which opacity falls smoothly to 0; a side
+        at gradient 0 and one at ``inf`` do not fall. A region open to ``inf`` counts as
+        reaching to twice its lower gradient.
+
+    Raises
+    ------
+    TransferError
+        If bounds do not rise or a number is out of range.
+    """
+
+    values: tuple[float, float]
+    gradients: tuple[float, float]
+    opacity: float
+    material: Mix
+    softness: float = 0.25
+
+    def __post_init__(self) -> None:
+        low, high = _checked_bounds("values", self.values)
+        if not (math.isfinite(low) and math.isfinite(high)):
+            raise TransferError(f"region: values are {low:g} to {high:g}; give finite numbers")
+        bottom, top = _checked_bounds("gradients", self.gradients)
+        if bottom < 0:
+            raise TransferError(f"region: gradients start at {bottom:g}; give 0 or more")
+        object.__setattr__(self, "values", (low, high))
+        object.__setattr__(self, "gradients", (bottom, top))
+        object.__setattr__(self, "material", checked_mix("region", self.material, None))
+        for name in ("opacity", "softness"):
+            object.__setattr__(self, name, fraction("region", name, getattr(self, name)))
+
+    @property
+    def reach(self) -> float:
+        """The gradient up to which the region's opacity changes; 0 where it never does."""
+        bottom, top = self.gradients
+        return top if math.isfinite(top) else 2 * bottom
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TransferFunction2D:
+    """Regions of value and gradient magnitude.
+
+    Where regions overlap, opacities add up as layers do, 1 − Π (1 − α), and reflectances mix
+    by α.
+
+    Parameters
+    ----------
+    regions : sequence of Region
+    materials : {name: Spectrum}
+        Reflectances the regions name.
+    basis : SpectralBasis or MaterialBasis
+    reference_step_mm : float, optional
+        Length over which an opacity holds; the volume's smallest spacing when left out.
+
+    Raises
+    ------
+    TransferError
+        If there is no region or a material is unknown (the nearest names are given).
+
+    Examples
+    --------
+    >>> from volspec.basis import SpectralBasis
+    >>> from volspec.spectra import reflectance
+    >>> skin = Region(values=(80, 140), gradients=(20, float("inf")), opacity=0.6, material="gold")
+    >>> function = TransferFunction2D(
+    ...     [skin], {"gold": reflectance("gold")}, SpectralBasis.load("general-7"))
+    >>> table = function.bake(smallest_spacing_mm=1)
+    >>> table.opacity.shape, table.domain, table.gradient_top
+    ((64, 256), (80.0, 140.0), 40.0)
+    """
+
+    regions: Sequence[Region]
+    materials: Mapping[str, Spectrum]
+    basis: Basis
+    reference_step_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        regions = listed(_WHO, "regions", self.regions, "Region")
+        check_materials(_WHO, self.materials, self.basis)
+        for i, region in enumerate(regions, start=1):
+            if not isinstance(region, Region):
+                raise TransferError(f"{_WHO}: region {i} is {region!r:.60}; expected a Region")
+            checked_mix(f"{_WHO}: region {i}", region.material, self.materials)
+        object.__setattr__(self, "regions", regions)
+        object.__setattr__(self, "reference_step_mm", checked_step(_WHO, self.reference_step_mm))
+
+    def __repr__(self) -> str:
+        return f"TransferFunction2D({len(self.regions)} regions, {', '.join(self.materials)})"
+
+    def bake(
+        self, smallest_spacing_mm: float, size: tuple[int, int] | None = None
+    ) -> TransferTable:
+        """Sample the regions into a table over the span of their values.
+
+        Parameters
+        ----------
+        smallest_spacing_mm : float
+            The volume's, used where the function has no reference step of its own.
+        size : (values, gradients), optional
+            Entries and rows; (256, 64), or up to (2048, 256) for narrow regions. Narrower
+            ones are warned about.
+
+        Returns
+        -------
+        TransferTable
+            Transparent at both ends, so that values outside are. Gradients above the top, the
+            steepest that any region reaches to, take the last row, in which only regions to
+            ``inf`` are not transparent.
+        """
+        # What is transparent must not lend its colour to the rim of what is not.
+        regions = [region for region in self.regions if region.opacity > 0] or self.regions[:1]
+        low = min(region.values[0] for region in self.regions)
+        high = max(region.values[1] for region in self.regions)
+        # Regions that never change with the gradient need two rows, of any height.
+        top = max(region.reach for region in self.regions) or 1.0
+        if size is None:
+            width = min(region.values[1] - region.values[0] for region in regions)
+            heights = [region.reach - region.gradients[0] for region in regions]
+            height = min((height for height in heights if height > 0), default=top)
+            size = entries(4 * (high - low) / width, _SIZES), entries(4 * top / height, _ROWS)
+        at, row_at = np.linspace(low, high, size[0]), np.linspace(0, top, size[1])
+        alphas = np.stack([_opacity(region, at, row_at) for region in regions])
+        for region, alpha in zip(regions, alphas, strict=True):
+            if alpha.max() < region.opacity / 2:
+                warnings.warn(
+                    f"{_WHO}: the region of values {region.values} and gradients "
+                    f"{region.gradients} is too narrow for a table of {size[0]} x {size[1]}; "
+                    "widen it, or leave out the outer regions",
+                    VolspecWarning,
+                    stacklevel=2,
+                )
+        shares, channels = rows_of_channels(
+            [region.material for region in regions], self.materials, self.basis
+        )
+        weights = np.where(alphas.any(axis=0), alphas, _nearest(regions, at, row_at))
+        mixed = np.tensordot(weights, shares, axes=(0, 0))
+        return TransferTable(
+            domain=(low, high),
+            opacity=(1 - (1 - alphas).prod(axis=0)).clip(0, 1),
+            shares=mixed / weights.sum(axis=0)[..., None],
+            channels=channels,
+            reference_step_mm=self.reference_step_mm or smallest_spacing_mm,
+            white=self.basis.white,
+            gradient_top=top,
+        )
+
+
+def _checked_bounds(what: str, given: Any) -> tuple[float, float]:
+    try:
+        low, high = given
+    except (TypeError, ValueError):
+        raise TransferError(f"region: {what} is {given!r:.40}; expected (low, high)") from None
+    low, high = number("region", what, low), number("region", what, high)
+    if not low < high:
+        raise TransferError(f"region: {what} are {low:g} to {high:g}; let the second be greater")
+    return low, high
+
+
+def _opacity(
+    region: Region, at: NDArray[np.float64], row_at: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(G, N) the region's own opacity; 0 on its rim, so that nothing lies beyond a table."""
+    (low, high), (bottom, top) = region.values, region.gradients
+    soft = region.softness * (high - low) / 2
+    over_values = _rise(at - low, soft) * _rise(high - at, soft)
+    soft = region.softness * (region.reach - bottom) / 2
+    over_gradients = np.ones_like(row_at)
+    if bottom > 0:
+        over_gradients *= _rise(row_at - bottom, soft)
+    if math.isfinite(top):
+        over_gradients *= _rise(top - row_at, soft)
+    return region.opacity * over_gradients[:, None] * over_values
+
+
+def _rise(inside: NDArray[np.float64], soft: float) -> NDArray[np.float64]:
+    """Smoothstep from 0 at a side to 1 at ``soft`` within it."""
+    if soft == 0:
+        return (inside > 0).astype(np.float64)
+    t = inside.clip(0, soft) / soft
+    return t * t * (3 - 2 * t)
+
+
+def _nearest(
+    regions: Sequence[Region], at: NDArray[np.float64], row_at: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(R, G, N) 1 for the region that an entry is nearest to, in entries, else 0.
+
+    Entries next to a region are transparent yet take part in interpolation; were their shares
+    0, regions would have dark rims.
+    """
+    distances = []
+    for region in regions:
+        (low, high), (bottom, top) = region.values, region.gradients
+        away = np.maximum(np.maximum(low - at, at - high), 0) / (at[1] - at[0])
+        above = np.maximum(np.maximum(bottom - row_at, row_at - top), 0) / row_at[1]
+        distances.append(np.hypot(above[:, None], away))
+    chosen = np.argmin(distances, axis=0)
+    return (chosen == np.arange(len(regions))[:, None, None]).astype(np.float64)
