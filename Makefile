@@ -2,13 +2,14 @@
 #   make demo    the bundled engine CT, cast once and relit
 #   make test    every check; what CI runs
 #   make bench   against peers, and what was asked of each figure
+#   make gallery docs/gallery/raycast.md, cast anew
 #   make trust   the slow figures: every basis against full spectra, the time of fits
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= volspec-demo
 
-.PHONY: demo test bench trust lint clean
+.PHONY: demo test bench trust gallery lint clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -39,6 +40,9 @@ test: lint
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks
+
+gallery: $(VENV)/.installed
+	$(BIN)/python -m tools.gallery
 
 trust: $(VENV)/.installed
 	$(BIN)/python -m benchmarks.basis_table

@@ -22,7 +22,7 @@ from volspec.volume import Volume, phantom
 
 SIZE = (256, 256)
 STEPS = (2.0, 1.0, 0.5, 0.25, 0.125)
-FINEST = 1 / 32
+FINEST = 1 / 64
 SPECS = {
     "flat": RaycastSpec(ambient=1, diffuse=0, alpha_stop=1),
     "shaded": RaycastSpec(ambient=0.3, diffuse=0.7, alpha_stop=1),

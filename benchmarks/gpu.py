@@ -11,11 +11,14 @@ import argparse
 from dataclasses import astuple, dataclass
 from datetime import UTC, datetime
 
+import numpy as np
+import pyopencl as cl
+
 from benchmarks.cast import SPECS
 from benchmarks.measure import commit, in_turn
 from benchmarks.page import PAGE, between, replaced
 from benchmarks.volumes import BenchScene, bench_scene
-from volspec._gpu.opencl import POCL, devices
+from volspec._gpu.opencl import POCL, DeviceInfo, devices
 from volspec.pipeline import Raycaster, raycast
 
 SIZES = {"512²": (512, 512), "1080p": (1920, 1080)}
@@ -66,28 +69,38 @@ def measured(scene: BenchScene, caster: Raycaster, beside: Raycaster | None) -> 
             def cast(which: Raycaster, size=size, spec=spec) -> object:
                 return raycast(scene.volume, scene.transfer, scene.camera, size, spec, caster=which)
 
-            pairs = in_turn(lambda: cast(caster), lambda: cast(beside or caster))
-            ms, peer_ms = sorted(pairs[:, 0])[len(pairs) // 2], sorted(pairs[:, 1])[len(pairs) // 2]
-            ratio = f", PoCL × {peer_ms / ms:.1f}" if beside else ""
-            cells.append(f"{ms:.1f} ms, {1e3 / ms:.0f}/s{ratio}")
+            pairs = in_turn(lambda: cast(caster), lambda: cast(beside) if beside else None)
+            ms = float(np.median(pairs[:, 0]))
+            gain = float(np.median(pairs[:, 1] / pairs[:, 0]))
+            ratio = f", PoCL × {gain:.1f}" if beside else ""
+            cells.append(f"{ms:.1f} ms, {1e3 / ms:.3g}/s{ratio}")
             print(f"{kind} {label}: {cells[-1]}", flush=True)
     return tuple(cells)
+
+
+def driver_of(info: DeviceInfo) -> str:
+    """The platform and its driver's version."""
+    platform = next(p for p in cl.get_platforms() if p.name.strip() == info.platform)
+    device = next(d for d in platform.get_devices() if d.name.strip() == info.name)
+    return f"{info.platform} {device.driver_version.strip()}"
 
 
 def main() -> None:
     """Measure, print and keep."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--device", help="part of an OpenCL device's name; default the first GPU")
+    wanted = parser.parse_args().device
     scene = bench_scene("engine")
-    caster = Raycaster(scene.volume, device=parser.parse_args().device, lanes=1)
+    caster = Raycaster(scene.volume, device=wanted, lanes=1)
     found = devices()
     info = next(device for device in found if device.name == caster.device)
     pocl = next((d.name for d in found if d.platform == POCL and d.name != info.name), None)
     beside = Raycaster(scene.volume, device=pocl) if pocl else None
-    print(f"{info.name} ({info.version})" + (f" beside {pocl}" if pocl else ""))
+    driver = driver_of(info)
+    print(f"{info.name} ({driver})" + (f" beside {pocl}" if pocl else ""))
     cells = measured(scene, caster, beside)
     date = datetime.now(UTC).date().isoformat()
-    record = Record(info.name, info.version, date, commit(), cells)
+    record = Record(info.name, driver, date, commit(), cells)
     PAGE.write_text(recorded(PAGE.read_text(encoding="utf-8"), record), encoding="utf-8")
     print(f"kept in {PAGE.name}")
 

@@ -2,8 +2,8 @@
 
 A process of its own loads the volume, casts a corner of it (so that compilers and libraries are
 there already) and then measures: bytes of live OpenCL buffers, and how much its resident memory
-grows, at its peak and after. The volume on the device, once, and the images are taken off; on
-PoCL the device's memory is the process's.
+grows, at its peak and after. A copy of the volume on the device, where there is one, is taken off,
+and of the process the images; buffers that share the host's memory count nothing.
 """
 
 from __future__ import annotations
@@ -32,18 +32,25 @@ class Ledger:
     """Bytes of the OpenCL buffers that live, and their peak."""
 
     def __init__(self) -> None:
-        self.live = self.peak = 0
+        self.live = self.peak = self.largest = 0
 
     def watch(self) -> None:
         """Have every buffer from here on entered."""
         ledger = self
 
         class Buffer(cl.Buffer):  # type: ignore[misc]
-            def __init__(self, *arguments: object, **keywords: object) -> None:
-                super().__init__(*arguments, **keywords)
+            _entered = 0
+
+            def __init__(
+                self, context: cl.Context, flags: int, *arguments: object, **keywords: object
+            ) -> None:
+                super().__init__(context, flags, *arguments, **keywords)
+                if flags & cl.mem_flags.USE_HOST_PTR:
+                    return
+                self._entered = self.size
                 ledger.live += self.size
                 ledger.peak = max(ledger.peak, ledger.live)
-                self._entered = self.size
+                ledger.largest = max(ledger.largest, self.size)
 
             def __del__(self) -> None:
                 ledger.live -= self._entered
@@ -68,25 +75,24 @@ def measured(name: str) -> dict[str, int]:
         volume.values[z : z + _FIRST_CELLS, y : y + _FIRST_CELLS, x : x + _FIRST_CELLS].copy(),
         spacing_mm=volume.spacing_mm,
     )
-    raycast(corner, scene.transfer, scene.camera, SIZE, spec, caster=Raycaster(corner))
     ledger = Ledger()
     ledger.watch()
+    raycast(corner, scene.transfer, scene.camera, SIZE, spec, caster=Raycaster(corner))
     gc.collect()
+    ledger.peak, ledger.largest = ledger.live, 0
     Path("/proc/self/clear_refs").write_text("5")  # the peak starts anew
     before = resident("VmRSS")
     caster = Raycaster(volume)
     image = raycast(volume, scene.transfer, scene.camera, SIZE, spec, caster=caster)
     gc.collect()
     images = image.coefficients.nbytes + image.alpha.nbytes + image.depth_mm.nbytes
-    own = volume.values.nbytes + images
-    return {
-        "volume": volume.values.nbytes,
-        "images": images,
-        "device": ledger.peak - own,
-        # The images lie on the device and here; the device keeps none once they are read.
-        "peak": resident("VmHWM") - before - own - images,
-        "kept": resident("VmRSS") - before - own,
+    copy = volume.values.nbytes if ledger.largest >= volume.values.nbytes else 0
+    beside = {
+        "device": ledger.peak - copy,
+        "peak": max(0, resident("VmHWM") - before - copy - images),
+        "kept": max(0, resident("VmRSS") - before - copy - images),
     }
+    return {"volume": volume.values.nbytes, "images": images, **beside}
 
 
 def figures() -> Iterator[Figure]:

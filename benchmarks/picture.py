@@ -65,7 +65,7 @@ def pictures(
     grey = [(value, opacity, (GREY,) * 3) for value, opacity, _ in scene.transfer.points]
     peer = fixed_point(scene.volume, grey, table.reference_step_mm, peers, SIZE, SPEC)
     peer.draw()
-    channels, _, _ = Raycaster(scene.volume).cast(table, ours, SIZE, SPEC)
+    channels = Raycaster(scene.volume).cast(table, ours, SIZE, SPEC)[0]
     return channels[..., 0].astype(np.float64), peer.picture()[..., 1] / 255
 
 

@@ -15,7 +15,7 @@ from benchmarks.cast import SIZE, STOPPED
 from benchmarks.measure import Figure, compare
 from benchmarks.volumes import bench_scene
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec
+from volspec.raycast import Ambient, CoefficientImage, Directional, LightGroup, RaycastSpec
 
 ASKED = 2
 TOWARDS = ((1.0, 1.0, 1.0), (1.0, 1.1, 1.0), (1.1, 1.0, 1.0))
@@ -31,25 +31,20 @@ def figures() -> Iterator[Figure]:
     """The ratio of times."""
     scene = bench_scene("engine")
     caster = Raycaster(scene.volume)
-    table = scene.transfer.bake(min(scene.volume.spacing_mm))
 
-    def cast(spec: RaycastSpec) -> np.ndarray:
-        return caster.cast(table, scene.camera, SIZE, spec)[0]
+    def cast(spec: RaycastSpec) -> CoefficientImage:
+        return raycast(scene.volume, scene.transfer, scene.camera, SIZE, spec, caster=caster)
 
-    if np.array_equal(cast(lit(TOWARDS[0], True)), cast(lit(TOWARDS[0], False))):
+    with_and_without = (cast(lit(TOWARDS[0], shadows)).coefficients for shadows in (True, False))
+    if np.array_equal(*with_and_without):
         yield Figure("shadows/engine", None, ASKED, at_most=True, note="the caster casts none yet")
         return
     lights = {shadows: cycle([lit(t, shadows) for t in TOWARDS]) for shadows in (True, False)}
-    one, other = (
-        lambda shadows=shadows: raycast(
-            scene.volume,
-            scene.transfer,
-            scene.camera,
-            SIZE,
-            next(lights[shadows]),
-            caster=caster,
-        )
-        for shadows in (True, False)
+    row = compare(
+        "shadows/engine",
+        "no-shadows",
+        caster.device,
+        lambda: cast(next(lights[True])),
+        lambda: cast(next(lights[False])),
     )
-    row = compare("shadows/engine", "no-shadows", caster.device, one, other)
     yield Figure(row.name, 1 / row.ratio, ASKED, at_most=True, row=row)

@@ -147,6 +147,7 @@ def fixed_point(
     mapper.SetLockSampleDistanceToInputSpacing(False)
     mapper.SetImageSampleDistance(1.0)
     mapper.SetSampleDistance(spec.step_of(volume))
+    mapper.SetIntermixIntersectingGeometry(False)
     mapper.SetNumberOfThreads(os.cpu_count() or 1)
     return VtkPeer(mapper, volume, points, reference_step_mm, camera, size, spec)
 

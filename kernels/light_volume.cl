@@ -2,13 +2,11 @@
 //
 //     σ = mean over the voxels nearest to a node of −log(1 − opacity(v)) / reference step
 //     T = exp(−∫ σ ds) towards a light;  open = min(1, 2 · mean of T over the sphere)
-//     layer = T or open, read LIFT cells out of what is dense
 //
 // NumPy twin: volspec/raycast/light_volume/reference.py (layers). Same steps, same order.
 //
 // Launch: 1-D, whole work-groups. `extinction` has a work-item a node of the padded grid, the
-// others one a packet of LANES nodes along x. For each layer `parallel` or `converging`, then
-// `lift`.
+// others one a packet of LANES nodes along x: for each layer `parallel` or `converging`.
 //
 // The padded grid float[nz + 2][ny + 2][nx + 2 LANES] holds σ per cell, 0 in the padding: packets
 // read whole vectors at any shift, and light that leaves the grid meets nothing.
@@ -19,14 +17,11 @@
 //             writes  the padded grid
 // parallel    reads   the padded grid; steps Step[], direction after direction; ends int[] of each
 // converging  reads   the padded grid; the light's place
-//             write   raw, ushort[nz][ny][nx], 65535 where all light arrives
-// lift        reads   the padded grid, raw
-//             writes  layers ushort[layer][nz][ny][nx]
+//             write   a layer of layers ushort[layer][nz][ny][nx], 65535 where all light arrives
 //
-// The host sets LANES, VOXEL, KIND (one of the four below), MAX_PLANES, LIFT (cells) and LIFT_KNEE.
+// The host sets LANES, VOXEL, KIND (one of the four below) and MAX_PLANES.
 
 #include "lanes.clh"
-#include "light.clh"
 
 #define VALUES 0     // table over values
 #define GRADIENTS 1  // table over values and gradients
@@ -182,12 +177,12 @@ static inline bool packet_of(const int4 nodes, __global const float *sigma, Pack
     return true;
 }
 
-static inline void store(const Packet *p, const int4 nodes, floatN light,
-                         __global ushort *layer) {
+static inline void store(const Packet *p, const int4 nodes, floatN light, int layer,
+                         __global ushort *layers) {
     intL level;
     level.v = CONVERT_INT(light * 65535.0f + 0.5f);
-    const size_t at = ((size_t)p->z * nodes.y + p->y) * nodes.x + p->x;
-    FOR_LANES(l) if (p->x + l < nodes.x) layer[at + l] = level.s[l];
+    const size_t at = (((size_t)layer * nodes.z + p->z) * nodes.y + p->y) * nodes.x + p->x;
+    FOR_LANES(l) if (p->x + l < nodes.x) layers[at + l] = level.s[l];
 }
 
 // Vectors at any address.
@@ -198,7 +193,8 @@ typedef struct __attribute__((packed)) { floatN v; } Nodes;
 // the same weights. gain: times the mean over the directions, up to 1.
 __kernel void parallel(__global const float *restrict sigma, __global const Step *restrict steps,
                        __global const int *restrict ends, const int directions, const float gain,
-                       const int4 nodes, __global ushort *restrict raw) {
+                       const int4 nodes, const int layer,
+                       __global ushort *restrict layers) {
     Packet p;
     if (!packet_of(nodes, sigma, &p)) return;
     floatN light = 0.0f;
@@ -224,14 +220,15 @@ __kernel void parallel(__global const float *restrict sigma, __global const Step
         light += exp_minus(depth);
     }
     light *= gain / (float)directions;
-    store(&p, nodes, LOWER(light, 1.0f), raw);
+    store(&p, nodes, LOWER(light, 1.0f), layer, layers);
 }
 
 // What arrives from a point. place: of the light in the grid; world_x, y, z: rows that take a way
 // in the grid to the world, in cells; bias: where the way begins, in cells.
 __kernel void converging(__global const float *restrict sigma, const float4 place,
                          const float4 world_x, const float4 world_y, const float4 world_z,
-                         const float bias, const int4 nodes, __global ushort *restrict raw) {
+                         const float bias, const int4 nodes, const int layer,
+                       __global ushort *restrict layers) {
     Packet p;
     if (!packet_of(nodes, sigma, &p)) return;
     floatL column;
@@ -277,33 +274,5 @@ __kernel void converging(__global const float *restrict sigma, const float4 plac
         const floatN high = lerp(lerp(a[2].v, b[2].v, fx), lerp(a[3].v, b[3].v, fx), fy);
         depth += left * lerp(low, high, fz);
     }
-    store(&p, nodes, exp_minus(depth), raw);
-}
-
-// Nodes next to a surface lie half within it and would shadow it in bands: they take what arrives
-// a little outside, down the slope of σ; in faint media, where nothing is a surface, less far.
-// metric_x, y, z: rows that turn a gradient in the grid into the way it points there, both in
-// cells of the world.
-__kernel void lift(__global const float *restrict sigma, __global const ushort *restrict raw,
-                   const float4 metric_x, const float4 metric_y, const float4 metric_z,
-                   const int4 nodes, const int layer, __global ushort *restrict layers) {
-    Packet p;
-    if (!packet_of(nodes, sigma, &p)) return;
-    __global const float *first = p.sigma;
-    const floatN gx = 0.5f * (NODES(1) - NODES(-1));
-    const floatN gy = 0.5f * (NODES(p.row) - NODES(-p.row));
-    const floatN gz = 0.5f * (NODES(p.slice) - NODES(-p.slice));
-    const floatN wx = metric_x.x * gx + metric_x.y * gy + metric_x.z * gz;
-    const floatN wy = metric_y.x * gx + metric_y.y * gy + metric_y.z * gz;
-    const floatN wz = metric_z.x * gx + metric_z.y * gy + metric_z.z * gz;
-    const floatN square = UPPER(gx * wx + gy * wy + gz * wz, 1e-30f);
-    const floatN far = LIFT / (square * inverse_root(square) + LIFT_KNEE);
-    floatL column;
-    FOR_LANES(l) column.s[l] = p.x + l;
-    const float last_x = nodes.x - 1, last_y = nodes.y - 1, last_z = nodes.z - 1;
-    const floatN x = LOWER(UPPER(column.v - far * wx, 0.0f), last_x);
-    const floatN y = LOWER(UPPER((float)p.y - far * wy, 0.0f), last_y);
-    const floatN z = LOWER(UPPER((float)p.z - far * wz, 0.0f), last_z);
-    const floatN light = light_at(raw, nodes.x, nodes.y, nodes.z, x, y, z);
-    store(&p, nodes, light, layers + (size_t)layer * nodes.x * nodes.y * nodes.z);
+    store(&p, nodes, exp_minus(depth), layer, layers);
 }

@@ -25,9 +25,10 @@
 // Ends nearer than this, in entries, take the value in their middle.
 #define NEAREST 0.015625f
 
-typedef struct { floatP high[PARTS], low[PARTS]; } Integral;
+// Up to a position held within the table; beyond it the integral goes on at `rate`.
+typedef struct { floatP high[PARTS], low[PARTS], rate[PARTS]; float beyond; } Integral;
 
-// The integral up to position p of the table, in entries; beyond both ends they go on.
+// The integral up to position p of the table, in entries.
 static inline Integral integral_at(__global const floatP *rows, int entries, float p) {
     Integral found;
     const float inside = LOWER(UPPER(p, 0.0f), (float)(entries - 1));
@@ -38,10 +39,20 @@ static inline Integral integral_at(__global const floatP *rows, int entries, flo
         const int next = entries * PARTS;
         const floatP rate = row[2 * next], rise = row[3 * next];
         found.high[part] = row[0];
-        found.low[part] = row[next] + (floatP)(f) * (rate + (floatP)(0.5f * f) * rise) +
-                          (floatP)(p - inside) * (rate + (floatP)(f) * rise);
+        found.low[part] = row[next] + (floatP)(f) * (rate + (floatP)(0.5f * f) * rise);
+        found.rate[part] = rate + (floatP)(f) * rise;
     }
+    found.beyond = p - inside;
     return found;
+}
+
+// Its growth from a to b. Beyond one end the two differences are taken together, whose parts may
+// be far larger than they.
+static inline floatP growth(const Integral *a, const Integral *b, int part) {
+    const floatP inside = (b->high[part] - a->high[part]) + (b->low[part] - a->low[part]);
+    if (a->beyond * b->beyond > 0.0f)
+        return inside + (floatP)(b->beyond - a->beyond) * b->rate[part];
+    return inside + (floatP)(b->beyond) * b->rate[part] - (floatP)(a->beyond) * a->rate[part];
 }
 
 __kernel void preintegrated(__global const VOXEL *restrict voxels,
@@ -80,16 +91,14 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
         read_ends(&cast, voxels, opacity, &r, k, taken, live, &e);
         floatL front, back, depth_of_step;
         sharesP mean[LANES];
-        front.v = (e.front - cast.domain_low) * cast.domain_scale;
-        back.v = (e.back - cast.domain_low) * cast.domain_scale;
+        front.v = (e.front - cast.domain_low - cast.domain_rest) * cast.domain_scale;
+        back.v = (e.back - cast.domain_low - cast.domain_rest) * cast.domain_scale;
         FOR_LANES(l) {
             const float apart = back.s[l] - front.s[l];
             if (apart >= NEAREST || apart <= -NEAREST) {
                 const Integral a = integral_at(shares, entries, front.s[l]);
                 const Integral b = integral_at(shares, entries, back.s[l]);
-                EACH(p, PARTS)
-                    mean[l].v[p] = ((b.high[p] - a.high[p]) + (b.low[p] - a.low[p])) /
-                                   (floatP)(apart);
+                EACH(p, PARTS) mean[l].v[p] = growth(&a, &b, p) / (floatP)(apart);
             } else {
                 const float p = 0.5f * (front.s[l] + back.s[l]);
                 const float inside = LOWER(UPPER(p, 0.0f), (float)(entries - 1));
@@ -108,8 +117,8 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
         share = PICK(live, share, (floatN)(0.0f));
         if (ANY(MASK(share > 0.0f))) {
             const floatN visible = g.through * share, middle = 0.5f * (e.begin + e.end);
-            floatN nx, ny, nz;
-#if SHADED
+            floatN nx = 0.0f, ny = 0.0f, nz = 0.0f;
+#if NORMALS
             const Field f = field_at(&cast, voxels, opacity, &r, middle);
             gradient_at(&cast, voxels, opacity, &f, &nx, &ny, &nz);
 #endif

@@ -3,6 +3,8 @@
 //     α = 1 − (1 − opacity(v))^(length / step),  C += T α (g s(v) + k_s),  T ← T (1 − α)
 //     g, k_s: what the light groups shed (include/shade.clh), a layer of C each      (METHOD §3)
 //
+// With FILTERED every channel has its own transmittance t_k of a step, and α_k = 1 − t_k.
+//
 // NumPy twin: volspec/raycast/reference.py (cast). Same steps, same clipping, same order.
 //
 // Launch: 2-D, one work-item per tile of TILE_WIDTH × TILE_HEIGHT pixels (a packet of LANES
@@ -22,7 +24,8 @@
 //         first float[height][width] (expected and first depth in smallest spacings, inf where
 //         nothing is), from the band's first row on
 //
-// The host sets LANES, TILE_WIDTH, TILE_HEIGHT, TABLE_ROWS, and what the includes want.
+// The host sets LANES, TILE_WIDTH, TILE_HEIGHT, TABLE_ROWS, STEPS (how many are sampled at once, so
+// that one's loads overlap another's sums), and what the includes want.
 
 #include "lanes.clh"
 #include "rays.clh"
@@ -62,58 +65,75 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
             leap(&cast, &r, codes, k_end, &k, &due, &stride, &live);
             if (!ANY(live)) break;
         }
-        // A step, clipped, and sampled at its middle; long ones end where their brick does.
-        intN taken = 1;
-#if ADAPTIVE
-        taken = PICK(MASK(k + stride <= due), stride, 1);
-#endif
-        const floatN step_begin = CONVERT_FLOAT(k) * cast.step;
-        const floatN step_end = CONVERT_FLOAT(k + taken) * cast.step;
-        const floatN begin = UPPER(step_begin, r.near), end = LOWER(step_end, r.far);
-        const floatN middle = 0.5f * (begin + end);
-        const Field f = field_at(&cast, voxels, opacity, &r, middle);
-        floatN nx, ny, nz;
+        // Steps, clipped, and sampled at their middles: STEPS at once, whose loads overlap.
+        floatN middle[STEPS], share[STEPS], whole[STEPS], taken[STEPS];
+        Field f[STEPS];
+        Entry entry[STEPS];
 #if TABLE_ROWS > 1
-        gradient_at(&cast, voxels, opacity, &f, &nx, &ny, &nz);
-        const Entry entry = entry_at(&cast, opacity, &f, nx, ny, nz);
-#else
-        const Entry entry = entry_at(&cast, opacity, &f);
+        floatN nx[STEPS], ny[STEPS], nz[STEPS];
 #endif
-        floatN share = entry.opacity;
+        blank = 1;
+        EACH(s, STEPS) {
+            intN steps = 1;
 #if ADAPTIVE
-        const floatN once = 1.0f - share, twice = once * once;
-        share = PICK(MASK(taken == 2), 1.0f - twice, share);
-        share = PICK(MASK(taken == 4), 1.0f - twice * twice, share);
+            // Long steps end where their brick does.
+            steps = PICK(MASK(k + stride <= due), stride, 1);
 #endif
-        const intN clipped = (MASK(begin > step_begin) | MASK(end < step_end)) & live;
-        if (ANY(clipped & MASK(share > 0.0f)))
-            share = PICK(clipped, 1.0f - pow(1.0f - entry.opacity, (end - begin) * per_step),
-                         share);
-        share = PICK(live, share, (floatN)(0.0f));
-
-        blank = !ANY(MASK(share > 0.0f));
-        if (!blank) {
-#if SHADED && TABLE_ROWS == 1
-            gradient_at(&cast, voxels, opacity, &f, &nx, &ny, &nz);
+            taken[s] = CONVERT_FLOAT(steps);
+            const floatN begin = UPPER(CONVERT_FLOAT(k) * cast.step, r.near);
+            const floatN end = LOWER(CONVERT_FLOAT(k + steps) * cast.step, r.far);
+            middle[s] = 0.5f * (begin + end);
+            whole[s] = (end - begin) * per_step;
+            f[s] = field_at(&cast, voxels, opacity, &r, middle[s]);
+#if TABLE_ROWS > 1
+            gradient_at(&cast, voxels, opacity, &f[s], &nx[s], &ny[s], &nz[s]);
+            entry[s] = entry_at(&cast, opacity, &f[s], nx[s], ny[s], nz[s]);
+#else
+            entry[s] = entry_at(&cast, opacity, &f[s]);
+#endif
+            share[s] = entry[s].opacity;
+#if ADAPTIVE
+            const floatN once = 1.0f - share[s], twice = once * once;
+            share[s] = PICK(MASK(steps == 2), 1.0f - twice, share[s]);
+            share[s] = PICK(MASK(steps == 4), 1.0f - twice * twice, share[s]);
+#endif
+            live &= MASK(k < k_end);
+            share[s] = PICK(live, share[s], (floatN)(0.0f));
+            blank &= !ANY(MASK(share[s] > 0.0f));
+            k += steps;
+        }
+        EACH(s, STEPS) {
+            share[s] = PICK(MASK(g.through > cast.opaque), share[s], (floatN)(0.0f));
+            const intN seen = MASK(share[s] > 0.0f);
+            if (!ANY(seen)) continue;
+            // The first and the last step of a ray are clipped.
+            const intN clipped = seen & MASK(whole[s] < taken[s] - 1e-5f);
+            if (ANY(clipped))
+                share[s] = PICK(clipped, 1.0f - pow(1.0f - entry[s].opacity, whole[s]), share[s]);
+            floatN gx = 0.0f, gy = 0.0f, gz = 0.0f;
+#if TABLE_ROWS > 1
+            gx = nx[s], gy = ny[s], gz = nz[s];
+#elif NORMALS
+            gradient_at(&cast, voxels, opacity, &f[s], &gx, &gy, &gz);
 #endif
             floatN weight[GROUPS], gloss[GROUPS];
 #if FILTERED
-            shade(&cast, sources, layers, &r, middle, nx, ny, nz, share, weight, gloss);
+            // Each channel is weighted by its own loss, in gather_filtered.
+            const floatN once = PICK(seen, (floatN)(1.0f), (floatN)(0.0f));
             floatL length;
-            length.v = PICK(MASK(share > 0.0f), (end - begin) * per_step, (floatN)(0.0f));
-            reflect_filtered(&g, shares, filters, &cast, &entry, weight, gloss, length);
-            cover(&cast, &g, g.through - passing(&g), middle);
+            length.v = PICK(seen, whole[s], (floatN)(0.0f));
+            shade(&cast, sources, layers, &r, middle[s], gx, gy, gz, once, weight, gloss);
+            reflect_filtered(&g, shares, filters, &cast, &entry[s], weight, gloss, length);
+            cover(&cast, &g, g.through - passing(&g), middle[s]);
 #else
-            const floatN visible = g.through * share;
-            shade(&cast, sources, layers, &r, middle, nx, ny, nz, visible, weight, gloss);
-            reflect(&g, shares, &cast, &f, &entry, weight);
+            const floatN visible = g.through * share[s];
+            shade(&cast, sources, layers, &r, middle[s], gx, gy, gz, visible, weight, gloss);
+            reflect(&g, shares, &cast, &f[s], &entry[s], weight);
             EACH(group, GROUPS) g.gloss[group] += gloss[group];
-            cover(&cast, &g, visible, middle);
+            cover(&cast, &g, visible, middle[s]);
 #endif
-            live &= MASK(g.through > cast.opaque);
         }
-        k += taken;
-        live &= MASK(k < k_end);
+        live &= MASK(k < k_end) & MASK(g.through > cast.opaque);
     }
     write_picture(&cast, &g, &r, pixel_x, pixel_y, first_tile * TILE_HEIGHT, channels,
                   coefficients, alpha, depth, first);

@@ -79,8 +79,8 @@ __kernel void surfaces(__global const VOXEL *restrict voxels, __global const uch
             const floatN visible = PICK(met, g.through * own, (floatN)(0.0f));
             floatN along = place_of(&cast, voxels, opacity, &r, &e, level);
             along = PICK(met, along, e.begin);
-            floatN nx, ny, nz;
-#if SHADED
+            floatN nx = 0.0f, ny = 0.0f, nz = 0.0f;
+#if NORMALS
             const Field f = field_at(&cast, voxels, opacity, &r, along);
             gradient_at(&cast, voxels, opacity, &f, &nx, &ny, &nz);
 #endif

@@ -1,8 +1,9 @@
-"""Cameras and raycast settings refuse nonsense at birth."""
+"""Cameras refuse nonsense at birth, and casters what they cannot cast."""
 
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -24,25 +25,41 @@ BASIS = SpectralBasis.load("general-7")
     [
         (lambda: Camera((0, 0, 0), (0, 0, 0)), "stands on its target"),
         (lambda: Camera((0, 0, 0), (0, 0, 9)), "looks along its up"),
-        (lambda: Camera((0, 0, 0), (0, 9, 0), up=(0, 0, 0)), "looks along its up"),
+        (lambda: Camera((0, 0, 0), (0, 0, 9), up=(0, 0, -1e-200)), "looks along its up"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), up=(0, 0, 0)), "up is (0, 0, 0); give a direction"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), up="abc"), "up is 'abc'; give three finite"),  # type: ignore[arg-type]
+        (lambda: Camera("123", (0, 9, 0)), "position_mm is '123'; give three finite"),  # type: ignore[arg-type]
+        (lambda: Camera(None, (0, 9, 0)), "position_mm is None; give three finite"),  # type: ignore[arg-type]
+        (lambda: Camera((0, 0, 0), (0, np.inf, 0)), "target_mm is (0, inf, 0); give three"),
+        (lambda: Camera((-1e308,) * 3, (1e308,) * 3), "too far from its target"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg=np.nan), "fov_deg is nan; give a finite"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg="30"), "fov_deg is '30'; give a number"),  # type: ignore[arg-type]
+        (lambda: Camera((0, 0, 0), (0, 9, 0), height_mm=np.inf), "height_mm is inf"),
+        (lambda: Camera.orbit(phantom.ball(8), zoom=1e-320), "zoom 1e-320; the camera would"),
+        (lambda: Camera.orbit(phantom.ball(8), fov_deg=0), "fov_deg is 0; give degrees"),
         (lambda: Camera((0, np.nan, 0), (0, 9, 0)), "give three"),
         (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg=180), "fov_deg is 180"),
         (lambda: Camera((0, 0, 0), (0, 9, 0), height_mm=0), "height_mm is 0"),
         (lambda: Camera.orbit(phantom.ball(8), zoom=0), "zoom is 0"),
         (lambda: Camera.orbit(phantom.ball(8), azimuth_deg=np.inf), "azimuth_deg is inf"),
-        (lambda: Camera.orbit(phantom.ball(8), target_mm=(1, 2)), "three numbers"),  # type: ignore[arg-type]
-        (lambda: RaycastSpec(shininess=2.5), "shininess is 2.5"),  # type: ignore[arg-type]
+        (lambda: Camera.orbit(phantom.ball(8), target_mm=(1, 2)), "three finite numbers"),  # type: ignore[arg-type]
         (lambda: Camera.orbit(phantom.ball(8), up=(0, 0, 0)), "up is"),
-        (lambda: RaycastSpec(step_mm=0), "step_mm is 0"),
-        (lambda: RaycastSpec(ambient=-1), "ambient is -1"),
-        (lambda: RaycastSpec(alpha_stop=0), "alpha_stop is 0"),
-        (lambda: RaycastSpec(shininess=0), "shininess is 0"),
         (lambda: Raycaster(phantom.ball(8), lanes=3), "lanes is 3"),
     ],
 )
 def test_nonsense_is_named(make: object, message: str) -> None:
-    with pytest.raises((CameraError, RaycastError), match=message):
+    with pytest.raises((CameraError, RaycastError), match=re.escape(message)) as refused:
         make()  # type: ignore[operator]
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("length", [5e-324, 1e-200, 1e200, 1e308])
+def test_a_camera_stands_upright_whatever_the_length_of_up(length: float) -> None:
+    """And at any distance from its target that is a number."""
+    camera = Camera((0, -min(length, 1e300), 0), (0, 0, 0), up=(0, length, length))
+    right, up, forward = camera.frame()
+    assert np.allclose([right, up, forward], [(1, 0, 0), (0, 0, 1), (0, 1, 0)])
+    assert Camera(camera.position_mm, camera.target_mm, camera.up) == camera
 
 
 def test_orbit_looks_from_where_the_angles_say() -> None:

@@ -15,7 +15,7 @@ from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.export import read_frame_text
 from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage
-from volspec.relight import ErrorMap, error_map, relight
+from volspec.relight import ErrorMap, LightRig, error_map, relight
 from volspec.spectra import DEFAULT_GRID, SpectralImage, light, reflectance, reflectance_set
 
 GENERAL = SpectralBasis.load("general-7")
@@ -172,6 +172,90 @@ def test_a_spectral_picture_that_cannot_be_relit_is_refused(
     line = said(capsys)
     assert message in line
     assert not (tmp_path / "f.png").exists()
+
+
+def grouped(path: Path) -> Path:
+    """The chart under a key from the left and a fill from the right."""
+    chart = (0.8 * GENERAL.analyze(CHART)).astype(np.float32)
+    ramp = np.linspace(0, 1, chart.shape[1], dtype=np.float32)[None, :, None]
+    alpha = np.full(chart.shape[:2], 0.9, np.float32)
+    layers = np.concatenate([0.7 * (1 - ramp) * chart, 0.3 * ramp * chart], axis=-1)
+    shares = {"key": 0.7, "fill": 0.3}
+    CoefficientImage(layers, alpha, alpha, GENERAL, groups=shares).save(path)
+    return path
+
+
+SETTINGS = {
+    "key=D65; fill=A*0.3": LightRig((light("D65"), light("A*0.3")), groups=("key", "fill")),
+    " fill = planck:2500 ": LightRig((light("planck:2500"),), groups=("fill",)),
+    "key=D65*0.5+A;FL2": LightRig((light("D65*0.5+A"), light("FL2")), groups=("key", "")),
+    "A": LightRig((light("A"),)),
+}
+
+
+@pytest.mark.parametrize("text", SETTINGS)
+def test_each_group_can_have_its_light(tmp_path: Path, text: str) -> None:
+    chart = grouped(tmp_path / "chart.exr")
+    assert call(chart, "--light", text, "-o", tmp_path / "F.png", "--errors") == 0
+    stored = CoefficientImage.load(chart)
+    frame = iio.imread(tmp_path / "F.png")
+    assert np.array_equal(frame, relight(stored, SETTINGS[text]))
+    assert read_frame_text(tmp_path / "F.png")["light"] == text
+    found = error_map(stored, SETTINGS[text])
+    assert np.array_equal(iio.imread(tmp_path / "F-errors.png"), found.image())
+
+
+def test_a_setting_is_one_light_among_several(tmp_path: Path) -> None:
+    chart = grouped(tmp_path / "chart.exr")
+    words = ("--light", "key=A; fill=D65", "--light", "D65")
+    assert call(chart, *words, "-o", tmp_path / "F.png") == 0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"chart.exr", "F-key-A--fill-D65.png", "F-D65.png"}
+
+
+def test_a_light_stays_one_whatever_its_file_is_called(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Here both a group's name stands before the first = and ; is in the name."""
+    monkeypatch.chdir(tmp_path)
+    chart = grouped(tmp_path / "chart.exr")
+    Path("key=A; fill=D65.csv").write_text("390,1\n710,5\n")
+    assert call(chart, "--light", "key=A; fill=D65.csv", "-o", "F.png") == 0
+    whole = light("key=A; fill=D65.csv")
+    assert np.array_equal(iio.imread("F.png"), relight(CoefficientImage.load(chart), whole))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "kye=D65",
+            "--light 'kye=D65': no light group 'kye'; did you mean 'key'? the image has key",
+        ),
+        ("key=D65; key=A", "group 'key' has two lights; mix them"),
+        ("D65; A", "all groups have two lights; mix them"),
+        ("key=D56", "'D65'"),
+        ("key=", "write GROUP=LIGHT; GROUP=LIGHT"),
+        ("=D65", "write GROUP=LIGHT; GROUP=LIGHT"),
+        ("key=D65;", "write GROUP=LIGHT; GROUP=LIGHT"),
+        ("key D65", "'key D65' is unknown"),
+    ],
+)
+def test_a_setting_that_cannot_be_read_is_refused(
+    text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chart = grouped(tmp_path / "chart.exr")
+    assert call(chart, "--light", text, "-o", tmp_path / "F.png") == 1
+    assert message in said(capsys)
+    assert not (tmp_path / "F.png").exists()
+
+
+def test_groups_of_an_image_without_any_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chart = stored(tmp_path / "chart.exr")
+    assert call(chart, "--light", "key=D65", "-o", tmp_path / "F.png") == 1
+    assert "no light group 'key'; the image has light" in said(capsys)
 
 
 # One hundred pixels: their 95 % lies between the 95th and the 96th.

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import warnings
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from volspec import CoefficientImage, Scene
-from volspec.errors import SceneError
+from volspec import ClipPlane, CoefficientImage, RaycastSpec, Scene
+from volspec.errors import CastCancelled, SceneError
 from volspec.scene import viewing_of
+from volspec.scene.tables import RaycastTable
 from volspec.spectra import light
 from volspec.volume import Volume, phantom
 
@@ -73,6 +77,82 @@ def test_a_scene_always_loads_into_the_same_picture(folder: Path) -> None:
 def test_spacing_can_be_given_where_the_file_has_none(folder: Path) -> None:
     text = GOOD.replace('file = "ball.npy"', 'file = "ball.npy"\nspacing_mm = [1, 1, 2.5]')
     assert load(folder, text).volume().spacing_mm == (1, 1, 2.5)
+
+
+@pytest.mark.parametrize(("given", "warned"), [(2.5, False), (2.5002, False), (2.501, True)])
+def test_a_spacing_against_the_file_s_own_is_warned_about(
+    folder: Path, given: float, warned: bool, recwarn: pytest.WarningsRecorder
+) -> None:
+    """Up to 1e-4 is what headers round away; a file without spacing has none to differ from."""
+    raw = "ball.raw?shape=12x12x12&dtype=float32&spacing=1,1,2.5"
+    phantom.ball(12).values.astype("<f4").tofile(folder / "ball.raw")
+    text = GOOD.replace('"ball.npy"', f'"{raw}"\nspacing_mm = [1, 1, {given}]')
+    scene = load(folder, text)
+    warnings.simplefilter("always")
+    assert scene.volume().spacing_mm == pytest.approx((1, 1, given), rel=1e-12)
+    said = [str(warning.message) for warning in recwarn]
+    assert len(said) == warned
+    if warned:
+        assert "scene.toml: [volume] spacing_mm is 1 × 1 × 2.501" in said[0]
+        assert "ball.raw says 1 × 1 × 2.5; " in said[0] and "\n" not in said[0]
+
+
+def test_a_volume_is_down_sampled(folder: Path) -> None:
+    text = GOOD.replace('"ball.npy"', '"ball.npy"\ndownsample = 3\nspacing_mm = [1, 1, 2]')
+    volume = load(folder, text).volume()
+    assert volume.shape_xyz == (4, 4, 4) and volume.spacing_mm == (3, 3, 6)
+    truth = phantom.ball(12).downsampled(3)
+    assert np.array_equal(volume.values, truth.values)
+
+
+def test_every_setting_of_a_cast_can_be_given(folder: Path) -> None:
+    """And has RaycastSpec's default; groups have tables of their own, tile_ms is the machine's."""
+    elsewhere = {"groups", "tile_ms"}
+    table = RaycastTable.model_fields
+    assert set(table) == {field.name for field in fields(RaycastSpec)} - elsewhere
+    assert RaycastTable().spec(RaycastSpec().groups) == RaycastSpec()
+    asked = {
+        "step_mm": 0.7, "ambient": 0.2, "diffuse": 0.6, "specular": 0.1, "shininess": 9,
+        "alpha_stop": 0.9, "flat_gradient": 0.1, "mode": "average", "jitter": 0.5, "seed": 4,
+        "preintegrated": False, "adaptive": 0.01, "crop_voxels": [[1, 9], [2, 8], [3, 7.5]],
+        "clip_planes": [{"point_mm": [5, 5, 5], "normal": [1, 0, 2]}], "light_cells": 40,
+        "half": True, "first_opacity": 0.3,
+    }  # fmt: skip
+    assert set(asked) == set(table)
+    rows = "\n".join(f"{key} = {_toml(value)}" for key, value in asked.items())
+    spec = load(folder, GOOD + f"[raycast]\n{rows}\n").raycast
+    boxes = {
+        "crop_voxels": ((1, 9), (2, 8), (3, 7.5)),
+        "clip_planes": (ClipPlane((5, 5, 5), (1, 0, 2)),),
+    }
+    assert spec == RaycastSpec(**(asked | boxes))
+    assert load(folder, GOOD + "[raycast]\npreintegrated = true\n").raycast.preintegrated
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(v)}" for key, v in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return json.dumps(value)
+
+
+def test_settings_reach_the_picture(folder: Path) -> None:
+    cut = "[raycast]\ncrop_voxels = [[0, 11], [0, 11], [0, 5]]\nhalf = true\n"
+    whole, half = load(folder, GOOD).render(), load(folder, GOOD + cut).render()
+    assert half.coefficients.dtype == np.float16
+    assert 0.2 < (half.alpha > 0.1).sum() / (whole.alpha > 0.1).sum() < 0.9
+
+
+def test_a_cast_can_have_another_size_and_settings(folder: Path) -> None:
+    scene = load(folder, GOOD)
+    image = scene.render(size=(10, 8), spec=replace(scene.raycast, half=True))
+    assert image.size == (10, 8) and image.coefficients.dtype == np.float16
+
+
+def test_a_cast_can_be_cancelled(folder: Path) -> None:
+    with pytest.raises(CastCancelled):
+        load(folder, GOOD).render(cancel=lambda: True)
 
 
 def test_given_spacing_keeps_the_orientation() -> None:
@@ -151,6 +231,38 @@ CHANGES = {
         '[basis]\nname = "general-5"\nsize = 5\n[output]',
         "not both",
     ),
+    "a table misspelt": ("[output]", "[rycast]\n[output]", "rycast: .* did you mean 'raycast'"),
+    "volume without a table": ("[volume]\nfile", "volume", "volume: give a table, { key"),
+    "no voxels left": (
+        '"ball.npy"',
+        '"ball.npy"\ndownsample = 12',
+        r"\[volume\] .*12 voxels leave one",
+    ),
+    "down-sampled by none": ('"ball.npy"', '"ball.npy"\ndownsample = 0', r"\[volume\] .*by 0"),
+    "down-sampled by half": ('"ball.npy"', '"ball.npy"\ndownsample = 1.5', r"volume\.downsample"),
+    "two spacings": (
+        '"ball.npy"',
+        '"ball.npy"\nspacing_mm = [1, 1]',
+        r"volume\.spacing_mm\.3: Field required",
+    ),
+    **{
+        row: ("[output]", f"[raycast]\n{row}\n[output]", message)
+        for row, message in (
+            ('mode = "maximun"', r"\[raycast\] raycast: mode is 'maximun'; did you mean 'maximum'"),
+            ("jitter = 2", r"\[raycast\] raycast: jitter is 2"),
+            ("half = 1", r"raycast\.half: .*boolean \(it is 1\)"),
+            ("light_cell = 40", r"raycast\.light_cell: unknown key; did you mean 'light_cells'"),
+            ("crop_voxels = [[9, 2], [0, 9], [0, 9]]", r"\[raycast\] .*along x is 9 to 2"),
+            ("crop_voxels = [[90, 99], [0, 9], [0, 9]]", "along x is 90 to 99.*reaches from 0"),
+            ("crop_voxels = [[2, 9]]", r"raycast\.crop_voxels\.2: Field required"),
+            ("clip_planes = [{ point_mm = [5, 5, 5] }]", r"clip_planes\.1\.normal: Field required"),
+            (
+                "clip_planes = [{ point_mm = [5, 5, 5], normal = [0, 0, 0] }]",
+                r"\[raycast\] clip plane: normal is \(0, 0, 0\)",
+            ),
+            ("step_mm = 1e-9", r"step_mm is 1e-09 .* steps; give 1 to"),
+        )
+    },
     "not TOML": ("[volume]", "[volume", "not valid TOML"),
     "missing volume": ("ball.npy", "bell.npy", "bell.npy: no such file"),
 }

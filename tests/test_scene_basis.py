@@ -13,7 +13,8 @@ from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.errors import SceneError
 from volspec.scene import Scene
 from volspec.scene.basis import SceneSpectra, train_basis, use_of
-from volspec.scene.tables import BasisTable, PointTable
+from volspec.scene.tables import BasisTable
+from volspec.scene.transfer import PointTable, TransferTable
 from volspec.spectra import light, light_set, reflectance
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -119,7 +120,7 @@ def test_spectra_are_trained_for_by_their_use(tmp_path: Path, fits: list[dict[st
     assert np.array(fit["reflectances"]) == pytest.approx(
         np.array([found.materials[name].values for name in ("block", "part")])
     )
-    use = use_of(found.file.transfer.points)
+    use = use_of(found.file.transfer)
     assert use["block"] < use["part"] == 1
     assert fit["reflectance_weights"] == pytest.approx([use["block"], 1])
 
@@ -187,16 +188,16 @@ def test_use_is_opacity_over_values_and_none_is_forgotten() -> None:
         PointTable(value=10, opacity=0.01, material={"b": 1.0}),
         PointTable(value=20, opacity=0.01, material="b"),
     ]
-    assert use_of(points) == {"a": 1.0, "b": 0.1}
+    assert use_of(TransferTable(points=points)) == {"a": 1.0, "b": 0.1}
 
 
 def test_a_mix_is_used_by_its_shares() -> None:
     """By hand, the area under opacity times share, and a span's part for every point."""
     mix = {"a": 0.3, "b": 0.7}
     constant = [PointTable(value=v, opacity=0.5, material=mix) for v in (0, 10)]
-    assert use_of(constant) == pytest.approx({"a": 3 / 7, "b": 1.0})
+    assert use_of(TransferTable(points=constant)) == pytest.approx({"a": 3 / 7, "b": 1.0})
     other = [*constant, PointTable(value=20, opacity=0.5, material="a")]
     # Spans: a 10 * .15 + 5 * .15 + 5 * .5, b 10 * .35 + 5 * .35; points: 20/3 * opacity * share.
     a = 1.5 + 0.75 + 2.5 + 20 / 3 * (0.15 + 0.15 + 0.5)
     b = 3.5 + 1.75 + 20 / 3 * (0.35 + 0.35)
-    assert use_of(other) == pytest.approx({"a": 1.0, "b": b / a})
+    assert use_of(TransferTable(points=other)) == pytest.approx({"a": 1.0, "b": b / a})

@@ -22,7 +22,9 @@ SHAPES = [(2, 2, 2), (8, 9, 7), (16, 17, 33), (25, 8, 40), (9, 64, 2)]
 
 @pytest.mark.parametrize("dtype", ["u1", "u2", "i2", "f4"])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_ranges_are_those_of_nine_voxels_an_axis(shape: tuple[int, ...], dtype: str) -> None:
+def test_ranges_are_those_of_one_voxel_more_than_a_brick_has(
+    shape: tuple[int, ...], dtype: str
+) -> None:
     values = np.random.default_rng(3).integers(0, 200, shape).astype(dtype)
     low, high = brick_ranges(values)
     assert low.dtype == high.dtype == values.dtype
@@ -87,7 +89,19 @@ def test_labels_between_a_brick_s_least_and_greatest_count() -> None:
     opacity[7] = 1
     low = np.array([[[0, 7, 8, 0]]], np.uint8)
     high = np.array([[[29, 7, 29, 6]]], np.uint8)
-    assert visible_bricks(low, high, (0, 29), opacity).tolist() == [[[True, True, False, False]]]
+    visible = visible_bricks(low, high, (0, 29), opacity, labels=True)
+    assert visible.tolist() == [[[True, True, False, False]]]
+
+
+def test_labels_beyond_the_table_are_nothing() -> None:
+    """Of values they would be the table's ends, here both opaque."""
+    opacity = np.array([0.5, 0.0, 0.5])
+    low = np.array([[[-3, -3, 3, 2, 2]]], np.int16)
+    high = np.array([[[-1, 0, 9, 2, 9]]], np.int16)
+    given = low, high, (0, 2), opacity
+    assert visible_bricks(*given, labels=True).tolist() == [[[False, True, False, True, True]]]
+    assert opacity_spread(*given, labels=True).tolist() == [[[0.0, 0.5, 0.0, 0.0, 0.5]]]
+    assert visible_bricks(*given).all() and not opacity_spread(*given).any()
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i2", "f4"])

@@ -19,7 +19,7 @@ _HOMES = {
     "volspec.errors": (
         *("CastCancelled", "DeviceError", "InputError", "VolspecError", "VolspecWarning"),
     ),
-    "volspec.pipeline": ("Relighter", "raycast", "refine", "relight"),
+    "volspec.pipeline": ("Relighter", "absorption_error", "raycast", "refine", "relight"),
     "volspec.raycast": (
         *("Ambient", "Camera", "ClipPlane", "CoefficientImage", "Directional", "Headlight"),
         *("LightGroup", "Point", "RaycastSpec"),

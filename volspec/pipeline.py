@@ -10,16 +10,25 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
+from volspec.basis import SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.gpu import Cancel, Progress, Raycaster
-from volspec.relight import Relighter, relight
-from volspec.transfer import SurfaceTable, Transfer, TransferTable
+from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
+from volspec.spectra import Spectrum
+from volspec.transfer import (
+    MAX_CHANNELS,
+    SurfaceTable,
+    Transfer,
+    TransferFunction,
+    TransferTable,
+)
 from volspec.volume import Volume
 
-__all__ = ["Raycaster", "Relighter", "raycast", "refine", "relight"]
+__all__ = ["Raycaster", "Relighter", "absorption_error", "raycast", "refine", "relight"]
 
 
 def raycast(
@@ -94,7 +103,7 @@ def raycast(
             f"raycast: the caster holds {caster.volume.name!r}, the volume is {volume.name!r}; "
             "give the caster's own"
         )
-    table = transfer.bake(min(volume.spacing_mm))
+    table = caster.table_of(transfer)
     cast = caster.cast(table, camera, size, spec, progress, cancel)
     if not cast.alpha.any():
         warnings.warn(_empty(volume, table), VolspecWarning, stacklevel=2)
@@ -149,6 +158,54 @@ def refine(
         if divisor == 1:
             return
         divisor = -(-divisor // 2)
+
+
+def absorption_error(
+    volume: Volume | Any,
+    transfer: TransferFunction,
+    camera: Camera,
+    light: Spectrum | LightRig,
+    spec: RaycastSpec | None = None,
+    *,
+    size: tuple[int, int] = (96, 96),
+    caster: Raycaster | None = None,
+) -> ErrorMap:
+    """How far spectral absorption takes a basis' colours from those of full spectra.
+
+    Light that passes filters is multiplied again and again, and every product has the basis'
+    error: the picture is cast small once more, with a channel for each band.
+
+    Parameters
+    ----------
+    volume, transfer, camera, spec, caster
+        As `raycast`.
+    light : Spectrum or LightRig
+        What lights both.
+    size : (width, height)
+        Pixels of the two pictures.
+
+    Returns
+    -------
+    ErrorMap
+        CIEDE2000; ``str`` of it says mean, 95 % and maximum.
+
+    Raises
+    ------
+    RaycastError
+        If the basis has more bands than channels can be cast.
+    """
+    caster = caster or Raycaster(Volume.of(volume))
+    bands = SpectralBasis.bands(transfer.basis.grid)
+    if bands.size > MAX_CHANNELS:
+        raise RaycastError(
+            f"absorption error: the basis has {bands.size} bands, {MAX_CHANNELS} channels can be "
+            "cast; take one on the default grid"
+        )
+    images = [
+        raycast(caster.volume, each, camera, size, spec, caster=caster)
+        for each in (transfer, replace(transfer, basis=bands))
+    ]
+    return difference_map(images[0], images[1], light, backdrop=0.0)
 
 
 def _empty(volume: Volume, table: TransferTable | SurfaceTable) -> str:

@@ -169,10 +169,10 @@ def test_table_over_gradients_matches_reference() -> None:
 
 
 def test_labels_match_reference() -> None:
-    """Label 3 is not in the table and is not seen."""
-    values = np.random.default_rng(3).choice(4, size=(12, 14, 16), p=[0.5, 0.2, 0.2, 0.1])
-    volume = Volume(values.astype(np.uint8))
-    opacity = np.array([0.0, 0.9, 0.3])
+    """Labels 3 and -1 are not in the table and are not seen; label 0 is."""
+    values = np.random.default_rng(3).choice(5, size=(12, 14, 16), p=[0.4, 0.1, 0.2, 0.2, 0.1]) - 1
+    volume = Volume(values.astype(np.int16))
+    opacity = np.array([0.1, 0.9, 0.3])
     table = TransferTable((0, 2), opacity, np.eye(3), 1.0, labels=True)
     assert_alike(volume, table, lit(SUN, SKY))
 
@@ -206,6 +206,22 @@ def test_layers_follow_what_changes_and_only_that(
 def test_lights_without_shadows_have_no_layer(engine: Volume, engine_table: TransferTable) -> None:
     spec = lit(Ambient(), Directional((1, 0, 0)), Point((0, 0, 0)))
     assert opened(engine).layers(engine_table, spec, Camera.orbit(engine))[2] == 0
+
+
+@pytest.mark.parametrize("mode", ["maximum", "average"])
+def test_projections_have_no_layers(engine: Volume, mode: str) -> None:
+    assert light_layers(lit(SUN, SKY, BULB, mode=mode), engine, Camera.orbit(engine)) == ()
+
+
+def test_occluders_reach_to_the_end_of_the_grid_and_no_farther() -> None:
+    volume = phantom.ball(16)
+    table, camera = ramp(0, 1), Camera.orbit(volume)
+    near, far = (
+        reference.layers(volume, table, lit(Ambient(1, True, radius), cells=8), camera)
+        for radius in (100.0, 1e300)
+    )
+    assert np.array_equal(near, far)
+    assert_alike(volume, table, lit(Ambient(1, True, 1e300), cells=8), dark=0.99)
 
 
 def test_layers_come_in_order_of_groups_and_sources(engine: Volume) -> None:

@@ -155,10 +155,11 @@ def _require_linker(device: cl.Device) -> None:
 
 @dataclass(slots=True)
 class Compute:
-    """A context and a queue on one device, and the kernels built there."""
+    """A context on one device, a queue for launches and one for transfers; the kernels built."""
 
     context: cl.Context
     queue: cl.CommandQueue
+    transfers: cl.CommandQueue
     info: DeviceInfo
     _kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel] = field(default_factory=dict)
     # Bytes of each buffer that still lives.
@@ -180,13 +181,13 @@ class Compute:
         _require_linker(device)
         try:
             context = cl.Context([device])
-            queue = cl.CommandQueue(context)
+            queue, transfers = cl.CommandQueue(context), cl.CommandQueue(context)
         except cl.Error as error:
             raise OpenCLError(
                 f"{device.name.strip()}: its driver makes no context ({_one_line(error)}); choose "
                 f"another device with {DEVICE_VARIABLE}, `volspec doctor` lists them"
             ) from error
-        return cls(context, queue, _describe(device))
+        return cls(context, queue, transfers, _describe(device))
 
     def kernel(self, source: Source, name: str, options: Sequence[str] = ()) -> cl.Kernel:
         """Build a program and take a kernel from it, once per source, name and options.
@@ -251,8 +252,14 @@ class Compute:
             cl.mem_flags.READ_ONLY | source, array.nbytes, array, counted=not shared
         )
 
-    def output(self, nbytes: int) -> cl.Buffer:
+    def output(self, nbytes: int, into: NDArray[Any] | None = None) -> cl.Buffer:
         """A device buffer that kernels write and the host reads.
+
+        Parameters
+        ----------
+        nbytes : int
+        into : C-contiguous array, optional
+            What `download` will fill. On a CPU kernels then write there.
 
         Raises
         ------
@@ -261,6 +268,9 @@ class Compute:
         """
         import pyopencl as cl
 
+        if into is not None and self.info.is_cpu:
+            flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
+            return self._buffer(flags, nbytes, into, counted=False)
         return self._buffer(cl.mem_flags.READ_WRITE, nbytes)
 
     def require(self, nbytes: int, what: str, remedy: str) -> None:
@@ -320,11 +330,33 @@ class Compute:
                 f"{_size(limit)}); cast a smaller picture or a down-sampled volume"
             ) from error
 
-    def download(self, buffer: cl.Buffer, into: Any) -> None:
-        """Copy a buffer into a contiguous array and wait for it."""
+    def download(
+        self, buffer: cl.Buffer, into: NDArray[Any], after: cl.Event | None = None
+    ) -> None:
+        """Have a buffer's content in a contiguous array, and wait for it.
+
+        Parameters
+        ----------
+        buffer : cl.Buffer
+            From `output`.
+        into : C-contiguous array
+        after : cl.Event, optional
+            The launch that fills it: those queued since then go on meanwhile. All launches when
+            left out.
+        """
         import pyopencl as cl
 
-        cl.enqueue_copy(self.queue, into, buffer)
+        if after is None:
+            self.queue.finish()
+        events = after and [after]
+        if buffer.hostbuf is not None:  # kernels write into the array itself
+            view, _ = cl.enqueue_map_buffer(
+                *(self.transfers, buffer, cl.map_flags.READ, 0, into.shape, into.dtype),
+                wait_for=events,
+            )
+            view.base.release(self.transfers)
+            return
+        cl.enqueue_copy(self.transfers, into, buffer, wait_for=events)
 
 
 def _cache_folder() -> str:

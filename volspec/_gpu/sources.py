@@ -38,6 +38,12 @@ def asset(relative: str) -> Path:
     return asset_root() / relative
 
 
+@cache
+def _lines(file: Path) -> list[str]:
+    """A source's lines; every cast assembles its kernel anew to find it among the built ones."""
+    return file.read_text(encoding="utf-8").splitlines()
+
+
 @dataclass(frozen=True, slots=True)
 class Source:
     """Program text ready for a compiler, and the files its line marks refer to."""
@@ -90,7 +96,7 @@ def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
         seen.add(name)
         files.append(name)
         try:
-            lines = file.read_text(encoding="utf-8").splitlines()
+            lines = _lines(file)
         except OSError as error:
             raise VolspecError(f"{relative}: cannot read {name}: {error.strerror}") from error
         out.append(mark(1, name))

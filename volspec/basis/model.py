@@ -306,6 +306,29 @@ class SpectralBasis(StoredBasis):
             observer_deg=observer_deg,
         )
 
+    @classmethod
+    def bands(cls, grid: SpectralGrid = DEFAULT_GRID, observer_deg: int = 2) -> SpectralBasis:
+        """No reduction at all: every band is a channel, and every product exact.
+
+        What other bases are measured against, where a picture can be cast with so many channels.
+
+        Examples
+        --------
+        >>> SpectralBasis.bands().size
+        31
+        """
+        checks.grid_and_observer(grid, observer_deg, "bands")
+        Q = color_matching_functions(grid, observer_deg)
+        return cls(
+            name=f"{grid.size} bands",
+            method="bands",
+            grid=grid,
+            analysis=np.eye(grid.size),
+            synthesis=np.eye(grid.size),
+            XYZ_from_channels=100.0 * Q / Q[1].sum(),
+            observer_deg=observer_deg,
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Everything as JSON types, with a format version; numbers keep every digit."""
         matrices = ("analysis", "synthesis", "XYZ_from_channels")

@@ -17,6 +17,7 @@ from volspec.errors import BasisError, ImageError, nearest
 
 if TYPE_CHECKING:
     from volspec.basis import Basis
+    from volspec.scene import NamedLight
     from volspec.spectra import Spectrum
 
 Tell = Callable[[str, float], None]
@@ -206,10 +207,19 @@ def _of_scene(
     scene = Scene.load(path, changes)
     tell("fit the basis", 1)
     chosen = scene.basis
-    own = [Spectrum(s.spectrum.wavelengths_nm, s.spectrum.values, s.name) for s in scene.lights]
+    own = [
+        Spectrum(spectrum.wavelengths_nm, spectrum.values, _name(light, spectrum))
+        for light in scene.lights
+        for spectrum in light.rig.lights
+    ]
     library = {name: light_set(name, chosen.grid) for name in CLASSES}
     reason = "" if changes else scene.basis_reason
     return _Case(chosen, {"scene": own, **library}, scene.materials, reason)
+
+
+def _name(light: NamedLight, spectrum: Spectrum) -> str:
+    """What a light of a scene is called; one of several in a setting by its own name too."""
+    return light.name if len(light.rig.lights) == 1 else f"{light.name}: {spectrum.name}"
 
 
 def _require_method(method: str, *, scene: bool) -> None:

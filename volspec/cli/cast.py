@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 from rich.console import Console
 
 from volspec import __version__
 from volspec._files import require_writable
+from volspec.cli.setting import read_setting
 from volspec.cli.shell import Device, app, bar
 from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning
 
@@ -25,17 +27,35 @@ AT_A_GLANCE = 3.0
 _SAMPLED = 64
 
 
+def _pixels(size: str) -> tuple[int, int]:
+    """WIDTHxHEIGHT as numbers."""
+    width, by, height = size.lower().partition("x")
+    if not (by and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise ValueError(f"{size!r} is no WIDTHxHEIGHT, such as 1024x768")
+    return int(width), int(height)
+
+
+def _check_size(_: Any, size: str | None) -> None:
+    """A cyclopts validator: what is no size is a usage error."""
+    if size is not None:
+        _pixels(size)
+
+
 @app.command
 def render(
     scene: Path,
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    size: Annotated[str | None, Parameter(validator=_check_size)] = None,
+    half: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
 ) -> None:
     """Cast a scene once into a coefficient image.
 
-    Example: `volspec render engine.toml -o engine.exr`
+    Ctrl-C ends a cast within moments; an image that was there before stays as it is.
+
+    Example: `volspec render engine.toml -o engine.exr --size 1024x768`
 
     Parameters
     ----------
@@ -43,6 +63,10 @@ def render(
         A scene file.
     output
         The OpenEXR file to write.
+    size
+        WIDTHxHEIGHT in pixels, in place of the scene's.
+    half
+        Keep the channels as float16: half the memory and file, three digits.
     """
     from volspec.scene import Scene
 
@@ -53,9 +77,17 @@ def render(
         tell("load the scene", 0)
         loaded = Scene.load(scene)
         tell("load the scene", 1)
-        image = loaded.render(device=device, progress=lambda share: tell("cast", share))
+        spec = replace(loaded.raycast, half=half or loaded.raycast.half)
+        image = loaded.render(
+            size=_pixels(size) if size else None,
+            spec=spec,
+            device=device,
+            progress=lambda share: tell("cast", share),
+        )
     image.save(output)
-    Console().print(f"{output}: {image.size[0]}×{image.size[1]}, {image.basis.size} channels")
+    groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
+    said = f"{output}: {image.size[0]}×{image.size[1]}, {image.basis.size} channels{groups}"
+    Console().print(said, highlight=False, markup=False, soft_wrap=True)
 
 
 @app.command
@@ -67,7 +99,8 @@ def relight(
         list[str],
         Parameter(
             negative="",
-            help=r"D65, planck:3200, D65\*0.7+A\*0.3, FILE.csv, FILE.spdx, FILE.exr; repeatable.",
+            help=r"D65, planck:3200, D65\*0.7+A\*0.3, FILE.csv, FILE.spdx, FILE.exr; "
+            r"or a light for each group, 'key=D65; fill=A\*0.3'; repeatable.",
         ),
     ],
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
@@ -82,6 +115,8 @@ def relight(
     """Relight a stored coefficient image, or a measured spectral picture.
 
     Example: `volspec relight engine.exr --light A --light FL2 -o engine.png`
+
+    Example: `volspec relight engine.exr --light "key=A; sky=D65*0.3" -o engine.png`
 
     Example: `volspec relight painting.exr --basis general-9 --light A -o painting.png`
 
@@ -111,7 +146,6 @@ def relight(
     from volspec.export.frames import file_stem, write_frame
     from volspec.pipeline import Relighter
     from volspec.scene import viewing_of
-    from volspec.spectra import light as light_of
 
     if output.suffix.lower() != ".png":
         raise ImageError(f"{output}: frames are PNG files; name it .png")
@@ -126,18 +160,18 @@ def relight(
     given = {"model": model, "mode": mode, "backdrop": backdrop}
     table = viewing_of(stored).model_copy(update={k: v for k, v in given.items() if v is not None})
     spec = table.spec()
-    spectra = [light_of(text, stored.basis.grid) for text in light]
+    lamps = [read_setting(text, stored.groups, stored.basis.grid) for text in light]
     changes = _reflectances(reflectance or (), stored.basis.grid)
     with Relighter(stored) as relighter:
         if changes:
             relighter.set_reflectances(changes)
-        for text, spectrum, path, beside in zip(light, spectra, paths, maps, strict=True):
-            frame = relighter.frame(spectrum, spec.viewing, spec.mode, spec.backdrop, spec.level)
+        for text, lamp, path, beside in zip(light, lamps, paths, maps, strict=True):
+            frame = relighter.frame(lamp, spec.viewing, spec.mode, spec.backdrop, spec.level)
             write_frame(path, frame, {"light": text, "Software": f"volspec {__version__}"})
             Console().print(f"{path}", highlight=False, soft_wrap=True)
             # For the warning alone some of a large picture's pixels are enough.
             every = 1 if errors else max(1, min(stored.size) // _SAMPLED)
-            off = relighter.error_map(spectrum, spec.mode, spec.backdrop, every)
+            off = relighter.error_map(lamp, spec.mode, spec.backdrop, every)
             if errors:
                 write_frame(beside, off.image(), {"light": text, "shows": str(off)})
                 Console().print(f"{beside}: {off}", highlight=False, soft_wrap=True)

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from rich.console import Console
 
 from volspec.cli.shell import Json, app, print_json
+
+if TYPE_CHECKING:
+    from volspec.volume import Volume
+
+# So many values, all whole, are taken for the labels of a segmentation.
+_MOST_LABELS = 64
 
 
 @app.command
@@ -26,7 +34,7 @@ def doctor(*, json: Json = False) -> None:
 
 @app.command
 def info(volume: str, /, *, json: Json = False) -> None:
-    """Size, spacing, orientation, range and histogram of a volume.
+    """Size, spacing, orientation, range and histogram of a volume; its labels, where it has such.
 
     Example: `volspec info engine.nrrd`
 
@@ -38,8 +46,28 @@ def info(volume: str, /, *, json: Json = False) -> None:
     from volspec.volume import load_volume
     from volspec.volume.summary import summarize
 
-    summary = summarize(load_volume(volume))
+    loaded = load_volume(volume)
+    summary, labels = summarize(loaded), _labels(loaded)
     if json:
-        print_json(summary.to_dict())
-    else:
-        Console().print(summary.table())
+        print_json(summary.to_dict() | ({"labels": labels} if labels else {}))
+        return
+    table = summary.table()
+    if labels:
+        table.add_row("labels", f"{labels[0]}–{labels[-1]}: {len(labels)} values")
+    Console().print(table)
+
+
+def _labels(volume: Volume) -> list[int]:
+    """The values of a volume that looks like a segmentation, in order; of any other none."""
+    import numpy as np
+
+    if volume.values.dtype.kind not in "ui":
+        return []
+    low = int(volume.range[0])
+    found: set[int] = set()
+    for layer in volume.values:  # a volume's own integers are never wider than 16 bits
+        counts = np.bincount(layer.ravel().astype(np.int64) - low)
+        found.update((np.flatnonzero(counts) + low).tolist())
+        if len(found) > _MOST_LABELS:
+            return []
+    return sorted(found)

@@ -1,7 +1,7 @@
 """What every command shares: the app, its options, bars, JSON, exit codes.
 
 Exit codes: 0 done, 1 bad input or missing device (one line on stderr; ``--debug`` shows the
-traceback), 2 usage.
+traceback), 2 usage, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -15,7 +15,14 @@ from typing import Annotated, Any, get_args
 
 from cyclopts import App, CycloptsError, Parameter, Token
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskID,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
 
 from volspec import __version__
 from volspec.errors import VolspecError, VolspecWarning
@@ -56,6 +63,7 @@ class bar:
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
+            TaskProgressColumn(),
             TimeElapsedColumn(),
             console=Console(stderr=True),
             disable=quiet,

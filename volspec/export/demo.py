@@ -113,7 +113,7 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
             plain = relighter.frame(light.rig, unadapted, **seen)
             frames[light.name] = frame
             columns.append(SheetColumn(light.name, light.label, light.spectrum, [frame, plain]))
-            errors = report(scene.basis, [light.spectrum], materials)
+            errors = report(scene.basis, light.rig.lights, materials)
             error = errors.exact if relit.mode == "exact" else errors.componentwise
             reports.append(
                 LightReport(

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import CameraError
+from volspec.raycast.checks import Vector, number, positive, unit, unit_vector, vector
 from volspec.volume import Volume
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +25,7 @@ class Camera:
     position_mm, target_mm : (x, y, z)
         Where it stands and what it looks at.
     up : (x, y, z)
-        A direction that shall point upwards in the picture.
+        A direction that shall point upwards in the picture; kept as a unit vector.
     fov_deg : float
         Vertical field of view of the pinhole, above 0 and below 180.
     height_mm : float, optional
@@ -45,21 +44,20 @@ class Camera:
     height_mm: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("position_mm", "target_mm", "up"):
-            object.__setattr__(self, name, _three(name, getattr(self, name)))
-        if not 0 < self.fov_deg < 180:
-            raise CameraError(f"camera: fov_deg is {self.fov_deg}; give degrees between 0 and 180")
-        if self.height_mm is not None and not (
-            math.isfinite(self.height_mm) and self.height_mm > 0
-        ):
-            raise CameraError(f"camera: height_mm is {self.height_mm}; give millimetres above 0")
-        view = np.subtract(self.target_mm, self.position_mm)
-        distance = np.linalg.norm(view)
-        if distance == 0:
+        for name, taken in (("position_mm", vector), ("target_mm", vector), ("up", unit_vector)):
+            given = getattr(self, name)
+            object.__setattr__(self, name, taken(f"camera: {name}", given, CameraError))
+        _check_fov(self.fov_deg)
+        if self.height_mm is not None:
+            positive("camera: height_mm", self.height_mm, CameraError)
+        if self.distance_mm == 0:
             raise CameraError(f"camera: stands on its target {self.target_mm}; move one of them")
-        if np.linalg.norm(np.cross(view / distance, self.up)) < 1e-6 * np.linalg.norm(self.up) or (
-            not np.any(self.up)
-        ):
+        if not math.isfinite(self.distance_mm):
+            raise CameraError(
+                f"camera: position_mm is {self.position_mm}, too far from its target "
+                f"{self.target_mm}; move one of them"
+            )
+        if np.linalg.norm(np.cross(self._forward, self.up)) < 1e-6:
             raise CameraError(f"camera: looks along its up direction {self.up}; choose another up")
 
     @classmethod
@@ -88,20 +86,15 @@ class Camera:
         """
         volume = Volume.of(volume)
         for name, angle in (("azimuth_deg", azimuth_deg), ("elevation_deg", elevation_deg)):
-            if not math.isfinite(angle):
-                raise CameraError(f"camera: {name} is {angle}; give degrees")
-        if not (math.isfinite(zoom) and zoom > 0):
-            raise CameraError(f"camera: zoom is {zoom}; give a number above 0")
-        if not 0 < fov_deg < 180:
-            raise CameraError(f"camera: fov_deg is {fov_deg}; give degrees between 0 and 180")
+            number(f"camera: {name}", angle, CameraError)
+        positive("camera: zoom", zoom, CameraError)
+        _check_fov(fov_deg)
         corners = volume.corners_mm
         centre = corners.mean(axis=0)
         radius = float(np.linalg.norm(corners - centre, axis=1).max()) or 1.0
-        target = centre if target_mm is None else np.array(_three("target_mm", target_mm))
-        axis = np.asarray(up, dtype=np.float64)
-        if axis.shape != (3,) or not np.linalg.norm(axis) > 0:
-            raise CameraError(f"camera: up is {up}; give a direction")
-        axis = axis / np.linalg.norm(axis)
+        target = centre if target_mm is None else target_mm
+        target = np.array(vector("camera: target_mm", target, CameraError))
+        axis = np.array(unit_vector("camera: up", up, CameraError))
         # The front: −y, made perpendicular to up; where up is ±y, −x.
         front = np.array([0.0, -1.0, 0.0])
         front -= front.dot(axis) * axis
@@ -114,6 +107,11 @@ class Camera:
         direction = math.cos(elevation) * around + math.sin(elevation) * axis
         top = math.cos(elevation) * axis - math.sin(elevation) * around
         distance = radius / math.sin(math.radians(fov_deg) / 2) / zoom
+        if not math.isfinite(distance):
+            raise CameraError(
+                f"camera: fov_deg is {fov_deg} and zoom {zoom}; the camera would stand endlessly "
+                "far away, give more"
+            )
         return cls(
             position_mm=tuple(target + distance * direction),
             target_mm=tuple(target),
@@ -122,10 +120,18 @@ class Camera:
             height_mm=2 * radius / zoom if orthographic else None,
         )
 
+    @property
+    def distance_mm(self) -> float:
+        """From the camera to its target."""
+        return math.dist(self.target_mm, self.position_mm)
+
+    @property
+    def _forward(self) -> NDArray[np.float64]:
+        return np.array(unit(np.subtract(self.target_mm, self.position_mm)))
+
     def frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Unit vectors (right, up, forward) of the picture in the world."""
-        forward = np.subtract(self.target_mm, self.position_mm)
-        forward /= np.linalg.norm(forward)
+        forward = self._forward
         right = np.cross(forward, self.up)
         right /= np.linalg.norm(right)
         return right, np.cross(right, forward), forward
@@ -146,27 +152,21 @@ class Camera:
     def ray_field(self, width: int, height: int) -> RayField:
         """The rays of a picture of so many pixels."""
         right, up, forward = self.frame()
-        distance = float(np.linalg.norm(np.subtract(self.target_mm, self.position_mm)))
-        tall = self.height_mm or 2 * distance * math.tan(math.radians(self.fov_deg) / 2)
+        tall = self.height_mm or 2 * self.distance_mm * math.tan(math.radians(self.fov_deg) / 2)
         return RayField(
             target=np.asarray(self.target_mm),
             forward=forward,
             across=right * (tall / height),
             down=-up * (tall / height),
             middle=((width - 1) / 2, (height - 1) / 2),
-            distance=distance,
+            distance=self.distance_mm,
             perspective=self.height_mm is None,
         )
 
 
-def _three(name: str, given: Vector) -> Vector:
-    try:
-        x, y, z = (float(v) for v in given)
-    except (TypeError, ValueError):
-        raise CameraError(f"camera: {name} is {given!r:.60}; give three numbers") from None
-    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-        raise CameraError(f"camera: {name} is {(x, y, z)}; give three finite numbers")
-    return x, y, z
+def _check_fov(degrees: float) -> None:
+    if not 0 < number("camera: fov_deg", degrees, CameraError) < 180:
+        raise CameraError(f"camera: fov_deg is {degrees}; give degrees between 0 and 180")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

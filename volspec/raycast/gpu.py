@@ -11,6 +11,7 @@ import operator
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,8 +25,9 @@ from volspec.raycast import packed
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume.gpu import LightVolume
 from volspec.raycast.light_volume.spec import light_layers
+from volspec.raycast.reach import check_reach
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import MAX_CHANNELS, SurfaceTable, TransferTable
+from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
 from volspec.volume import Volume
 from volspec.volume.bricks import (
     BRICK,
@@ -42,13 +44,12 @@ Cancel = Callable[[], bool]
 # Packet shape by LANES, (width, height) in pixels; lanes.clh numbers the lanes row by row.
 TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2)}
 LOCAL = (8, 8)
+_LARGEST_HALF = float(np.finfo(np.float16).max)
 # Codes of bricks from here on are strides (rays.clh).
 STRIDES = 248
 MAX_SIDE = 16384
 _VOXEL_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
 _OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
-# The first launch of a cast, in rows of work-groups, before any has been timed.
-_FIRST_ROWS = 2
 
 
 class Result(NamedTuple):
@@ -91,13 +92,13 @@ class Raycaster:
         if self.lanes not in TILES:
             raise RaycastError(f"raycast: lanes is {lanes}; give one of {sorted(TILES)}")
         values = volume.values
+        if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
+            values = np.pad(values, ((0, 0), (0, 0), (0, 4 - values.shape[2])), mode="edge")
         if values.size > np.iinfo(np.int32).max:
             raise OpenCLError(
                 f"{volume.name}: {values.size / 2**30:.1f} Gi voxels; at most 2 Gi can be cast, "
                 "take volume.downsampled(2)"
             )
-        if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
-            values = np.pad(values, ((0, 0), (0, 0), (0, 4 - values.shape[2])), mode="edge")
         if not self._compute.info.is_cpu:
             self._compute.require(values.nbytes, volume.name, "take volume.downsampled(2)")
         self._stored_shape = values.shape
@@ -106,12 +107,22 @@ class Raycaster:
         whole = self._voxels
         if values is not volume.values:
             whole = self._compute.upload(volume.values, share=True)
+        self._baked: tuple[Transfer, TransferTable | SurfaceTable] | None = None
         self._lights = LightVolume(self._compute, volume, whole)
 
     @property
     def device(self) -> str:
         """Name of the device."""
         return self._compute.info.name
+
+    def table_of(self, transfer: Transfer) -> TransferTable | SurfaceTable:
+        """A transfer function baked for the volume; the last one is kept.
+
+        The light volume knows by the table itself that nothing has changed.
+        """
+        if self._baked is None or self._baked[0] is not transfer:
+            self._baked = transfer, transfer.bake(min(self.volume.spacing_mm))
+        return self._baked[1]
 
     def cast(
         self,
@@ -143,14 +154,17 @@ class Raycaster:
             If memory does not suffice.
         """
         width, height = _checked_size(size)
+        check_reach(self.volume, camera, spec)
         if table.size > MAX_CHANNELS:
             raise RaycastError(
                 f"raycast: {table.size} channels; at most {MAX_CHANNELS} can be cast"
             )
         layers = len(spec.groups) * table.size
         dtype = np.float16 if spec.half else np.float32
+        # The picture, and two bands of it under way.
+        under_way = min(height, 1024) * layers * 4
         self._compute.require(
-            width * height * (layers * np.dtype(dtype).itemsize + 12),
+            width * (height * (layers * np.dtype(dtype).itemsize + 12) + under_way),
             f"a picture of {width}x{height} with {layers} channels",
             "cast it smaller, with fewer light groups, or with half=True",
         )
@@ -195,6 +209,7 @@ class Raycaster:
         buffer, grid, _ = self._lights.layers(table, spec, camera)
         struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
         struct["light_scale"][:3] = grid.per_index
+        struct["light_lift"] = grid.lift_mm / min(self.volume.spacing_mm)
         places = [(g, s) for g, group in enumerate(spec.groups) for s in range(len(group.sources))]
         return buffer, [wanted.index(place) if place in wanted else -1 for place in places]
 
@@ -207,11 +222,11 @@ class Raycaster:
             return np.minimum(
                 chessboard_leaps(straddled_bricks(low, high, table.values)), STRIDES - 1
             )
-        visible = visible_bricks(low, high, table.domain, table.opacity)
+        visible = visible_bricks(low, high, table.domain, table.opacity, table.labels)
         codes = np.minimum(chessboard_leaps(visible), STRIDES - 1)
         if spec.adaptive > 0:
             opacity = table.step_opacity(spec.step_of(self.volume))
-            spread = opacity_spread(low, high, table.domain, opacity)
+            spread = opacity_spread(low, high, table.domain, opacity, table.labels)
             codes[visible & (spread < spec.adaptive)] = STRIDES
             codes[visible & (spread < spec.adaptive / 4)] = STRIDES + 1
         return codes
@@ -223,6 +238,7 @@ class Raycaster:
             "TILE_WIDTH": tile_width,
             "TILE_HEIGHT": tile_height,
             "BRICK": BRICK,
+            "STEPS": 2 if self.lanes > 1 else 1,
             "STRIDES": STRIDES,
             "ADAPTIVE": int(spec.adaptive > 0),
             "VOXEL": _VOXEL_TYPES[self.volume.values.dtype.name],
@@ -231,8 +247,19 @@ class Raycaster:
             **program.constants,
             **packed.definitions(spec, layers),
         }
+        constants["WIDE"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
         source = assemble(f"kernels/{program.name}.cl", prelude(constants, "opencl"))
         return self._compute.kernel(source, program.name, _OPTIONS)
+
+
+@dataclass(frozen=True, slots=True)
+class _Band:
+    """Rows of work-groups first…last under way."""
+
+    first: int
+    last: int
+    done: Any
+    outputs: list[tuple[Any, NDArray[np.float32]]]
 
 
 class _Bands:
@@ -251,6 +278,7 @@ class _Bands:
         height, width = result.alpha.shape
         self._columns = -(-width // (tile[0] * LOCAL[0])) * LOCAL[0]
         self._group_rows = -(-height // (tile[1] * LOCAL[1]))
+        self._costs: deque[float] = deque(maxlen=3)  # ms a row of work-groups
 
     def run(
         self,
@@ -260,8 +288,9 @@ class _Bands:
         cancel: Cancel | None,
     ) -> None:
         """Launch and fetch every band; see `Raycaster.cast`."""
-        under_way: deque[tuple[int, int, Any, list[Any]]] = deque()
-        row, rows, began = 0, _FIRST_ROWS, time.perf_counter()
+        under_way: deque[_Band] = deque()
+        row, rows = 0, 1
+        began = time.perf_counter()
         try:
             while row < self._group_rows or under_way:
                 if cancel is not None and cancel():
@@ -270,52 +299,49 @@ class _Bands:
                     last = min(row + rows, self._group_rows)
                     under_way.append(self._launch(kernel, arguments, row, last))
                     row = last
-                first, last, done, buffers = under_way.popleft()
-                done.wait()
-                took = 1e3 * (time.perf_counter() - began)
-                began = time.perf_counter()
-                wanted = (last - first) * self._tile_ms / max(took, 1e-3)
-                rows = int(np.clip(wanted, max(1, rows // 2), 4 * rows))
-                self._fetch(first, last, buffers)
+                band = under_way.popleft()
+                band.done.wait()
+                now = time.perf_counter()
+                rows = self._next_rows(rows, band, 1e3 * (now - began))
+                began = now
+                self._fetch(band)
                 if progress is not None:
-                    progress(last / self._group_rows)
+                    progress(band.last / self._group_rows)
         finally:
-            self._compute.queue.finish()
+            self._compute.queue.finish()  # what is under way writes into the result
 
-    def _launch(
-        self, kernel: Any, arguments: tuple[Any, ...], first: int, last: int
-    ) -> tuple[int, int, Any, list[Any]]:
-        lines = self._lines(first, last)
-        buffers = [
-            self._compute.output(
-                (lines.stop - lines.start) * array[0].size * np.dtype(np.float32).itemsize
-            )
-            for array in self._result
-        ]
+    def _next_rows(self, rows: int, band: _Band, took_ms: float) -> int:
+        """As many as the costliest of the last bands allows; at most twice as many as before."""
+        self._costs.append(took_ms / (band.last - band.first))
+        wanted = self._tile_ms / max(*self._costs, 1e-3)
+        return int(np.clip(wanted, 1, 2 * rows))
+
+    def _launch(self, kernel: Any, arguments: tuple[Any, ...], first: int, last: int) -> _Band:
+        group = LOCAL[1] * self._tile[1]
+        lines = slice(first * group, min(last * group, len(self._result.alpha)))
+        outputs = []
+        for array in self._result:
+            part = array[lines]
+            into = part if part.dtype == np.float32 else np.empty(part.shape, np.float32)
+            outputs.append((self._compute.output(into.nbytes, into), into))
         done = kernel(
             self._compute.queue,
             (self._columns, (last - first) * LOCAL[1]),
             LOCAL,
             *arguments,
-            *buffers,
+            *(buffer for buffer, _ in outputs),
             np.int32(first * LOCAL[1]),
         )
         self._compute.queue.flush()
-        return first, last, done, buffers
+        return _Band(first, last, done, outputs)
 
-    def _lines(self, first: int, last: int) -> slice:
-        group = LOCAL[1] * self._tile[1]
-        return slice(first * group, min(last * group, len(self._result.alpha)))
-
-    def _fetch(self, first: int, last: int, buffers: list[Any]) -> None:
-        lines = self._lines(first, last)
-        for buffer, array in zip(buffers, self._result, strict=True):
-            if array.dtype == np.float32:
-                self._compute.download(buffer, array[lines])
-            else:
-                full = np.empty(array[lines].shape, np.float32)
-                self._compute.download(buffer, full)
-                array[lines] = full
+    def _fetch(self, band: _Band) -> None:
+        for (buffer, into), array in zip(band.outputs, self._result, strict=True):
+            self._compute.download(buffer, into, band.done)
+            if array.dtype != np.float32:
+                start = band.first * LOCAL[1] * self._tile[1]
+                np.clip(into, -_LARGEST_HALF, _LARGEST_HALF, out=into)
+                array[start : start + len(into)] = into
 
 
 def _checked_size(size: tuple[int, int]) -> tuple[int, int]:

@@ -8,16 +8,16 @@ its spectrum and weight when the picture is relit.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
 from volspec.errors import RaycastError
+from volspec.raycast.checks import Vector, positive, unit_vector, vector, weight
 
-Vector = tuple[float, float, float]
 Frame = Literal["world", "camera"]
 MAX_GROUPS = 8
 MAX_SOURCES = 16
+MAX_NAME = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +40,8 @@ class Ambient:
 
     def __post_init__(self) -> None:
         _check_intensity(self)
-        if self.radius_mm is not None and not (
-            math.isfinite(self.radius_mm) and self.radius_mm > 0
-        ):
-            raise RaycastError(f"ambient light: radius_mm is {self.radius_mm}; give mm above 0")
+        if self.radius_mm is not None:
+            positive("ambient light: radius_mm", self.radius_mm)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +61,7 @@ class Directional:
     Parameters
     ----------
     towards : (x, y, z)
-        From the volume to the light; any length but 0.
+        From the volume to the light; of any length but 0, kept as a unit vector.
     frame : {"world", "camera"}
         Axes of ``towards``: the world's, or (right, up, back) of the camera, for a light that
         moves with it.
@@ -80,9 +78,7 @@ class Directional:
     def __post_init__(self) -> None:
         _check_intensity(self)
         _check_frame(self)
-        towards = _vector("directional light", "towards", self.towards)
-        if not any(towards):
-            raise RaycastError("directional light: towards is (0, 0, 0); give a direction")
+        towards = unit_vector("directional light: towards", self.towards)
         object.__setattr__(self, "towards", towards)
 
 
@@ -111,12 +107,10 @@ class Point:
     def __post_init__(self) -> None:
         _check_intensity(self)
         _check_frame(self)
-        position = _vector("point light", "position_mm", self.position_mm)
+        position = vector("point light: position_mm", self.position_mm)
         object.__setattr__(self, "position_mm", position)
-        if self.falloff_mm is not None and not (
-            math.isfinite(self.falloff_mm) and self.falloff_mm > 0
-        ):
-            raise RaycastError(f"point light: falloff_mm is {self.falloff_mm}; give mm above 0")
+        if self.falloff_mm is not None:
+            positive("point light: falloff_mm", self.falloff_mm)
 
 
 Source = Ambient | Headlight | Directional | Point
@@ -129,14 +123,14 @@ class LightGroup:
     Parameters
     ----------
     name : str
-        What a light of the rig is given to.
+        What a light of the rig is given to; up to 64 characters.
     sources : tuple of Ambient, Headlight, Directional, Point
         At least one.
 
     Raises
     ------
     RaycastError
-        If there is no name, no source or something else among them.
+        If there is no name or too long a one, no source or something else among them.
 
     Examples
     --------
@@ -150,7 +144,13 @@ class LightGroup:
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name.strip()):
             raise RaycastError(f"light group: name is {self.name!r}; give a word")
-        sources = (self.sources,) if isinstance(self.sources, Source) else tuple(self.sources)
+        if len(self.name) > MAX_NAME:
+            raise RaycastError(
+                f"light group {self.name!r:.20}…: the name has {len(self.name)} characters; give "
+                f"{MAX_NAME} at most"
+            )
+        given = self.sources
+        sources = tuple(given) if isinstance(given, list | tuple) else (given,)
         if not sources:
             raise RaycastError(f"light group {self.name!r}: no source; give at least one")
         for source in sources:
@@ -163,29 +163,20 @@ class LightGroup:
 
 
 def _check_intensity(source: Source) -> None:
-    if not (math.isfinite(source.intensity) and source.intensity >= 0):
-        raise RaycastError(
-            f"{type(source).__name__.lower()} light: intensity is {source.intensity}; "
-            "give a number of 0 or more"
-        )
+    weight(f"{_who(source)}: intensity", source.intensity)
 
 
 def _check_frame(source: Directional | Point) -> None:
     if source.frame not in ("world", "camera"):
         raise RaycastError(
-            f"{type(source).__name__.lower()} light: frame is {source.frame!r}; "
-            "give 'world' or 'camera'"
+            f"{_who(source)}: frame is {source.frame!r:.40}; give 'world' or 'camera'"
         )
 
 
-def _vector(who: str, name: str, given: Vector) -> Vector:
-    try:
-        x, y, z = (float(v) for v in given)
-    except (TypeError, ValueError):
-        raise RaycastError(f"{who}: {name} is {given!r:.60}; give three numbers") from None
-    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-        raise RaycastError(f"{who}: {name} is {(x, y, z)}; give three finite numbers")
-    return x, y, z
+def _who(source: Source) -> str:
+    return (
+        "headlight" if isinstance(source, Headlight) else f"{type(source).__name__.lower()} light"
+    )
 
 
 # One layer, as a viewer without lights of its own has it.

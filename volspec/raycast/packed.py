@@ -32,9 +32,10 @@ CAST = np.dtype(
     + [
         (name, np.float32)
         for name in (
-            *("middle_x", "middle_y", "distance", "perspective", "phase", "start", "step"),
-            *("jitter", "domain_low", "domain_scale", "last_entry", "row_scale", "last_row"),
-            *("opaque", "first_opacity", "gradient_scale", "gradient_floor_squared"),
+            *("middle_x", "middle_y", "distance", "perspective", "light_lift", "phase", "start"),
+            *("step", "jitter", "domain_low", "domain_rest", "domain_scale", "last_entry"),
+            *("row_scale", "last_row", "opaque", "first_opacity"),
+            *("gradient_scale", "gradient_floor_squared"),
         )
     ]
     + [
@@ -44,7 +45,7 @@ CAST = np.dtype(
             *("light_x", "light_y", "light_z", "plane_count", "shininess", "seed"),
         )
     ]
-    + [("unused", np.int32, 3)]  # OpenCL pads the struct to the alignment of float4
+    + [("unused", np.int32, 1)]  # OpenCL pads the struct to the alignment of float4
 )
 # Numbers of the sources' kinds in shade.clh.
 KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
@@ -115,12 +116,13 @@ def _set_table(
         )
     cast["last_entry"] = last
     cast["domain_low"], cast["domain_scale"] = low, last / (high - low)
+    cast["domain_rest"] = low - float(cast["domain_low"])
     if table.gradient_top is not None:
         rows = len(table.opacity) - 1
-        share_per_spacing = spec.gradient_scale(volume) * min(volume.spacing_mm)
         cast["last_row"] = rows
         # From a share of the range per smallest spacing, which the kernel has, to rows.
-        cast["row_scale"] = rows / (table.gradient_top * max(share_per_spacing, 1e-30))
+        share_per_mm = spec.gradient_scale(volume) * min(volume.spacing_mm)
+        cast["row_scale"] = rows / (table.gradient_top * share_per_mm) if share_per_mm else 0.0
 
 
 def gradient_scale(table: TransferTable | SurfaceTable, volume: Volume, spec: RaycastSpec) -> float:
@@ -199,7 +201,6 @@ class Program:
             "TABLE_ROWS": rows,
             "FILTERED": int(isinstance(table, TransferTable) and table.filters is not None),
             "ENDS": int(name in ("surfaces", "preintegrated")),
-            "WIDE": int(name != "projection" and (spec.shaded or rows > 1)),
             **extra,
         }
         return cls(name, constants, opacity, shares, mixed.astype(np.float32), _padded(filters))
@@ -269,8 +270,7 @@ def source_rows(volume: Volume, camera: Camera, spec: RaycastSpec) -> NDArray[np
     for row, (_, source) in zip(rows[3:].reshape(-1, 2, 4), sources, strict=True):
         row[0, 3] = source.intensity
         if isinstance(source, Directional):
-            towards = camera.to_world(source.towards, source.frame)
-            row[0, :3] = towards / np.linalg.norm(towards)
+            row[0, :3] = camera.to_world(source.towards, source.frame)
         elif isinstance(source, Point):
             at = camera.place_mm(source.position_mm, source.frame)
             row[0, :3] = (at - camera.target_mm) / unit
@@ -287,7 +287,7 @@ def definitions(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
     """What shade.clh is compiled with; ``layers`` the light volume's layer of each source."""
     sources = sources_of(spec)
     kinds = [KINDS[type(source)] for _, source in sources]
-    shaded = spec.shaded and spec.mode == "composite"
+    shaded, lit = spec.shaded and spec.mode == "composite", max(layers) >= 0
     return {
         "GROUPS": len(spec.groups),
         "SOURCES": len(sources),
@@ -296,6 +296,7 @@ def definitions(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
         "SOURCE_LAYER": braces(layers),
         "SHADED": int(shaded),
         "SPECULAR": int(shaded and spec.specular > 0),
-        "LIT": int(max(layers) >= 0),
-        "POINTS": int(KINDS[Point] in kinds),
+        "LIT": int(lit),
+        "NORMALS": int(shaded or lit),
+        "POINTS": int(KINDS[Point] in kinds and spec.mode == "composite"),
     }

@@ -19,12 +19,14 @@ from typing import Any
 import numpy as np
 
 from volspec.raycast.camera import Camera
+from volspec.raycast.light_volume.reference import arrivals
+from volspec.raycast.light_volume.spec import LightGrid
+from volspec.raycast.reach import check_reach
 from volspec.raycast.sampling import (
     Array,
     Index,
     Rays,
     Sampler,
-    arrivals,
     between,
     classified,
     entry_of,
@@ -59,7 +61,15 @@ def cast(
     depth_mm, first_mm : (H, W)
         Expected distance from the camera of what is seen, and where it is first hit; inf where
         nothing is.
+
+    Raises
+    ------
+    RaycastError
+        If the step or the crop does not fit the volume, or a light is too far from it.
+    CameraError
+        If the camera is.
     """
+    check_reach(volume, camera, spec)
     width, height = size
     kind: type[_March] = _March
     if isinstance(table, SurfaceTable):
@@ -95,6 +105,8 @@ class _March:
         self.spec, self.rays = spec, rays
         self.sampler = Sampler(volume, table, spec)
         self.arrives = arrivals(volume, table, spec, camera)
+        self.lift_mm = LightGrid.of(volume, spec.light_cells).lift_mm
+        self.normals = spec.shaded or bool(self.arrives)
         self.step = spec.step_of(volume)
         count = len(rays.near)
         self.covered, self.depth = np.zeros(count), np.zeros(count)
@@ -122,7 +134,7 @@ class _March:
         """One step of each live ray."""
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
-        shaded = self.spec.shaded or self.table.gradient_top is not None
+        shaded = self.normals or self.table.gradient_top is not None
         gradient = self.sampler.gradient(point) if shaded else None
         share, seen = classified(self.table, self.sampler, point, gradient, self.step)
         alpha = 1 - (1 - share) ** ((end - begin) / self.step)
@@ -147,9 +159,9 @@ class _March:
     def light(self, live: Index, point: Array, gradient: Array | None, seen: Array) -> Array:
         """(R, L, M) what samples reflect of each group's light."""
         factor, gloss = shading(
-            *(self.volume, self.camera, self.spec, self.arrives, point),
+            *(self.volume, self.camera, self.spec, self.arrives, self.lift_mm, point),
             self.rays.direction[live],
-            gradient if self.spec.shaded else None,
+            gradient if self.normals else None,
         )
         return factor[:, :, None] * seen[:, None, :] + gloss[:, :, None] * self.table.white
 
@@ -162,7 +174,12 @@ class _March:
 
 
 class _Filtered(_March):
-    """Spectral absorption: one transmittance a channel; twin: raycast.cl with FILTERED."""
+    """Spectral absorption: one transmittance a channel; twin: raycast.cl with FILTERED.
+
+    C_k += T_k (1 − t_k^length) (g s_k(v) + k_s white_k),   T_k ← T_k t_k^length
+
+    so that a channel reflects as much as it loses, and the opacity is what all lose in the mean.
+    """
 
     def __init__(self, *given: Any) -> None:
         super().__init__(*given)
@@ -171,16 +188,14 @@ class _Filtered(_March):
     def take(self, live: Index, begin: Array, end: Array) -> None:
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
-        gradient = self.sampler.gradient(point) if self.spec.shaded else None
-        share, seen = classified(self.table, self.sampler, point, gradient, self.step)
-        fraction = (end - begin) / self.step
-        alpha = 1 - (1 - share) ** fraction
+        gradient = self.sampler.gradient(point) if self.normals else None
+        _, seen = classified(self.table, self.sampler, point, gradient, self.step)
         entries = self.table.step_transmittance(self.step)
         j, f = entry_of(self.table, self.sampler.value(point))
-        passed = between(entries, j, f) ** fraction[:, None]
-        light = self.light(live, point, gradient, seen) * self.passing[live][:, None, :]
-        self.colour[live] += alpha[:, None, None] * light
-        self.passing[live] *= np.where(share[:, None] > 0, passed, 1.0)
+        passed = between(entries, j, f) ** ((end - begin) / self.step)[:, None]
+        taken = self.passing[live] * (1 - passed)
+        self.colour[live] += taken[:, None, :] * self.light(live, point, gradient, seen)
+        self.passing[live] *= passed
         left = self.passing[live].mean(axis=1)
         self.cover(live, middle, self.through[live] - left)
         self.through[live] = left
@@ -196,7 +211,7 @@ class _Preintegrated(_March):
         seen = means[:, 1:] / np.maximum(means[:, :1], 1e-30) @ self.table.channels
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
-        gradient = self.sampler.gradient(point) if self.spec.shaded else None
+        gradient = self.sampler.gradient(point) if self.normals else None
         self.reflect(live, middle, point, gradient, alpha, seen)
 
 
@@ -216,7 +231,7 @@ class _Surfaces(_March):
             rays, which = live[met], which[met]
             along = self._place(rays, begin[met], end[met], front[met], back[met], level[met])
             point = self.point(rays, along)
-            gradient = self.sampler.gradient(point) if self.spec.shaded else None
+            gradient = self.sampler.gradient(point) if self.normals else None
             seen = (table.shares @ table.channels)[which]
             self.reflect(rays, along, point, gradient, table.opacity[which], seen)
 

@@ -7,15 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
-from volspec.raycast.light_volume import reference as light_reference
-from volspec.raycast.light_volume.spec import LightGrid, light_layers
-from volspec.raycast.lights import Ambient, Directional, Headlight
+from volspec.raycast.lights import Ambient, Directional, Point, Source
 from volspec.raycast.packed import gradient_scale, sources_of
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
@@ -122,8 +119,11 @@ class Sampler:
         values = volume.values.astype(np.float64)
         self.labels: NDArray[np.int64] | None = None
         if isinstance(table, TransferTable) and table.labels:
+            # One entry more, of nothing: what the table has no label for.
             opacity = np.append(table.step_opacity(spec.step_of(volume)), 0.0)
-            self.labels = np.minimum(volume.values.astype(np.int64), len(opacity) - 1)
+            nothing = len(opacity) - 1
+            known = (values >= 0) & (values < nothing)
+            self.labels = np.where(known, values, nothing).astype(np.int64)
             values = opacity[self.labels]
         self._padded = np.pad(values, 1, mode="edge")
         self._scale = gradient_scale(table, volume, spec)
@@ -184,12 +184,15 @@ def trilinear(values: Array, point: Array) -> Array:
     base, f = cell(values.shape, point)
     x, y, z = base.T
     fx, fy, fz = f.T
-    result = np.zeros(len(point))
-    for dz, wz in ((0, 1 - fz), (1, fz)):
-        for dy, wy in ((0, 1 - fy), (1, fy)):
-            for dx, wx in ((0, 1 - fx), (1, fx)):
-                result += wx * wy * wz * values[z + dz, y + dy, x + dx]
-    return result
+    near, far = (
+        mixed(
+            mixed(values[k, y, x], values[k, y, x + 1], fx),
+            mixed(values[k, y + 1, x], values[k, y + 1, x + 1], fx),
+            fy,
+        )
+        for k in (z, z + 1)
+    )
+    return mixed(near, far, fz)
 
 
 def shading(
@@ -197,6 +200,7 @@ def shading(
     camera: Camera,
     spec: RaycastSpec,
     arrives: dict[int, Arrives],
+    lift_mm: float,
     point: Array,
     direction: Array,
     gradient: Array | None,
@@ -207,10 +211,12 @@ def shading(
     ----------
     arrives : {source number: function}
         Shadows and occlusion of the sources that have them, in the order of `sources_of`.
+    lift_mm : float
+        How far in front of surfaces they are read.
     point, direction : (R, 3)
         Index position; the ray's unit vector in the world.
     gradient : (R, 3) or None
-        None where nothing is shaded.
+        None where nothing is shaded or shadowed.
 
     Returns
     -------
@@ -221,51 +227,45 @@ def shading(
     if gradient is not None:
         square = (gradient**2).sum(axis=1)
         trust = square / (square + spec.gradient_floor_squared)
-        length = np.sqrt(np.maximum(square, 1e-30))
+        normal = gradient / np.sqrt(np.maximum(square, 1e-30))[:, None]
     for number, (group, source) in enumerate(sources_of(spec)):
-        light = source.intensity * arrives.get(number, lambda p: np.ones(len(p)))(point)
+        towards, light = _source(volume, camera, source, point, direction)
+        if gradient is not None:
+            facing = (normal * towards).sum(axis=1)
+        if number in arrives:
+            side = np.where(facing < 0, -1.0, 1.0) * trust * lift_mm
+            in_front = point + side[:, None] * normal @ volume.index_from_world[:3, :3].T
+            light = light * arrives[number](in_front)
         if isinstance(source, Ambient):
             factor[:, group] += light * spec.ambient
-            continue
-        if gradient is None:
+        elif not spec.shaded:
             factor[:, group] += light * spec.diffuse
-            continue
-        if isinstance(source, Headlight):
-            towards = -direction
-        elif isinstance(source, Directional):
-            towards = camera.to_world(source.towards, source.frame)[None]
-            towards = towards / np.linalg.norm(towards)
         else:
-            world = point @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3]
-            towards = camera.place_mm(source.position_mm, source.frame) - world
-            away = np.linalg.norm(towards, axis=1)
-            towards = towards / np.maximum(away, 1e-12)[:, None]
-            if source.falloff_mm is not None:
-                squared = source.falloff_mm**2
-                light = light * squared / np.maximum(away**2, 0.01 * squared)
-        half = towards - direction
-        half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
-        facing = np.abs((gradient * towards).sum(axis=1)) / length
-        middling = np.minimum(np.abs((gradient * half).sum(axis=1)) / length, 1.0)
-        factor[:, group] += light * spec.diffuse * (1 + trust * (facing - 1))
-        gloss[:, group] += light * spec.specular * trust * middling**spec.shininess
+            half = towards - direction
+            half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
+            middling = np.minimum(np.abs((normal * half).sum(axis=1)), 1.0)
+            factor[:, group] += light * spec.diffuse * (1 + trust * (np.abs(facing) - 1))
+            gloss[:, group] += light * spec.specular * trust * middling**spec.shininess
     return factor, gloss
 
 
-def arrivals(
-    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
-) -> dict[int, Arrives]:
-    """Shadows and occlusion, by number of the source in `sources_of`."""
-    wanted = light_layers(spec, volume, camera)
-    if not wanted:
-        return {}
-    grid = LightGrid.of(volume, spec.light_cells)
-    layers = light_reference.layers(volume, table, spec, camera)
-    places = [(g, s) for g, group in enumerate(spec.groups) for s in range(len(group.sources))]
-    return {
-        places.index((layer.group, layer.source)): partial(light_reference.light_at, values, grid)
-        for layer, values in zip(wanted, layers, strict=True)
-    }
+def _source(
+    volume: Volume, camera: Camera, source: Source, point: Array, direction: Array
+) -> tuple[Array, Array]:
+    """(R, 3) unit vectors towards a source, ambient light as the eye's; (R,) its intensity."""
+    light = np.full(len(point), source.intensity)
+    if isinstance(source, Directional):
+        towards = camera.to_world(source.towards, source.frame)
+        return np.broadcast_to(towards, point.shape), light
+    if not isinstance(source, Point):
+        return -direction, light
+    world = point @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3]
+    towards = camera.place_mm(source.position_mm, source.frame) - world
+    away = np.linalg.norm(towards, axis=1)
+    if source.falloff_mm is not None:
+        squared = source.falloff_mm**2
+        light = light * squared / np.maximum(away**2, 0.01 * squared)
+    return towards / np.maximum(away, 1e-12)[:, None], light
 
 
 def classified(
@@ -307,6 +307,6 @@ def between(entries: Array, j: Index, f: Array) -> Array:
 
 
 def mixed(a: Array, b: Array, f: Array) -> Array:
-    """(R, …) from a to b."""
+    """(R, …) from a to b, and exactly that where they are equal; of 0…1 never beyond."""
     f = f.reshape(-1, *(1,) * (a.ndim - 1))
-    return (1 - f) * a + f * b
+    return a + f * (b - a)

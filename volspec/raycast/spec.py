@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import RaycastError, nearest
-from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup, Vector
+from volspec.raycast.checks import Vector, number, positive, unit_vector, vector, weight, whole
+from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup
 from volspec.volume import Volume
 
 Bounds = tuple[float, float]
@@ -30,24 +30,15 @@ class ClipPlane:
     point_mm : (x, y, z)
         Any point of the plane.
     normal : (x, y, z)
-        Towards what stays; any length but 0.
+        Towards what stays; of any length but 0, kept as a unit vector.
     """
 
     point_mm: Vector
     normal: Vector
 
     def __post_init__(self) -> None:
-        for name in ("point_mm", "normal"):
-            given = getattr(self, name)
-            try:
-                vector = tuple(float(v) for v in given)
-            except (TypeError, ValueError):
-                vector = ()
-            if len(vector) != 3 or not all(map(math.isfinite, vector)):
-                raise RaycastError(f"clip plane: {name} is {given!r:.60}; give three numbers")
-            object.__setattr__(self, name, vector)
-        if not any(self.normal):
-            raise RaycastError("clip plane: normal is (0, 0, 0); give a direction")
+        object.__setattr__(self, "point_mm", vector("clip plane: point_mm", self.point_mm))
+        object.__setattr__(self, "normal", unit_vector("clip plane: normal", self.normal))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,30 +119,22 @@ class RaycastSpec:
 
     def __post_init__(self) -> None:
         for name in ("ambient", "diffuse", "specular", "flat_gradient", "adaptive"):
-            value = _number(name, getattr(self, name))
-            if not value >= 0:
-                raise RaycastError(f"raycast: {name} is {value}; give a number of 0 or more")
-        if self.shininess not in range(1, 1025):
-            raise RaycastError(
-                f"raycast: shininess is {self.shininess}; give a whole number of 1 to 1024"
-            )
-        for name in ("step_mm", "tile_ms"):
-            value = getattr(self, name)
-            if value is not None and not _number(name, value) > 0:
-                raise RaycastError(f"raycast: {name} is {value}; give a number above 0")
+            weight(f"raycast: {name}", getattr(self, name))
+        whole("raycast: shininess", self.shininess, 1, 1024)
+        whole("raycast: seed", self.seed, 0, 2**32 - 1)
+        whole("raycast: light_cells", self.light_cells, 8, 512)
+        if self.step_mm is not None:
+            positive("raycast: step_mm", self.step_mm)
+        positive("raycast: tile_ms", self.tile_ms)
         for name in ("alpha_stop", "first_opacity"):
-            value = _number(name, getattr(self, name))
+            value = number(f"raycast: {name}", getattr(self, name))
             if not 0 < value <= 1:
                 raise RaycastError(f"raycast: {name} is {value}; give 0…1, above 0")
-        if not 0 <= _number("jitter", self.jitter) <= 1:
+        if not 0 <= number("raycast: jitter", self.jitter) <= 1:
             raise RaycastError(f"raycast: jitter is {self.jitter}; give 0 to 1 step")
-        if self.seed not in range(1 << 32):
-            raise RaycastError(f"raycast: seed is {self.seed}; give a whole number of 0 to 2^32-1")
-        if self.light_cells not in range(8, 513):
-            raise RaycastError(f"raycast: light_cells is {self.light_cells}; give 8 to 512")
         if self.mode not in MODES:
             raise RaycastError(
-                f"raycast: mode is {self.mode!r}; {nearest(str(self.mode), MODES)}"
+                f"raycast: mode is {self.mode!r:.40}; {nearest(str(self.mode), MODES)}"
                 f"give {', '.join(MODES)}"
             )
         if self.preintegrated and self.mode != "composite":
@@ -160,7 +143,8 @@ class RaycastSpec:
         self._check_cuts()
 
     def _check_groups(self) -> None:
-        groups = (self.groups,) if isinstance(self.groups, LightGroup) else tuple(self.groups)
+        given = self.groups
+        groups = tuple(given) if isinstance(given, list | tuple) else (given,)
         if not groups or not all(isinstance(group, LightGroup) for group in groups):
             raise RaycastError(f"raycast: groups is {groups!r:.60}; give LightGroups, at least one")
         names = [group.name for group in groups]
@@ -175,7 +159,8 @@ class RaycastSpec:
         object.__setattr__(self, "groups", groups)
 
     def _check_cuts(self) -> None:
-        planes = tuple(self.clip_planes)
+        given = self.clip_planes
+        planes = tuple(given) if isinstance(given, list | tuple) else (given,)
         if len(planes) > MAX_PLANES or not all(isinstance(p, ClipPlane) for p in planes):
             raise RaycastError(
                 f"raycast: clip_planes is {planes!r:.60}; give up to {MAX_PLANES} ClipPlanes"
@@ -183,7 +168,10 @@ class RaycastSpec:
         object.__setattr__(self, "clip_planes", planes)
         if self.crop_voxels is None:
             return
-        crop = np.asarray(self.crop_voxels, dtype=np.float64)
+        try:
+            crop = np.asarray(self.crop_voxels, dtype=np.float64)
+        except (TypeError, ValueError):
+            crop = np.empty(0)
         if crop.shape != (3, 2) or not np.isfinite(crop).all():
             raise RaycastError(
                 f"raycast: crop_voxels is {self.crop_voxels!r:.80}; "
@@ -208,7 +196,11 @@ class RaycastSpec:
         return directed and (self.diffuse > 0 or self.specular > 0)
 
     def strengths(self) -> dict[str, float]:
-        """What each group gives a white surface that faces all of its sources."""
+        """What each group gives a white surface that faces all of its sources.
+
+        Layers keep their intensities: at relative level such a white has Y = 100 times the sum
+        of the strengths, which is 1 by default.
+        """
         return {
             group.name: sum(
                 source.intensity * (self.ambient if isinstance(source, Ambient) else self.diffuse)
@@ -218,7 +210,10 @@ class RaycastSpec:
         }
 
     def shares(self) -> dict[str, float]:
-        """How much of the light on a surface that faces every source each group gives; sum 1."""
+        """How much of the light on a surface that faces every source each group gives; sum 1.
+
+        Layers are not divided by the sum of `strengths`: shares only part what there is.
+        """
         strength = self.strengths()
         total = sum(strength.values())
         if total == 0:
@@ -233,15 +228,22 @@ class RaycastSpec:
         RaycastError
             If a ray through the volume would take more than `MAX_STEPS` or less than one.
         """
+        half_a_voxel = 0.5 * min(volume.spacing_mm)
+        diagonal = diagonal_mm(volume)
         if self.step_mm is None:
-            return 0.5 * min(volume.spacing_mm)
-        corners = volume.corners_mm
-        diagonal = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
+            if diagonal / half_a_voxel > MAX_STEPS:
+                raise RaycastError(
+                    f"raycast: step_mm is left out, half of {volume.name}'s smallest spacing is "
+                    f"{half_a_voxel:g} and it is {diagonal:g} mm across: "
+                    f"{diagonal / half_a_voxel:g} steps; give step_mm, {diagonal / MAX_STEPS:.2g} "
+                    "or more"
+                )
+            return half_a_voxel
         if not 1 <= diagonal / self.step_mm <= MAX_STEPS:
             raise RaycastError(
                 f"raycast: step_mm is {self.step_mm:g} and {volume.name} {diagonal:g} mm across: "
                 f"{diagonal / self.step_mm:g} steps; give 1 to {MAX_STEPS}, half a voxel is "
-                f"{0.5 * min(volume.spacing_mm):g}"
+                f"{half_a_voxel:g}"
             )
         return self.step_mm
 
@@ -270,7 +272,7 @@ class RaycastSpec:
         world = volume.world_from_index
         rows = np.zeros((len(self.clip_planes), 4))
         for row, plane in zip(rows, self.clip_planes, strict=True):
-            normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
+            normal = np.asarray(plane.normal)
             row[:3] = normal @ world[:3, :3]
             row[3] = normal @ (np.asarray(plane.point_mm) - world[:3, 3])
             row /= np.linalg.norm(row[:3])
@@ -287,9 +289,7 @@ class RaycastSpec:
         return max(self.flat_gradient**2, 1e-12)
 
 
-def _number(name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise RaycastError(f"raycast: {name} is {value!r:.40}; give a number")
-    if not math.isfinite(value):
-        raise RaycastError(f"raycast: {name} is {value}; give a finite number")
-    return float(value)
+def diagonal_mm(volume: Volume) -> float:
+    """Of the volume's box along the axes of the world."""
+    corners = volume.corners_mm
+    return float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))

@@ -3,7 +3,7 @@
 raycast -> [relight] -> appearance -> frame
 """
 
-from volspec.relight.error_map import ErrorMap, error_map
+from volspec.relight.error_map import ErrorMap, difference_map, error_map
 from volspec.relight.illumination import Illumination
 from volspec.relight.relighter import Relighter, relight
 from volspec.relight.spec import LightRig, RelightSpec
@@ -14,6 +14,7 @@ __all__ = [
     "LightRig",
     "RelightSpec",
     "Relighter",
+    "difference_map",
     "error_map",
     "relight",
 ]

@@ -8,7 +8,7 @@ to the light, so that 1 is about what it can just tell apart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from volspec.appearance.models import cielab, delta_E_2000
 from volspec.basis.display import visible_white
-from volspec.errors import ViewingError
+from volspec.errors import ShapeError, ViewingError
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.spectrum import Spectrum
@@ -185,21 +185,68 @@ def error_map(
     ViewingError, SpectrumError
         As `Relighter.frame`.
     """
-    lit, exact = (
-        Illumination.of(image.basis, light, RelightSpec(mode=name, backdrop=backdrop), image.groups)
-        for name in (mode, "exact")
-    )
-    white = visible_white(exact.white_XYZ)
-    coefficients, alpha = image.coefficients[::every, ::every], image.alpha[::every, ::every]
+    spec = RelightSpec(mode=mode, backdrop=backdrop)
+    compared = f"{mode} against the exact light matrix"
+    return _compared(image, spec, image, replace(spec, mode="exact"), light, every, compared)
+
+
+def difference_map(
+    image: CoefficientImage,
+    truth: CoefficientImage,
+    light: Spectrum | LightRig,
+    mode: str = "componentwise",
+    backdrop: float | Spectrum = 0.2,
+) -> ErrorMap:
+    """CIEDE2000 between a picture and another cast of the same scene, shown by its light matrix.
+
+    Parameters
+    ----------
+    image, truth : CoefficientImage
+        Of one size and the same light groups; the bases may differ.
+    light, mode, backdrop
+        As `error_map`.
+
+    Raises
+    ------
+    ShapeError
+        If the sizes differ.
+    """
+    if image.size != truth.size:
+        raise ShapeError(
+            f"difference map: the pictures are {image.size} and {truth.size}; cast both alike"
+        )
+    spec = RelightSpec(mode=mode, backdrop=backdrop)
+    compared = f"{image.basis.name} ({mode}) against {truth.basis.name}"
+    return _compared(image, spec, truth, replace(spec, mode="exact"), light, 1, compared)
+
+
+def _compared(
+    image: CoefficientImage,
+    spec: RelightSpec,
+    truth: CoefficientImage,
+    true_spec: RelightSpec,
+    light: Spectrum | LightRig,
+    every: int,
+    compared: str,
+) -> ErrorMap:
+    pictures = [
+        (
+            Illumination.of(each.basis, light, how, each.groups),
+            each.coefficients[::every, ::every],
+            each.alpha[::every, ::every],
+        )
+        for each, how in ((image, spec), (truth, true_spec))
+    ]
+    white = visible_white(pictures[1][0].white_XYZ)
+    alpha = pictures[0][2]
     delta_e = np.empty(alpha.shape, np.float32)
     for row in range(0, len(delta_e), _ROWS):
         rows = slice(row, row + _ROWS)
         seen, true = (
-            cielab(matrix.scene_XYZ(coefficients[rows], alpha[rows]), white)
-            for matrix in (lit, exact)
+            cielab(lit.scene_XYZ(coefficients[rows], opacity[rows]), white)
+            for lit, coefficients, opacity in pictures
         )
         delta_e[rows] = delta_E_2000(true, seen)
     lights = (light,) if isinstance(light, Spectrum) else light.lights
     name = "+".join(spectrum.name for spectrum in lights if spectrum.name)
-    compared = f"{mode} against the exact light matrix"
     return ErrorMap(delta_e, np.asarray(alpha), name, compared)

@@ -1,6 +1,7 @@
 """Scene files: everything a picture needs, in one TOML file."""
 
-from volspec.scene.model import NamedLight, Scene, viewing_of
-from volspec.scene.tables import SceneFile
+from volspec.scene.file import SceneFile
+from volspec.scene.lights import NamedLight
+from volspec.scene.model import Scene, viewing_of
 
 __all__ = ["NamedLight", "Scene", "SceneFile", "viewing_of"]

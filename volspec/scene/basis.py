@@ -1,6 +1,6 @@
 """Which basis a scene is cast with: a shipped one, its own, or its materials.
 
-    lights, materials, transfer points -> [basis] -> SpectralBasis | MaterialBasis
+    lights, materials, transfer function -> [basis] -> SpectralBasis | MaterialBasis
 
 Spectra made by a designer oscillate and fall outside every general basis. A scene that says
 nothing is therefore given the general basis only where that holds its colours, and its own
@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,7 +19,8 @@ from volspec.appearance.models import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.display import visible_white
 from volspec.basis.storage import shipped_names
-from volspec.scene.tables import BasisTable, PointTable
+from volspec.scene.tables import BasisTable
+from volspec.scene.transfer import TransferTable
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, XYZ_of, light_set, white_XYZ
 
 # Above this CIEDE2000 of its worst pair a general basis is not good enough for a scene.
@@ -51,16 +51,25 @@ class SceneSpectra:
     materials : {name: Spectrum}
     use : {name: float}
         How much of each material is seen, the most used 1 (`use_of`).
+    filters : {name: Spectrum}, optional
+        Of materials that absorb: white seen through one has the filter's colour.
     """
 
     lights: Sequence[Spectrum]
     weights: Sequence[float]
     materials: Mapping[str, Spectrum]
     use: Mapping[str, float]
+    filters: Mapping[str, Spectrum] = field(default_factory=dict)
+
+    @property
+    def reflectances(self) -> dict[str, Spectrum]:
+        """All whose colours the basis must hold, filters among them, by what they are called."""
+        filters = {f"{name}'s filter": spectrum for name, spectrum in self.filters.items()}
+        return {**self.materials, **filters}
 
     def designed(self) -> list[str]:
         """Names of the spectra whose file says that a designer made them."""
-        spectra = [*self.lights, *self.materials.values()]
+        spectra = [*self.lights, *self.reflectances.values()]
         return [spectrum.name for spectrum in spectra if spectrum.designed]
 
 
@@ -97,7 +106,8 @@ def choose_basis(
 
 def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[float, str]:
     """The largest CIEDE2000 of the scene's materials under its lights, and where it is."""
-    S = np.array([material.values for material in spectra.materials.values()])
+    reflectances = spectra.reflectances
+    S = np.array([reflectance.values for reflectance in reflectances.values()])
     channels = basis.analyze(S)
     found = []
     for light in spectra.lights:
@@ -106,7 +116,7 @@ def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[floa
         true = cielab(XYZ_of(light, S, basis.observer_deg), white)
         errors = delta_E_2000(true, shown)
         k = int(errors.argmax())
-        found.append((float(errors[k]), f"{list(spectra.materials)[k]} under {light.name}"))
+        found.append((float(errors[k]), f"{list(reflectances)[k]} under {light.name}"))
     return max(found)
 
 
@@ -124,14 +134,14 @@ def train_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> Spectral
     shares = np.full(len(library), _LIBRARY_SHARE / len(library))
     return SpectralBasis.fit(
         [*spectra.lights, *library],
-        list(spectra.materials.values()),
+        list(spectra.reflectances.values()),
         size=table.size,
         method=table.method,
         positive=table.positive,
         grid=grid,
         observer_deg=table.observer_deg,
         light_weights=np.concatenate([own / own.sum(), shares]),
-        reflectance_weights=[spectra.use[material] for material in spectra.materials],
+        reflectance_weights=[spectra.use[name] for name in (*spectra.materials, *spectra.filters)],
         name=name,
         trained_on="the scene's lights and materials, and the library's lights",
     )
@@ -147,7 +157,7 @@ def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dic
     return kept | dict(changes)
 
 
-def use_of(points: Sequence[PointTable]) -> dict[str, float]:
+def use_of(transfer: TransferTable) -> dict[str, float]:
     """How much of each material a transfer function shows: its opacity over its values.
 
     Returns
@@ -156,14 +166,9 @@ def use_of(points: Sequence[PointTable]) -> dict[str, float]:
         The most used material has 1, none less than 0.1.
     """
     total: defaultdict[str, float] = defaultdict(float)
-    span = max(points[-1].value - points[0].value, 1e-12)
-    for point in points:  # a sharp step covers no values, yet is seen
-        for name, share in point.shares.items():
-            total[name] += point.opacity * share * span / len(points)
-    for left, right in pairwise(points):
-        for point in (left, right):
-            for name, share in point.shares.items():
-                total[name] += point.opacity * share * (right.value - left.value) / 2
+    for amount, shares in transfer.seen():
+        for name, share in shares.items():
+            total[name] += amount * share
     most = max(total.values(), default=0.0) or 1.0
     return {name: max(value / most, _LEAST_USE) for name, value in total.items()}
 

@@ -1,8 +1,8 @@
 """The scene file: TOML in, frozen specs out.
 
 Tables: ``[volume]``, ``[[material]]``, ``[transfer]``, ``[basis]``, ``[camera]``, ``[raycast]``,
-``[[light]]``, ``[viewing]``, ``[output]`` (`volspec.scene.tables`). Paths are relative to the
-file.
+``[[group]]``, ``[[light]]``, ``[viewing]``, ``[output]`` (`volspec.scene.file`; for users
+docs/scenes.md). Paths are relative to the file.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ from __future__ import annotations
 import json
 import os
 import tomllib
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from pydantic import ValidationError
 
 from volspec.basis import load_basis
-from volspec.errors import DeviceError, ImageError, SceneError, VolspecError
+from volspec.errors import ImageError, InputError, SceneError, VolspecWarning
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.gpu import Progress
-from volspec.relight import LightRig
+from volspec.raycast.gpu import Cancel, Progress
 from volspec.scene.basis import (
     ChosenBasis,
     SceneSpectra,
@@ -31,10 +31,14 @@ from volspec.scene.basis import (
     retrained,
     use_of,
 )
-from volspec.scene.tables import LightTable, SceneFile, ViewingTable, explained
-from volspec.spectra import SpectralGrid, Spectrum, light, reflectance
-from volspec.transfer import TransferFunction
+from volspec.scene.file import SceneFile, explained
+from volspec.scene.lights import named_light, rows_by_name
+from volspec.scene.tables import ViewingTable
+from volspec.spectra import SpectralGrid, Spectrum, reflectance
 from volspec.volume import Volume, load_volume
+
+# What two spacings may differ by, relatively, before anyone is told.
+_SPACING_ERROR = 1e-4
 
 
 def viewing_of(image: CoefficientImage) -> ViewingTable:
@@ -51,16 +55,6 @@ def viewing_of(image: CoefficientImage) -> ViewingTable:
         raise ImageError(
             "the image's viewing note cannot be read; was it made by a later version? Render again"
         ) from error
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class NamedLight:
-    """A light of a scene: file name, caption, spectrum, and the rig that lights the picture."""
-
-    name: str
-    label: str
-    spectrum: Spectrum
-    rig: LightRig
 
 
 class Scene:
@@ -89,32 +83,29 @@ class Scene:
             if file.basis.name is not None:
                 shipped = load_basis(self._basis_file(file.basis.name))
             grid = shipped.grid if shipped else grid_of(file.basis)
-        with _named("[[material]]"):
-            self.materials = {
-                row.name: reflectance(row.reflectance, grid, folder=self.folder)
-                for row in file.material
-            }
-        with _named("[[light]]"):
-            self.lights = [self._light(row, grid) for row in file.light]
+        self.materials = self._reflectances("reflectance", grid)
+        filters = self._reflectances("filter", grid)
+        groups = []
+        for row in file.group:
+            with _named(f"[[group]] {row.name}:"):
+                groups.append(row.group())
+        with _named("[raycast]"):
+            self.raycast = file.raycast.spec(tuple(groups) or RaycastSpec().groups)
+        self.lights = []
+        for name, rows in rows_by_name(file.light).items():
+            with _named(f"[[light]] {name}:"):
+                self.lights.append(named_light(rows, self.raycast.shares(), grid, self.folder))
         with _named("[basis]"):
             if shipped:
                 chosen = ChosenBasis(shipped, "the scene names it")
             else:
-                chosen = choose_basis(
-                    file.basis, self._spectra(), self._basis_name(), file.viewing.mode
-                )
+                spectra = self._spectra(filters)
+                chosen = choose_basis(file.basis, spectra, self._basis_name(), file.viewing.mode)
             self.basis, self.basis_reason = chosen.basis, chosen.reason
         with _named("[transfer]"):
-            self.transfer = TransferFunction(
-                points=[(p.value, p.opacity, p.material) for p in file.transfer.points],
-                materials=self.materials,
-                basis=self.basis,
-                reference_step_mm=file.transfer.reference_step_mm,
-            )
+            self.transfer = file.transfer.function(self.materials, filters, self.basis)
         with _named("[viewing]"):
             self.relight = file.viewing.spec()
-        with _named("[raycast]"):
-            self.raycast = RaycastSpec(**file.raycast.model_dump())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], basis: Mapping[str, object] | None = None) -> Scene:
@@ -148,11 +139,16 @@ class Scene:
             raise SceneError(f"{name}: {explained(error)}") from error
 
     def volume(self) -> Volume:
-        """Read the volume."""
+        """Read the volume; its spacing and size as the scene wants them."""
         table = self.file.volume
         with self._named("[volume]"):
             volume = load_volume(self._file(table.file))
-            return volume.with_spacing(table.spacing_mm) if table.spacing_mm else volume
+            if table.spacing_mm:
+                self._warn_of_spacing(volume, table.spacing_mm)
+                volume = volume.with_spacing(table.spacing_mm)
+            if table.downsample == 1:
+                return volume
+            return volume.downsampled(table.downsample, labels=self.file.transfer.kind == "labels")
 
     def camera(self, volume: Volume) -> Camera:
         """The camera, placed for a volume."""
@@ -167,8 +163,11 @@ class Scene:
         self,
         volume: Volume | None = None,
         *,
+        size: tuple[int, int] | None = None,
+        spec: RaycastSpec | None = None,
         device: str | None = None,
         progress: Progress | None = None,
+        cancel: Cancel | None = None,
         caster: Raycaster | None = None,
     ) -> CoefficientImage:
         """Cast the scene once.
@@ -177,42 +176,76 @@ class Scene:
         ----------
         volume : Volume, optional
             The scene's, where it is loaded already.
-        device, progress, caster
+        size, spec : optional
+            In place of the scene's (width, height) and ``[raycast]``.
+        device, progress, cancel, caster
             As `volspec.raycast`.
+
+        Raises
+        ------
+        SceneError
+            If volume, transfer function and settings cannot be cast together.
+        OpenCLError
+            If there is no device or it lacks memory.
+        CastCancelled
+            If ``cancel`` ended it.
         """
         volume = volume or self.volume()
         output = self.file.output
-        return raycast(
-            volume,
-            self.transfer,
-            self.camera(volume),
-            (output.width, output.height),
-            self.raycast,
-            device=device,
-            progress=progress,
-            caster=caster,
-            notes={"scene": self.file.title, "viewing": self.file.viewing.model_dump_json()},
-        )
+        camera = self.camera(volume)
+        with self._named():
+            return raycast(
+                *(volume, self.transfer, camera, size or (output.width, output.height)),
+                spec or self.raycast,
+                device=device,
+                progress=progress,
+                cancel=cancel,
+                caster=caster,
+                notes={"scene": self.file.title, "viewing": self.file.viewing.model_dump_json()},
+            )
 
     @contextmanager
-    def _named(self, table: str) -> Iterator[None]:
+    def _named(self, table: str = "") -> Iterator[None]:
         """Put the file's and the table's name before the message of what goes wrong inside."""
         try:
             yield
-        except DeviceError:
-            raise
-        except VolspecError as error:
-            raise SceneError(f"{self.path}: {table} {error}") from error
+        except InputError as error:
+            where = f"{self.path}: {table} " if table else f"{self.path}: "
+            raise SceneError(f"{where}{error}") from error
 
-    def _spectra(self) -> SceneSpectra:
-        points = self.file.transfer.points
-        # A material that no point names is not seen, but may be picked later.
-        use = dict.fromkeys(self.materials, min(use_of(points).values(), default=1.0))
+    def _reflectances(self, key: str, grid: SpectralGrid) -> dict[str, Spectrum]:
+        """What the materials have under a key, by name."""
+        found = {}
+        for row in self.file.material:
+            if (text := getattr(row, key)) is not None:
+                with self._named(f"[[material]] {row.name}: {key}:"):
+                    found[row.name] = reflectance(text, grid, folder=self.folder)
+        return found
+
+    def _spectra(self, filters: Mapping[str, Spectrum]) -> SceneSpectra:
+        use = use_of(self.file.transfer)
+        # A material that the function does not name is not seen, but may be picked later.
+        unseen = dict.fromkeys(self.materials, min(use.values(), default=1.0))
+        rigs = [light.rig for light in self.lights]
         return SceneSpectra(
-            [light.spectrum for light in self.lights],
-            [row.weight for row in self.file.light],
+            [spectrum for rig in rigs for spectrum in rig.lights],
+            [weight for rig in rigs for weight in rig.weights],
             self.materials,
-            use | use_of(points),
+            unseen | use,
+            filters,
+        )
+
+    def _warn_of_spacing(self, volume: Volume, given: tuple[float, float, float]) -> None:
+        # A file without a spacing loads with ones.
+        own = volume.spacing_mm
+        if own == (1.0, 1.0, 1.0) or np.allclose(given, own, rtol=_SPACING_ERROR, atol=0):
+            return
+        ours, theirs = (" × ".join(f"{s:g}" for s in spacing) for spacing in (given, own))
+        warnings.warn(
+            f"{self.path}: [volume] spacing_mm is {ours}, {volume.name} says {theirs}; the "
+            "scene's is taken, leave it out to take the file's",
+            VolspecWarning,
+            stacklevel=3,
         )
 
     def _basis_name(self) -> str:
@@ -220,12 +253,6 @@ class Scene:
 
     def _basis_file(self, name: str) -> str:
         return self._file(name) if name.endswith(".json") else name
-
-    def _light(self, row: LightTable, grid: SpectralGrid) -> NamedLight:
-        spectrum = light(row.spectrum, grid, folder=self.folder)
-        lux = None if row.illuminance_lux is None else (row.illuminance_lux,)
-        rig = LightRig((spectrum,), (row.weight,), lux)
-        return NamedLight(row.name, row.label or row.name, spectrum, rig)
 
     def _file(self, name: str) -> str:
         """A file named in the scene: relative to the scene, never to where the program runs."""

@@ -2,64 +2,52 @@
 
     TOML -> [tables] -> Scene
 
-An unknown key is an error, so that a misspelt setting never passes silently.
+Those of transfer functions and of lights stand in `volspec.scene.transfer` and
+`volspec.scene.lights`, the whole file in `volspec.scene.file`. The keys' meaning is told to users
+in docs/scenes.md.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from volspec.appearance import Viewing
-from volspec.errors import nearest
-from volspec.raycast import RaycastSpec
+from volspec.raycast import ClipPlane, LightGroup, RaycastSpec
 from volspec.relight import RelightSpec
 
 # TOML has lists where Python has tuples; all else is taken as it is written.
+Pair = Annotated[tuple[float, float], Field(strict=False)]
 Vector = Annotated[tuple[float, float, float], Field(strict=False)]
-_CAST, _VIEW = RaycastSpec(), Viewing()
+Box = Annotated[tuple[Pair, Pair, Pair], Field(strict=False)]
+Name = Annotated[str, Field(min_length=1)]
+_CAST, _VIEW, _SEEN = RaycastSpec(), Viewing(), RelightSpec()
 
 
-class _Table(BaseModel):
+class Table(BaseModel):
+    """One table of the file; an unknown key is an error, so that no setting is lost in silence."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
-class VolumeTable(_Table):
-    """``[volume]``: the file, and spacing where the file has none."""
+class VolumeTable(Table):
+    """``[volume]``: the file, and what is changed of it."""
 
     file: str
     spacing_mm: Vector | None = None
+    downsample: int = 1
 
 
-class MaterialTable(_Table):
-    """``[[material]]``: a name the transfer function uses, and a reflectance."""
+class MaterialTable(Table):
+    """``[[material]]``: a name the transfer function uses, a reflectance and a filter."""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Name
     reflectance: str
+    filter: str | None = None
 
 
-class PointTable(_Table):
-    """One point of the transfer function."""
-
-    value: float
-    opacity: float
-    material: str | dict[str, float]
-
-    @property
-    def shares(self) -> dict[str, float]:
-        """The mix by material, also where there is only one."""
-        return {self.material: 1.0} if isinstance(self.material, str) else self.material
-
-
-class TransferTable(_Table):
-    """``[transfer]``: points, and the length over which an opacity holds."""
-
-    points: Annotated[list[PointTable], Field(min_length=1)]
-    reference_step_mm: float | None = None
-
-
-class BasisTable(_Table):
+class BasisTable(Table):
     """``[basis]``: one that ships, one trained on the scene's own spectra, or its materials.
 
     An empty table takes ``general-7`` where that holds the scene's colours and trains where it
@@ -81,12 +69,16 @@ class BasisTable(_Table):
         others = sorted(self.model_fields_set - {"name"})
         if self.name is not None and others:
             raise ValueError(f"give name (a shipped basis) or {' and '.join(others)}, not both")
-        if self.method == "materials" and self.model_fields_set & {"size", "positive", "train"}:
-            raise ValueError('method = "materials" makes each material a channel; nothing to fit')
+        fitted = sorted({"size", "positive", "train"} & self.model_fields_set)
+        if self.method == "materials" and fitted:
+            raise ValueError(
+                'method = "materials" makes each material a channel; nothing to fit, leave out '
+                f"{' and '.join(fitted)}"
+            )
         return self
 
 
-class CameraTable(_Table):
+class CameraTable(Table):
     """``[camera]``: an orbit around the volume, or an explicit position."""
 
     azimuth_deg: float = 30.0
@@ -106,33 +98,48 @@ class CameraTable(_Table):
         return self
 
 
-class RaycastTable(_Table):
+class PlaneTable(Table):
+    """One of ``clip_planes``."""
+
+    point_mm: Vector
+    normal: Vector
+
+
+class RaycastTable(Table):
     """``[raycast]``: see `volspec.RaycastSpec`."""
 
-    step_mm: float | None = None
+    step_mm: float | None = _CAST.step_mm
     ambient: float = _CAST.ambient
     diffuse: float = _CAST.diffuse
     specular: float = _CAST.specular
     shininess: int = _CAST.shininess
-    flat_gradient: float = _CAST.flat_gradient
     alpha_stop: float = _CAST.alpha_stop
+    flat_gradient: float = _CAST.flat_gradient
+    mode: str = _CAST.mode
+    jitter: float = _CAST.jitter
+    seed: int = _CAST.seed
+    preintegrated: bool = _CAST.preintegrated
+    adaptive: float = _CAST.adaptive
+    crop_voxels: Box | None = _CAST.crop_voxels
+    clip_planes: list[PlaneTable] = Field(default_factory=list)
+    light_cells: int = _CAST.light_cells
+    half: bool = _CAST.half
+    first_opacity: float = _CAST.first_opacity
+
+    def spec(self, groups: tuple[LightGroup, ...]) -> RaycastSpec:
+        """The settings as `volspec.raycast` takes them.
+
+        Raises
+        ------
+        RaycastError
+            If one is out of range.
+        """
+        planes = tuple(ClipPlane(plane.point_mm, plane.normal) for plane in self.clip_planes)
+        settings = self.model_dump(exclude={"clip_planes"})
+        return RaycastSpec(**settings, clip_planes=planes, groups=groups)
 
 
-class LightTable(_Table):
-    """``[[light]]``: a name and a spectrum in `volspec.light`'s notation.
-
-    ``illuminance_lux`` sets the eye's adapting luminance; ``weight`` multiplies it, which
-    shows at ``level = "absolute"``.
-    """
-
-    name: Annotated[str, Field(min_length=1)]
-    spectrum: str
-    label: str | None = None
-    weight: float = 1.0
-    illuminance_lux: float | None = None
-
-
-class ViewingTable(_Table):
+class ViewingTable(Table):
     """``[viewing]``: see `volspec.Viewing`; and the backdrop's reflectance."""
 
     model: str = _VIEW.model
@@ -143,8 +150,8 @@ class ViewingTable(_Table):
     D: float | None = _VIEW.D
     exposure: float = _VIEW.exposure
     backdrop: float = 0.2
-    mode: str = "componentwise"
-    level: str = "relative"
+    mode: str = _SEEN.mode
+    level: str = _SEEN.level
 
     def spec(self) -> RelightSpec:
         """The settings as `volspec.relight` takes them.
@@ -159,52 +166,8 @@ class ViewingTable(_Table):
         return RelightSpec(viewing=Viewing(**settings), **relit)
 
 
-class OutputTable(_Table):
+class OutputTable(Table):
     """``[output]``: the picture's size in pixels."""
 
     width: Annotated[int, Field(ge=1, le=8192)] = 512
     height: Annotated[int, Field(ge=1, le=8192)] = 512
-
-
-class SceneFile(_Table):
-    """The whole file."""
-
-    title: str = ""
-    volume: VolumeTable
-    material: Annotated[list[MaterialTable], Field(min_length=1)]
-    transfer: TransferTable
-    basis: BasisTable = BasisTable()
-    camera: CameraTable = CameraTable()
-    raycast: RaycastTable = RaycastTable()
-    light: Annotated[list[LightTable], Field(min_length=1)]
-    viewing: ViewingTable = ViewingTable()
-    output: OutputTable = OutputTable()
-
-    @model_validator(mode="after")
-    def _names_are_unique(self) -> SceneFile:
-        for kind, rows in (("material", self.material), ("light", self.light)):
-            names = [row.name for row in rows]
-            twice = next((name for name in names if names.count(name) > 1), None)
-            if twice is not None:
-                raise ValueError(f"two [[{kind}]] are named {twice!r}; rename one")
-        return self
-
-
-def explained(error: ValidationError) -> str:
-    """pydantic's first complaint in one line: field, what is wrong, the value."""
-    first = error.errors()[0]
-    # A misspelt key comes with the complaint that the right one is missing; name the former.
-    first = next((e for e in error.errors() if e["type"] == "extra_forbidden"), first)
-    parts = [f"{part + 1}" if isinstance(part, int) else str(part) for part in first["loc"]]
-    field = ".".join(parts)
-    if first["type"] == "extra_forbidden":
-        return f"{field}: unknown key; {nearest(parts[-1], _known_keys())}check its spelling"
-    what = first["msg"].removeprefix("Value error, ")
-    if not field:
-        return what
-    value = "" if first["type"] == "missing" else f" (it is {first['input']!r:.60})"
-    return f"{field}: {what}{value}"
-
-
-def _known_keys() -> set[str]:
-    return {key for table in _Table.__subclasses__() for key in table.model_fields}

@@ -1,7 +1,7 @@
 """Minimum and maximum of every brick of a volume, and what is empty under a transfer function.
 
-A brick covers 8³ cells: positions [8b, 8b + 8) along each axis, so its bounds include the
-first voxel of the next brick and no trilinear sample inside can leave them. Which bricks are
+A brick covers n³ cells, n = `BRICK`: positions [nb, nb + n) along each axis, so its bounds include
+the first voxel of the next brick and no trilinear sample inside can leave them. Which bricks are
 empty changes with the transfer function only and is rebuilt in milliseconds; the kernel leaps
 by the chessboard distance to the nearest brick that is not [1].
 
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-BRICK = 8
+BRICK = 4
 
 
 def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -30,13 +30,13 @@ def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 
     Returns
     -------
-    low, high : (⌈Z/8⌉, ⌈Y/8⌉, ⌈X/8⌉) arrays of the same type
+    low, high : (⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉) arrays of the same type
 
     Examples
     --------
-    >>> low, high = brick_ranges(np.arange(16).reshape(1, 1, 16))
-    >>> low.ravel().tolist(), high.ravel().tolist()
-    ([0, 8], [8, 15])
+    >>> low, high = brick_ranges(np.arange(2 * BRICK).reshape(1, 1, -1))
+    >>> (low.ravel() / BRICK).tolist(), (high.ravel() - BRICK).tolist() == [0, BRICK - 1]
+    ([0.0, 1.0], True)
     """
     return _reduced(values, np.minimum), _reduced(values, np.maximum)
 
@@ -64,6 +64,7 @@ def visible_bricks(
     high: NDArray[Any],
     domain: tuple[float, float],
     opacity: NDArray[np.floating],
+    labels: bool = False,
 ) -> NDArray[np.bool_]:
     """Bricks in which a table's opacity can be above 0.
 
@@ -72,10 +73,12 @@ def visible_bricks(
     low, high : (z, y, x) arrays
         From `brick_ranges`.
     domain : (float, float)
-        Values of the table's first and last entry. Where entries are labels, (0, N - 1): any
-        visible label between the least and the greatest of a brick counts.
+        Values of the table's first and last entry.
     opacity : (N,) or (G, N)
         The table's opacities; of rows for several gradients any counts.
+    labels : bool
+        Entries are for labels: any visible one between the least and the greatest of a brick
+        counts, and values beyond the table are nothing. Else they take its nearest end.
 
     Returns
     -------
@@ -87,7 +90,8 @@ def visible_bricks(
     >>> visible_bricks(low, high, (0, 10), np.array([0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1])).tolist()
     [[[False, True]]]
     """
-    seen = np.atleast_2d(opacity).max(axis=0) > 0
+    domain, rows = _rows(domain, opacity, labels)
+    seen = rows.max(axis=0) > 0
     first, last = _entries(low, high, domain, len(seen))
     count = np.concatenate([[0], np.cumsum(seen)])
     return count[last + 1] > count[first]
@@ -126,12 +130,13 @@ def opacity_spread(
     high: NDArray[Any],
     domain: tuple[float, float],
     opacity: NDArray[np.floating],
+    labels: bool = False,
 ) -> NDArray[np.float32]:
     """How far a table's opacity can vary inside each brick: greatest less least.
 
     Parameters
     ----------
-    low, high, domain, opacity
+    low, high, domain, opacity, labels
         As in `visible_bricks`.
 
     Returns
@@ -145,10 +150,21 @@ def opacity_spread(
     >>> opacity_spread(low, high, (0, 3), np.array([0.5, 0.5, 0.25, 1.0])).tolist()
     [[[0.0, 0.75]]]
     """
-    rows = np.atleast_2d(opacity).astype(np.float32)
+    domain, rows = _rows(domain, opacity, labels)
+    rows = rows.astype(np.float32)
     first, last = _entries(low, high, domain, rows.shape[1])
     greatest = _range_reduced(rows.max(axis=0), first, last, np.maximum)
     return greatest - _range_reduced(rows.min(axis=0), first, last, np.minimum)
+
+
+def _rows(
+    domain: tuple[float, float], opacity: NDArray[np.floating], labels: bool
+) -> tuple[tuple[float, float], NDArray[np.floating]]:
+    """The domain and (G, N) opacities; of labels with one of nothing at each end, for the rest."""
+    rows = np.atleast_2d(opacity)
+    if not labels:
+        return domain, rows
+    return (domain[0] - 1, domain[1] + 1), np.pad(rows, ((0, 0), (1, 1)))
 
 
 def _range_reduced(

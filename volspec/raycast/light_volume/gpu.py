@@ -20,17 +20,15 @@ from volspec.errors import RaycastError
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume.spec import (
     CUT_TOLERANCE,
-    LIFT,
-    LIFT_KNEE,
-    OCCLUSION_BIAS,
     OCCLUSION_GAIN,
     SHADOW_BIAS,
     LightGrid,
     LightLayer,
     extinction_per_mm,
     light_layers,
+    occlusion_steps,
+    shadow_steps,
     sphere_directions,
-    steps,
 )
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
@@ -84,7 +82,6 @@ class LightVolume:
         self._lanes = lanes or (8 if compute.info.is_cpu else 1)
         self._made: _Made | None = None
         self._sigma: Any = None
-        self._raw: Any = None
         self._layers: Any = compute.output(4)
         self._room = 0
         self._lights: list[tuple[Any, ...]] = []
@@ -94,8 +91,8 @@ class LightVolume:
     ) -> tuple[Any, LightGrid, int]:
         """Bring the layers up to date.
 
-        The extinction is kept while the table (the very object), the cuts and the grid stay;
-        a layer while its light stays too.
+        The extinction is kept while the table (the very object: an equal one baked anew is
+        another), the cuts and the grid stay; a layer while its light stays too.
 
         Returns
         -------
@@ -141,13 +138,12 @@ class LightVolume:
         x, y, z = grid.shape_xyz
         padded = (x + 2 * self._lanes) * (y + 2) * (z + 2)
         self._compute.require(
-            padded * 4 + grid.nodes * 2, f"a light volume of {x}x{y}x{z} nodes", "lower light_cells"
+            padded * 4, f"a light volume of {x}x{y}x{z} nodes", "lower light_cells"
         )
         axes = zip(self._volume.shape_xyz, grid.shape_xyz, strict=True)
         spans = np.concatenate([_spans(voxels, nodes) for voxels, nodes in axes])
         field, rows, kind = _field(self._volume, table, spec, grid)
         self._sigma = self._compute.output(padded * 4)
-        self._raw = self._compute.output(grid.nodes * 2)
         upload = self._compute.upload
         arguments = (self._voxels, upload(spans), upload(rows), field, self._sigma)
         self._launch("extinction", padded, arguments, kind)
@@ -156,29 +152,24 @@ class LightVolume:
         """Fill one layer."""
         x, y, z = grid.shape_xyz
         packets = -(-x // self._lanes) * y * z
-        nodes = np.array([x, y, z, 0], np.int32)
+        end = np.array([x, y, z, 0], np.int32), np.int32(number), self._layers
         if layer.kind == "point":
             world = np.linalg.inv(grid.grid_from_world[:3, :3]) / grid.cell_mm
             place = grid.grid_from_world @ [*layer.vector, 1.0]
             light = *_float4s(place[:3], *world), np.float32(SHADOW_BIAS)
-            self._launch("converging", packets, (self._sigma, *light, nodes, self._raw))
+            self._launch("converging", packets, (self._sigma, *light, *end))
         else:
             light = self._parallel(layer, grid)
-            self._launch("parallel", packets, (self._sigma, *light, nodes, self._raw))
-        surface = self._sigma, self._raw, *_float4s(*grid.metric)
-        self._launch("lift", packets, (*surface, nodes, np.int32(number), self._layers))
+            self._launch("parallel", packets, (self._sigma, *light, *end))
 
     def _parallel(self, layer: LightLayer, grid: LightGrid) -> tuple[Any, ...]:
         """The steps of all directions, where each one's end, their number, and the gain."""
         if layer.kind == "directional":
             ways, gain = np.array([layer.vector]), 1.0
-            begin, end = SHADOW_BIAS, SHADOW_BIAS + grid.diagonal_steps
+            middles, lengths = shadow_steps(grid)
         else:
             ways, gain = sphere_directions(), OCCLUSION_GAIN
-            # Beyond the grid's diagonal is nothing, whatever the radius.
-            begin, far = OCCLUSION_BIAS, OCCLUSION_BIAS + grid.diagonal_steps
-            end = min(layer.radius_mm / grid.cell_mm, far)
-        middles, lengths = steps(begin, end)
+            middles, lengths = occlusion_steps(grid, layer.radius_mm)
         rows = self._compute.upload(_steps(grid, ways, middles, lengths, self._lanes))
         ends = (np.arange(len(ways), dtype=np.int32) + 1) * np.int32(len(middles))
         return rows, self._compute.upload(ends), np.int32(len(ways)), np.float32(gain)
@@ -186,13 +177,7 @@ class LightVolume:
     def _launch(
         self, name: str, items: int, arguments: tuple[Any, ...], kind: int = _VALUES
     ) -> None:
-        constants = {
-            "LANES": self._lanes,
-            "KIND": kind,
-            "MAX_PLANES": MAX_PLANES,
-            "LIFT": LIFT,
-            "LIFT_KNEE": LIFT_KNEE,
-        }
+        constants = {"LANES": self._lanes, "KIND": kind, "MAX_PLANES": MAX_PLANES}
         voxel = _VOXEL_TYPES[self._volume.values.dtype.name]
         text = prelude(constants, "opencl") + f"#define VOXEL {voxel}\n"
         options = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
@@ -261,7 +246,7 @@ def _field(
     field["low"][:3] = np.clip(np.ceil(crop[:, 0] - CUT_TOLERANCE), 0, top)
     field["high"][:3] = np.clip(np.floor(crop[:, 1] + CUT_TOLERANCE) + 1, 0, top)
     for place, plane in zip(field["planes"], spec.clip_planes, strict=False):
-        normal = np.array(plane.normal) / np.linalg.norm(plane.normal) / min(volume.spacing_mm)
+        normal = np.array(plane.normal) / min(volume.spacing_mm)
         place[:] = normal @ volume.world_from_index[:3]
         place[3] += CUT_TOLERANCE - normal @ plane.point_mm
     field["plane_count"] = len(spec.clip_planes)

@@ -5,7 +5,6 @@
     σ(node) = mean of −log(1 − opacity(v)) / reference step over the voxels nearest to it
     T(node) = exp(−∫ σ ds) towards the light
     open(node) = min(1, 2 · mean of T over the sphere)
-    layer(node) = T or open, read `LIFT` cells out of what is dense
 
 σ is trilinear between nodes and falls to 0 within a cell beyond the outermost ones. The integral
 takes steps of a cell, sampled at their middles.
@@ -15,28 +14,27 @@ The twin is ``kernels/light_volume.cl``.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume.spec import (
     CUT_TOLERANCE,
-    LIFT,
-    LIFT_KNEE,
-    OCCLUSION_BIAS,
     OCCLUSION_GAIN,
     SHADOW_BIAS,
     LightGrid,
     extinction_per_mm,
     light_layers,
+    occlusion_steps,
+    shadow_steps,
     sphere_directions,
-    steps,
 )
+from volspec.raycast.sampling import Array, Arrives, trilinear
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume
-
-Array = NDArray[np.float64]
 
 
 def layers(
@@ -48,21 +46,34 @@ def layers(
     found = []
     for layer in light_layers(spec, volume, camera):
         if layer.kind == "directional":
-            light = _along(sigma, grid, np.array(layer.vector), *_way_out(grid))
+            found.append(_along(sigma, grid, np.array(layer.vector), *shadow_steps(grid)))
         elif layer.kind == "point":
-            light = _towards(sigma, grid, np.array(layer.vector))
+            found.append(_towards(sigma, grid, np.array(layer.vector)))
         else:
-            middles, lengths = steps(OCCLUSION_BIAS, layer.radius_mm / grid.cell_mm)
+            middles, lengths = occlusion_steps(grid, layer.radius_mm)
             rays = [_along(sigma, grid, d, middles, lengths) for d in sphere_directions()]
-            light = np.minimum(OCCLUSION_GAIN * np.mean(rays, axis=0), 1)
-        found.append(_lifted(light, sigma, grid))
+            found.append(np.minimum(OCCLUSION_GAIN * np.mean(rays, axis=0), 1))
     return np.reshape(found, (-1, *sigma.shape))
+
+
+def arrivals(
+    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
+) -> dict[int, Arrives]:
+    """Shadows and occlusion, by number of the source in `sources_of`."""
+    wanted = light_layers(spec, volume, camera)
+    if not wanted:
+        return {}
+    grid = LightGrid.of(volume, spec.light_cells)
+    places = [(g, s) for g, group in enumerate(spec.groups) for s in range(len(group.sources))]
+    return {
+        places.index((layer.group, layer.source)): partial(light_at, values, grid)
+        for layer, values in zip(wanted, layers(volume, table, spec, camera), strict=True)
+    }
 
 
 def light_at(layer: Array, grid: LightGrid, index: Array) -> Array:
     """(P,) trilinear samples of a layer (nz, ny, nx) at voxel indices (P, 3) x, y, z."""
-    top = np.array(grid.shape_xyz) - 1.0
-    return _sample(np.pad(layer, 1), np.clip(index * np.array(grid.per_index), 0, top))
+    return trilinear(layer, index * np.array(grid.per_index))
 
 
 def extinction(
@@ -91,13 +102,13 @@ def _table_extinction(volume: Volume, table: TransferTable) -> Array:
     j = np.minimum(at.astype(int), last - 1)
     f = at - j
     if table.gradient_top is None:
-        return (1 - f) * entries[j] + f * entries[j + 1]
+        return entries[j] + f * (entries[j + 1] - entries[j])
     rows = np.clip(_gradient(volume) / table.gradient_top, 0, 1) * (len(entries) - 1)
     r = np.minimum(rows.astype(int), len(entries) - 2)
     g = rows - r
-    below = (1 - f) * entries[r, j] + f * entries[r, j + 1]
-    above = (1 - f) * entries[r + 1, j] + f * entries[r + 1, j + 1]
-    return (1 - g) * below + g * above
+    below = entries[r, j] + f * (entries[r, j + 1] - entries[r, j])
+    above = entries[r + 1, j] + f * (entries[r + 1, j + 1] - entries[r + 1, j])
+    return below + g * (above - below)
 
 
 def _gradient(volume: Volume) -> Array:
@@ -142,7 +153,7 @@ def _kept(volume: Volume, spec: RaycastSpec) -> NDArray[np.bool_]:
             kept &= inside.reshape([-1 if a == 2 - axis else 1 for a in range(3)])
     z, y, x = np.meshgrid(*axes[::-1], indexing="ij", sparse=True)
     for plane in spec.clip_planes:
-        normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
+        normal = np.array(plane.normal)
         i, j, k, offset = normal @ volume.world_from_index[:3]
         inside_mm = i * x + j * y + k * z + offset - normal @ plane.point_mm
         kept &= inside_mm >= -CUT_TOLERANCE * min(volume.spacing_mm)
@@ -162,10 +173,6 @@ def _weights(voxels: int, nodes: int) -> Array:
     return weights
 
 
-def _way_out(grid: LightGrid) -> tuple[Array, Array]:
-    return steps(SHADOW_BIAS, SHADOW_BIAS + grid.diagonal_steps)
-
-
 def _along(
     sigma: Array, grid: LightGrid, direction: Array, middles: Array, lengths: Array
 ) -> Array:
@@ -174,7 +181,7 @@ def _along(
     way = grid.per_step(direction)
     depth = np.zeros(len(nodes))
     for middle, length in zip(middles, lengths, strict=True):
-        depth += length * grid.cell_mm * _sample(padded, nodes + middle * way)
+        depth += length * grid.cell_mm * trilinear(padded, nodes + 1 + middle * way)
     return np.exp(-depth).reshape(sigma.shape)
 
 
@@ -189,21 +196,9 @@ def _towards(sigma: Array, grid: LightGrid, light_mm: Array) -> Array:
     for k in range(grid.diagonal_steps):
         begin = SHADOW_BIAS + k
         length = np.clip(cells - begin, 0, 1)
-        depth += (length[:, 0] * grid.cell_mm) * _sample(padded, nodes + (begin + length / 2) * way)
+        at = nodes + 1 + (begin + length / 2) * way
+        depth += length[:, 0] * grid.cell_mm * trilinear(padded, at)
     return np.exp(-depth).reshape(sigma.shape)
-
-
-def _lifted(light: Array, sigma: Array, grid: LightGrid) -> Array:
-    """(nz, ny, nx) what arrives out of surfaces, down the slope of σ; in faint media less far."""
-    padded, inner = np.pad(sigma * grid.cell_mm, 1), slice(1, -1)
-    z = (padded[2:, inner, inner] - padded[:-2, inner, inner]) / 2
-    y = (padded[inner, 2:, inner] - padded[inner, :-2, inner]) / 2
-    x = (padded[inner, inner, 2:] - padded[inner, inner, :-2]) / 2
-    slope = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    way = slope @ grid.metric
-    steepness = np.sqrt((slope * way).sum(axis=1, keepdims=True))
-    at = _positions(grid) - LIFT / (steepness + LIFT_KNEE) * way
-    return light_at(light, grid, at / np.array(grid.per_index)).reshape(light.shape)
 
 
 def _positions(grid: LightGrid) -> Array:
@@ -211,18 +206,3 @@ def _positions(grid: LightGrid) -> Array:
     x, y, z = grid.shape_xyz
     k, j, i = np.mgrid[0:z, 0:y, 0:x].reshape(3, -1).astype(np.float64)
     return np.stack([i, j, k], axis=1)
-
-
-def _sample(padded: Array, at: Array) -> Array:
-    """Trilinear samples of an array that has one more node of 0 around, which holds beyond."""
-    top = np.array(padded.shape[::-1]) - 1
-    inside = np.clip(at + 1, 0, top)
-    base = np.minimum(inside.astype(int), top - 1)
-    f = inside - base
-    (x, y, z), (fx, fy, fz) = base.T, f.T
-    result = np.zeros(len(at))
-    for dz, wz in ((0, 1 - fz), (1, fz)):
-        for dy, wy in ((0, 1 - fy), (1, fy)):
-            for dx, wx in ((0, 1 - fx), (1, fx)):
-                result += wx * wy * wz * padded[z + dz, y + dy, x + dx]
-    return result

@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from volspec.errors import RaycastError
 from volspec.raycast.camera import Camera
-from volspec.raycast.lights import Ambient, Directional, Point, Vector
+from volspec.raycast.checks import Vector
+from volspec.raycast.lights import Ambient, Directional, Point
 from volspec.raycast.spec import RaycastSpec
 from volspec.volume import Volume
 
@@ -40,9 +41,9 @@ SHADOW_BIAS, OCCLUSION_BIAS = 1.0, 0.5
 DIRECTIONS = 24
 # A flat wall sees half a sphere, and that is all the light it can get.
 OCCLUSION_GAIN = 2.0
-# Nodes half within a surface take what arrives so many cells out of it, along its normal; half as
-# many where the extinction rises by LIFT_KNEE of optical depth per cell, none in even media.
-LIFT, LIFT_KNEE = 1.5, 0.25
+# In cells: how far in front of surfaces light is read, along their normal; nodes within and behind
+# them are dark. The gradient that tells shading from noise tells surfaces from even media.
+LIFT = 2.0
 # In smallest spacings: voxels as near as this to a cut stay, in float32 as in float64.
 CUT_TOLERANCE = 1e-3
 
@@ -112,10 +113,10 @@ class LightGrid:
         return math.ceil(np.linalg.norm(across, axis=0).max() / self.cell_mm) + 1
 
     @property
-    def metric(self) -> NDArray[np.float64]:
-        """(3, 3) a gradient in the grid -> the way it points there, both in cells of the world."""
-        per_cell = self.grid_from_world[:3, :3] * self.cell_mm
-        return per_cell @ per_cell.T
+    def lift_mm(self) -> float:
+        """How far in front of surfaces light is read: `LIFT` cells, or voxels where these are
+        larger."""
+        return LIFT * self.cell_mm * max(1.0, *self.per_index)
 
     def per_step(self, direction: Vector | NDArray[np.float64]) -> NDArray[np.float64]:
         """(3,) the way in the grid of one cell along a unit direction of the world."""
@@ -151,45 +152,26 @@ class LightLayer:
 
 
 def light_layers(spec: RaycastSpec, volume: Volume, camera: Camera) -> tuple[LightLayer, ...]:
-    """The sources that ask for a layer, in order of groups and of sources within them."""
+    """The sources that ask for a layer, in order of groups and of sources within them.
+
+    None in projections, where every source counts as faced.
+    """
+    if spec.mode != "composite":
+        return ()
     found = []
     for g, group in enumerate(spec.groups):
         for s, source in enumerate(group.sources):
             if isinstance(source, Directional) and source.shadows:
-                found.append(LightLayer(g, s, "directional", direction_towards(source, camera)))
+                x, y, z = camera.to_world(source.towards, source.frame).tolist()
+                found.append(LightLayer(g, s, "directional", (x, y, z)))
             elif isinstance(source, Point) and source.shadows:
-                found.append(LightLayer(g, s, "point", position_mm(source, camera)))
+                x, y, z = camera.place_mm(source.position_mm, source.frame).tolist()
+                found.append(LightLayer(g, s, "point", (x, y, z)))
             elif isinstance(source, Ambient) and source.occlusion:
                 sides = np.multiply(np.array(volume.shape_xyz) - 1, volume.spacing_mm)
                 radius = source.radius_mm or float(np.linalg.norm(sides)) / 10
                 found.append(LightLayer(g, s, "occlusion", radius_mm=radius))
     return tuple(found)
-
-
-def direction_towards(source: Directional, camera: Camera) -> Vector:
-    """Unit vector of the world towards a light far away."""
-    towards = np.asarray(source.towards)
-    if source.frame == "camera":
-        towards = towards @ _axes(camera)
-    # Scaled first: the square of a tiny or huge length would not be a number.
-    towards = towards / np.abs(towards).max()
-    x, y, z = (float(v) for v in towards / np.linalg.norm(towards))
-    return x, y, z
-
-
-def position_mm(source: Point, camera: Camera) -> Vector:
-    """Place of a light near by in the world."""
-    if source.frame == "world":
-        return source.position_mm
-    place = np.asarray(camera.position_mm) + np.asarray(source.position_mm) @ _axes(camera)
-    x, y, z = (float(v) for v in place)
-    return x, y, z
-
-
-def _axes(camera: Camera) -> NDArray[np.float64]:
-    """Rows right, up, back."""
-    right, up, forward = camera.frame()
-    return np.stack([right, up, -forward])
 
 
 def sphere_directions() -> NDArray[np.float64]:
@@ -209,6 +191,19 @@ def steps(begin: float, end: float) -> tuple[NDArray[np.float64], NDArray[np.flo
     """
     edges = np.append(np.arange(begin, end, 1.0), max(begin, end))
     return (edges[:-1] + edges[1:]) / 2, np.diff(edges)
+
+
+def shadow_steps(grid: LightGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The steps of light from a node out of the grid."""
+    return steps(SHADOW_BIAS, SHADOW_BIAS + grid.diagonal_steps)
+
+
+def occlusion_steps(
+    grid: LightGrid, radius_mm: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The steps from a node as far as occluders reach, but not beyond the grid: there is none."""
+    end = min(radius_mm / grid.cell_mm, OCCLUSION_BIAS + grid.diagonal_steps)
+    return steps(OCCLUSION_BIAS, end)
 
 
 def extinction_per_mm(opacity: NDArray[np.float64], length_mm: float) -> NDArray[np.float64]:

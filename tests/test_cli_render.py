@@ -1,0 +1,164 @@
+"""``volspec render``: sizes, halves, interruptions; ``volspec info`` of labels."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec import cli
+from volspec.errors import OpenCLError
+from volspec.raycast import CoefficientImage
+from volspec.raycast.gpu import Raycaster
+from volspec.volume import phantom
+
+ROOT = Path(__file__).resolve().parent.parent
+SCENE = """
+[volume]
+file = "ball.npy"
+[[material]]
+name = "ball"
+reflectance = "copper"
+[transfer]
+points = [
+    { value = 0.1, opacity = 0.0, material = "ball" },
+    { value = 0.6, opacity = 0.4, material = "ball" },
+]
+[[group]]
+name = "key"
+sources = [{ kind = "directional", towards = [0, -1, 1], shadows = true }]
+[[group]]
+name = "sky"
+sources = [{ kind = "ambient" }]
+[[light]]
+name = "day"
+spectrum = "D65"
+[output]
+width = 24
+height = 16
+"""
+
+
+def call(*words: str | Path) -> int:
+    """The command in this process; returns the exit code."""
+    try:
+        cli.main([*map(str, words)])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    np.save(tmp_path / "ball.npy", phantom.ball(16).values)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return tmp_path / "scene.toml"
+
+
+def test_render_says_what_it_wrote(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = scene.with_name("i.exr")
+    assert call("render", scene, "-o", out) == 0
+    said = capsys.readouterr()
+    assert said.out == f"{out}: 24×16, 7 channels for each of key, sky\n"
+    assert "cast" in said.err and "100%" in said.err
+    image = CoefficientImage.load(out)
+    assert image.coefficients.dtype == np.float32 and list(image.groups) == ["key", "sky"]
+
+
+def test_size_and_half_are_taken_in_place_of_the_scene_s(scene: Path) -> None:
+    out = scene.with_name("i.exr")
+    assert call("render", scene, "-o", out, "--size", "40x30", "--half") == 0
+    image = CoefficientImage.load(out)
+    assert image.size == (40, 30) and image.coefficients.dtype == np.float16
+
+
+@pytest.mark.parametrize("size", ["40", "40x", "x40", "40x-3", "40.5x30", "0x30", "4x3x2", "wide"])
+def test_a_size_that_is_none_is_a_usage_error(
+    scene: Path, size: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = scene.with_name("i.exr")
+    assert call("render", scene, "-o", out, "--size", size) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{size!r} is no WIDTHxHEIGHT, such as 1024x768" in line
+    assert not out.exists()
+
+
+def test_a_size_beyond_what_can_be_cast_is_refused(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("render", scene, "-o", scene.with_name("i.exr"), "--size", "20000x3") == 1
+    line = refusal(capsys)
+    assert "scene.toml: raycast: the picture is 20000x3" in line
+
+
+def test_a_device_that_refuses_is_told_in_one_line(
+    scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OpenCLError("pocl: out of\nmemory; cast it smaller")
+
+    monkeypatch.setattr(Raycaster, "cast", refuse)
+    assert call("render", scene, "-o", scene.with_name("i.exr")) == 1
+    assert refusal(capsys) == "volspec: pocl: out of memory; cast it smaller"
+
+
+def refusal(capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line of a refusal."""
+    (line,) = [s for s in capsys.readouterr().err.splitlines() if s.startswith("volspec: ")]
+    return line
+
+
+def test_an_interrupted_cast_leaves_the_image_that_was_there(tmp_path: Path) -> None:
+    """A picture of half a minute or so, interrupted once its first band is there."""
+    text = (ROOT / "data/scenes/engine-groups.toml").read_text()
+    (tmp_path / "s.toml").write_text(text.replace('"../', f'"{ROOT}/data/'))
+    out = tmp_path / "i.exr"
+    out.write_bytes(b"mine")
+    code = (
+        "import sys; from volspec.raycast import gpu; fetch = gpu._Bands._fetch\n"
+        "def told(*a): fetch(*a); sys.stdout.write('band\\n'); sys.stdout.flush()\n"
+        "gpu._Bands._fetch = told; from volspec.cli import main; main()"
+    )
+    words = ("render", str(tmp_path / "s.toml"), "-o", str(out), "--size", "4096x4096", "--half")
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen([sys.executable, "-c", code, *words], text=True, **pipes)
+    watchdog = threading.Timer(120, process.kill)
+    watchdog.start()
+    assert process.stdout is not None
+    assert process.stdout.readline() == "band\n"
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    watchdog.cancel()
+    assert process.returncode == 130
+    assert err.splitlines()[-1] == "volspec: interrupted; nothing half-written is left"
+    assert "Traceback" not in err
+    assert out.read_bytes() == b"mine"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["i.exr", "s.toml"]
+
+
+LABELS = {
+    "a segmentation": (np.arange(1000, dtype=np.uint8).reshape(10, 10, 10) % 30, list(range(30))),
+    "gaps": (np.arange(27, dtype=np.int16).reshape(3, 3, 3) % 3 * 7 - 7, [-7, 0, 7]),
+    "64": (np.arange(64, dtype=np.uint16).reshape(4, 4, 4) + 900, list(range(900, 964))),
+    "65": (np.arange(125, dtype=np.uint8).reshape(5, 5, 5) % 65, None),
+    "floats": (np.arange(27, dtype=np.float32).reshape(3, 3, 3) % 3, None),
+}
+
+
+@pytest.mark.parametrize("case", LABELS)
+def test_info_tells_labels(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values, labels = LABELS[case]
+    np.save(tmp_path / "v.npy", values)
+    assert call("info", tmp_path / "v.npy", "--json") == 0
+    assert json.loads(capsys.readouterr().out).get("labels") == labels
+    assert call("info", tmp_path / "v.npy") == 0
+    printed = capsys.readouterr().out
+    assert (" values " in printed) == (labels is not None)
+    if labels:
+        assert f"{labels[0]}–{labels[-1]}: {len(labels)} values" in printed

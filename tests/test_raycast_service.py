@@ -1,0 +1,165 @@
+"""What a cast does for who waits for it: progress, cancel, coarse pictures first, memory."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from volspec.errors import CastCancelled, OpenCLError, RaycastError
+from volspec.raycast.gpu import Raycaster, _Bands
+from volspec.transfer import TransferTable
+from volspec.volume import Volume, phantom
+
+BASIS = vs.SpectralBasis.load("general-5")
+COPPER = {"copper": vs.reflectance("copper")}
+TRANSFER = vs.TransferFunction([(60, 0.0, "copper"), (200, 0.3, "copper")], COPPER, BASIS)
+
+
+def test_progress_rises_to_one(engine: Volume, engine_table: TransferTable) -> None:
+    shares: list[float] = []
+    Raycaster(engine).cast(
+        *(engine_table, vs.Camera.orbit(engine), (256, 256), vs.RaycastSpec(tile_ms=1)),
+        progress=shares.append,
+    )
+    assert shares == sorted(set(shares)) and shares[-1] == 1 and len(shares) > 3
+
+
+def test_a_cancelled_cast_ends_soon_and_leaves_the_caster_well(
+    engine: Volume, engine_table: TransferTable
+) -> None:
+    """Two bands of 20 ms are under way; ten times that is allowed on a busy machine."""
+    caster, camera = Raycaster(engine), vs.Camera.orbit(engine)
+    spec = vs.RaycastSpec()
+    before = caster.cast(engine_table, camera, (64, 64), spec)
+    asked: list[float] = []
+
+    def cancel() -> bool:
+        asked.append(time.perf_counter())
+        return len(asked) > 4
+
+    with pytest.raises(CastCancelled, match="cancelled"):
+        caster.cast(engine_table, camera, (2048, 2048), spec, cancel=cancel)
+    assert time.perf_counter() - asked[-1] < 0.5
+    after = caster.cast(engine_table, camera, (64, 64), spec)
+    assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
+
+
+def test_bands_grow_and_shrink_with_what_they_cost() -> None:
+    result = Raycaster(phantom.ball(8)).cast(
+        *(TransferTable((0.0, 1.0), np.linspace(0, 1, 64), np.ones((64, 1)), 1.0),),
+        *(vs.Camera.orbit(phantom.ball(8)), (64, 640), vs.RaycastSpec()),
+    )
+    bands = _Bands(None, result, (4, 2), tile_ms=20)  # type: ignore[arg-type]
+    band = type("Band", (), {"first": 0, "last": 4})()
+    assert bands._next_rows(4, band, 1.0) == 8  # no more than twice as many
+    assert bands._next_rows(8, band, 40.0) == 2  # 10 ms a row
+    assert bands._next_rows(2, band, 800.0) == 1  # never less than one
+
+
+def test_pictures_come_coarse_first(engine: Volume) -> None:
+    camera = vs.Camera.orbit(engine)
+    images = list(vs.refine(engine, TRANSFER, camera, (101, 64)))
+    assert [image.size for image in images] == [(26, 16), (51, 32), (101, 64)]
+    whole = vs.raycast(engine, TRANSFER, camera, (101, 64))
+    assert np.array_equal(images[-1].coefficients, whole.coefficients)
+
+
+def test_half_pictures_differ_by_rounding_only(engine: Volume) -> None:
+    camera = vs.Camera.orbit(engine)
+    full, half = (
+        vs.raycast(engine, TRANSFER, camera, (64, 64), vs.RaycastSpec(half=half))
+        for half in (False, True)
+    )
+    assert half.coefficients.dtype == np.float16
+    assert np.array_equal(half.coefficients, full.coefficients.astype(np.float16))
+    with vs.Relighter(half) as relighter:
+        assert relighter.frame(vs.light("D65")).max() > 60
+
+
+def test_half_pictures_hold_the_largest_number_where_light_is_beyond_it(engine: Volume) -> None:
+    lamp = vs.LightGroup("lamp", (vs.Headlight(1e6),))
+    spec = vs.RaycastSpec(half=True, groups=(lamp,))
+    image = vs.raycast(engine, TRANSFER, vs.Camera.orbit(engine), (32, 32), spec)
+    assert np.isfinite(image.coefficients).all()
+
+
+def test_an_edit_of_the_transfer_function_is_not_missed(engine: Volume) -> None:
+    """The caster keeps the last table that was baked."""
+    caster, camera = Raycaster(engine), vs.Camera.orbit(engine)
+    edited = replace(TRANSFER, points=[(100, 0.0, "copper"), (200, 0.3, "copper")])
+    images = [
+        vs.raycast(engine, transfer, camera, (48, 48), caster=caster)
+        for transfer in (TRANSFER, edited, TRANSFER)
+    ]
+    assert not np.array_equal(images[0].alpha, images[1].alpha)
+    assert np.array_equal(images[0].alpha, images[2].alpha)
+
+
+def test_shadows_are_kept_while_only_the_camera_moves(engine: Volume) -> None:
+    sun = vs.LightGroup("sun", (vs.Directional((1, 1, 2), shadows=True),))
+    spec = vs.RaycastSpec(groups=(sun,), light_cells=32)
+    caster = Raycaster(engine)
+    gathered = []
+    kept = caster._lights._gather
+    caster._lights._gather = lambda *a: (gathered.append(a), kept(*a))  # type: ignore
+    for azimuth in (0, 40, 80):
+        camera = vs.Camera.orbit(engine, azimuth_deg=azimuth)
+        vs.raycast(engine, TRANSFER, camera, (48, 48), spec, caster=caster)
+    assert len(gathered) == 1
+
+
+def test_groups_come_with_their_shares(engine: Volume) -> None:
+    sky = vs.LightGroup("sky", (vs.Ambient(),))
+    key = vs.LightGroup("key", (vs.Directional((1, 1, 1), frame="camera"),))
+    spec = vs.RaycastSpec(ambient=0.25, diffuse=0.75, groups=(sky, key))
+    image = vs.raycast(engine, TRANSFER, vs.Camera.orbit(engine), (48, 48), spec)
+    assert image.groups == {"sky": 0.25, "key": 0.75}
+    assert image.coefficients.shape == (48, 48, 10)
+    with vs.Relighter(image) as relighter:
+        rig = vs.LightRig((vs.light("A"), vs.light("D65")), groups=("key", "sky"))
+        mixed, plain = relighter.frame(rig), relighter.frame(vs.light("D65"))
+    assert mixed.shape == (48, 48, 3) and not np.array_equal(mixed, plain)
+
+
+def test_a_volume_of_too_many_voxels_is_refused_with_the_remedy() -> None:
+    """Nothing of its 3 GiB is ever touched: every voxel is the same byte."""
+    values = np.lib.stride_tricks.as_strided(np.zeros(1, np.uint8), (1500,) * 3, (0, 0, 0))
+    volume = Volume.__new__(Volume)
+    object.__setattr__(volume, "values", values)
+    object.__setattr__(volume, "name", "whale")
+    with pytest.raises(OpenCLError, match=r"whale: 3\.1 Gi voxels; .*downsampled\(2\)"):
+        Raycaster(volume)
+
+
+@pytest.mark.parametrize(
+    ("transfer", "spec", "told"),
+    [
+        (vs.Isosurfaces([(90, 1, "copper")], COPPER, BASIS), {"mode": "maximum"}, "isosurfaces"),
+        (vs.LabelFunction({1: (1, "copper")}, COPPER, BASIS), {"mode": "average"}, "labels"),
+        (vs.LabelFunction({1: (1, "copper")}, COPPER, BASIS), {"preintegrated": True}, "labels"),
+        (vs.Isosurfaces([(90, 1, "copper")], COPPER, BASIS), {"adaptive": 0.1}, "adaptive=0"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    transfer: vs.Isosurfaces, spec: dict[str, object], told: str
+) -> None:
+    volume = Volume(np.zeros((4, 4, 4), np.uint8))
+    with pytest.raises(RaycastError, match=told):
+        vs.raycast(volume, transfer, vs.Camera.orbit(volume), spec=vs.RaycastSpec(**spec))  # type: ignore
+
+
+def test_the_error_of_spectral_absorption_is_told(engine: Volume) -> None:
+    amber = vs.reflectance("Vrhel/41 marigold orange")
+    glass = replace(TRANSFER, filters={"copper": amber})
+    camera = vs.Camera.orbit(engine)
+    off = vs.absorption_error(engine, glass, camera, vs.light("A"), size=(24, 24))
+    assert 0 < off.mean < 3 and "31 bands" in str(off)
+    none = vs.absorption_error(
+        *(engine, replace(glass, basis=vs.SpectralBasis.bands()), camera, vs.light("A")),
+        size=(24, 24),
+    )
+    assert none.max < 1e-3

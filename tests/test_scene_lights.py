@@ -1,0 +1,218 @@
+"""``[[group]]`` and ``[[light]]``: groups, and settings of several rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec.errors import SceneError
+from volspec.pipeline import raycast, relight
+from volspec.raycast import (
+    Ambient,
+    Directional,
+    Headlight,
+    LightGroup,
+    Point,
+    RaycastSpec,
+)
+from volspec.relight import LightRig
+from volspec.scene import Scene
+from volspec.spectra import light
+from volspec.volume import phantom
+
+HEAD = """
+[volume]
+file = "ball.npy"
+[[material]]
+name = "ball"
+reflectance = "copper"
+[transfer]
+points = [
+    { value = 0.1, opacity = 0.0, material = "ball" },
+    { value = 0.6, opacity = 0.4, material = "ball" },
+]
+[output]
+width = 24
+height = 16
+"""
+KEY = '{ kind = "directional", towards = [0, -1, 1], shadows = true, intensity = 2 }'
+GROUPS = f"""
+[[group]]
+name = "key"
+sources = [{KEY}]
+[[group]]
+name = "fill"
+sources = [
+    {{ kind = "ambient", occlusion = true, radius_mm = 3, intensity = 0.5 }},
+    {{ kind = "headlight", intensity = 0.25 }},
+    {{ kind = "point", position_mm = [1, 2, -9], frame = "camera", falloff_mm = 20 }},
+]
+"""
+LIT = (
+    LightGroup("key", (Directional((0, -1, 1), shadows=True, intensity=2),)),
+    LightGroup(
+        "fill",
+        (
+            Ambient(0.5, occlusion=True, radius_mm=3),
+            Headlight(0.25),
+            Point((1, 2, -9), frame="camera", falloff_mm=20),
+        ),
+    ),
+)
+
+
+def row(name: str, spectrum: str = "D65", group: str = "", more: str = "") -> str:
+    where = f'group = "{group}"\n' if group else ""
+    return f'[[light]]\nname = "{name}"\nspectrum = "{spectrum}"\n{where}{more}\n'
+
+
+def load(folder: Path, text: str) -> Scene:
+    np.save(folder / "ball.npy", phantom.ball(12).values)
+    path = folder / "scene.toml"
+    path.write_text(HEAD + text, encoding="utf-8")
+    return Scene.load(path)
+
+
+def test_groups_are_cast_as_their_tables_say(tmp_path: Path) -> None:
+    scene = load(tmp_path, GROUPS + row("day"))
+    assert scene.raycast.groups == LIT
+    image, volume = scene.render(), scene.volume()
+    twin = raycast(volume, scene.transfer, scene.camera(volume), (24, 16), RaycastSpec(groups=LIT))
+    assert image.groups == twin.groups == RaycastSpec(groups=LIT).shares()
+    assert list(image.groups) == ["key", "fill"]
+    assert np.array_equal(image.coefficients, twin.coefficients)
+
+
+def test_without_groups_there_is_the_default_one(tmp_path: Path) -> None:
+    scene = load(tmp_path, row("day") + row("lamp", "A", "light"))
+    assert scene.raycast == RaycastSpec()
+    assert scene.lights[1].rig.groups == ("light",)
+
+
+def test_rows_of_one_name_are_one_setting(tmp_path: Path) -> None:
+    lights = (
+        row("evening", "A", "key", "weight = 0.5"),
+        row("noon"),
+        row("evening", "D75", "fill", 'label = "at dusk"\nweight = 2'),
+        row("evening", "FL2"),
+    )
+    scene = load(tmp_path, GROUPS + "".join(lights))
+    evening, noon = scene.lights
+    assert (evening.name, evening.label, noon.label) == ("evening", "at dusk", "noon")
+    assert [spectrum.name for spectrum in evening.rig.lights] == ["A", "D75", "FL2"]
+    assert evening.rig.weights == (0.5, 2, 1) and evening.rig.groups == ("key", "fill", "")
+    facing = evening.rig.facing(scene.raycast.shares()).mixed(scene.basis.grid)
+    assert np.array_equal(evening.spectrum.values, facing.values)
+    assert np.array_equal(noon.spectrum.values, light("D65").values)
+    image = scene.render()
+    rig = LightRig((light("A"), light("D75"), light("FL2")), (0.5, 2, 1), None, ("key", "fill", ""))
+    assert np.array_equal(relight(image, evening.rig), relight(image, rig))
+    assert (relight(image, evening.rig) != relight(image, noon.rig)).any()
+
+
+def test_the_lux_of_a_setting_is_that_of_its_rows(tmp_path: Path) -> None:
+    rows = (
+        row("x", "A", "key", "illuminance_lux = 300"),
+        row("x", "D65", more="illuminance_lux = 9"),
+    )
+    assert load(tmp_path, GROUPS + "".join(rows)).lights[0].rig.illuminance_lux == (300, 9)
+
+
+def test_a_basis_is_chosen_by_the_lights_of_every_row(tmp_path: Path) -> None:
+    (tmp_path / "led.csv").write_text("# designed: yes\n380,1\n500,2\n780,1\n")
+    rows = row("x", "A", "key") + row("x", "led.csv", "fill")
+    assert load(tmp_path, GROUPS + rows).basis_reason == "led came from a designer"
+
+
+def group(sources: str, name: str = "key") -> str:
+    return f'[[group]]\nname = "{name}"\nsources = [{sources}]\n'
+
+
+DAY = row("day")
+WRONG = {
+    "an unknown group": (
+        GROUPS + DAY + row("x", "A", "kye"),
+        r"light\.2\.group: no \[\[group\]\] is named 'kye'; did you mean 'key'\?",
+    ),
+    "a group without any": (row("x", "A", "lihgt"), r"'lihgt'; did you mean 'light'"),
+    "one name and group twice": (
+        GROUPS + row("x", "A", "key") + row("x", "D65", "key"),
+        r"two \[\[light\]\] are named 'x' and shine from group 'key'",
+    ),
+    "one name twice": (DAY + DAY, r"two \[\[light\]\] are named 'day' and shine from all groups"),
+    "some lux": (
+        GROUPS + row("x", "A", "key", "illuminance_lux = 5") + row("x"),
+        "light 'x': 1 of 2 rows have illuminance_lux; give it to all of them or none",
+    ),
+    "no light": (
+        GROUPS + row("x", "A", "key", "weight = 0"),
+        r"\[\[light\]\] x: LightRig: every weight is 0",
+    ),
+    "a group that is off": (
+        group('{ kind = "headlight", intensity = 0 }', "off") + GROUPS + row("x", "A", "off"),
+        r"\[\[light\]\] x: .*group 'off' gave none",
+    ),
+    "an unknown light": (GROUPS + row("x", "D56"), r"\[\[light\]\] x: .*'D56'.*'D65'"),
+    "two groups of one name": (GROUPS + group(KEY) + DAY, r"two \[\[group\]\] are named 'key'"),
+    "a name that parts": (group(KEY, "a=b") + DAY, r"group\.1\.name: = and ; .*it is 'a=b'"),
+    "no name": (group(KEY, "") + DAY, r"group\.1\.name: .*it is ''"),
+    "no source": (group("") + DAY, r"group\.1\.sources: .*at least 1"),
+    "nine groups": (
+        "".join(group(KEY, str(i)) for i in range(9)) + DAY,
+        r"\[raycast\] raycast: 9 light groups with 9 sources; at most 8",
+    ),
+    "an unknown kind": (
+        group('{ kind = "spot" }') + DAY,
+        r"group\.1\.sources\.1: kind is 'spot'; .*give ambient, headlight, directional, point",
+    ),
+    "no kind": (
+        group(f"{KEY}, {{ intensity = 1 }}") + DAY,
+        r"group\.1\.sources\.2: kind is missing; give ambient",
+    ),
+    "a word for a source": (group('"ambient"') + DAY, r"group\.1\.sources\.1: give a table"),
+    "no direction": (
+        group('{ kind = "directional" }') + DAY,
+        r"group\.1\.sources\.1\.towards: Field required",
+    ),
+    "direction 0": (
+        group('{ kind = "directional", towards = [0, 0, 0] }') + DAY,
+        r"\[\[group\]\] key: directional light: towards is \(0, 0, 0\)",
+    ),
+    "another frame": (
+        group('{ kind = "point", position_mm = [0, 0, 9], frame = "cam" }') + DAY,
+        r"\[\[group\]\] key: point light: frame is 'cam'",
+    ),
+    "negative intensity": (
+        group('{ kind = "ambient", intensity = -1 }') + DAY,
+        r"\[\[group\]\] key: ambient light: intensity is -1",
+    ),
+}
+# Keys that belong to other kinds, and the kinds that lack them.
+STRANGERS = {
+    "ambient": ("towards", "position_mm", "frame", "shadows", "falloff_mm"),
+    "headlight": ("towards", "position_mm", "frame", "shadows", "occlusion", "radius_mm"),
+    "directional": ("position_mm", "occlusion", "radius_mm", "falloff_mm"),
+    "point": ("towards", "occlusion", "radius_mm"),
+}
+
+
+def refused(folder: Path, text: str, message: str) -> None:
+    with pytest.raises(SceneError, match=message) as caught:
+        load(folder, text)
+    assert "\n" not in str(caught.value) and "scene.toml: " in str(caught.value)
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_mistakes_are_named_in_one_line(tmp_path: Path, case: str) -> None:
+    refused(tmp_path, *WRONG[case])
+
+
+@pytest.mark.parametrize("kind", STRANGERS)
+def test_a_source_refuses_the_keys_of_other_kinds_by_name(tmp_path: Path, kind: str) -> None:
+    needed = {"directional": "towards = [0, 0, 1], ", "point": "position_mm = [0, 0, 1], "}
+    for key in STRANGERS[kind]:
+        source = f'{{ kind = "{kind}", {needed.get(kind, "")}{key} = true }}'
+        message = rf"group\.1\.sources\.1\.{key}: unknown key; .*known: kind, .*intensity"
+        refused(tmp_path, group(source) + DAY, message)

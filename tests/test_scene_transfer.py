@@ -1,0 +1,244 @@
+"""``[transfer]`` and materials' filters: one kind of function, and what it makes of the file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec.basis import SpectralBasis
+from volspec.errors import SceneError
+from volspec.pipeline import raycast
+from volspec.scene import Scene
+from volspec.scene.basis import use_of
+from volspec.scene.transfer import TransferTable
+from volspec.spectra import reflectance
+from volspec.transfer import (
+    Isosurfaces,
+    LabelFunction,
+    Region,
+    Transfer,
+    TransferFunction,
+    TransferFunction2D,
+)
+from volspec.volume import phantom
+
+HEAD = """
+[volume]
+file = "ball.npy"
+[[material]]
+name = "shell"
+reflectance = "gold"
+[[material]]
+name = "core"
+reflectance = "copper"
+FILTER
+[[light]]
+name = "day"
+spectrum = "D65"
+[output]
+width = 24
+height = 16
+[transfer]
+"""
+POINTS = """points = [
+    { value = 0.1, opacity = 0.0, material = "shell" },
+    { value = 0.6, opacity = 0.4, material = { shell = 0.5, core = 0.5 } },
+]
+"""
+REGIONS = """regions = [
+    { values = [0.1, 0.6], gradients = [0.02, inf], opacity = 0.3, material = "shell" },
+    { values = [0.5, 0.9], gradients = [0, inf], opacity = 0.8, material = "core", softness = 0.5 },
+]
+"""
+LABELS = """labels = [
+    { label = 1, opacity = 0.3, material = "shell" },
+    { label = 2, opacity = 0.8, material = { core = 0.9 } },
+]
+"""
+SURFACES = """surfaces = [
+    { value = 0.6, opacity = 1.0, material = "core" },
+    { value = 0.2, opacity = 0.3, material = "shell" },
+]
+"""
+GENERAL = SpectralBasis.load("general-7")
+GOLD, COPPER = reflectance("gold"), reflectance("copper")
+PAINTS = {"shell": GOLD, "core": COPPER}
+CURVE = [(0.1, 0.0, "shell"), (0.6, 0.4, {"shell": 0.5, "core": 0.5})]
+KINDS: dict[str, tuple[str, Transfer]] = {
+    "points": (POINTS, TransferFunction(CURVE, PAINTS, GENERAL)),
+    "points of a step": (
+        POINTS + "reference_step_mm = 2",
+        TransferFunction(CURVE, PAINTS, GENERAL, 2.0),
+    ),
+    "points by gradient": (
+        POINTS + "gradient_opacity = [[0, 0.1], [0.2, 1]]",
+        TransferFunction(CURVE, PAINTS, GENERAL, None, [(0, 0.1), (0.2, 1)]),
+    ),
+    "points with a filter": (
+        POINTS,
+        TransferFunction(CURVE, PAINTS, GENERAL, filters={"core": reflectance("gold")}),
+    ),
+    "regions": (
+        REGIONS + "reference_step_mm = 2",
+        TransferFunction2D(
+            [
+                Region((0.1, 0.6), (0.02, math.inf), 0.3, "shell"),
+                Region((0.5, 0.9), (0, math.inf), 0.8, "core", 0.5),
+            ],
+            *(PAINTS, GENERAL, 2.0),
+        ),
+    ),
+    "labels": (
+        LABELS + "reference_step_mm = 2",
+        LabelFunction({1: (0.3, "shell"), 2: (0.8, {"core": 0.9})}, PAINTS, GENERAL, 2.0),
+    ),
+    "surfaces": (
+        SURFACES,
+        Isosurfaces([(0.6, 1.0, "core"), (0.2, 0.3, "shell")], PAINTS, GENERAL),
+    ),
+}
+
+
+def load(folder: Path, transfer: str, filter: str = "", more: str = "") -> Scene:
+    values = phantom.ball(12).values
+    np.save(folder / "ball.npy", values)
+    np.save(folder / "parts.npy", np.digitize(values, [0.1, 0.5]).astype(np.uint8))
+    text = HEAD.replace("FILTER", f'filter = "{filter}"' if filter else "") + transfer + more
+    if "labels =" in transfer:
+        text = text.replace("ball.npy", "parts.npy")
+    path = folder / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return Scene.load(path)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_scene_casts_into_the_picture_of_its_transfer_function(tmp_path: Path, kind: str) -> None:
+    text, function = KINDS[kind]
+    scene = load(tmp_path, text, "gold" if "filter" in kind else "")
+    assert type(scene.transfer) is type(function) and scene.basis.name == "general-7"
+    volume = scene.volume()
+    image = scene.render(volume)
+    twin = raycast(volume, function, scene.camera(volume), (24, 16))
+    assert image.alpha.max() > 0.3
+    assert np.array_equal(image.coefficients, twin.coefficients)
+    assert np.array_equal(image.alpha, twin.alpha)
+
+
+def test_use_sees_the_materials_of_every_kind() -> None:
+    """By hand: opacity times the values covered; of labels and surfaces the opacity alone."""
+
+    def use(**rows: object) -> dict[str, float]:
+        return use_of(TransferTable.model_validate(rows))
+
+    look = {"opacity": 0.5, "material": "a"}
+    other = {"opacity": 0.4, "material": {"a": 0.25, "b": 0.5}}
+    regions = [
+        {"values": (0, 4), "gradients": (0, 1), **look},
+        {"values": (0, 10), "gradients": (0, 1), **other},
+    ]
+    assert use(regions=regions) == pytest.approx({"a": 1.0, "b": 2.0 / 3.0})
+    alike = pytest.approx({"a": 1.0, "b": 0.2 / 0.6})
+    assert use(labels=[{"label": 1, **look}, {"label": 2, **other}]) == alike
+    assert use(surfaces=[{"value": 1, **look}, {"value": 2, **other}]) == alike
+
+
+def test_a_designed_material_or_filter_is_trained_for_in_every_kind(tmp_path: Path) -> None:
+    (tmp_path / "made.csv").write_text("# designed: yes\n380,0.2\n500,0.4\n780,0.3\n")
+    for text in (POINTS, REGIONS, LABELS, SURFACES):
+        plain = load(tmp_path, text)
+        assert plain.basis.name == "general-7"
+        path = tmp_path / "scene.toml"
+        path.write_text(path.read_text().replace('"copper"', '"made.csv"'))
+        assert Scene.load(path).basis_reason == "made came from a designer"
+    assert load(tmp_path, POINTS, "made.csv").basis_reason == "made came from a designer"
+
+
+def test_labels_are_down_sampled_by_their_most_frequent(tmp_path: Path) -> None:
+    scene = load(tmp_path, LABELS)
+    path = tmp_path / "scene.toml"
+    path.write_text(path.read_text().replace("[volume]", "[volume]\ndownsample = 2"))
+    np.save(tmp_path / "parts.npy", np.random.default_rng(1).integers(0, 3, (8, 8, 8), np.uint8))
+    half = Scene.load(path).volume()
+    truth = scene.volume().downsampled(2, labels=True)
+    assert np.array_equal(half.values, truth.values)
+    assert not np.array_equal(half.values, scene.volume().downsampled(2).values)
+
+
+LOOK = 'opacity = 1, material = "core"'
+WRONG = {
+    "none": ("reference_step_mm = 1", "transfer: give one of points, .*; none is given"),
+    "two": (POINTS + LABELS, "transfer: give one of .*; points and labels are given"),
+    "no rows": ("labels = []", r"transfer\.labels: .*at least 1"),
+    "gradients of regions": (
+        REGIONS + "gradient_opacity = [[0, 0], [1, 1]]",
+        "transfer: gradient_opacity is for points, not regions",
+    ),
+    "falling gradients": (POINTS + "gradient_opacity = [[3, 0], [1, 1]]", "let gradients rise"),
+    "a step of surfaces": (SURFACES + "reference_step_mm = 1", "surfaces have no thickness"),
+    "a label twice": (LABELS.replace("label = 2", "label = 1"), "labels: 1 is given twice"),
+    "a label below 0": (f"labels = [{{ label = -1, {LOOK} }}]", "label -1 is out of range"),
+    "half a label": (f"labels = [{{ label = 1.5, {LOOK} }}]", r"labels\.1\.label: .*1\.5"),
+    "values that fall": (
+        f"regions = [{{ values = [9, 1], gradients = [0, 1], {LOOK} }}]",
+        r"\[transfer\] region: values are 9 to 1",
+    ),
+    "one value": (
+        f"regions = [{{ values = [9], gradients = [0, 1], {LOOK} }}]",
+        r"transfer\.regions\.1\.values\.2: Field required",
+    ),
+    "nine surfaces": (
+        f"surfaces = [{', '.join(f'{{ value = {v}, {LOOK} }}' for v in range(9))}]",
+        r"\[transfer\] isosurfaces: 9 surfaces, at most 8",
+    ),
+    "a misspelt key": (
+        'surfaces = [{ value = 1, opacty = 1, material = "core" }]',
+        r"transfer\.surfaces\.1\.opacty: unknown key; did you mean 'opacity'",
+    ),
+    "a key of another kind": (
+        f"surfaces = [{{ value = 1, softness = 1, {LOOK} }}]",
+        r"surfaces\.1\.softness: unknown key; known: opacity, material, value",
+    ),
+    "an unknown material": (
+        'labels = [{ label = 1, opacity = 1, material = "cor" }]',
+        r"\[transfer\] label function: label 1: no material 'cor'; did you mean 'core'",
+    ),
+    "no material": (
+        "labels = [{ label = 1, opacity = 1, material = 5 }]",
+        r"transfer\.labels\.1\.material: .*it is 5",
+    ),
+    "a share in words": (
+        'labels = [{ label = 1, opacity = 1, material = { core = "x" } }]',
+        r"transfer\.labels\.1\.material\.core: .*it is 'x'",
+    ),
+}
+
+
+def refused(folder: Path, message: str, *words: str) -> None:
+    with pytest.raises(SceneError, match=message) as caught:
+        load(folder, *words).render()
+    assert "\n" not in str(caught.value) and "scene.toml: " in str(caught.value)
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_mistakes_are_named_in_one_line(tmp_path: Path, case: str) -> None:
+    text, message = WRONG[case]
+    refused(tmp_path, message, text)
+
+
+@pytest.mark.parametrize(
+    ("transfer", "filter", "more", "message"),
+    [
+        (POINTS, "glod", "", r"\[\[material\]\] core: filter: .*'glod'.*'gold'"),
+        (SURFACES, "gold", "", r"material\.2\.filter: only \[transfer\] points .*not surfaces"),
+        (POINTS, "gold", '[basis]\nmethod = "materials"', r"\[transfer\] .*filters need channels"),
+        (LABELS, "", "[raycast]\npreintegrated = true", "preintegrated .*labels"),
+        (SURFACES, "", '[raycast]\nmode = "maximum"', "mode 'maximum' .*isosurfaces"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    tmp_path: Path, transfer: str, filter: str, more: str, message: str
+) -> None:
+    refused(tmp_path, message, transfer, filter, more)

@@ -1,0 +1,58 @@
+"""Remake docs/gallery: ``python -m tools.gallery [--only NAME] [--draft FOLDER]``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from tools.gallery import light, matter, page, rays, studio
+from tools.gallery.studio import READERS, ROOT, Feature
+
+FOLDER = ROOT / "docs" / "gallery"
+FEATURES = (
+    Feature("Shadows", light.shadows),
+    Feature("Light groups", light.light_groups),
+    Feature("Cuts", rays.cuts),
+    Feature("Isosurfaces", matter.isosurfaces),
+    Feature("Value and gradient", matter.boundaries),
+    Feature("Labels", matter.labels),
+    Feature("Pre-integration", rays.preintegration),
+    Feature("Projections", rays.projections),
+    Feature("Coloured glass", matter.coloured_glass),
+    Feature("Ambient occlusion", light.ambient_occlusion),
+    Feature("Depth and cameras", rays.depth),
+    Feature("Metamers", light.metamers),
+)
+
+
+def main() -> None:
+    """Make the pictures whose volumes are here, then the page."""
+    names = [feature.name for feature in FEATURES]
+    parser = argparse.ArgumentParser(prog="python -m tools.gallery", description=__doc__)
+    parser.add_argument("--only", choices=names, nargs="+", default=names, metavar="NAME")
+    parser.add_argument("--draft", type=Path, metavar="FOLDER", help="small pictures, elsewhere")
+    options = parser.parse_args()
+    if options.draft:
+        studio.SIZE = (800, 600)
+    folder = options.draft or FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for feature in FEATURES:
+        if feature.name in options.only:
+            remake(feature, folder)
+    page.write(FEATURES, folder)
+
+
+def remake(feature: Feature, folder: Path) -> None:
+    """Cast and save a feature's pictures, or say why they stay as they are."""
+    try:
+        volumes = [READERS[name]() for name in feature.volumes]
+    except (FileNotFoundError, ImportError) as error:
+        print(f"{feature.name}: skipped, its pictures stay: {error}", flush=True)
+        return
+    pictures = feature.make(*volumes)
+    note = page.save(feature, pictures, folder)
+    print(f"{feature.name}: {note}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

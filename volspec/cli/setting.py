@@ -1,0 +1,95 @@
+"""A light as the command line writes it: one for all groups, or one for each.
+
+    words -> [setting] -> Spectrum | LightRig
+
+A text that is a LIGHT by itself stays one, whatever its file is called. Else ``;`` parts lights,
+and what stands before the first ``=`` of a part is the group that it shines from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from volspec.errors import InputError, SpectrumError, nearest
+
+if TYPE_CHECKING:
+    from volspec.relight import LightRig
+    from volspec.spectra import SpectralGrid, Spectrum
+
+
+def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> Spectrum | LightRig:
+    """A light setting.
+
+    Parameters
+    ----------
+    text : str
+        ``LIGHT``, or ``GROUP=LIGHT; GROUP=LIGHT; …``; a part without a group shines from all.
+    groups : {name: share}
+        The image's.
+    grid : SpectralGrid
+
+    Raises
+    ------
+    InputError
+        If a group is unknown or given twice, or a light is missing.
+    SpectrumError
+        If a light is unknown.
+
+    Examples
+    --------
+    >>> from volspec.spectra import DEFAULT_GRID
+    >>> groups = {"key": 0.8, "sky": 0.2}
+    >>> read_setting("D65*0.7+A*0.3", groups, DEFAULT_GRID).name
+    'D65*0.7+A*0.3'
+    >>> rig = read_setting("key=A; sky=D65*0.3; FL2", groups, DEFAULT_GRID)
+    >>> rig.groups, [light.name for light in rig.lights]
+    (('key', 'sky', ''), ['A', 'D65*0.3', 'FL2'])
+    """
+    from volspec.relight import LightRig
+
+    if (whole := _light(text, grid)) is not None:
+        return whole
+    lights: dict[str, Spectrum] = {}
+    for part in text.split(";"):
+        group, spectrum = _part(text, part.strip(), grid)
+        if group and group not in groups:
+            raise InputError(
+                f"--light {text!r}: no light group {group!r}; {nearest(group, groups)}the image "
+                f"has {', '.join(groups)}"
+            )
+        if group in lights:
+            twice = f"group {group!r} has" if group else "all groups have"
+            raise InputError(f"--light {text!r}: {twice} two lights; mix them, as D65*0.7+A*0.3")
+        lights[group] = spectrum
+    return LightRig(tuple(lights.values()), groups=tuple(lights))
+
+
+def _part(text: str, part: str, grid: SpectralGrid) -> tuple[str, Spectrum]:
+    """The group, "" for all, and the light of one part."""
+    from volspec.spectra import light
+
+    if part and (alone := _light(part, grid)) is not None:
+        return "", alone
+    group, equals, word = (word.strip() for word in part.partition("="))
+    if not (group and equals and word):
+        raise InputError(f"--light {text!r}: write GROUP=LIGHT; GROUP=LIGHT, as key=A; sky=D65")
+    return group, light(word, grid)
+
+
+def _light(text: str, grid: SpectralGrid) -> Spectrum | None:
+    """The text as a LIGHT; None where it can only be one for groups.
+
+    Raises
+    ------
+    SpectrumError
+        If nothing in it speaks of groups.
+    """
+    from volspec.spectra import light
+
+    try:
+        return light(text, grid)
+    except SpectrumError:
+        if set(text) & {"=", ";"}:
+            return None
+        raise

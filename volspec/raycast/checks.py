@@ -1,0 +1,90 @@
+"""What callers give as numbers and vectors: finite and in range, or one line that names it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from volspec.errors import InputError, RaycastError
+
+Vector = tuple[float, float, float]
+# Products of weights and intensities stay far within float32.
+MAX_WEIGHT = 1e6
+
+
+def number(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
+    """A finite number.
+
+    >>> number("raycast: jitter", "much")
+    Traceback (most recent call last):
+    volspec.errors.RaycastError: raycast: jitter is 'much'; give a number
+    """
+    if isinstance(given, bool) or not isinstance(given, int | float | np.integer | np.floating):
+        raise error(f"{what} is {given!r:.40}; give a number")
+    if not math.isfinite(given):
+        raise error(f"{what} is {given}; give a finite number")
+    return float(given)
+
+
+def weight(what: str, given: Any) -> float:
+    """A number of 0 to `MAX_WEIGHT`."""
+    if not 0 <= number(what, given) <= MAX_WEIGHT:
+        raise RaycastError(f"{what} is {given}; give a number of 0 or more, up to {MAX_WEIGHT:g}")
+    return float(given)
+
+
+def whole(what: str, given: Any, low: int, high: int) -> int:
+    """A whole number of low to high."""
+    if isinstance(given, bool) or not isinstance(given, int | np.integer):
+        raise RaycastError(f"{what} is {given!r:.40}; give a whole number of {low} to {high}")
+    if not low <= given <= high:
+        raise RaycastError(f"{what} is {given}; give a whole number of {low} to {high}")
+    return int(given)
+
+
+def positive(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
+    """A number above 0."""
+    if not number(what, given, error) > 0:
+        raise error(f"{what} is {given}; give a number above 0")
+    return float(given)
+
+
+def vector(what: str, given: Any, error: type[InputError] = RaycastError) -> Vector:
+    """Three finite numbers."""
+    try:
+        x, y, z = (number(what, each) for each in given)
+    except (TypeError, ValueError):
+        raise error(f"{what} is {given!r:.60}; give three finite numbers") from None
+    return x, y, z
+
+
+def unit_vector(what: str, given: Any, error: type[InputError] = RaycastError) -> Vector:
+    """Three numbers as a unit vector, whatever their length but 0.
+
+    >>> unit_vector("up", (0, 0, 1e-200))
+    (0.0, 0.0, 1.0)
+    """
+    towards = vector(what, given, error)
+    if not any(towards):
+        raise error(f"{what} is (0, 0, 0); give a direction")
+    return unit(towards)
+
+
+def unit(towards: Any) -> Vector:
+    """A vector's direction; where the length is 1 already, the vector to the last bit.
+
+    So what is written to a file and read again is equal.
+
+    >>> unit((3e200, 0, 4e200))
+    (0.6, 0.0, 0.8)
+    """
+    x, y, z = (float(v) for v in towards)
+    if abs(math.hypot(x, y, z) - 1) < 1e-15:
+        return x, y, z
+    # Scaled first: the length of tiny or huge vectors is no number.
+    most = max(abs(x), abs(y), abs(z))
+    x, y, z = x / most, y / most, z / most
+    length = math.hypot(x, y, z)
+    return x / length, y / length, z / length

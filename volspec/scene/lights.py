@@ -1,0 +1,191 @@
+"""``[[group]]`` and ``[[light]]``: where light comes from, and what shines from there.
+
+    tables, spectra -> [lights] -> LightGroup, NamedLight
+
+Rows of ``[[light]]`` that share a name are one setting: a light for each group.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, field_validator
+
+from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point
+from volspec.raycast.lights import Source
+from volspec.relight import LightRig
+from volspec.scene.tables import Name, Table, Vector
+from volspec.spectra import SpectralGrid, Spectrum, light
+
+_AMBIENT, _HEAD = Ambient(), Headlight()
+_FAR, _NEAR = Directional((0, 0, 1)), Point((0, 0, 0))
+# What parts the groups of a setting on the command line.
+PARTING = "=;"
+
+
+class _SourceTable(Table):
+    """A source of a group; the subclass says which keys it has."""
+
+    source_type: ClassVar[type]
+
+    def source(self) -> Source:
+        """The source as a cast takes it.
+
+        Raises
+        ------
+        RaycastError
+            If a number is out of range.
+        """
+        settings: dict[str, Any] = self.model_dump(exclude={"kind"})
+        return self.source_type(**settings)
+
+
+class AmbientTable(_SourceTable):
+    """Light from everywhere; see `volspec.Ambient`."""
+
+    source_type = Ambient
+    kind: Literal["ambient"]
+    intensity: float = _AMBIENT.intensity
+    occlusion: bool = _AMBIENT.occlusion
+    radius_mm: float | None = _AMBIENT.radius_mm
+
+
+class HeadlightTable(_SourceTable):
+    """A light at the camera; see `volspec.Headlight`."""
+
+    source_type = Headlight
+    kind: Literal["headlight"]
+    intensity: float = _HEAD.intensity
+
+
+class DirectionalTable(_SourceTable):
+    """A light far away; see `volspec.Directional`."""
+
+    source_type = Directional
+    kind: Literal["directional"]
+    towards: Vector
+    frame: str = _FAR.frame
+    intensity: float = _FAR.intensity
+    shadows: bool = _FAR.shadows
+
+
+class PointLightTable(_SourceTable):
+    """A light near by; see `volspec.Point`."""
+
+    source_type = Point
+    kind: Literal["point"]
+    position_mm: Vector
+    frame: str = _NEAR.frame
+    intensity: float = _NEAR.intensity
+    shadows: bool = _NEAR.shadows
+    falloff_mm: float | None = _NEAR.falloff_mm
+
+
+AnySource = Annotated[
+    AmbientTable | HeadlightTable | DirectionalTable | PointLightTable, Field(discriminator="kind")
+]
+
+
+class GroupTable(Table):
+    """``[[group]]``: sources that share a spectrum and a weight; see `volspec.LightGroup`."""
+
+    name: Name
+    sources: Annotated[list[AnySource], Field(min_length=1)]
+
+    @field_validator("name")
+    @classmethod
+    def _can_be_written(cls, name: str) -> str:
+        if set(name) & set(PARTING):
+            raise ValueError("= and ; part groups on the command line; leave them out")
+        return name
+
+    def group(self) -> LightGroup:
+        """The group as a cast takes it.
+
+        Raises
+        ------
+        RaycastError
+            If a source is out of range.
+        """
+        return LightGroup(self.name, tuple(row.source() for row in self.sources))
+
+
+class LightTable(Table):
+    """``[[light]]``: a name, a spectrum in `volspec.light`'s notation, and what it shines from.
+
+    ``illuminance_lux`` sets the eye's adapting luminance; ``weight`` multiplies it, which
+    shows at ``level = "absolute"``, and is a row's share among those of one setting.
+    """
+
+    name: Name
+    spectrum: str
+    label: str | None = None
+    group: Name | None = None
+    weight: float = 1.0
+    illuminance_lux: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NamedLight:
+    """A light setting of a scene.
+
+    Parameters
+    ----------
+    name : str
+        What its files are called.
+    label : str
+        Caption.
+    spectrum : Spectrum
+        What a surface that faces every source gets.
+    rig : LightRig
+        What lights the picture.
+    """
+
+    name: str
+    label: str
+    spectrum: Spectrum
+    rig: LightRig
+
+
+def rows_by_name(rows: Sequence[LightTable]) -> dict[str, list[LightTable]]:
+    """The rows of each setting, in the order of the file."""
+    settings: dict[str, list[LightTable]] = {}
+    for row in rows:
+        settings.setdefault(row.name, []).append(row)
+    return settings
+
+
+def named_light(
+    rows: Sequence[LightTable],
+    shares: Mapping[str, float],
+    grid: SpectralGrid,
+    folder: str | os.PathLike[str],
+) -> NamedLight:
+    """The setting that rows of one name make.
+
+    Parameters
+    ----------
+    rows : sequence of LightTable
+        Either all with lux or none.
+    shares : {group: float}
+        Each group's share of the light (`RaycastSpec.shares`).
+    grid : SpectralGrid
+    folder : path
+        What the names of files start from.
+
+    Raises
+    ------
+    SpectrumError, ViewingError
+        If a spectrum is unknown, or the rows give no light.
+    """
+    spectra = tuple(light(row.spectrum, grid, folder=folder) for row in rows)
+    lux = tuple(row.illuminance_lux for row in rows if row.illuminance_lux is not None)
+    weights, groups = tuple(row.weight for row in rows), tuple(row.group or "" for row in rows)
+    rig = LightRig(spectra, weights, lux or None, groups)
+    label = next((row.label for row in rows if row.label), rows[0].name)
+    facing = rig.facing(shares)  # refuses a setting that gives no light, before the cast
+    shown = spectra[0] if len(rows) == 1 else facing.mixed(grid)
+    return NamedLight(rows[0].name, label, shown, rig)
