@@ -18,7 +18,7 @@ from benchmarks.cast import SPECS
 from benchmarks.measure import commit, in_turn
 from benchmarks.page import PAGE, between, replaced
 from benchmarks.volumes import BenchScene, bench_scene
-from volspec._gpu.opencl import POCL, DeviceInfo, devices
+from volspec._gpu.devices import POCL, DeviceInfo, devices
 from volspec.pipeline import Raycaster, raycast
 
 SIZES = {"512²": (512, 512), "1080p": (1920, 1080)}

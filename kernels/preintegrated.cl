@@ -13,13 +13,7 @@
 //                  to the next; SHARES is K + 1
 // opacity and filters are not read.
 
-#include "lanes.clh"
-#include "rays.clh"
-#include "voxels.clh"
-#include "field.clh"
-#include "light.clh"
-#include "shade.clh"
-#include "picture.clh"
+#include "casts.clh"
 #include "ends.clh"
 
 // Ends nearer than this, in entries, take the value in their middle.
@@ -55,20 +49,8 @@ static inline floatP growth(const Integral *a, const Integral *b, int part) {
     return inside + (floatP)(b->beyond) * b->rate[part] - (floatP)(a->beyond) * a->rate[part];
 }
 
-__kernel void preintegrated(__global const VOXEL *restrict voxels,
-                            __global const uchar *restrict codes,
-                            __global const float2 *restrict opacity,
-                            __global const floatP *restrict shares,
-                            __global const float *restrict channels,
-                            __global const floatP *restrict filters,
-                            __global const float4 *restrict sources,
-                            __global const ushort *restrict layers, const Cast cast,
-                            __global float *restrict coefficients, __global float *restrict alpha,
-                            __global float *restrict depth, __global float *restrict first,
-                            const int first_tile) {
-    const int pixel_x = get_global_id(0) * TILE_WIDTH;
-    const int pixel_y = (first_tile + get_global_id(1)) * TILE_HEIGHT;
-    if (pixel_x >= cast.width || pixel_y >= cast.height) return;
+CASTS(preintegrated, uchar) {
+    TILE_OF_PIXELS(cast)
     const Rays r = rays_of(&cast, pixel_x, pixel_y);
     const float per_step = 1.0f / cast.step;
     const int entries = (int)cast.last_entry + 1;
@@ -138,6 +120,5 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
         k += taken;
         live &= MASK(k < k_end);
     }
-    write_picture(&cast, &g, &r, pixel_x, pixel_y, first_tile * TILE_HEIGHT, channels,
-                  coefficients, alpha, depth, first);
+    WRITE_PICTURE(cast, g, r);
 }

@@ -10,29 +10,11 @@
 //         opacity  of the reference step, not of a step
 // The host sets MAXIMUM (1, or 0 for the mean) beside what raycast.cl wants.
 
-#include "lanes.clh"
-#include "rays.clh"
-#include "voxels.clh"
-#include "field.clh"
-#include "light.clh"
-#include "shade.clh"
-#include "picture.clh"
+#include "casts.clh"
 #include "classify.clh"
 
-__kernel void projection(__global const VOXEL *restrict voxels,
-                         __global const VOXEL *restrict greatest,
-                         __global const float2 *restrict opacity,
-                         __global const floatP *restrict shares,
-                         __global const float *restrict channels,
-                         __global const floatP *restrict filters,
-                         __global const float4 *restrict sources,
-                         __global const ushort *restrict layers, const Cast cast,
-                         __global float *restrict coefficients, __global float *restrict alpha,
-                         __global float *restrict depth, __global float *restrict first,
-                         const int first_tile) {
-    const int pixel_x = get_global_id(0) * TILE_WIDTH;
-    const int pixel_y = (first_tile + get_global_id(1)) * TILE_HEIGHT;
-    if (pixel_x >= cast.width || pixel_y >= cast.height) return;
+CASTS(projection, VOXEL) {
+    TILE_OF_PIXELS(cast)
     const Rays r = rays_of(&cast, pixel_x, pixel_y);
     intN k = first_step(&cast, &r), due = k;
     const intN k_end = end_step(&cast, &r, k), meets = MASK(k < k_end);
@@ -45,7 +27,7 @@ __kernel void projection(__global const VOXEL *restrict voxels,
             intL number;
             floatL most;
             number.v = bricks.number;
-            FOR_LANES(l) most.s[l] = greatest[(uint)number.s[l]];
+            FOR_LANES(l) most.s[l] = codes[(uint)number.s[l]];
             const floatN leave = leave_bricks(&r, &bricks, (intN)(0));
             const intN next = k + steps_beyond(&cast, k, leave);
             const intN lower = MASK(most.v <= best);
@@ -85,6 +67,5 @@ __kernel void projection(__global const VOXEL *restrict voxels,
     shade(&cast, sources, layers, &r, place, visible, visible, visible, visible, weight, gloss);
     reflect(&g, shares, &cast, &shown, &entry, weight);
     cover(&cast, &g, visible, place);
-    write_picture(&cast, &g, &r, pixel_x, pixel_y, first_tile * TILE_HEIGHT, channels,
-                  coefficients, alpha, depth, first);
+    WRITE_PICTURE(cast, g, r);
 }

@@ -27,28 +27,11 @@
 // The host sets LANES, TILE_WIDTH, TILE_HEIGHT, TABLE_ROWS, STEPS (how many are sampled at once, so
 // that one's loads overlap another's sums), and what the includes want.
 
-#include "lanes.clh"
-#include "rays.clh"
-#include "voxels.clh"
-#include "field.clh"
-#include "light.clh"
-#include "shade.clh"
-#include "picture.clh"
+#include "casts.clh"
 #include "classify.clh"
 
-__kernel void raycast(__global const VOXEL *restrict voxels, __global const uchar *restrict codes,
-                      __global const float2 *restrict opacity,
-                      __global const floatP *restrict shares,
-                      __global const float *restrict channels,
-                      __global const floatP *restrict filters,
-                      __global const float4 *restrict sources,
-                      __global const ushort *restrict layers, const Cast cast,
-                      __global float *restrict coefficients, __global float *restrict alpha,
-                      __global float *restrict depth, __global float *restrict first,
-                      const int first_tile) {
-    const int pixel_x = get_global_id(0) * TILE_WIDTH;
-    const int pixel_y = (first_tile + get_global_id(1)) * TILE_HEIGHT;
-    if (pixel_x >= cast.width || pixel_y >= cast.height) return;
+CASTS(raycast, uchar) {
+    TILE_OF_PIXELS(cast)
     const Rays r = rays_of(&cast, pixel_x, pixel_y);
     const float per_step = 1.0f / cast.step;
     intN k = first_step(&cast, &r), due = k, stride = 1;
@@ -135,6 +118,5 @@ __kernel void raycast(__global const VOXEL *restrict voxels, __global const ucha
         }
         live &= MASK(k < k_end) & MASK(g.through > cast.opaque);
     }
-    write_picture(&cast, &g, &r, pixel_x, pixel_y, first_tile * TILE_HEIGHT, channels,
-                  coefficients, alpha, depth, first);
+    WRITE_PICTURE(cast, g, r);
 }

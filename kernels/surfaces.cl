@@ -11,13 +11,7 @@
 //         shares   floatP[SURFACES][PARTS]
 // The host sets SURFACES beside what raycast.cl wants; TABLE_ROWS and LABELS have no meaning.
 
-#include "lanes.clh"
-#include "rays.clh"
-#include "voxels.clh"
-#include "field.clh"
-#include "light.clh"
-#include "shade.clh"
-#include "picture.clh"
+#include "casts.clh"
 #include "ends.clh"
 
 #define ROUNDS 2
@@ -41,19 +35,8 @@ static inline floatN place_of(const Cast *cast, __global const VOXEL *voxels,
     return along;
 }
 
-__kernel void surfaces(__global const VOXEL *restrict voxels, __global const uchar *restrict codes,
-                       __global const float2 *restrict opacity,
-                       __global const floatP *restrict shares,
-                       __global const float *restrict channels,
-                       __global const floatP *restrict filters,
-                       __global const float4 *restrict sources,
-                       __global const ushort *restrict layers, const Cast cast,
-                       __global float *restrict coefficients, __global float *restrict alpha,
-                       __global float *restrict depth, __global float *restrict first,
-                       const int first_tile) {
-    const int pixel_x = get_global_id(0) * TILE_WIDTH;
-    const int pixel_y = (first_tile + get_global_id(1)) * TILE_HEIGHT;
-    if (pixel_x >= cast.width || pixel_y >= cast.height) return;
+CASTS(surfaces, uchar) {
+    TILE_OF_PIXELS(cast)
     const Rays r = rays_of(&cast, pixel_x, pixel_y);
     intN k = first_step(&cast, &r), due = k, stride = 1;
     const intN k_end = end_step(&cast, &r, k);
@@ -104,6 +87,5 @@ __kernel void surfaces(__global const VOXEL *restrict voxels, __global const uch
         k += 1;
         live &= MASK(k < k_end);
     }
-    write_picture(&cast, &g, &r, pixel_x, pixel_y, first_tile * TILE_HEIGHT, channels,
-                  coefficients, alpha, depth, first);
+    WRITE_PICTURE(cast, g, r);
 }

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from volspec import cli
-from volspec._gpu import opencl
+from volspec._gpu import devices
 from volspec.basis import SpectralBasis
 from volspec.errors import OpenGLError
 from volspec.export import read_frame_text
@@ -220,7 +220,7 @@ def test_a_folder_that_cannot_be_written_is_named(demo: Path, tmp_path: Path) ->
 def test_without_opencl_the_remedy_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(opencl, "_all_devices", list)
+    monkeypatch.setattr(devices, "all_devices", list)
     assert call("demo", "--out", str(tmp_path / "out")) == 1
     assert "no OpenCL device found; install PoCL with: pip install" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

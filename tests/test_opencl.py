@@ -12,8 +12,10 @@ import pyopencl as cl
 import pytest
 
 from volspec import doctor
-from volspec._gpu import opencl
-from volspec._gpu.opencl import Compute, DeviceInfo, chosen_device
+from volspec._gpu import devices, memory, opencl
+from volspec._gpu.build_log import complaint
+from volspec._gpu.devices import DeviceInfo, chosen_device
+from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
 from volspec.errors import OpenCLError, ShapeError
 
@@ -32,10 +34,10 @@ def two_devices(monkeypatch: pytest.MonkeyPatch) -> None:
         DeviceInfo(name, platform, "OpenCL 3.0", is_cpu, 8, 2**34, 2**32)
         for name, platform, is_cpu in [
             ("NVIDIA H200", "NVIDIA CUDA", False),
-            ("pthread-AMD EPYC", opencl.POCL, True),
+            ("pthread-AMD EPYC", devices.POCL, True),
         ]
     ]
-    monkeypatch.setattr(opencl, "devices", lambda: known)
+    monkeypatch.setattr(devices, "devices", lambda: known)
 
 
 def resident_bytes() -> int:
@@ -102,7 +104,7 @@ def test_what_memory_does_not_suffice_for_is_refused_before_it_is_taken(
     del buffer
     compute.require(3 << 20, "a picture", "cast a smaller one")
     compute.info = DeviceInfo("cpu", "test", "1", True, 1, 9 << 30, 2 << 30)
-    monkeypatch.setattr(opencl, "_host_free_bytes", lambda: 1 << 30)
+    monkeypatch.setattr(opencl, "host_free_bytes", lambda: 1 << 30)
     with pytest.raises(OpenCLError, match=r"needs 3\.2 GiB, 1\.0 GiB are free"):
         compute.require(int(3.2 * 2**30), "a picture", "cast a smaller one")
 
@@ -125,10 +127,10 @@ def test_a_container_s_limit_counts_as_the_host_s_memory(tmp_path: Path) -> None
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    assert opencl._host_free_bytes(tmp_path) == 4096 * 1024
+    assert memory.host_free_bytes(tmp_path) == 4096 * 1024
     (tmp_path / "sys/fs/cgroup/memory.max").write_text("4000000\n")
-    assert opencl._host_free_bytes(tmp_path) == 2_000_000
-    assert opencl._host_free_bytes(tmp_path / "nowhere") > 2**20
+    assert memory.host_free_bytes(tmp_path) == 2_000_000
+    assert memory.host_free_bytes(tmp_path / "nowhere") > 2**20
 
 
 BROKEN = (
@@ -179,8 +181,8 @@ def test_complaints_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> Non
         "kernels/broken.cl:3:12", "no 'foo'"
     )
     expected = "kernels/broken.cl:3:12: error: no 'foo': \"x[0] = foo;\""
-    assert opencl._complaint(log, source) == expected
-    assert opencl._complaint("the linker\n  gave up", source) == "the linker gave up"
+    assert complaint(log, source) == expected
+    assert complaint("the linker\n  gave up", source) == "the linker gave up"
 
 
 @pytest.mark.usefixtures("two_devices")

@@ -9,7 +9,7 @@
 # itself explains what is missing when it is needed.
 set -u
 packages=""
-"$1" -c 'import sys; from volspec._gpu.opencl import missing_linker; sys.exit(bool(missing_linker()))' \
+"$1" -c 'import sys; from volspec._gpu.devices import missing_linker; sys.exit(bool(missing_linker()))' \
     >/dev/null 2>&1 || packages="$packages gcc libc6-dev"
 "$1" -c 'from volspec._gpu.opengl import headless_context; headless_context()' \
     >/dev/null 2>&1 || packages="$packages libegl1 libgl1 libgl1-mesa-dri"

@@ -13,7 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 from volspec import __version__
-from volspec._gpu import opencl
+from volspec._gpu import devices as opencl_devices
 from volspec.errors import OpenCLError, OpenGLError
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Examination:
 
     python: str
     versions: dict[str, str]
-    opencl: tuple[opencl.DeviceInfo, ...]
+    opencl: tuple[opencl_devices.DeviceInfo, ...]
     casts_on: int | None
     gl: str | None
     problems: tuple[str, ...]
@@ -71,9 +71,9 @@ class Examination:
             )
         if not self.opencl:
             table.add_row("OpenCL", "[red]no device[/red]")
-        variable = os.environ.get(opencl.DEVICE_VARIABLE)
+        variable = os.environ.get(opencl_devices.DEVICE_VARIABLE)
         table.add_row(
-            opencl.DEVICE_VARIABLE,
+            opencl_devices.DEVICE_VARIABLE,
             escape(variable) if variable else "not set; a name's part or a number chooses a device",
         )
         table.add_row("GL", self.gl or "[yellow]no context: relighting uses NumPy[/yellow]")
@@ -96,17 +96,17 @@ def examine() -> Examination:
             # Which PoCL wheel serves pyopencl depends on the platform.
             if package != "pocl-binary-distribution":
                 problems.append(f"{package}: pip install {package}")
-    devices = opencl.devices()
+    devices = opencl_devices.devices()
     casts_on = None
     if not devices:
         problems.append("an OpenCL device: pip install 'pyopencl[pocl]'")
     else:
         try:
-            casts_on = opencl.chosen_device()
+            casts_on = opencl_devices.chosen_device()
         except OpenCLError as error:
             problems.append(str(error))
-    if casts_on is not None and devices[casts_on].platform == opencl.POCL:
-        problems.extend(filter(None, [opencl.missing_linker()]))
+    if casts_on is not None and devices[casts_on].platform == opencl_devices.POCL:
+        problems.extend(filter(None, [opencl_devices.missing_linker()]))
     blocked = bool(problems)
     gl = None
     try:

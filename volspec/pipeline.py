@@ -16,7 +16,8 @@ from typing import Any
 from volspec.basis import SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.gpu import Cancel, Progress, Raycaster
+from volspec.raycast.bands import Cancel, Progress
+from volspec.raycast.gpu import Raycaster
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
 from volspec.spectra import Spectrum
 from volspec.transfer import (

@@ -22,7 +22,8 @@ from volspec.raycast import (
     RaycastSpec,
     reference,
 )
-from volspec.raycast.gpu import Raycaster, Result
+from volspec.raycast.bands import Result
+from volspec.raycast.gpu import Raycaster
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from volspec.raycast import Camera, RaycastSpec, reference
-from volspec.raycast.gpu import Raycaster, Result
+from volspec.raycast.bands import Result
+from volspec.raycast.gpu import Raycaster
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, load_volume, phantom
 

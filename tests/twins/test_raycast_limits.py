@@ -150,5 +150,7 @@ def test_lanes_are_numbered_row_by_row_in_their_tile() -> None:
 def test_an_empty_program_names_the_cache_it_came_from() -> None:
     """A compiler that was killed leaves one there, and PoCL takes it for good."""
     source = Source("__kernel void f(__global int *x) { x[0] = 1; }\n", ("<prelude>", "f.cl"))
-    with pytest.raises(OpenCLError, match=r"f\.cl: .* is empty; delete the cache .*pocl"):
+    with pytest.raises(
+        OpenCLError, match=r"f\.cl: .* empty; delete the cache of compiled programs"
+    ):
         Compute.open().kernel(source, "raycast")

@@ -9,148 +9,32 @@ GPU drivers on disk and here per context. Where several devices are, the environ
 from __future__ import annotations
 
 import os
-import re
-import shutil
-import subprocess
-import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
-from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 from numpy.typing import NDArray
 
+from volspec._gpu.build_log import complaint, one_line
+from volspec._gpu.devices import (
+    DEVICE_VARIABLE,
+    DeviceInfo,
+    all_devices,
+    chosen_device,
+    describe,
+    require_linker,
+)
+from volspec._gpu.memory import host_free_bytes
 from volspec._gpu.sources import Source
-from volspec.errors import OpenCLError, ShapeError, nearest
+from volspec.errors import OpenCLError, ShapeError
 
 if TYPE_CHECKING:
     import pyopencl as cl
-
-POCL = "Portable Computing Language"
-DEVICE_VARIABLE = "VOLSPEC_DEVICE"
-_REMEDY = "install PoCL with: pip install 'pyopencl[pocl]'; `volspec doctor` shows more"
-
-
-@dataclass(frozen=True, slots=True)
-class DeviceInfo:
-    """One OpenCL device, as `volspec doctor` lists it."""
-
-    name: str
-    platform: str
-    version: str
-    is_cpu: bool
-    compute_units: int
-    memory_bytes: int
-    max_allocation_bytes: int
-
-
-def devices() -> list[DeviceInfo]:
-    """Every device of every platform, GPUs first; empty where OpenCL is missing."""
-    return [_describe(device) for device in _all_devices()]
-
-
-def chosen_device(name: str | None = None) -> int:
-    """Which of `devices` a name means.
-
-    Parameters
-    ----------
-    name : str, optional
-        Part of a device's or its platform's name, in any case; the first that matches is
-        taken. A whole number is an index. Default: what ``VOLSPEC_DEVICE`` holds, else the
-        first GPU, else the first CPU.
-
-    Raises
-    ------
-    OpenCLError
-        If there is no device, or none of that name; the message lists those there are.
-    """
-    found = devices()
-    if not found:
-        raise OpenCLError(f"no OpenCL device found; {_REMEDY}")
-    wanted, source = name, ""
-    if name is None:
-        wanted, source = os.environ.get(DEVICE_VARIABLE), f" ({DEVICE_VARIABLE})"
-    if not wanted:
-        return 0
-    for i, device in enumerate(found):
-        text = f"{device.platform}\n{device.name}".lower()
-        if str(i) == wanted if wanted.isdecimal() else wanted.lower() in text:
-            return i
-    known = [n for device in found for n in (device.name, device.platform)]
-    there = ", ".join(f"{i}: {device.name} ({device.platform})" for i, device in enumerate(found))
-    raise OpenCLError(
-        f"no OpenCL device named {wanted!r}{source}; {nearest(wanted, known)}there is {there}"
-    )
-
-
-def _all_devices() -> list[cl.Device]:
-    try:
-        import pyopencl as cl
-
-        found = [device for platform in cl.get_platforms() for device in platform.get_devices()]
-    except (ImportError, OSError):
-        return []
-    except cl.Error:  # the loader's way of saying that no driver is registered
-        return []
-    return sorted(found, key=lambda device: not device.type & cl.device_type.GPU)
-
-
-def _describe(device: cl.Device) -> DeviceInfo:
-    import pyopencl as cl
-
-    return DeviceInfo(
-        name=device.name.strip(),
-        platform=device.platform.name.strip(),
-        version=device.version.strip(),
-        is_cpu=bool(device.type & cl.device_type.CPU),
-        compute_units=device.max_compute_units,
-        memory_bytes=device.global_mem_size,
-        max_allocation_bytes=device.max_mem_alloc_size,
-    )
-
-
-_TRIAL = """
-import numpy, pyopencl as cl
-platform = next(p for p in cl.get_platforms() if p.name == "Portable Computing Language")
-queue = cl.CommandQueue(cl.Context(platform.get_devices()[:1]))
-kernel = cl.Program(queue.context, "__kernel void f(__global int *x) { x[0] = 1; }").build().f
-kernel(queue, (1,), None, cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, 4))
-queue.finish()
-"""
-
-
-@cache
-def missing_linker() -> str | None:
-    """The remedy where PoCL cannot link the kernels it builds, else None.
-
-    PoCL links each kernel with ``ld`` against libc and libgcc, and ends the whole process when
-    that fails; so it is asked before. Where they are not in the usual places, a trial build in
-    a process of its own decides.
-    """
-    usual = (
-        shutil.which("ld"),
-        glob("/usr/lib*/gcc*/*/*/libgcc.a"),
-        glob("/usr/lib*/libc.so") or glob("/usr/lib/*/libc.so"),
-    )
-    if all(usual):
-        return None
-    trial = subprocess.run([sys.executable, "-c", _TRIAL], capture_output=True, check=False)
-    if trial.returncode == 0:
-        return None
-    return (
-        "PoCL cannot link kernels: it needs ld, libgcc and libc.so; "
-        "on Debian or Ubuntu: apt-get install gcc libc6-dev"
-    )
-
-
-def _require_linker(device: cl.Device) -> None:
-    if device.platform.name == POCL and (remedy := missing_linker()):
-        raise OpenCLError(remedy)
 
 
 @dataclass(slots=True)
@@ -175,19 +59,19 @@ class Compute:
             If there is no device, none of that name, or its driver refuses a context.
         """
         index = chosen_device(name)
-        device = _all_devices()[index]
+        device = all_devices()[index]
         import pyopencl as cl
 
-        _require_linker(device)
+        require_linker(device)
         try:
             context = cl.Context([device])
             queue, transfers = cl.CommandQueue(context), cl.CommandQueue(context)
         except cl.Error as error:
             raise OpenCLError(
-                f"{device.name.strip()}: its driver makes no context ({_one_line(error)}); choose "
+                f"{device.name.strip()}: its driver makes no context ({one_line(error)}); choose "
                 f"another device with {DEVICE_VARIABLE}, `volspec doctor` lists them"
             ) from error
-        return cls(context, queue, transfers, _describe(device))
+        return cls(context, queue, transfers, describe(device))
 
     def kernel(self, source: Source, name: str, options: Sequence[str] = ()) -> cl.Kernel:
         """Build a program and take a kernel from it, once per source, name and options.
@@ -210,7 +94,7 @@ class Compute:
             except cl.RuntimeError as error:
                 raise OpenCLError(
                     f"{source.files[1]} does not build on {self.info.name} with "
-                    f"{' '.join(options) or 'no options'}: {_complaint(str(error), source)}"
+                    f"{' '.join(options) or 'no options'}: {complaint(str(error), source)}"
                 ) from error
             try:
                 self._kernels[key] = cl.Kernel(program, name)
@@ -293,7 +177,7 @@ class Compute:
         """
         free = max(self.info.memory_bytes - sum(self._held.values()), 0)
         if self.info.is_cpu:
-            free = min(free, _host_free_bytes())
+            free = min(free, host_free_bytes())
         if nbytes > free:
             raise OpenCLError(
                 f"{self.info.name}: {what} needs {_size(nbytes)}, {_size(free)} are free; {remedy}"
@@ -376,52 +260,5 @@ def _buffer_type() -> type[cl.Buffer]:
     return CountedBuffer
 
 
-def _host_free_bytes(root: Path = Path("/")) -> int:
-    """Memory this process can still take: the machine's, or its container's where that is less."""
-    try:
-        lines = (root / "proc/meminfo").read_text().splitlines()
-        free = next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvail"))
-    except (OSError, StopIteration):
-        free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    group = root / "sys/fs/cgroup"
-    try:
-        limit = int((group / "memory.max").read_text())  # ValueError where it says "max"
-        used = int((group / "memory.current").read_text())
-        stat = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
-    except (OSError, ValueError):
-        return free
-    # Files read once count as used, but are dropped when memory runs short.
-    return min(free, max(limit - used + int(stat.get("inactive_file", 0)), 0))
-
-
 def _size(nbytes: int) -> str:
     return f"{nbytes / 2**30:.1f} GiB" if nbytes >= 2**30 else f"{nbytes / 2**20:.1f} MiB"
-
-
-def _one_line(error: object) -> str:
-    return " ".join(str(error).split())
-
-
-# "FILE:12:5: error: …" is clang's form, "error: FILE:12:5: …" PoCL's.
-_COMPLAINT = re.compile(
-    r"^(?:(?:fatal )?error: )?([^:\n]+):(\d+):(\d+): (?:(?:fatal )?error: )?(.*)$", re.MULTILINE
-)
-_MARK = re.compile(r'#line (\d+) "([^"]+)"')
-
-
-def _complaint(log: str, source: Source) -> str:
-    """The compiler's first complaint in one line, with the text of the source line."""
-    found = next((m for m in _COMPLAINT.finditer(log) if "error: " in m[0]), None)
-    if found is None:
-        return _one_line(log)
-    # The compiler has a name of its own for what stands before the first mark.
-    file = found[1] if found[1] in source.files else source.files[0]
-    name, number = source.files[0], 0
-    for line in source.text.splitlines():
-        if mark := _MARK.match(line):
-            number, name = int(mark[1]) - 1, mark[2]
-            continue
-        number += 1
-        if (name, number) == (file, int(found[2])):
-            return f'{file}:{number}:{found[3]}: error: {found[4]}: "{line.strip()}"'
-    return _one_line(found[0])

@@ -12,14 +12,11 @@ image can be relit without the scene that made it, and one of another basis vers
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +24,12 @@ from numpy.typing import NDArray
 from volspec._exr import read_exr, write_exr
 from volspec.basis import Basis, SpectralBasis, basis_from_dict
 from volspec.errors import BasisError, ImageError, ShapeError, nearest
+from volspec.raycast.groups import ONE_GROUP, channel_names, checked_groups
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.values import light_power
 
 FORMAT = 2
 _READ = (1, FORMAT)  # images of format 1 have one light group
-ONE_GROUP: Mapping[str, float] = MappingProxyType({"light": 1.0})
-"""The light groups and shares of an image whose lights are not steered apart."""
-_SUM_ERROR = 1e-6  # of the shares
-_LONGEST_NAME = 200  # of a layer; OpenEXR cuts a channel's name off at 255
 _ALPHA_ERROR = 1e-3  # what a compositor's rounding may add to an opacity
 # What a camera's noise may bring below 0, and highlights above 1, in a spectral picture.
 _NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
@@ -96,7 +90,7 @@ class CoefficientImage:
         return f"CoefficientImage({width}x{height}, {self.basis.size} channels{where})"
 
     def __post_init__(self) -> None:
-        groups = _checked_groups(self.groups)
+        groups = checked_groups(self.groups)
         object.__setattr__(self, "groups", groups)
         shape, size = np.shape(self.coefficients), self.basis.size
         if len(shape) != 3 or shape[2] != len(groups) * size:
@@ -209,7 +203,7 @@ class CoefficientImage:
             "volspec:groups": json.dumps(self.groups),
             "volspec:notes": json.dumps(dict(self.notes)),
         }
-        names = _channel_names(self.groups, self.basis.size)
+        names = channel_names(self.groups, self.basis.size)
         channels = {name: self.coefficients[..., k] for k, name in enumerate(names)}
         channels |= {
             name: np.asarray(pixels, np.float32)
@@ -248,12 +242,12 @@ class CoefficientImage:
             raise ImageError(f"{name}: its basis is refused ({error}); render again") from error
         try:
             stored = ONE_GROUP if version == 1 else json.loads(header["volspec:groups"])
-            groups = _checked_groups(stored)
+            groups = checked_groups(stored)
         except (ImageError, ValueError, KeyError, TypeError) as error:
             raise ImageError(
                 f"{name}: its light groups are refused ({error}); render again"
             ) from error
-        wanted = _channel_names(groups, basis.size)
+        wanted = channel_names(groups, basis.size)
         for key in (*wanted, "A", "Z"):
             if key not in pixels:
                 raise ImageError(f"{name}: channel {key!r} is missing; render the scene again")
@@ -272,48 +266,6 @@ class CoefficientImage:
             return cls(coefficients, alpha.clip(0, 1), depth, basis, notes, groups, first)
         except (ImageError, ShapeError) as error:
             raise ImageError(f"{name}: {error}") from error
-
-
-def _checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
-    """Light groups as a dictionary of their own, each named and with its share."""
-    if not (isinstance(groups, Mapping) and groups):
-        raise ImageError(
-            f"coefficient image: groups is {groups!r:.60}; give {{name: share}}, at least one"
-        )
-    shares = {}
-    for name, share in groups.items():
-        if not (isinstance(name, str) and name.strip()):
-            raise ImageError(f"coefficient image: a light group is named {name!r}; give a word")
-        if (length := len(_layer_name(name))) > _LONGEST_NAME:
-            raise ImageError(
-                f"coefficient image: light group {name[:20] + '…'!r} has a name of {length} "
-                f"characters in a file, at most {_LONGEST_NAME} fit; shorten it"
-            )
-        if isinstance(share, bool) or not isinstance(share, int | float | np.number):
-            share = math.nan
-        if not 0 <= share <= 1 + _SUM_ERROR:
-            raise ImageError(
-                f"coefficient image: light group {name!r} has share {groups[name]!r:.40}; "
-                "give a number of 0…1"
-            )
-        shares[name] = float(share)
-    if abs(sum(shares.values()) - 1) > _SUM_ERROR:
-        raise ImageError(
-            f"coefficient image: the shares of light groups {', '.join(shares)} sum to "
-            f"{sum(shares.values()):g}; they must sum to 1, as RaycastSpec.shares() does"
-        )
-    return shares
-
-
-def _channel_names(groups: Mapping[str, float], size: int) -> list[str]:
-    """Names in the file, in the order of the channels; one group needs no layer name."""
-    layers = [f"{_layer_name(group)}." for group in groups] if len(groups) > 1 else [""]
-    return [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(size)]
-
-
-def _layer_name(group: str) -> str:
-    """Percent-encoded but for letters, digits, _ and -: a dot would part the layer in two."""
-    return quote(group, safe="", errors="surrogatepass").replace(".", "%2E").replace("~", "%7E")
 
 
 def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:

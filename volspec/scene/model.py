@@ -22,7 +22,7 @@ from volspec.basis import load_basis
 from volspec.errors import ImageError, InputError, SceneError, VolspecWarning
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.gpu import Cancel, Progress
+from volspec.raycast.bands import Cancel, Progress
 from volspec.scene.basis import (
     ChosenBasis,
     SceneSpectra,

@@ -1,0 +1,24 @@
+"""How much memory the host can still give."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def host_free_bytes(root: Path = Path("/")) -> int:
+    """Memory this process can still take: the machine's, or its container's where that is less."""
+    try:
+        lines = (root / "proc/meminfo").read_text().splitlines()
+        free = next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvail"))
+    except (OSError, StopIteration):
+        free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    group = root / "sys/fs/cgroup"
+    try:
+        limit = int((group / "memory.max").read_text())  # ValueError where it says "max"
+        used = int((group / "memory.current").read_text())
+        stat = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
+    except (OSError, ValueError):
+        return free
+    # Files read once count as used, but are dropped when memory runs short.
+    return min(free, max(limit - used + int(stat.get("inactive_file", 0)), 0))
