@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import cycle
 
 from benchmarks.measure import Comparison, Figure, compare
 from benchmarks.volumes import BenchScene, bench_scenes
 from benchmarks.vtk_peer import ALPHA_STOP, Points, VtkPeer, fixed_point
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import RaycastSpec
+from volspec.spectra import Spectrum
+from volspec.transfer import TransferFunction
 
 SIZE = (512, 512)
 SPECS = {
@@ -34,6 +37,15 @@ def peer_of(
     return mapper(scene.volume, grey_points(scene), reference_mm, scene.camera, SIZE, spec)
 
 
+def recoloured(transfer: TransferFunction) -> TransferFunction:
+    """The same opacities in darker materials."""
+    darker = {
+        name: Spectrum(each.wavelengths_nm, 0.9 * each.values, each.name)
+        for name, each in transfer.materials.items()
+    }
+    return replace(transfer, materials=darker)
+
+
 def against(
     scene: BenchScene,
     kind: str,
@@ -44,15 +56,16 @@ def against(
 ) -> Comparison:
     """Time a cast beside a mapper of VTK's that redraws with other colours.
 
-    Both sides take in a transfer function and deliver a picture.
+    Both sides take in other colours and deliver a picture.
     """
     spec = STOPPED[kind]
     peer = peer_of(scene, spec, mapper)
+    colours = cycle([scene.transfer, recoloured(scene.transfer)])
     return compare(
         f"cast/{scene.name}/{kind}",
         peer_name,
         caster.device,
-        lambda: raycast(scene.volume, scene.transfer, scene.camera, SIZE, spec, caster=caster),
+        lambda: raycast(scene.volume, next(colours), scene.camera, SIZE, spec, caster=caster),
         peer.redraw,
         runs=runs,
     )

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from volspec.errors import VolspecError
@@ -62,6 +62,7 @@ class Source:
         return re.sub(r"\b(\d+)[:(](\d+)\)?", named, log)
 
 
+@lru_cache(maxsize=64)
 def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
     """Read a kernel or shader, put the prelude before it and expand its includes.
 

@@ -85,6 +85,7 @@ class Raycaster:
         whole = self._voxels
         if values is not volume.values:
             whole = self._compute.upload(volume.values, share=True)
+        self._known: tuple[tuple[Any, ...], Any] | None = None
         self._baked: tuple[Transfer, TransferTable | SurfaceTable] | None = None
         self._lights = LightVolume(self._compute, volume, whole)
 
@@ -155,7 +156,6 @@ class Raycaster:
         inputs = [
             self._compute.upload(np.ascontiguousarray(array))
             for array in (
-                self._codes(table, spec),
                 program.opacity,
                 program.shares,
                 program.channels,
@@ -169,7 +169,8 @@ class Raycaster:
         )
         bands = Bands(self._compute, result, TILES[self.lanes], spec.tile_ms)
         kernel = self._kernel(program, spec, numbers)
-        bands.run(kernel, (self._voxels, *inputs, light, struct), progress, cancel)
+        codes = self._codes(table, spec)
+        bands.run(kernel, (self._voxels, codes, *inputs, light, struct), progress, cancel)
         unit = np.float32(min(self.volume.spacing_mm))
         result.depth_mm[...] *= unit
         result.first_mm[...] *= unit
@@ -191,8 +192,21 @@ class Raycaster:
         places = [(g, s) for g, group in enumerate(spec.groups) for s in range(len(group.sources))]
         return buffer, [wanted.index(place) if place in wanted else -1 for place in places]
 
-    def _codes(self, table: TransferTable | SurfaceTable, spec: RaycastSpec) -> NDArray[Any]:
-        """What is known of each brick: rays.clh, or its greatest value."""
+    def _codes(self, table: TransferTable | SurfaceTable, spec: RaycastSpec) -> Any:
+        """What is known of each brick, on the device; made anew when opacities have changed."""
+        key: tuple[Any, ...] = spec.mode, spec.adaptive
+        if isinstance(table, SurfaceTable):
+            key += (table.values.tobytes(),)
+        else:
+            step = spec.step_of(self.volume) / table.reference_step_mm
+            key += table.domain, table.labels, step, table.opacity.tobytes()
+        if self._known is None or self._known[0] != key:
+            codes = np.ascontiguousarray(self._brick_codes(table, spec))
+            self._known = key, self._compute.upload(codes)
+        return self._known[1]
+
+    def _brick_codes(self, table: TransferTable | SurfaceTable, spec: RaycastSpec) -> NDArray[Any]:
+        """By brick what rays.clh wants, or for projections its greatest value."""
         low, high = self._low, self._high
         if spec.mode != "composite":
             return high
