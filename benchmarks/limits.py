@@ -38,9 +38,10 @@ class Need:
 # Every sample places itself (45), interpolates (21), looks up its opacity (10) and covers (10); it
 # loads four pairs of voxels and an entry of opacity.
 TAKEN = Need(86, 5)
-# One that is seen adds eight channels (40) of two rows; shading adds gradients by twelve wider
-# loads (80), their direction (35) and a highlight (15).
-SEEN = {"flat": Need(40, 2), "shaded": Need(170, 14)}
+# One that is seen adds four shares (20) of two rows; shading adds gradients by the eight rows
+# around (80; what lies before and after a row came with it), their direction (35) and a highlight
+# (15).
+SEEN = {"flat": Need(20, 2), "shaded": Need(150, 10)}
 
 _KERNELS = """
 __kernel void triad(__global const float8 *a, __global const float8 *b, __global float8 *c) {

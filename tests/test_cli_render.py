@@ -121,9 +121,9 @@ def test_an_interrupted_cast_leaves_the_image_that_was_there(tmp_path: Path) -> 
     out = tmp_path / "i.exr"
     out.write_bytes(b"mine")
     code = (
-        "import sys; from volspec.raycast import gpu; fetch = gpu._Bands._fetch\n"
+        "import sys; from volspec.raycast.bands import Bands; fetch = Bands._fetch\n"
         "def told(*a): fetch(*a); sys.stdout.write('band\\n'); sys.stdout.flush()\n"
-        "gpu._Bands._fetch = told; from volspec.cli import main; main()"
+        "Bands._fetch = told; from volspec.cli import main; main()"
     )
     words = ("render", str(tmp_path / "s.toml"), "-o", str(out), "--size", "4096x4096", "--half")
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -84,7 +85,8 @@ def test_half_pictures_differ_by_rounding_only(engine: Volume) -> None:
 def test_half_pictures_hold_the_largest_number_where_light_is_beyond_it(engine: Volume) -> None:
     lamp = vs.LightGroup("lamp", (vs.Headlight(1e6),))
     spec = vs.RaycastSpec(half=True, groups=(lamp,))
-    image = vs.raycast(engine, TRANSFER, vs.Camera.orbit(engine), (32, 32), spec)
+    with pytest.warns(vs.VolspecWarning, match="beyond 65504 do not fit half-float"):
+        image = vs.raycast(engine, TRANSFER, vs.Camera.orbit(engine), (32, 32), spec)
     assert np.isfinite(image.coefficients).all()
 
 
@@ -164,3 +166,58 @@ def test_the_error_of_spectral_absorption_is_told(engine: Volume) -> None:
         size=(24, 24),
     )
     assert none.max < 1e-3
+
+
+def test_threads_take_turns_with_one_caster(engine: Volume) -> None:
+    """A light that moves with the camera is another for each picture."""
+    sun = vs.LightGroup("sun", (vs.Directional((1, 1, 1), frame="camera", shadows=True),))
+    spec = vs.RaycastSpec(groups=(sun,), light_cells=24)
+    caster = Raycaster(engine)
+    cameras = [vs.Camera.orbit(engine, azimuth_deg=azimuth) for azimuth in (0, 90, 180, 270)]
+
+    def cast(camera: vs.Camera) -> np.ndarray:
+        image = vs.raycast(engine, TRANSFER, camera, (40, 40), spec, caster=caster)
+        return np.asarray(image.coefficients)
+
+    alone = [cast(camera) for camera in cameras]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(cast, cameras * 3))
+    assert all(np.array_equal(a, b) for a, b in zip(alone * 3, together, strict=True))
+
+
+def test_a_cast_within_a_cast_is_refused(engine: Volume, engine_table: TransferTable) -> None:
+    caster, camera = Raycaster(engine), vs.Camera.orbit(engine)
+
+    def again(_: float) -> None:
+        caster.cast(engine_table, camera, (8, 8), vs.RaycastSpec())
+
+    with pytest.raises(RaycastError, match="in the middle of a cast"):
+        caster.cast(engine_table, camera, (32, 32), vs.RaycastSpec(), progress=again)
+    assert caster.cast(engine_table, camera, (8, 8), vs.RaycastSpec()).alpha.shape == (8, 8)
+
+
+def test_labels_are_whole_numbers() -> None:
+    volume = phantom.ball(8)
+    labels = vs.LabelFunction({1: (1, "copper")}, COPPER, BASIS)
+    with pytest.raises(RaycastError, match="not whole numbers"):
+        vs.raycast(volume, labels, vs.Camera.orbit(volume), (8, 8))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"transfer": None}, "transfer is None"),
+        ({"camera": (1, 2, 3)}, "camera is"),
+        ({"spec": {}}, "spec is"),
+        ({"caster": 5}, "caster is 5"),
+    ],
+)
+def test_arguments_of_another_type_are_named(given: dict[str, object], told: str) -> None:
+    volume = phantom.ball(8)
+    good = {"transfer": TRANSFER, "camera": vs.Camera.orbit(volume)}
+    with pytest.raises(RaycastError, match=f"raycast: {told}"):
+        vs.raycast(volume, **(good | given))  # type: ignore[arg-type]
+    with pytest.raises(vs.InputError, match="load_volume"):
+        vs.raycast("engine.nrrd", TRANSFER, vs.Camera.orbit(volume))
+    with pytest.raises(RaycastError, match="coarsest is 0"):
+        next(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), coarsest=0))

@@ -38,7 +38,7 @@ def test_worlds_that_are_no_matrix_are_refused(world: Any) -> None:
     ("values", "message"),
     [
         ([[1, 2], [3]], "list is no array"),
-        ("abc", "type <U3 are not real numbers"),
+        ("abc", "read a file with volspec.load_volume"),
         (None, "type object are not real numbers"),
         (5, r"shape \(\); a volume is 3-D"),
     ],

@@ -19,7 +19,14 @@ _HOMES = {
     "volspec.errors": (
         *("CastCancelled", "DeviceError", "InputError", "VolspecError", "VolspecWarning"),
     ),
-    "volspec.pipeline": ("Relighter", "absorption_error", "raycast", "refine", "relight"),
+    "volspec.pipeline": (
+        "Raycaster",
+        "Relighter",
+        "absorption_error",
+        "raycast",
+        "refine",
+        "relight",
+    ),
     "volspec.raycast": (
         *("Ambient", "Camera", "ClipPlane", "CoefficientImage", "Directional", "Headlight"),
         *("LightGroup", "Point", "RaycastSpec"),

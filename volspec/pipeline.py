@@ -29,6 +29,8 @@ from volspec.transfer import (
 )
 from volspec.volume import Volume
 
+LEAST_SIDE = 8
+
 __all__ = ["Raycaster", "Relighter", "absorption_error", "raycast", "refine", "relight"]
 
 
@@ -96,12 +98,22 @@ def raycast(
     ((48, 64, 7), True)
     """
     volume = Volume.of(volume)
-    spec = spec or RaycastSpec()
+    spec = RaycastSpec() if spec is None else spec
+    for what, given, kind in (
+        ("transfer", transfer, Transfer),
+        ("camera", camera, Camera),
+        ("spec", spec, RaycastSpec),
+        ("caster", caster, Raycaster | None),
+    ):
+        if not isinstance(given, kind):
+            raise RaycastError(
+                f"raycast: {what} is {given!r:.40}; give a {getattr(kind, '__name__', kind)}"
+            )
     if caster is None:
         caster = Raycaster(volume, device=device)
     elif caster.volume is not volume:
         raise RaycastError(
-            f"raycast: the caster holds {caster.volume.name!r}, the volume is {volume.name!r}; "
+            f"raycast: the caster holds {caster.volume!r}, the volume is {volume!r}; "
             "give the caster's own"
         )
     table = caster.table_of(transfer)
@@ -141,7 +153,8 @@ def refine(
     volume, transfer, camera, size, spec
         As `raycast`.
     coarsest : int
-        The first picture's sides are divided by this; halved until 1.
+        The first picture's sides are divided by this; halved until 1. Pictures of fewer than
+        8 pixels across are left out.
     **settings
         As `raycast`.
 
@@ -150,15 +163,19 @@ def refine(
     CoefficientImage
         The last has the whole size.
     """
+    if isinstance(coarsest, bool) or not isinstance(coarsest, int) or coarsest < 1:
+        raise RaycastError(f"refine: coarsest is {coarsest!r}; give a whole number of 1 or more")
     volume = Volume.of(volume)
     caster = settings.pop("caster", None) or Raycaster(volume, device=settings.pop("device", None))
-    divisor = max(1, coarsest)
-    while True:
-        width, height = (max(1, -(-side // divisor)) for side in size)
-        yield raycast(volume, transfer, camera, (width, height), spec, caster=caster, **settings)
-        if divisor == 1:
-            return
+    divisor = coarsest
+    while divisor > 1:
+        width, height = (-(-side // divisor) for side in size)
+        if min(width, height) >= LEAST_SIDE:
+            yield raycast(
+                *(volume, transfer, camera, (width, height), spec), caster=caster, **settings
+            )
         divisor = -(-divisor // 2)
+    yield raycast(volume, transfer, camera, size, spec, caster=caster, **settings)
 
 
 def absorption_error(

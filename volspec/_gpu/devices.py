@@ -14,6 +14,7 @@ import sys
 from dataclasses import dataclass
 from functools import cache
 from glob import glob
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from volspec.errors import OpenCLError, nearest
@@ -23,7 +24,24 @@ if TYPE_CHECKING:
 
 POCL = "Portable Computing Language"
 DEVICE_VARIABLE = "VOLSPEC_DEVICE"
-_REMEDY = "install PoCL with: pip install 'pyopencl[pocl]'; `volspec doctor` shows more"
+
+
+def cache_folder() -> Path:
+    """Where PoCL keeps compiled programs."""
+    default = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pocl"
+    return Path(os.environ.get("POCL_CACHE_DIR") or default)
+
+
+def _remedy() -> str:
+    """Why there may be no device: PoCL is missing, or gives up where it cannot keep programs."""
+    folder = cache_folder()
+    there = next((path for path in (folder, *folder.parents) if path.exists()), folder)
+    if not (there.is_dir() and os.access(there, os.W_OK)):
+        return (
+            f"PoCL cannot keep compiled programs in {folder}; set POCL_CACHE_DIR to a folder that "
+            "can be written"
+        )
+    return "install PoCL with: pip install 'pyopencl[pocl]'; `volspec doctor` shows more"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +79,7 @@ def chosen_device(name: str | None = None) -> int:
     """
     found = devices()
     if not found:
-        raise OpenCLError(f"no OpenCL device found; {_REMEDY}")
+        raise OpenCLError(f"no OpenCL device found; {_remedy()}")
     wanted, source = name, ""
     if name is None:
         wanted, source = os.environ.get(DEVICE_VARIABLE), f" ({DEVICE_VARIABLE})"

@@ -8,13 +8,11 @@ GPU drivers on disk and here per context. Where several devices are, the environ
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -25,6 +23,7 @@ from volspec._gpu.devices import (
     DEVICE_VARIABLE,
     DeviceInfo,
     all_devices,
+    cache_folder,
     chosen_device,
     describe,
     require_linker,
@@ -102,7 +101,7 @@ class Compute:
                 # A compiler that died half-way leaves an empty program in PoCL's cache.
                 raise OpenCLError(
                     f"{source.files[1]}: the program that {self.info.name} built is empty; "
-                    f"delete the cache of compiled programs ({_cache_folder()}) and try again"
+                    f"delete the cache of compiled programs ({cache_folder()}) and try again"
                 ) from error
         return self._kernels[key]
 
@@ -241,12 +240,6 @@ class Compute:
             view.base.release(self.transfers)
             return
         cl.enqueue_copy(self.transfers, into, buffer, wait_for=events)
-
-
-def _cache_folder() -> str:
-    """Where PoCL keeps compiled programs."""
-    default = Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")) / "pocl"
-    return os.environ.get("POCL_CACHE_DIR", str(default))
 
 
 @cache

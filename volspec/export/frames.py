@@ -38,6 +38,17 @@ def write_frame(
 
     if Path(path).suffix.lower() != ".png":
         raise ImageError(f"{os.fspath(path)}: frames are PNG files; name it .png")
+    if not (
+        isinstance(frame, np.ndarray)
+        and frame.dtype == np.uint8
+        and frame.ndim == 3
+        and frame.shape[2] == 3
+    ):
+        what = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else repr(frame)
+        raise ImageError(
+            f"{os.fspath(path)}: the frame is {what:.60}; give (H, W, 3) uint8, as "
+            "Relighter.frame makes it"
+        )
     info = PngInfo()
     info.add(b"sRGB", b"\0")  # perceptual intent, IEC 61966-2-1
     for keyword, value in (text or {}).items():

@@ -8,6 +8,7 @@ A graphics driver kills what takes it too long, and a viewer must be able to giv
 from __future__ import annotations
 
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.opencl import Compute
-from volspec.errors import CastCancelled
+from volspec.errors import CastCancelled, VolspecWarning
 
 Progress = Callable[[float], object]
 Cancel = Callable[[], bool]
@@ -63,6 +64,7 @@ class Bands:
         self._result = result
         self._tile = tile
         self._tile_ms = tile_ms
+        self._beyond = False
         height, width = result.alpha.shape
         self._columns = -(-width // (tile[0] * LOCAL[0])) * LOCAL[0]
         self._group_rows = -(-height // (tile[1] * LOCAL[1]))
@@ -97,6 +99,13 @@ class Bands:
                     progress(band.last / self._group_rows)
         finally:
             self._compute.queue.finish()  # what is under way writes into the result
+        if self._beyond:
+            warnings.warn(
+                f"raycast: channels beyond {_LARGEST_HALF:g} do not fit half-float and were cut; "
+                "lower the lights' intensity, or give half=False",
+                VolspecWarning,
+                stacklevel=4,
+            )
 
     def _next_rows(self, rows: int, band: Band, took_ms: float) -> int:
         """As many as the costliest of the last bands allows; at most twice as many as before."""
@@ -128,5 +137,6 @@ class Bands:
             self._compute.download(buffer, into, band.done)
             if array.dtype != np.float32:
                 start = band.first * LOCAL[1] * self._tile[1]
+                self._beyond |= bool(into.max(initial=0.0) > _LARGEST_HALF)
                 np.clip(into, -_LARGEST_HALF, _LARGEST_HALF, out=into)
                 array[start : start + len(into)] = into

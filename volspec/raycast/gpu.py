@@ -8,6 +8,7 @@ The twin is ``volspec/raycast/reference.py``.
 from __future__ import annotations
 
 import operator
+import threading
 from typing import Any
 
 import numpy as np
@@ -45,7 +46,7 @@ _OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
 
 
 class Raycaster:
-    """A volume on an OpenCL device, ready to be cast.
+    """A volume on an OpenCL device, ready to be cast; threads take turns.
 
     Parameters
     ----------
@@ -64,6 +65,8 @@ class Raycaster:
     def __init__(
         self, volume: Volume, *, device: str | None = None, lanes: int | None = None
     ) -> None:
+        if not isinstance(volume, Volume):
+            raise RaycastError(f"Raycaster: volume is {volume!r:.40}; give a volspec.Volume")
         self.volume = volume
         self._compute = Compute.open(device)
         self.lanes = lanes or (8 if self._compute.info.is_cpu else 1)
@@ -85,6 +88,8 @@ class Raycaster:
         whole = self._voxels
         if values is not volume.values:
             whole = self._compute.upload(volume.values, share=True)
+        self._lock, self._casting = threading.RLock(), False
+        self._whole: bool | None = None  # whether float values are labels
         self._known: tuple[tuple[Any, ...], Any] | None = None
         self._baked: tuple[Transfer, TransferTable | SurfaceTable] | None = None
         self._lights = LightVolume(self._compute, volume, whole)
@@ -99,9 +104,10 @@ class Raycaster:
 
         The light volume knows by the table itself that nothing has changed.
         """
-        if self._baked is None or self._baked[0] is not transfer:
-            self._baked = transfer, transfer.bake(min(self.volume.spacing_mm))
-        return self._baked[1]
+        baked = self._baked
+        if baked is None or baked[0] is not transfer:
+            baked = self._baked = transfer, transfer.bake(min(self.volume.spacing_mm))
+        return baked[1]
 
     def cast(
         self,
@@ -132,7 +138,29 @@ class Raycaster:
         OpenCLError
             If memory does not suffice.
         """
+        with self._lock:
+            if self._casting:
+                raise RaycastError(
+                    "raycast: the caster is in the middle of a cast; start the next when "
+                    "progress and cancel have returned"
+                )
+            self._casting = True
+            try:
+                return self._cast(table, camera, size, spec, progress, cancel)
+            finally:
+                self._casting = False
+
+    def _cast(
+        self,
+        table: TransferTable | SurfaceTable,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+        progress: Progress | None,
+        cancel: Cancel | None,
+    ) -> Result:
         width, height = _checked_size(size)
+        self._check_labels(table)
         check_reach(self.volume, camera, spec)
         if table.size > MAX_CHANNELS:
             raise RaycastError(
@@ -163,10 +191,16 @@ class Raycaster:
                 packed.source_rows(self.volume, camera, spec),
             )
         ]
-        result = Result(
-            np.empty((height, width, layers), dtype),
-            *(np.empty((height, width), np.float32) for _ in range(3)),
-        )
+        try:
+            result = Result(
+                np.empty((height, width, layers), dtype),
+                *(np.empty((height, width), np.float32) for _ in range(3)),
+            )
+        except MemoryError:
+            raise OpenCLError(
+                f"raycast: no memory for a picture of {width}x{height} with {layers} channels; "
+                "cast it smaller, with fewer light groups, or with half=True"
+            ) from None
         bands = Bands(self._compute, result, TILES[self.lanes], spec.tile_ms)
         kernel = self._kernel(program, spec, numbers)
         codes = self._codes(table, spec)
@@ -175,6 +209,18 @@ class Raycaster:
         result.depth_mm[...] *= unit
         result.first_mm[...] *= unit
         return result
+
+    def _check_labels(self, table: TransferTable | SurfaceTable) -> None:
+        values = self.volume.values
+        if not (isinstance(table, TransferTable) and table.labels) or values.dtype.kind != "f":
+            return
+        if self._whole is None:
+            self._whole = all(bool((part == np.rint(part)).all()) for part in values)
+        if not self._whole:
+            raise RaycastError(
+                f"{self.volume.name}: its values are not whole numbers, as labels are; give a "
+                "segmentation, or a TransferFunction"
+            )
 
     def _light(
         self,

@@ -40,6 +40,7 @@ class Ambient:
 
     def __post_init__(self) -> None:
         _check_intensity(self)
+        _check_flag(self, "occlusion")
         if self.radius_mm is not None:
             positive("ambient light: radius_mm", self.radius_mm)
 
@@ -77,6 +78,7 @@ class Directional:
 
     def __post_init__(self) -> None:
         _check_intensity(self)
+        _check_flag(self, "shadows")
         _check_frame(self)
         towards = unit_vector("directional light: towards", self.towards)
         object.__setattr__(self, "towards", towards)
@@ -106,6 +108,7 @@ class Point:
 
     def __post_init__(self) -> None:
         _check_intensity(self)
+        _check_flag(self, "shadows")
         _check_frame(self)
         position = vector("point light: position_mm", self.position_mm)
         object.__setattr__(self, "position_mm", position)
@@ -144,6 +147,11 @@ class LightGroup:
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name.strip()):
             raise RaycastError(f"light group: name is {self.name!r}; give a word")
+        plain = self.name.isprintable() and not {"=", ";"} & {*self.name}
+        if not plain or self.name != self.name.strip():
+            raise RaycastError(
+                f"light group: name is {self.name!r:.40}; leave out =, ; and blanks around it"
+            )
         if len(self.name) > MAX_NAME:
             raise RaycastError(
                 f"light group {self.name!r:.20}…: the name has {len(self.name)} characters; give "
@@ -164,6 +172,11 @@ class LightGroup:
 
 def _check_intensity(source: Source) -> None:
     weight(f"{_who(source)}: intensity", source.intensity)
+
+
+def _check_flag(source: Source, name: str) -> None:
+    if not isinstance(getattr(source, name), bool):
+        raise RaycastError(f"{_who(source)}: {name} is {getattr(source, name)!r:.40}; give a bool")
 
 
 def _check_frame(source: Directional | Point) -> None:

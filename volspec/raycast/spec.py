@@ -73,7 +73,7 @@ class RaycastSpec:
         Of the jitter.
     preintegrated : bool
         Integrate the transfer function between a step's two ends instead of reading it once at
-        the middle: no bands where it is steep.
+        the middle: far fewer bands where it is steep.
     adaptive : float
         Steps grow to 2 or 4 where the transfer function's opacity of a step varies by less than
         this within a brick of 8 voxels; 0 keeps every step.
@@ -118,6 +118,9 @@ class RaycastSpec:
     tile_ms: float = 20.0
 
     def __post_init__(self) -> None:
+        for name in ("preintegrated", "half"):
+            if not isinstance(getattr(self, name), bool | np.bool_):
+                raise RaycastError(f"raycast: {name} is {getattr(self, name)!r:.40}; give a bool")
         for name in ("ambient", "diffuse", "specular", "flat_gradient", "adaptive"):
             weight(f"raycast: {name}", getattr(self, name))
         whole("raycast: shininess", self.shininess, 1, 1024)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from typing import Any
 
@@ -37,6 +38,8 @@ def checked_values(given: ArrayLike, name: str) -> tuple[NDArray[Any], tuple[flo
         If it is not a 3-D array of real numbers, has fewer than two voxels along an axis, no
         finite value, or values beyond float32.
     """
+    if isinstance(given, str | os.PathLike):
+        raise VolumeError(f"{given!r:.60} is no array; read a file with volspec.load_volume")
     original = _array(given, name)
     values = original
     if original.dtype.newbyteorder("=") not in KEPT_DTYPES:
@@ -179,6 +182,11 @@ def checked_geometry(
             raise VolumeError(
                 f"{name}: the orientation matrix {matrix[:3, :3].tolist()} is singular; "
                 "its columns must be independent directions"
+            )
+        if matrix[3].tolist() != [0, 0, 0, 1]:
+            raise VolumeError(
+                f"{name}: world_from_index ends in the row {matrix[3].tolist()}; an affine map "
+                "ends in 0, 0, 0, 1"
             )
         if spacing is not None and not np.allclose(lengths, spacing_array, rtol=1e-4):
             raise VolumeError(
