@@ -11,13 +11,11 @@
 //         shares   floatP[4][last_entry + 1][PARTS]: with c = (τ s₁ … τ s_K, τ) of a whole step,
 //                  the integral up to an entry as a sum of two, c there, and what c rises by
 //                  to the next; SHARES is K + 1
-// opacity and filters are not read.
+// opacity and filters are not read. The host sets NEAREST beside what raycast.cl wants: ends nearer
+// than that, in entries, take the value in their middle.
 
 #include "casts.clh"
 #include "ends.clh"
-
-// Ends nearer than this, in entries, take the value in their middle.
-#define NEAREST 0.015625f
 
 // Up to a position held within the table; beyond it the integral goes on at `rate`.
 typedef struct { floatP high[PARTS], low[PARTS], rate[PARTS]; float beyond; } Integral;
@@ -82,12 +80,9 @@ CASTS(preintegrated, uchar) {
                 const Integral b = integral_at(shares, entries, back.s[l]);
                 EACH(p, PARTS) mean[l].v[p] = growth(&a, &b, p) / (floatP)(apart);
             } else {
-                const float p = 0.5f * (front.s[l] + back.s[l]);
-                const float inside = LOWER(UPPER(p, 0.0f), (float)(entries - 1));
-                const int j = LOWER((int)inside, entries - 2);
-                __global const floatP *rate = shares + (2 * entries + j) * PARTS;
-                EACH(q, PARTS)
-                    mean[l].v[q] = rate[q] + (floatP)(inside - (float)j) * rate[entries * PARTS + q];
+                const float middle = 0.5f * (front.s[l] + back.s[l]);
+                const Integral there = integral_at(shares, entries, middle);
+                EACH(p, PARTS) mean[l].v[p] = there.rate[p];
             }
             depth_of_step.s[l] = mean[l].s[SHARES - 1];
         }

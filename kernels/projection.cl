@@ -63,8 +63,9 @@ CASTS(projection, VOXEL) {
     shown.value = PICK(meets, best, (floatN)(0.0f));
     const Entry entry = entry_at(&cast, opacity, &shown);
     const floatN visible = PICK(meets, entry.opacity, (floatN)(0.0f));
+    const floatN unshaded = 0.0f;
     floatN weight[GROUPS], gloss[GROUPS];
-    shade(&cast, sources, layers, &r, place, visible, visible, visible, visible, weight, gloss);
+    shade(&cast, sources, layers, &r, place, unshaded, unshaded, unshaded, visible, weight, gloss);
     reflect(&g, shares, &cast, &shown, &entry, weight);
     cover(&cast, &g, visible, place);
     WRITE_PICTURE(cast, g, r);

@@ -3,18 +3,16 @@
 //     C += T a (g s + k_s),  T ← T (1 − a)      where the value passes a level of opacity a
 //
 // A level lies in a step when the values at the step's two ends lie on either side of it (below,
-// or at and above); its place follows from two rounds of the rule of false position. NumPy twin:
+// or at and above); its place follows from ROUNDS rounds of the rule of false position. NumPy twin:
 // volspec/raycast/reference.py (_Surfaces).
 //
 // Launch and what is read and written: as raycast.cl, but
 //         opacity  float2[SURFACES]: a surface's level and opacity, by rising level
 //         shares   floatP[SURFACES][PARTS]
-// The host sets SURFACES beside what raycast.cl wants; TABLE_ROWS and LABELS have no meaning.
+// The host sets SURFACES and ROUNDS beside what raycast.cl wants; TABLE_ROWS and LABELS have no meaning.
 
 #include "casts.clh"
 #include "ends.clh"
-
-#define ROUNDS 2
 
 // Where between the step's ends the value is `level`.
 static inline floatN place_of(const Cast *cast, __global const VOXEL *voxels,

@@ -33,7 +33,7 @@ def sparse_volume(voxels: list[tuple[int, int, int]], size: int = 33) -> Volume:
     return Volume(values)
 
 
-# Both sides of brick borders (bricks are 8 voxels), the first and the last index.
+# Both sides of brick borders (bricks are 4 voxels), the first and the last index.
 BORDERS = st.sampled_from([0, 1, 7, 8, 9, 15, 16, 17, 23, 24, 31, 32])
 
 
@@ -125,7 +125,7 @@ def test_the_kernel_s_struct_has_the_fields_of_its_twin_in_order() -> None:
     numpy_kind = {"float4": ("<f4", (4,)), "float": ("<f4", ()), "int": ("<i4", ())}
     wanted = [(name, *numpy_kind[kind]) for name, kind in fields]
     wanted = [
-        ("planes", "<f4", (6, 4)) if name == "planes[6]" else (name, base, shape)
+        ("planes", "<f4", (6, 4)) if name == "planes[MAX_PLANES]" else (name, base, shape)
         for name, base, shape in wanted
     ]
     ours = [(n, CAST[n].base.str, CAST[n].shape) for n in CAST.names or () if n != "unused"]

@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 
+# Sums may be fused, zeros lose their sign; infinities and NaN keep their meaning.
+OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
+
+
 @dataclass(slots=True)
 class Compute:
     """A context on one device, a queue for launches and one for transfers; the kernels built."""
@@ -72,7 +76,7 @@ class Compute:
             ) from error
         return cls(context, queue, transfers, describe(device))
 
-    def kernel(self, source: Source, name: str, options: Sequence[str] = ()) -> cl.Kernel:
+    def kernel(self, source: Source, name: str, options: Sequence[str] = OPTIONS) -> cl.Kernel:
         """Build a program and take a kernel from it, once per source, name and options.
 
         Raises

@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike
 
 Language = Literal["opencl", "glsl"]
 
+# OpenCL C's names of the types that volumes are kept in, by NumPy's.
+C_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
+
 
 def _literal(value: float) -> str:
     if not np.isfinite(value):

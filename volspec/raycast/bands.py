@@ -43,10 +43,11 @@ class Result(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Rows of work-groups first…last under way."""
+    """Rows of work-groups first…last under way, which are lines of the picture."""
 
     first: int
     last: int
+    lines: slice
     done: Any
     outputs: list[tuple[Any, NDArray[np.float32]]]
 
@@ -130,13 +131,12 @@ class Bands:
             np.int32(first * LOCAL[1]),
         )
         self._compute.queue.flush()
-        return Band(first, last, done, outputs)
+        return Band(first, last, lines, done, outputs)
 
     def _fetch(self, band: Band) -> None:
         for (buffer, into), array in zip(band.outputs, self._result, strict=True):
             self._compute.download(buffer, into, band.done)
             if array.dtype != np.float32:
-                start = band.first * LOCAL[1] * self._tile[1]
                 self._beyond |= bool(into.max(initial=0.0) > _LARGEST_HALF)
                 np.clip(into, -_LARGEST_HALF, _LARGEST_HALF, out=into)
-                array[start : start + len(into)] = into
+                array[band.lines] = into

@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.opencl import Compute
-from volspec._gpu.prelude import prelude
+from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sources import assemble
 from volspec.errors import OpenCLError, RaycastError
 from volspec.raycast import packed
 from volspec.raycast.bands import Bands, Cancel, Progress, Result
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume.gpu import LightVolume
-from volspec.raycast.light_volume.spec import light_layers
 from volspec.raycast.reach import check_reach
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
@@ -41,8 +40,6 @@ TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2)}
 # Codes of bricks from here on are strides (rays.clh).
 STRIDES = 248
 MAX_SIDE = 16384
-_VOXEL_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
-_OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
 
 
 class Raycaster:
@@ -122,12 +119,21 @@ class Raycaster:
 
         Parameters
         ----------
+        table : TransferTable or SurfaceTable
+            From `table_of`.
+        camera : Camera
         size : (width, height)
             Pixels.
+        spec : RaycastSpec
         progress : callable, optional
             Called with the finished share, 0…1, after each band of the picture.
         cancel : callable, optional
             Asked between bands, every `RaycastSpec.tile_ms` or so; true ends the cast.
+
+        Returns
+        -------
+        Result
+            Coefficients, alpha and two depths; see there for shapes and units.
 
         Raises
         ------
@@ -168,12 +174,14 @@ class Raycaster:
             )
         layers = len(spec.groups) * table.size
         dtype = np.float16 if spec.half else np.float32
+        what = f"a picture of {width}x{height} with {layers} channels"
+        remedy = "cast it smaller, with fewer light groups, or with half=True"
         # The picture, and two bands of it under way.
         under_way = min(height, 1024) * layers * 4
         self._compute.require(
             width * (height * (layers * np.dtype(dtype).itemsize + 12) + under_way),
-            f"a picture of {width}x{height} with {layers} channels",
-            "cast it smaller, with fewer light groups, or with half=True",
+            what,
+            remedy,
         )
         struct = packed.cast_struct(self.volume, table, camera, size, spec)
         struct["row"] = self._stored_shape[2]
@@ -197,10 +205,7 @@ class Raycaster:
                 *(np.empty((height, width), np.float32) for _ in range(3)),
             )
         except MemoryError:
-            raise OpenCLError(
-                f"raycast: no memory for a picture of {width}x{height} with {layers} channels; "
-                "cast it smaller, with fewer light groups, or with half=True"
-            ) from None
+            raise OpenCLError(f"raycast: no memory for {what}; {remedy}") from None
         bands = Bands(self._compute, result, TILES[self.lanes], spec.tile_ms)
         kernel = self._kernel(program, spec, numbers)
         codes = self._codes(table, spec)
@@ -230,13 +235,14 @@ class Raycaster:
         camera: Camera,
     ) -> tuple[Any, list[int]]:
         """The light volume's buffer, and each source's layer in it (-1: none)."""
-        wanted = [(layer.group, layer.source) for layer in light_layers(spec, self.volume, camera)]
-        buffer, grid, _ = self._lights.layers(table, spec, camera)
+        buffer, grid, layers = self._lights.layers(table, spec, camera)
         struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
         struct["light_scale"][:3] = grid.per_index
         struct["light_lift"] = grid.lift_mm / min(self.volume.spacing_mm)
-        places = [(g, s) for g, group in enumerate(spec.groups) for s in range(len(group.sources))]
-        return buffer, [wanted.index(place) if place in wanted else -1 for place in places]
+        numbers = [-1] * len(packed.sources_of(spec))
+        for number, layer in enumerate(layers):
+            numbers[layer.source] = number
+        return buffer, numbers
 
     def _codes(self, table: TransferTable | SurfaceTable, spec: RaycastSpec) -> Any:
         """What is known of each brick, on the device; made anew when opacities have changed."""
@@ -279,7 +285,7 @@ class Raycaster:
             "STEPS": 2 if self.lanes > 1 else 1,
             "STRIDES": STRIDES,
             "ADAPTIVE": int(spec.adaptive > 0),
-            "VOXEL": _VOXEL_TYPES[self.volume.values.dtype.name],
+            "VOXEL": C_TYPES[self.volume.values.dtype.name],
             "VOXEL_BYTES": self.volume.values.itemsize,
             "VOXEL_SIGNED": int(self.volume.values.dtype.kind == "i"),
             **program.constants,
@@ -287,7 +293,7 @@ class Raycaster:
         }
         constants["WIDE"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
         source = assemble(f"kernels/{program.name}.cl", prelude(constants, "opencl"))
-        return self._compute.kernel(source, program.name, _OPTIONS)
+        return self._compute.kernel(source, program.name)
 
 
 def _checked_size(size: tuple[int, int]) -> tuple[int, int]:

@@ -15,6 +15,8 @@ from volspec.errors import RaycastError
 from volspec.raycast.checks import Vector, positive, unit_vector, vector, weight
 
 Frame = Literal["world", "camera"]
+# Nearer than this share of its falloff a lamp shines no brighter.
+NEAR_LAMP = 0.1
 MAX_GROUPS = 8
 MAX_SOURCES = 16
 MAX_NAME = 64

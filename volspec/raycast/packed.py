@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from volspec.errors import RaycastError
 from volspec.raycast.camera import Camera
-from volspec.raycast.lights import Ambient, Directional, Headlight, Point, Source
+from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Headlight, Point, Source
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
-from volspec.transfer import SurfaceTable, TransferTable, integral_rows
+from volspec.transfer import NEAREST_POSITIONS, SurfaceTable, TransferTable, integral_rows
 from volspec.volume import Volume
 
 # The struct Cast of rays.clh, field for field.
@@ -47,8 +47,10 @@ CAST = np.dtype(
     ]
     + [("unused", np.int32, 1)]  # OpenCL pads the struct to the alignment of float4
 )
-# Numbers of the sources' kinds in shade.clh.
+# Numbers of the sources' kinds, which shade.clh knows by the names in capitals.
 KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
+# Rounds of false position that place an isosurface within its step.
+ROUNDS = 2
 
 
 def cast_struct(
@@ -63,7 +65,9 @@ def cast_struct(
     Raises
     ------
     RaycastError
-        If what is kept is empty, or the transfer function's span too small for float32.
+        If what is kept is empty.
+    TransferError
+        If the transfer function's span is too small for float32.
     """
     step = spec.step_of(volume)
     unit = min(volume.spacing_mm)
@@ -107,16 +111,9 @@ def _set_table(
     if isinstance(table, SurfaceTable):
         cast["last_entry"] = len(table.values) - 1
         return
-    low, high = table.domain
-    last = table.opacity.shape[-1] - 1
-    if last / (high - low) > np.finfo(np.float32).max:
-        raise RaycastError(
-            f"{volume.name}: the transfer function spans {high - low:g}, too little for "
-            "float32; multiply the volume's values"
-        )
-    cast["last_entry"] = last
-    cast["domain_low"], cast["domain_scale"] = low, last / (high - low)
-    cast["domain_rest"] = low - float(cast["domain_low"])
+    cast["last_entry"] = table.opacity.shape[-1] - 1
+    cast["domain_low"], cast["domain_scale"] = table.domain[0], table.entries_per_value
+    cast["domain_rest"] = table.domain[0] - float(cast["domain_low"])
     if table.gradient_top is not None:
         rows = len(table.opacity) - 1
         cast["last_row"] = rows
@@ -147,7 +144,7 @@ class Program:
     """
 
     name: str
-    constants: Mapping[str, int]
+    constants: Mapping[str, float]
     opacity: NDArray[np.float32]
     shares: NDArray[np.float32]
     channels: NDArray[np.float32]
@@ -164,15 +161,16 @@ class Program:
         """
         _check_together(table, spec)
         count, channels = table.channels.shape
-        name, rows, extra = "raycast", 1, {}
+        extra: dict[str, float] = {}
+        name, rows = "raycast", 1
         mixed = np.vstack([table.channels, table.white])
         filters = np.zeros((1, 8))
         if isinstance(table, SurfaceTable):
-            name, extra = "surfaces", {"SURFACES": len(table.values)}
+            name, extra = "surfaces", {"SURFACES": len(table.values), "ROUNDS": ROUNDS}
             opacity = np.stack([table.values, table.opacity], axis=1).astype(np.float32)
             shares = _padded(table.shares)
         elif spec.preintegrated:
-            name, count = "preintegrated", count + 1
+            name, count, extra = "preintegrated", count + 1, {"NEAREST": NEAREST_POSITIONS}
             # (τ, τ s …) -> (τ s …, τ): the shares first, as everywhere; τ mixes nothing.
             quantities = [np.roll(q, -1, axis=1) for q in integral_rows(table, step_mm)]
             shares = np.stack([_padded(q) for q in quantities])
@@ -284,7 +282,7 @@ def braces(numbers: list[int]) -> str:
 
 
 def definitions(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
-    """What shade.clh is compiled with; ``layers`` the light volume's layer of each source."""
+    """What lights and cuts are compiled with; ``layers`` is the light volume's, by source."""
     sources = sources_of(spec)
     kinds = [KINDS[type(source)] for _, source in sources]
     shaded, lit = spec.shaded and spec.mode == "composite", max(layers) >= 0
@@ -299,4 +297,7 @@ def definitions(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
         "LIT": int(lit),
         "NORMALS": int(shaded or lit),
         "POINTS": int(KINDS[Point] in kinds and spec.mode == "composite"),
+        "MAX_PLANES": MAX_PLANES,
+        "NEAR_LAMP": NEAR_LAMP,
+        **{kind.__name__.upper(): number for kind, number in KINDS.items()},
     }

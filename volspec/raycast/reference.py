@@ -21,6 +21,7 @@ import numpy as np
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume.reference import arrivals
 from volspec.raycast.light_volume.spec import LightGrid
+from volspec.raycast.packed import ROUNDS
 from volspec.raycast.reach import check_reach
 from volspec.raycast.sampling import (
     Array,
@@ -238,9 +239,9 @@ class _Surfaces(_March):
     def _place(
         self, rays: Index, near: Array, far: Array, front: Array, back: Array, level: Array
     ) -> Array:
-        """Where the value is the level, by two rounds of false position."""
+        """Where the value is the level, by `ROUNDS` rounds of false position."""
         along = near + (level - front) / (back - front) * (far - near)
-        for _ in range(2):
+        for _ in range(ROUNDS):
             value = self.sampler.value(self.point(rays, along))
             before = (value < level) == (front < level)
             near, front = np.where(before, along, near), np.where(before, value, front)

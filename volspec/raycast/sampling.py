@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
-from volspec.raycast.lights import Ambient, Directional, Point, Source
+from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Point, Source
 from volspec.raycast.packed import gradient_scale, sources_of
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
@@ -264,7 +264,7 @@ def _source(
     away = np.linalg.norm(towards, axis=1)
     if source.falloff_mm is not None:
         squared = source.falloff_mm**2
-        light = light * squared / np.maximum(away**2, 0.01 * squared)
+        light = light * squared / np.maximum(away**2, NEAR_LAMP**2 * squared)
     return towards / np.maximum(away, 1e-12)[:, None], light
 
 

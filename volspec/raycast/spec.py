@@ -76,7 +76,7 @@ class RaycastSpec:
         the middle: far fewer bands where it is steep.
     adaptive : float
         Steps grow to 2 or 4 where the transfer function's opacity of a step varies by less than
-        this within a brick of 8 voxels; 0 keeps every step.
+        this within a brick of 4 voxels; 0 keeps every step.
     crop_voxels : ((x0, x1), (y0, y1), (z0, z1)), optional
         What stays, in voxel indices.
     clip_planes : tuple of ClipPlane

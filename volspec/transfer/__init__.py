@@ -2,7 +2,7 @@
 
 from volspec.transfer.labels import LabelFunction
 from volspec.transfer.model import TransferFunction
-from volspec.transfer.preintegrated import integral_rows, segment_means
+from volspec.transfer.preintegrated import NEAREST_POSITIONS, integral_rows, segment_means
 from volspec.transfer.regions import Region, TransferFunction2D
 from volspec.transfer.surfaces import Isosurfaces
 from volspec.transfer.table import (
@@ -19,6 +19,7 @@ __all__ = [
     "MAX_CHANNELS",
     "MAX_LABEL",
     "MAX_SURFACES",
+    "NEAREST_POSITIONS",
     "Isosurfaces",
     "LabelFunction",
     "Region",

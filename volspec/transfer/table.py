@@ -125,6 +125,24 @@ class TransferTable:
         """(…, M) the reflectance's channels at every entry, not premultiplied."""
         return self.shares @ self.channels
 
+    @property
+    def entries_per_value(self) -> float:
+        """Table entries per unit of value.
+
+        Raises
+        ------
+        TransferError
+            If the domain is too short for float32.
+        """
+        low, high = self.domain
+        scale = (self.opacity.shape[-1] - 1) / (high - low)
+        if scale > np.finfo(np.float32).max:
+            raise TransferError(
+                f"transfer function: spans {high - low:g}, too little for float32; multiply the "
+                "volume's values"
+            )
+        return scale
+
     def step_opacity(self, step_mm: float) -> NDArray[np.float64]:
         """Opacity of one step: 1 − (1 − opacity)^(step / reference step), METHOD §3."""
         return 1 - (1 - self.opacity) ** (step_mm / self.reference_step_mm)

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.opencl import Compute
-from volspec._gpu.prelude import prelude
+from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sources import assemble
-from volspec.errors import RaycastError
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume.spec import (
     CUT_TOLERANCE,
@@ -34,7 +33,6 @@ from volspec.raycast.spec import MAX_PLANES, RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume
 
-_VOXEL_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
 _VALUES, _GRADIENTS, _LABELS, _SURFACES = range(4)
 _LOCAL = 64
 # The kernel's structs, field for field.
@@ -88,7 +86,7 @@ class LightVolume:
 
     def layers(
         self, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
-    ) -> tuple[Any, LightGrid, int]:
+    ) -> tuple[Any, LightGrid, tuple[LightLayer, ...]]:
         """Bring the layers up to date.
 
         The extinction is kept while the table (the very object: an equal one baked anew is
@@ -100,8 +98,8 @@ class LightVolume:
             ushort[layer][nz][ny][nx] on the device, in order of `light_layers`; 65535 where all
             light arrives. Good until the next call.
         grid : LightGrid
-        count : int
-            Layers in it. With 0 nothing is computed.
+        layers : tuple of LightLayer
+            Whose they are. Where there are none nothing is computed.
 
         Raises
         ------
@@ -113,7 +111,7 @@ class LightVolume:
         grid = LightGrid.of(self._volume, spec.light_cells)
         wanted = light_layers(spec, self._volume, camera)
         if not wanted:
-            return self._layers, grid, 0
+            return self._layers, grid, wanted
         if self._made is None or not self._made.serves(table, spec):
             self._made, self._lights = None, []
             self._sigma = self._raw = None
@@ -129,7 +127,7 @@ class LightVolume:
             if kept[number : number + 1] != [layer.light]:
                 self._follow(layer, number, grid)
             self._lights.append(layer.light)
-        return self._layers, grid, len(wanted)
+        return self._layers, grid, wanted
 
     def _gather(
         self, table: TransferTable | SurfaceTable, spec: RaycastSpec, grid: LightGrid
@@ -177,11 +175,14 @@ class LightVolume:
     def _launch(
         self, name: str, items: int, arguments: tuple[Any, ...], kind: int = _VALUES
     ) -> None:
-        constants = {"LANES": self._lanes, "KIND": kind, "MAX_PLANES": MAX_PLANES}
-        voxel = _VOXEL_TYPES[self._volume.values.dtype.name]
-        text = prelude(constants, "opencl") + f"#define VOXEL {voxel}\n"
-        options = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
-        kernel = self._compute.kernel(assemble("kernels/light_volume.cl", text), name, options)
+        constants: dict[str, Any] = {
+            "LANES": self._lanes,
+            "KIND": kind,
+            "MAX_PLANES": MAX_PLANES,
+            "VOXEL": C_TYPES[self._volume.values.dtype.name],
+        }
+        source = assemble("kernels/light_volume.cl", prelude(constants, "opencl"))
+        kernel = self._compute.kernel(source, name)
         kernel(self._compute.queue, (-(-items // _LOCAL) * _LOCAL,), (_LOCAL,), *arguments)
 
 
@@ -265,14 +266,9 @@ def _with_table(
 ) -> tuple[NDArray[np.float32], int]:
     entries = extinction_per_mm(table.opacity, table.reference_step_mm / grid.cell_mm)
     rows = np.stack([entries, np.diff(entries, append=entries[..., -1:])], axis=-1)
-    low, high = table.domain
     last = entries.shape[-1] - 1
-    if last / (high - low) > np.finfo(np.float32).max:
-        raise RaycastError(
-            f"{volume.name}: the transfer function spans {high - low:g}, too little for "
-            "float32; multiply the volume's values"
-        )
-    field["last_entry"], field["domain_low"], field["domain_scale"] = last, low, last / (high - low)
+    field["last_entry"], field["domain_low"] = last, table.domain[0]
+    field["domain_scale"] = table.entries_per_value
     if table.labels:
         return rows.astype(np.float32), _LABELS
     if table.gradient_top is None:

@@ -64,9 +64,8 @@ def arrivals(
     if not wanted:
         return {}
     grid = LightGrid.of(volume, spec.light_cells)
-    places = [(g, s) for g, group in enumerate(spec.groups) for s in range(len(group.sources))]
     return {
-        places.index((layer.group, layer.source)): partial(light_at, values, grid)
+        layer.source: partial(light_at, values, grid)
         for layer, values in zip(wanted, layers(volume, table, spec, camera), strict=True)
     }
 

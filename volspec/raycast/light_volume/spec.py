@@ -30,6 +30,7 @@ from volspec.errors import RaycastError
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import Vector
 from volspec.raycast.lights import Ambient, Directional, Point
+from volspec.raycast.packed import sources_of
 from volspec.raycast.spec import RaycastSpec
 from volspec.volume import Volume
 
@@ -129,8 +130,8 @@ class LightLayer:
 
     Parameters
     ----------
-    group, source : int
-        Which source: its place in ``spec.groups`` and in the group's ``sources``.
+    source : int
+        Which one, by its place in `volspec.raycast.packed.sources_of`.
     kind : {"directional", "point", "occlusion"}
     vector : (x, y, z)
         In the world: the unit direction towards a directional light, the place of a point light
@@ -139,7 +140,6 @@ class LightLayer:
         How far occluders reach; of no use for the others.
     """
 
-    group: int
     source: int
     kind: Literal["directional", "point", "occlusion"]
     vector: Vector = (0.0, 0.0, 0.0)
@@ -159,18 +159,17 @@ def light_layers(spec: RaycastSpec, volume: Volume, camera: Camera) -> tuple[Lig
     if spec.mode != "composite":
         return ()
     found = []
-    for g, group in enumerate(spec.groups):
-        for s, source in enumerate(group.sources):
-            if isinstance(source, Directional) and source.shadows:
-                x, y, z = camera.to_world(source.towards, source.frame).tolist()
-                found.append(LightLayer(g, s, "directional", (x, y, z)))
-            elif isinstance(source, Point) and source.shadows:
-                x, y, z = camera.place_mm(source.position_mm, source.frame).tolist()
-                found.append(LightLayer(g, s, "point", (x, y, z)))
-            elif isinstance(source, Ambient) and source.occlusion:
-                sides = np.multiply(np.array(volume.shape_xyz) - 1, volume.spacing_mm)
-                radius = source.radius_mm or float(np.linalg.norm(sides)) / 10
-                found.append(LightLayer(g, s, "occlusion", radius_mm=radius))
+    for number, (_, source) in enumerate(sources_of(spec)):
+        if isinstance(source, Directional) and source.shadows:
+            x, y, z = camera.to_world(source.towards, source.frame).tolist()
+            found.append(LightLayer(number, "directional", (x, y, z)))
+        elif isinstance(source, Point) and source.shadows:
+            x, y, z = camera.place_mm(source.position_mm, source.frame).tolist()
+            found.append(LightLayer(number, "point", (x, y, z)))
+        elif isinstance(source, Ambient) and source.occlusion:
+            sides = np.multiply(np.array(volume.shape_xyz) - 1, volume.spacing_mm)
+            radius = source.radius_mm or float(np.linalg.norm(sides)) / 10
+            found.append(LightLayer(number, "occlusion", radius_mm=radius))
     return tuple(found)
 
 
