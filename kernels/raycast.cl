@@ -15,10 +15,10 @@
 //         codes    uchar per brick of BRICK³ cells: what may be seen (include/rays.clh)
 //         opacity  float2[rows][last_entry + 2]: opacity of one whole step, difference to the
 //                  next entry; rows by gradient where TABLE_ROWS > 1
-//         shares   floatP[rows][last_entry + 2][PARTS], what is reflected
+//         shares   floatP[rows][last_entry + 2][2][PARTS], what is reflected, and its difference
 //         channels float[SHARES + 1][CHANNELS], what shares mix, and white
-//         filters  floatP[last_entry + 2][PARTS], with FILTERED: transmittance of one whole step,
-//                  channel by channel; the last row is white
+//         filters  floatP[last_entry + 2][2][PARTS], with FILTERED: transmittance of one whole
+//                  step, channel by channel, and its difference; the last is white
 //         sources, layers   light (include/shade.clh, include/light.clh)
 // Writes  coefficients float[height][width][GROUPS][CHANNELS] premultiplied; alpha, depth and
 //         first float[height][width] (expected and first depth in smallest spacings, inf where
@@ -48,13 +48,13 @@ CASTS(raycast, uchar) {
             leap(&cast, &r, codes, k_end, &k, &due, &stride, &live);
             if (!ANY(live)) break;
         }
-        // Steps, clipped, and sampled at their middles: STEPS at once, whose loads overlap.
+        // Steps, clipped, and sampled at their middles: STEPS at once and stage by stage, so that
+        // one's loads overlap another's.
         floatN middle[STEPS], share[STEPS], whole[STEPS], taken[STEPS];
+        floatN nx[STEPS], ny[STEPS], nz[STEPS];
+        intN marched[STEPS];
         Field f[STEPS];
         Entry entry[STEPS];
-#if TABLE_ROWS > 1
-        floatN nx[STEPS], ny[STEPS], nz[STEPS];
-#endif
         blank = 1;
         EACH(s, STEPS) {
             intN steps = 1;
@@ -68,6 +68,11 @@ CASTS(raycast, uchar) {
             middle[s] = 0.5f * (begin + end);
             whole[s] = (end - begin) * per_step;
             f[s] = field_at(&cast, voxels, opacity, &r, middle[s]);
+            live &= MASK(k < k_end);
+            marched[s] = live;
+            k += steps;
+        }
+        EACH(s, STEPS) {
 #if TABLE_ROWS > 1
             gradient_at(&cast, voxels, opacity, &f[s], &nx[s], &ny[s], &nz[s]);
             entry[s] = entry_at(&cast, opacity, &f[s], nx[s], ny[s], nz[s]);
@@ -77,14 +82,23 @@ CASTS(raycast, uchar) {
             share[s] = entry[s].opacity;
 #if ADAPTIVE
             const floatN once = 1.0f - share[s], twice = once * once;
-            share[s] = PICK(MASK(steps == 2), 1.0f - twice, share[s]);
-            share[s] = PICK(MASK(steps == 4), 1.0f - twice * twice, share[s]);
+            share[s] = PICK(MASK(taken[s] == 2.0f), 1.0f - twice, share[s]);
+            share[s] = PICK(MASK(taken[s] == 4.0f), 1.0f - twice * twice, share[s]);
 #endif
-            live &= MASK(k < k_end);
-            share[s] = PICK(live, share[s], (floatN)(0.0f));
+            share[s] = PICK(marched[s], share[s], (floatN)(0.0f));
             blank &= !ANY(MASK(share[s] > 0.0f));
-            k += steps;
         }
+#if TABLE_ROWS == 1
+        EACH(s, STEPS) {
+            nx[s] = ny[s] = nz[s] = 0.0f;
+#if NORMALS
+            // In one block they overlap; for rows of two-byte voxels it would want more registers
+            // than there are.
+            if (FOUR_SHORTS ? ANY(MASK(share[s] > 0.0f)) : !blank)
+                gradient_at(&cast, voxels, opacity, &f[s], &nx[s], &ny[s], &nz[s]);
+#endif
+        }
+#endif
         EACH(s, STEPS) {
             share[s] = PICK(MASK(g.through > cast.opaque), share[s], (floatN)(0.0f));
             const intN seen = MASK(share[s] > 0.0f);
@@ -93,24 +107,18 @@ CASTS(raycast, uchar) {
             const intN clipped = seen & MASK(whole[s] < taken[s] - 1e-5f);
             if (ANY(clipped))
                 share[s] = PICK(clipped, 1.0f - pow(1.0f - entry[s].opacity, whole[s]), share[s]);
-            floatN gx = 0.0f, gy = 0.0f, gz = 0.0f;
-#if TABLE_ROWS > 1
-            gx = nx[s], gy = ny[s], gz = nz[s];
-#elif NORMALS
-            gradient_at(&cast, voxels, opacity, &f[s], &gx, &gy, &gz);
-#endif
             floatN weight[GROUPS], gloss[GROUPS];
 #if FILTERED
             // Each channel is weighted by its own loss, in gather_filtered.
             const floatN once = PICK(seen, (floatN)(1.0f), (floatN)(0.0f));
             floatL length;
             length.v = PICK(seen, whole[s], (floatN)(0.0f));
-            shade(&cast, sources, layers, &r, middle[s], gx, gy, gz, once, weight, gloss);
+            shade(&cast, sources, layers, &r, middle[s], nx[s], ny[s], nz[s], once, weight, gloss);
             reflect_filtered(&g, shares, filters, &cast, &entry[s], weight, gloss, length);
             cover(&cast, &g, g.through - passing(&g), middle[s]);
 #else
             const floatN visible = g.through * share[s];
-            shade(&cast, sources, layers, &r, middle[s], gx, gy, gz, visible, weight, gloss);
+            shade(&cast, sources, layers, &r, middle[s], nx[s], ny[s], nz[s], visible, weight, gloss);
             reflect(&g, shares, &cast, &f[s], &entry[s], weight);
             EACH(group, GROUPS) g.gloss[group] += gloss[group];
             cover(&cast, &g, visible, middle[s]);

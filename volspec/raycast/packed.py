@@ -47,6 +47,8 @@ CAST = np.dtype(
     ]
     + [("unused", np.int32, 1)]  # OpenCL pads the struct to the alignment of float4
 )
+# Bits of the exponents that a program takes: one for all to 63, one to 1024.
+SHININESS_BITS = 6, 11
 # Numbers of the sources' kinds, which shade.clh knows by the names in capitals.
 KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
 # Rounds of false position that place an isosurface within its step.
@@ -182,13 +184,15 @@ class Program:
                 name, extra = "projection", {"MAXIMUM": int(spec.mode == "maximum")}
                 of_step = table.opacity
             rows = 1 if table.gradient_top is None else len(table.opacity)
-            opacity, shares = opacity_rows(of_step), share_rows(table.shares)
+            opacity = with_rises(of_step[..., None])[..., 0].astype(np.float32)
+            shares = _padded(with_rises(table.shares))
             if table.filters is not None:
                 # Every channel has a transmittance: shares must be the channels themselves.
                 count = channels
                 mixed = np.vstack([np.eye(channels), table.white])
-                shares = share_rows(table.coefficients)
-                filters = np.vstack([table.step_transmittance(step_mm), table.white])
+                shares = _padded(with_rises(table.coefficients))
+                filters = with_rises(table.step_transmittance(step_mm))
+                filters[-1, 0] = table.white
         part = part_of(count)
         constants = {
             "SHARES": count,
@@ -223,18 +227,13 @@ def _check_together(table: TransferTable | SurfaceTable, spec: RaycastSpec) -> N
         raise RaycastError(f"raycast: adaptive steps cannot be had with {kind}; give adaptive=0")
 
 
-def opacity_rows(opacity: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(…, N + 1, 2): each entry and its difference to the next; the last is nothing."""
-    rows = np.zeros((*opacity.shape[:-1], opacity.shape[-1] + 1, 2), np.float32)
-    rows[..., :-1, 0] = opacity
-    rows[..., :-2, 1] = np.diff(opacity, axis=-1)
+def with_rises(entries: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(…, N, K) -> (…, N + 1, 2, K): each entry and its difference to the next; then nothing."""
+    *others, count, width = entries.shape
+    rows = np.zeros((*others, count + 1, 2, width))
+    rows[..., :-1, 0, :] = entries
+    rows[..., :-2, 1, :] = np.diff(entries, axis=-2)
     return rows
-
-
-def share_rows(shares: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(…, N + 1, parts · part): an entry's shares, padded to whole vectors; the last is nothing."""
-    nothing = np.zeros((*shares.shape[:-2], 1, shares.shape[-1]))
-    return _padded(np.concatenate([shares, nothing], axis=-2))
 
 
 def part_of(count: int) -> int:
@@ -294,6 +293,7 @@ def definitions(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
         "SOURCE_LAYER": braces(layers),
         "SHADED": int(shaded),
         "SPECULAR": int(shaded and spec.specular > 0),
+        "SHININESS_BITS": next(n for n in SHININESS_BITS if spec.shininess < 1 << n),
         "LIT": int(lit),
         "NORMALS": int(shaded or lit),
         "POINTS": int(KINDS[Point] in kinds and spec.mode == "composite"),
