@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from volspec._gpu.opengl import headless_context
+from volspec.errors import OpenGLError
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, load_volume
 
@@ -38,3 +42,14 @@ def engine_table() -> TransferTable:
     knots = [50, 120, 200, 255]
     channels = [np.interp(at, knots, rng.uniform(0.1, 0.9, 4)) for _ in range(7)]
     return TransferTable((50.0, 255.0), opacity, np.stack(channels, axis=1), 1.0)
+
+
+@pytest.fixture
+def context() -> Iterator[Any]:
+    """A headless moderngl.Context, current."""
+    try:
+        made = headless_context()
+    except OpenGLError as error:
+        pytest.skip(str(error))
+    yield made
+    made.release()

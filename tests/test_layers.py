@@ -51,7 +51,7 @@ def test_modules_import_only_from_their_left(path: Path) -> None:
 @pytest.mark.parametrize(
     ("package", "allowed"),
     [
-        ("pyopencl", ("_gpu/opencl.py", "_gpu/devices.py")),
+        ("pyopencl", ("_gpu/opencl.py", "_gpu/devices.py", "_gpu/sharing.py")),
         ("moderngl", ("_gpu/opengl.py", "relight/gpu.py")),
         ("glfw", ()),
         ("pyvista", ("volume/adapt.py", "volume/model.py")),

@@ -37,6 +37,9 @@ class Examination:
         names.
     gl : str or None
         Renderer and version of the headless context relighting draws in.
+    no_sharing : str or None
+        Why casts cannot hand pictures to it on the device (``Raycaster(context=…)``), which is an
+        option only; None where they can.
     problems : tuple of str
         Each names what is missing and the command that mends it.
     healthy : bool
@@ -48,6 +51,7 @@ class Examination:
     opencl: tuple[opencl_devices.DeviceInfo, ...]
     casts_on: int | None
     gl: str | None
+    no_sharing: str | None
     problems: tuple[str, ...]
     healthy: bool
 
@@ -77,6 +81,7 @@ class Examination:
             escape(variable) if variable else "not set; a name's part or a number chooses a device",
         )
         table.add_row("GL", self.gl or "[yellow]no context: relighting uses NumPy[/yellow]")
+        table.add_row("CL-GL sharing", escape(self.no_sharing or "offered: Raycaster(context=…)"))
         table.add_row("versions", "\n".join(f"{k} {v}" for k, v in self.versions.items()))
         console.print(table)
         for problem in self.problems:
@@ -109,12 +114,16 @@ def examine() -> Examination:
         problems.extend(filter(None, [opencl_devices.missing_linker()]))
     blocked = bool(problems)
     gl = None
+    no_sharing: str | None = "no OpenCL device, or no OpenGL context"
     try:
         from volspec._gpu.opengl import describe, headless_context
+        from volspec._gpu.sharing import why_not
 
         context = headless_context()
         found = describe(context)
         gl = f"{found['device']}, OpenGL {found['version']}"
+        if casts_on is not None:
+            no_sharing = why_not(opencl_devices.all_devices()[casts_on], context)
         context.release()
     except (OpenGLError, ImportError) as error:
         problems.append(str(error))
@@ -124,6 +133,7 @@ def examine() -> Examination:
         opencl=tuple(devices),
         casts_on=casts_on,
         gl=gl,
+        no_sharing=no_sharing,
         problems=tuple(problems),
         healthy=bool(devices) and not blocked,
     )

@@ -17,6 +17,7 @@ from volspec.basis import SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.bands import Cancel, Progress
+from volspec.raycast.checks import checked_size
 from volspec.raycast.gpu import Raycaster
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
 from volspec.spectra import Spectrum
@@ -45,6 +46,7 @@ def raycast(
     progress: Progress | None = None,
     cancel: Cancel | None = None,
     caster: Raycaster | None = None,
+    into: Relighter | None = None,
     notes: Mapping[str, str] | None = None,
 ) -> CoefficientImage:
     """Cast a volume once, for every light to come.
@@ -68,6 +70,9 @@ def raycast(
     caster : Raycaster, optional
         The volume already on a device, for several casts of it; ``device`` is then the
         caster's.
+    into : Relighter, optional
+        Shows the picture as after its ``update``; the one before stays where a cast fails. A
+        caster made with the Relighter's ``context`` fills it on the device.
     notes : {str: str}, optional
         Kept in the image beside what this function notes.
 
@@ -79,7 +84,10 @@ def raycast(
     Raises
     ------
     OpenCLError
-        If there is no device or the volume does not fit it.
+        If there is no device or the volume does not fit it, or the caster shares another
+        OpenGL context than ``into`` draws in.
+    ShapeError
+        If the picture's size or channels are not those ``into`` was made for.
     VolumeError, RaycastError
         If the volume or the picture's size cannot be cast, or the caster holds another volume.
     CastCancelled
@@ -104,6 +112,7 @@ def raycast(
         ("camera", camera, Camera),
         ("spec", spec, RaycastSpec),
         ("caster", caster, Raycaster | None),
+        ("into", into, Relighter | None),
     ):
         if not isinstance(given, kind):
             raise RaycastError(
@@ -117,7 +126,12 @@ def raycast(
             "give the caster's own"
         )
     table = caster.table_of(transfer)
-    cast = caster.cast(table, camera, size, spec, progress, cancel)
+    place = None
+    if into is not None:
+        width, height = checked_size(size)
+        shape = height, width, len(spec.groups) * table.size
+        place = into.place(shape, spec.groups, caster.sharing)
+    cast = caster.cast(table, camera, size, spec, progress, cancel, place)
     if not cast.alpha.any():
         warnings.warn(_empty(volume, table), VolspecWarning, stacklevel=2)
     kept = {
@@ -127,11 +141,14 @@ def raycast(
         "device": caster.device,
         **(notes or {}),
     }
-    return CoefficientImage(
+    image = CoefficientImage(
         *(cast.coefficients, cast.alpha, cast.depth_mm, transfer.basis, kept),
         groups=spec.shares(),
         first_mm=cast.first_mm,
     )
+    if into is not None:
+        into.update(image, place)
+    return image
 
 
 def refine(
@@ -156,7 +173,7 @@ def refine(
         The first picture's sides are divided by this; halved until 1. Pictures of fewer than
         8 pixels across are left out.
     **settings
-        As `raycast`.
+        As `raycast`; ``into`` takes the last picture, whose size it has.
 
     Yields
     ------
@@ -167,6 +184,7 @@ def refine(
         raise RaycastError(f"refine: coarsest is {coarsest!r}; give a whole number of 1 or more")
     volume = Volume.of(volume)
     caster = settings.pop("caster", None) or Raycaster(volume, device=settings.pop("device", None))
+    into = settings.pop("into", None)
     divisor = coarsest
     while divisor > 1:
         width, height = (-(-side // divisor) for side in size)
@@ -175,7 +193,7 @@ def refine(
                 *(volume, transfer, camera, (width, height), spec), caster=caster, **settings
             )
         divisor = -(-divisor // 2)
-    yield raycast(volume, transfer, camera, size, spec, caster=caster, **settings)
+    yield raycast(volume, transfer, camera, size, spec, caster=caster, into=into, **settings)
 
 
 def absorption_error(

@@ -29,6 +29,7 @@ from volspec._gpu.devices import (
     require_linker,
 )
 from volspec._gpu.memory import host_free_bytes
+from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import Source
 from volspec.errors import OpenCLError, ShapeError
 
@@ -48,33 +49,45 @@ class Compute:
     queue: cl.CommandQueue
     transfers: cl.CommandQueue
     info: DeviceInfo
+    sharing: Sharing | None = None
     _kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel] = field(default_factory=dict)
     # Bytes of each buffer that still lives.
     _held: WeakKeyDictionary[cl.Buffer, int] = field(default_factory=WeakKeyDictionary)
 
     @classmethod
-    def open(cls, name: str | None = None) -> Compute:
+    def open(cls, name: str | None = None, gl: Any = None) -> Compute:
         """Open the device that a name means (`chosen_device`).
+
+        Parameters
+        ----------
+        name : str, optional
+        gl : moderngl.Context, optional
+            Whose buffers kernels shall be able to write (`Sharing`).
 
         Raises
         ------
         OpenCLError
-            If there is no device, none of that name, or its driver refuses a context.
+            If there is no device, none of that name, its driver refuses a context, or it does
+            not share with ``gl``.
         """
         index = chosen_device(name)
         device = all_devices()[index]
         import pyopencl as cl
 
         require_linker(device)
+        sharing = None
         try:
-            context = cl.Context([device])
+            if gl is None:
+                context = cl.Context([device])
+            else:
+                context, sharing = Sharing.open(device, gl)
             queue, transfers = cl.CommandQueue(context), cl.CommandQueue(context)
         except cl.Error as error:
             raise OpenCLError(
                 f"{device.name.strip()}: its driver makes no context ({one_line(error)}); choose "
                 f"another device with {DEVICE_VARIABLE}, `volspec doctor` lists them"
             ) from error
-        return cls(context, queue, transfers, describe(device))
+        return cls(context, queue, transfers, describe(device), sharing)
 
     def kernel(self, source: Source, name: str, options: Sequence[str] = OPTIONS) -> cl.Kernel:
         """Build a program and take a kernel from it, once per source, name and options.

@@ -11,8 +11,9 @@ import time
 import warnings
 from collections import deque
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,18 @@ from volspec.errors import CastCancelled, VolspecWarning
 
 Progress = Callable[[float], object]
 Cancel = Callable[[], bool]
+# Of a band's coefficients and alpha on the device, and its lines; gives the launch's event.
+Pack = Callable[[Any, Any, slice], Any]
 
 LOCAL = (8, 8)
 _LARGEST_HALF = float(np.finfo(np.float16).max)
+
+
+class Receiver(Protocol):
+    """Where the bands of a cast also go, from the device's memory to the device's memory."""
+
+    def receiving(self, compute: Compute, half: bool) -> AbstractContextManager[Pack]:
+        """What takes each band, for as long as the cast runs."""
 
 
 class Result(NamedTuple):
@@ -59,12 +69,18 @@ class Bands:
     """
 
     def __init__(
-        self, compute: Compute, result: Result, tile: tuple[int, int], tile_ms: float
+        self,
+        compute: Compute,
+        result: Result,
+        tile: tuple[int, int],
+        tile_ms: float,
+        pack: Pack | None = None,
     ) -> None:
         self._compute = compute
         self._result = result
         self._tile = tile
         self._tile_ms = tile_ms
+        self._pack = pack
         self._beyond = False
         height, width = result.alpha.shape
         self._columns = -(-width // (tile[0] * LOCAL[0])) * LOCAL[0]
@@ -130,6 +146,8 @@ class Bands:
             *(buffer for buffer, _ in outputs),
             np.int32(first * LOCAL[1]),
         )
+        if self._pack is not None:
+            done = self._pack(outputs[0][0], outputs[1][0], lines)
         self._compute.queue.flush()
         return Band(first, last, lines, done, outputs)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from volspec.errors import InputError, RaycastError
 Vector = tuple[float, float, float]
 # Products of weights and intensities stay far within float32.
 MAX_WEIGHT = 1e6
+MAX_SIDE = 16384
 
 
 def number(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
@@ -88,3 +90,18 @@ def unit(towards: Any) -> Vector:
     x, y, z = x / most, y / most, z / most
     length = math.hypot(x, y, z)
     return x / length, y / length, z / length
+
+
+def checked_size(size: Any) -> tuple[int, int]:
+    """A picture's width and height in pixels, 1 to `MAX_SIDE`."""
+    try:
+        width, height = (operator.index(n) for n in size)
+    except (TypeError, ValueError):
+        raise RaycastError(
+            f"raycast: size is {size!r:.40}; give (width, height) in whole pixels"
+        ) from None
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise RaycastError(
+            f"raycast: the picture is {width}x{height}; give 1x1 to {MAX_SIDE}x{MAX_SIDE}"
+        )
+    return width, height

@@ -7,8 +7,8 @@ The twin is ``volspec/raycast/reference.py``.
 
 from __future__ import annotations
 
-import operator
 import threading
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import C_TYPES, prelude
+from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import assemble
 from volspec.errors import OpenCLError, RaycastError
 from volspec.raycast import packed
-from volspec.raycast.bands import Bands, Cancel, Progress, Result
+from volspec.raycast.bands import Bands, Cancel, Progress, Receiver, Result
 from volspec.raycast.camera import Camera
+from volspec.raycast.checks import checked_size
 from volspec.raycast.light_volume.gpu import LightVolume
 from volspec.raycast.reach import check_reach
 from volspec.raycast.spec import RaycastSpec
@@ -39,7 +41,6 @@ from volspec.volume.bricks import (
 TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2)}
 # Codes of bricks from here on are strides (rays.clh).
 STRIDES = 248
-MAX_SIDE = 16384
 
 
 class Raycaster:
@@ -52,20 +53,30 @@ class Raycaster:
         Part of a device's name; the first GPU, else the first CPU, when left out.
     lanes : int, optional
         Rays marched together by a work-item: 1, 4 or 8. Default 8 on CPUs, 1 on GPUs.
+    context : moderngl.Context, optional
+        Current on the thread that casts: the device is made to share its memory, and
+        ``raycast(into=…)`` hands pictures to a Relighter of the same context without the host.
 
     Raises
     ------
     OpenCLError
-        If there is no device, or the volume does not fit it.
+        If there is no device, the volume does not fit it, or it does not share the context.
     """
 
     def __init__(
-        self, volume: Volume, *, device: str | None = None, lanes: int | None = None
+        self,
+        volume: Volume,
+        *,
+        device: str | None = None,
+        lanes: int | None = None,
+        context: Any = None,
     ) -> None:
         if not isinstance(volume, Volume):
             raise RaycastError(f"Raycaster: volume is {volume!r:.40}; give a volspec.Volume")
+        if context is not None and not hasattr(context, "buffer"):
+            raise RaycastError(f"Raycaster: context is {context!r:.40}; give a moderngl.Context")
         self.volume = volume
-        self._compute = Compute.open(device)
+        self._compute = Compute.open(device, context)
         self.lanes = lanes or (8 if self._compute.info.is_cpu else 1)
         if self.lanes not in TILES:
             raise RaycastError(f"raycast: lanes is {lanes}; give one of {sorted(TILES)}")
@@ -96,6 +107,11 @@ class Raycaster:
         """Name of the device."""
         return self._compute.info.name
 
+    @property
+    def sharing(self) -> Sharing | None:
+        """The OpenGL context that the device shares; None without one."""
+        return self._compute.sharing
+
     def table_of(self, transfer: Transfer) -> TransferTable | SurfaceTable:
         """A transfer function baked for the volume; the last one is kept.
 
@@ -114,6 +130,7 @@ class Raycaster:
         spec: RaycastSpec,
         progress: Progress | None = None,
         cancel: Cancel | None = None,
+        receiver: Receiver | None = None,
     ) -> Result:
         """Cast a picture.
 
@@ -129,6 +146,8 @@ class Raycaster:
             Called with the finished share, 0…1, after each band of the picture.
         cancel : callable, optional
             Asked between bands, every `RaycastSpec.tile_ms` or so; true ends the cast.
+        receiver : Receiver, optional
+            Also given each band, on the device; incomplete where the cast fails.
 
         Returns
         -------
@@ -152,7 +171,7 @@ class Raycaster:
                 )
             self._casting = True
             try:
-                return self._cast(table, camera, size, spec, progress, cancel)
+                return self._cast(table, camera, size, spec, progress, cancel, receiver)
             finally:
                 self._casting = False
 
@@ -164,8 +183,9 @@ class Raycaster:
         spec: RaycastSpec,
         progress: Progress | None,
         cancel: Cancel | None,
+        receiver: Receiver | None,
     ) -> Result:
-        width, height = _checked_size(size)
+        width, height = checked_size(size)
         self._check_labels(table)
         check_reach(self.volume, camera, spec)
         if table.size > MAX_CHANNELS:
@@ -206,10 +226,11 @@ class Raycaster:
             )
         except MemoryError:
             raise OpenCLError(f"raycast: no memory for {what}; {remedy}") from None
-        bands = Bands(self._compute, result, TILES[self.lanes], spec.tile_ms)
         kernel = self._kernel(program, spec, numbers)
-        codes = self._codes(table, spec)
-        bands.run(kernel, (self._voxels, codes, *inputs, light, struct), progress, cancel)
+        arguments = self._voxels, self._codes(table, spec), *inputs, light, struct
+        with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
+            bands = Bands(self._compute, result, TILES[self.lanes], spec.tile_ms, pack)
+            bands.run(kernel, arguments, progress, cancel)
         unit = np.float32(min(self.volume.spacing_mm))
         result.depth_mm[...] *= unit
         result.first_mm[...] *= unit
@@ -294,17 +315,3 @@ class Raycaster:
         constants["WIDE"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
         source = assemble(f"kernels/{program.name}.cl", prelude(constants, "opencl"))
         return self._compute.kernel(source, program.name)
-
-
-def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    try:
-        width, height = (operator.index(n) for n in size)
-    except (TypeError, ValueError):
-        raise RaycastError(
-            f"raycast: size is {size!r:.40}; give (width, height) in whole pixels"
-        ) from None
-    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
-        raise RaycastError(
-            f"raycast: the picture is {width}x{height}; give 1x1 to {MAX_SIDE}x{MAX_SIDE}"
-        )
-    return width, height

@@ -22,13 +22,15 @@ from volspec._gpu.opengl import (
     made_current,
 )
 from volspec._gpu.prelude import prelude
+from volspec._gpu.sharing import Sharing, current, named
 from volspec._gpu.sources import assemble
 from volspec.appearance.conditions import Transport
 from volspec.appearance.constants import shader_constants, sRGB_FROM_XYZ
 from volspec.appearance.spec import Viewing
-from volspec.errors import OpenGLError, ShapeError
+from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
 from volspec.relight.packed import layer_count, pack_layers
+from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import Pixels
 
 if TYPE_CHECKING:
@@ -112,6 +114,7 @@ class GLEngine:
         self._resources: list[Any] = []
         self._programs: dict[tuple[str, bool], tuple[Any, Any]] = {}
         self._targets: dict[str, Any] = {}
+        self._shared: Any = None
         self._height, self._width, self._channels = coefficients.shape
         with self._context:
             self._handle = egl_handle()
@@ -163,6 +166,31 @@ class GLEngine:
         """Take another image of the first one's shape; (H, W, L·M) and (H, W)."""
         with self._current():
             self._texture.write(pack_layers(coefficients, alpha))
+
+    def place(self, sharing: Sharing) -> SharedLayers:
+        """A buffer for OpenCL to pack a picture into; what is drawn stays until `take`.
+
+        Raises
+        ------
+        OpenCLError
+            If OpenCL shares another context.
+        """
+        with self._current():
+            here = current()
+            if here is None or here.handle != sharing.handle:
+                raise OpenCLError(
+                    f"raycast: the Raycaster shares {sharing.name}, the Relighter draws in "
+                    f"{named(self._context, here)}; give both the same context"
+                )
+            if self._shared is None:
+                size = 16 * layer_count(self._channels) * self._height * self._width
+                self._shared = self._keep(self._context.buffer(reserve=size, dynamic=True))
+        return SharedLayers(sharing, self._shared, (self._height, self._width, self._channels))
+
+    def take(self, place: SharedLayers) -> None:
+        """Draw what a finished cast has put there."""
+        with self._current():
+            self._texture.write(place.buffer)
 
     def _program(self, model: str, same_surround: bool) -> tuple[Any, Any]:
         key = (model, same_surround)

@@ -1,6 +1,8 @@
 """Coefficients as the engines hold them: bounded, and four channels to a texture's layer.
 
-coefficient image -> [packed] -> host | gpu
+    coefficient image -> [packed] -> host | gpu
+
+``kernels/layers.cl`` packs the same on an OpenCL device.
 """
 
 from __future__ import annotations

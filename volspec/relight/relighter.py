@@ -8,22 +8,24 @@ OpenGL where a context can be made, NumPy with a warning where not.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sized
 from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from volspec._gpu.opengl import ContextLost
+from volspec._gpu.sharing import Sharing
 from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
-from volspec.errors import OpenGLError, RelightError, ShapeError, VolspecWarning, nearest
+from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
+from volspec.relight.checks import Shape, arrays_of, require_fit, shape_of
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
 from volspec.relight.host import HostEngine
 from volspec.relight.illumination import Illumination
+from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
 from volspec.spectra.spectrum import Spectrum
 
@@ -81,7 +83,7 @@ class Relighter:
                 f"Relighter: backend is {backend!r}; {nearest(str(backend), BACKENDS)}"
                 f"expected {' or '.join(BACKENDS)}, or None"
             )
-        coefficients, alpha = _arrays(image)
+        coefficients, alpha = arrays_of(image)
         self._image = image
         self._edits: dict[str, Spectrum] = {}
         self._closed = False
@@ -103,11 +105,47 @@ class Relighter:
         """What draws: the GL device's name, or ``"numpy"``."""
         return self._engine.name
 
-    def update(self, image: CoefficientImage) -> None:
+    def place(self, shape: Shape, groups: Sized, sharing: Sharing | None) -> SharedLayers | None:
+        """Where a cast that is about to begin may put its picture, for `update` to take.
+
+        Parameters
+        ----------
+        shape : (H, W, L·M)
+            The picture's, to be refused now rather than after the cast.
+        groups : sized
+            Its light groups.
+        sharing : Sharing or None
+            `Raycaster.sharing`; without one there is no such place.
+
+        Raises
+        ------
+        OpenCLError
+            If the caster shares another OpenGL context than this draws in.
+        RelightError, ShapeError
+            As `update`.
+        """
+        self._require_open()
+        require_fit(shape, groups, self._image)
+        if sharing is None:
+            return None
+        if isinstance(self._engine, HostEngine):
+            raise OpenCLError(
+                f"raycast: the Raycaster shares {sharing.name}, the Relighter draws with NumPy; "
+                "give the Relighter the Raycaster's context, or the Raycaster none"
+            )
+        return self._engine.place(sharing)
+
+    def update(self, image: CoefficientImage, place: SharedLayers | None = None) -> None:
         """Take another cast of the same size, basis size and number of light groups.
 
         The groups may have other names and shares. Reflectances that were edited stay so, where
         the new image has such materials.
+
+        Parameters
+        ----------
+        image : CoefficientImage
+        place : SharedLayers, optional
+            From `place`, where the image's cast has put it: nothing is then uploaded.
 
         Raises
         ------
@@ -117,23 +155,15 @@ class Relighter:
             If size, channel count or number of groups differ.
         """
         self._require_open()
-        arrays = _arrays(image)
-        old, new = self._image.coefficients.shape, image.coefficients.shape
-        if old != new:
-            raise ShapeError(
-                f"relight: the image has shape {new}, this Relighter was made for {old}; "
-                "make another Relighter"
-            )
-        if len(image.groups) != len(self._image.groups):
-            raise ShapeError(
-                f"relight: the image has {len(image.groups)} light groups, this Relighter was made "
-                f"for {len(self._image.groups)}; make another Relighter"
-            )
+        require_fit(shape_of(image), image.groups, self._image)
         if isinstance(image.basis, MaterialBasis):
             kept = {k: v for k, v in self._edits.items() if k in image.basis.materials}
             image = replace(image, basis=image.basis.with_reflectances(kept))
         self._image = image
-        self._on_engine(lambda engine: engine.upload(*arrays))
+        if place is not None and isinstance(self._engine, GLEngine):
+            self._engine.take(place)
+        else:
+            self._on_engine(lambda engine: engine.upload(*arrays_of(image)))
 
     def frame(
         self,
@@ -248,7 +278,7 @@ class Relighter:
             if self._lent:  # what a viewer lends is the viewer's to mend
                 raise
             self._engine.close()
-            self._engine = GLEngine(*_arrays(self._image))
+            self._engine = GLEngine(*arrays_of(self._image))
             return call(self._engine)
 
     def close(self) -> None:
@@ -271,23 +301,6 @@ class Relighter:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def _arrays(image: CoefficientImage) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    if not hasattr(image, "coefficients"):
-        raise RelightError(
-            f"Relighter: the image is {image!r:.60}; expected a CoefficientImage, from "
-            "volspec.raycast or CoefficientImage.load"
-        )
-    coefficients = np.ascontiguousarray(image.coefficients, dtype=np.float32)
-    alpha = np.ascontiguousarray(image.alpha, dtype=np.float32)
-    size = image.basis.size * len(image.groups)
-    if coefficients.ndim != 3 or coefficients.shape != alpha.shape + (size,) or not alpha.size:
-        raise ShapeError(
-            f"relight: coefficients have shape {coefficients.shape}, alpha {alpha.shape}, the "
-            f"basis and groups {size} channels; expected (H, W, L·M), (H, W) and L·M"
-        )
-    return coefficients, alpha
 
 
 def relight(

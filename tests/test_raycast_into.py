@@ -1,0 +1,95 @@
+"""Pictures cast straight into a Relighter are shown as after its update, or the old one stays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from volspec.errors import CastCancelled, RaycastError, ShapeError
+from volspec.volume import phantom
+
+BASIS = vs.SpectralBasis.load("general-7")
+COPPER = {"copper": vs.reflectance("copper")}
+TRANSFER = vs.TransferFunction([(0.2, 0.0, "copper"), (0.6, 0.3, "copper")], COPPER, BASIS)
+BALL = phantom.ball(32)
+SIZE = (67, 150)
+GROUPS = (
+    vs.LightGroup("key", (vs.Directional((1, 1, 1)),)),
+    vs.LightGroup("fill", (vs.Ambient(),)),
+)
+
+
+def view(azimuth_deg: float) -> vs.Camera:
+    return vs.Camera.orbit(BALL, azimuth_deg=azimuth_deg)
+
+
+def cast(azimuth_deg: float, **settings: Any) -> vs.CoefficientImage:
+    """A picture of several bands."""
+    spec = vs.RaycastSpec(tile_ms=1, **settings.pop("spec", {}))
+    return vs.raycast(BALL, TRANSFER, view(azimuth_deg), SIZE, spec, **settings)
+
+
+def third() -> Callable[[], bool]:
+    """Cancels when it is asked for the third time."""
+    return [True, False, False].pop
+
+
+def frame(relighter: vs.Relighter, groups: Iterable[str] = ("",)) -> np.ndarray:
+    """Each group under a light of its own."""
+    groups = tuple(groups)
+    lights = tuple(vs.light(name) for name in ("A", "D65")[: len(groups)])
+    rig = vs.LightRig(lights, groups=groups)
+    return relighter.frame(rig, dtype=np.float32)
+
+
+@pytest.fixture(params=["gl", "numpy"])
+def backend(request: pytest.FixtureRequest) -> str:
+    if request.param == "gl":
+        request.getfixturevalue("context")
+    return str(request.param)
+
+
+def test_a_picture_cast_into_a_relighter_is_shown_as_after_an_update(backend: str) -> None:
+    with vs.Relighter(cast(0), backend) as shown, vs.Relighter(cast(0), backend) as updated:
+        before = frame(shown)
+        image = cast(60, into=shown)
+        updated.update(image)
+        assert np.array_equal(frame(shown), frame(updated))
+        assert not np.array_equal(frame(shown), before)
+        assert np.array_equal(image.coefficients, cast(60).coefficients)
+
+
+def test_a_picture_that_does_not_fit_is_refused_before_it_is_cast(backend: str) -> None:
+    began: list[float] = []
+    with vs.Relighter(cast(0), backend) as relighter:
+        with pytest.raises(ShapeError, match=r"shape \(8, 9, 7\).*make another Relighter"):
+            vs.raycast(BALL, TRANSFER, view(0), (9, 8), into=relighter, progress=began.append)
+        with pytest.raises(ShapeError, match="make another Relighter"):
+            cast(0, spec={"groups": GROUPS}, into=relighter, progress=began.append)
+        with pytest.raises(RaycastError, match="size is 'wide'"):
+            vs.raycast(BALL, TRANSFER, view(0), "wide", into=relighter)  # type: ignore[arg-type]
+    with pytest.raises(vs.InputError, match="already closed"):
+        cast(0, into=relighter, progress=began.append)
+    with pytest.raises(RaycastError, match="into is 5; give a"):
+        cast(0, into=5)
+    assert began == []
+
+
+def test_a_cancelled_cast_leaves_the_picture_shown(backend: str) -> None:
+    with vs.Relighter(cast(0), backend) as relighter:
+        before = frame(relighter)
+        with pytest.raises(CastCancelled):
+            cast(60, into=relighter, cancel=third())
+        assert np.array_equal(frame(relighter), before)
+
+
+def test_the_last_of_ever_finer_pictures_goes_into_a_relighter(backend: str) -> None:
+    with vs.Relighter(cast(0), backend) as relighter:
+        before, shown = frame(relighter), []
+        for _ in vs.refine(BALL, TRANSFER, view(60), SIZE, into=relighter):
+            shown.append(not np.array_equal(frame(relighter), before))
+        assert shown == [False, False, True]

@@ -1,0 +1,293 @@
+"""Pictures cast into a Relighter without the host, where OpenCL and OpenGL share memory.
+
+No CPU device shares with OpenGL, so the whole flow is tested with the few calls of the driver
+replaced (`Driver`). The last test is the real thing, for a machine that offers it:
+
+    VOLSPEC_DEVICE=… python -m pytest -rs tests/test_sharing.py -k hardware
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+import pytest
+
+import volspec as vs
+from tests.test_raycast_into import BALL, GROUPS, cast, frame, third
+from volspec import doctor
+from volspec._gpu import sharing
+from volspec._gpu.devices import all_devices, chosen_device
+from volspec._gpu.opencl import Compute
+from volspec.errors import CastCancelled, OpenCLError, RaycastError
+from volspec.raycast.bands import Bands
+
+
+def test_a_context_of_another_type_is_named() -> None:
+    with pytest.raises(RaycastError, match="context is 5; give a moderngl"):
+        vs.Raycaster(BALL, context=5)
+
+
+def device() -> cl.Device:
+    return all_devices()[chosen_device()]
+
+
+def refusal(context: Any) -> str:
+    with pytest.raises(OpenCLError) as caught:
+        vs.Raycaster(BALL, context=context)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_pyopencl_without_opengl_is_told_with_the_command_that_builds_one(
+    context: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cl, "have_gl", lambda: False)
+    told = refusal(context)
+    assert "built without it" in told
+    assert "PYOPENCL_ENABLE_GL=ON pip install" in told and "--no-binary pyopencl" in told
+
+
+def test_a_device_without_the_extension_is_refused_before_its_driver_is_asked(
+    context: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """PoCL 3.0 makes a shared context, and ends the process at the first buffer."""
+    if sharing.EXTENSION in device().extensions.split():
+        pytest.skip(f"{device().name} shares")
+    monkeypatch.setattr(cl, "have_gl", lambda: True)
+    told = refusal(context)
+    assert "lacks cl_khr_gl_sharing" in told and device().name.strip() in told
+    assert "VOLSPEC_DEVICE" in told and "leave context out" in told
+
+
+@pytest.mark.parametrize("system", ["darwin", "win32"])
+def test_sharing_is_for_egl_and_glx(system: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", system)
+    told = sharing.refusal(device())
+    assert told and "EGL and GLX" in told and system in told and "leave context out" in told
+
+
+@dataclass
+class Driver:
+    """What a driver that shares would do: OpenCL's copy of a buffer, which OpenGL gets back.
+
+    The content goes back when OpenCL has finished after the release, no sooner; ``calls`` holds
+    what was asked for, in order.
+    """
+
+    calls: list[str] = field(default_factory=list)
+    buffers: dict[int, Any] = field(default_factory=dict)
+    pending: list[Any] = field(default_factory=list)
+    refuses: str = ""
+
+    def buffer(self, context: cl.Context, flags: int, bufobj: int) -> cl.Buffer:
+        assert flags == cl.mem_flags.WRITE_ONLY
+        if self.refuses == "buffer":
+            raise cl.LogicError("clCreateFromGLBuffer failed: INVALID_GL_OBJECT")
+        values = np.full(self.buffers[bufobj].size // 4, np.nan, np.float32)
+        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+        shared = Copy(context, flags, hostbuf=values)
+        shared.name = bufobj
+        return shared
+
+    def acquire(self, queue: cl.CommandQueue, mem_objects: list[Copy]) -> None:
+        assert self.calls[-1] == "glFinish"
+        self.calls.append("acquire")
+
+    def release(self, queue: cl.CommandQueue, mem_objects: list[Copy]) -> None:
+        self.calls.append("release")
+        for shared in mem_objects:
+            values = np.empty(shared.size // 4, np.float32)
+            cl.enqueue_copy(queue, values, shared)
+            self.pending.append((self.buffers[shared.name], values))
+
+    def finished(self) -> None:
+        if self.pending:
+            self.calls.append("clFinish")
+        while self.pending:
+            buffer, values = self.pending.pop()
+            buffer.write(values.tobytes())
+
+
+class Copy(cl.Buffer):
+    """A buffer that knows OpenGL's name of what it stands for."""
+
+    name: int
+
+
+@pytest.fixture
+def driver(context: Any, monkeypatch: pytest.MonkeyPatch) -> Driver:
+    import moderngl
+
+    made = Driver()
+    if not (device().type & cl.device_type.CPU):
+        pytest.skip("PoCL stands for the driver here")
+
+    class Queue(cl.CommandQueue):
+        def finish(self) -> None:
+            super().finish()
+            made.finished()
+
+    def watched(name: str, call: str, kind: type) -> None:
+        original = getattr(kind, name)
+
+        def wrapper(self: Any, *arguments: Any, **settings: Any) -> Any:
+            made.calls.append(call)
+            result = original(self, *arguments, **settings)
+            if call == "glGenBuffers":
+                made.buffers[result.glo] = result
+            return result
+
+        monkeypatch.setattr(kind, name, wrapper)
+
+    watched("finish", "glFinish", moderngl.Context)
+    watched("buffer", "glGenBuffers", moderngl.Context)
+    watched("write", "glTexSubImage3D", moderngl.TextureArray)
+    watched("_launch", "band", Bands)
+    monkeypatch.setattr(cl, "CommandQueue", Queue)
+    monkeypatch.setattr(cl, "GLBuffer", made.buffer, raising=False)
+    monkeypatch.setattr(cl, "enqueue_acquire_gl_objects", made.acquire, raising=False)
+    monkeypatch.setattr(cl, "enqueue_release_gl_objects", made.release, raising=False)
+    monkeypatch.setattr(sharing, "refusal", lambda device: None)
+    monkeypatch.setattr(sharing, "_properties", lambda device, here: [])
+    return made
+
+
+@contextmanager
+def sharing_pair(context: Any, **spec: Any) -> Iterator[tuple[vs.Raycaster, vs.Relighter]]:
+    """A caster and a relighter of one context, which shows a first picture."""
+    caster = vs.Raycaster(BALL, context=context)
+    first = cast(0, spec=spec)
+    with vs.Relighter(first, "gl", context=context) as relighter:
+        yield caster, relighter
+
+
+@pytest.mark.parametrize(
+    "spec", [{}, {"groups": GROUPS}, {"half": True}], ids=["float", "groups", "half"]
+)
+def test_the_frame_of_a_shared_picture_is_that_of_the_host_s_bit_by_bit(
+    driver: Driver, context: Any, spec: dict[str, Any]
+) -> None:
+    with sharing_pair(context, **spec) as (caster, relighter):
+        for azimuth in (60, 120):
+            driver.calls.clear()
+            image = cast(azimuth, spec=spec, caster=caster, into=relighter)
+            calls = [call for call in driver.calls if call != "glGenBuffers"]
+            bands = calls.count("band")
+            assert bands > 3
+            assert calls == [
+                *("glFinish", "acquire", *["band"] * bands, "release", "clFinish"),
+                "glTexSubImage3D",
+            ]
+            truth = cast(azimuth, spec=spec)
+            assert np.array_equal(image.coefficients, truth.coefficients)
+            with vs.Relighter(truth, "gl") as host:
+                assert np.array_equal(frame(relighter, truth.groups), frame(host, truth.groups))
+
+
+def test_a_shared_cast_that_ends_early_leaves_the_picture_shown(
+    driver: Driver, context: Any
+) -> None:
+    with sharing_pair(context) as (caster, relighter):
+        before = frame(relighter)
+
+        def fail(share: float) -> None:
+            raise ZeroDivisionError
+
+        for error, how in (
+            (CastCancelled, {"cancel": third()}),
+            (ZeroDivisionError, {"progress": fail}),
+        ):
+            driver.calls.clear()
+            with pytest.raises(error):
+                cast(60, caster=caster, into=relighter, **how)
+            # OpenGL has the buffer back, and nothing of it was shown.
+            assert driver.calls[-2:] == ["release", "clFinish"] and driver.calls.count("band") >= 2
+            assert np.array_equal(frame(relighter), before)
+        cast(60, caster=caster, into=relighter)
+        assert not np.array_equal(frame(relighter), before)
+
+
+def test_a_sharing_caster_casts_without_a_relighter_as_any_other(
+    driver: Driver, context: Any
+) -> None:
+    caster = vs.Raycaster(BALL, context=context)
+    image = cast(60, caster=caster)
+    assert np.array_equal(image.coefficients, cast(60).coefficients)
+    assert "acquire" not in driver.calls
+
+
+def test_a_relighter_of_another_context_is_refused_by_both_names(
+    driver: Driver, context: Any
+) -> None:
+    caster = vs.Raycaster(BALL, context=context)
+    for backend, told in (
+        ("gl", r"shares .*\(context 0x\w+\), the Relighter draws in .*\(context 0x\w+\); give"),
+        ("numpy", r"shares .*\(context 0x\w+\), the Relighter draws with NumPy; give"),
+    ):
+        with vs.Relighter(cast(0), backend) as relighter:
+            before = frame(relighter)
+            with pytest.raises(OpenCLError, match=told):
+                cast(60, caster=caster, into=relighter)
+            assert np.array_equal(frame(relighter), before)
+
+
+def test_a_driver_that_refuses_is_told_in_one_line(
+    driver: Driver, context: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with sharing_pair(context) as (caster, relighter):
+        before = frame(relighter)
+        driver.refuses = "buffer"
+        with pytest.raises(OpenCLError, match=r"does not share a buffer of .*INVALID_GL_OBJECT"):
+            cast(60, caster=caster, into=relighter)
+        assert np.array_equal(frame(relighter), before)
+
+    def refuse(devices: Any, properties: Any) -> None:
+        raise cl.LogicError("Context failed:\n INVALID_GL_SHAREGROUP_REFERENCE_KHR")
+
+    monkeypatch.setattr(cl, "Context", refuse)
+    told = refusal(context)
+    assert "does not share with" in told and "SHAREGROUP" in told
+    assert "draw on the device that casts" in told
+    monkeypatch.setattr(sharing, "current", lambda: None)
+    assert "none of EGL or GLX" in refusal(context)
+
+
+def test_the_current_context_is_known_by_its_handle(context: Any) -> None:
+    here = sharing.current()
+    assert here and here.handle and here.display and here.display_property == "EGL_DISPLAY_KHR"
+    assert f"{here.handle:#x}" in sharing.named(context, here)
+
+
+def test_doctor_tells_whether_memory_is_shared_and_why_not(
+    context: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rich.console import Console
+
+    for told in ("sharing with OpenGL: the moon is not full", None):
+        monkeypatch.setattr(sharing, "why_not", lambda device, gl, told=told: told)
+        found = doctor.examine()
+        console = Console(record=True, width=160, file=io.StringIO())
+        found.print(console)
+        assert found.no_sharing == told and found.healthy
+        assert (told or "offered: Raycaster(context=…)") in console.export_text()
+
+
+def test_a_device_shares_on_this_hardware(context: Any) -> None:
+    """The same frame as through the host, after a cast that is cancelled as before it."""
+    if told := sharing.why_not(device(), context):
+        pytest.skip(told)
+    assert Compute.open(gl=context).sharing
+    for spec in ({}, {"groups": GROUPS}, {"half": True}):
+        with sharing_pair(context, **spec) as (caster, relighter):
+            image = cast(60, spec=spec, caster=caster, into=relighter)
+            with pytest.raises(CastCancelled):
+                cast(120, spec=spec, caster=caster, into=relighter, cancel=third())
+            with vs.Relighter(image, "gl", context=context) as host:
+                assert np.array_equal(frame(relighter, image.groups), frame(host, image.groups))

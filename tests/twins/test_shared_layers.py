@@ -1,0 +1,77 @@
+"""``kernels/layers.cl`` packs the very numbers that `pack_layers` does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from volspec._gpu.opencl import Compute
+from volspec.relight.packed import layer_count, pack_layers
+from volspec.relight.shared import packer
+
+ODD = [np.nan, np.inf, -np.inf, 1e30, -1e30, 3e38, 1e9, -1e9, 7e4, -7e4, 1e-8, 6.1e-5, 0.1]
+
+
+@pytest.fixture(scope="module")
+def compute() -> Compute:
+    return Compute.open()
+
+
+def picture(height: int, width: int, channels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Random pixels; every third number is one that a texture must not hold, or just may."""
+    rng = np.random.default_rng(channels)
+    values = rng.normal(size=(height, width, channels + 1)).astype(np.float32)
+    values.reshape(-1)[::3] = rng.choice(np.array(ODD, np.float32), values.size)[::3]
+    return np.ascontiguousarray(values[..., :-1]), np.ascontiguousarray(values[..., -1])
+
+
+def packed_on_the_device(
+    compute: Compute, coefficients: np.ndarray, alpha: np.ndarray, lines: int, *, half: bool
+) -> np.ndarray:
+    """In bands of so many lines; what no band writes stays NaN."""
+    height, width, channels = coefficients.shape
+    layers = np.full((layer_count(channels), height, width, 4), np.nan, np.float32)
+    buffer = compute.output(layers.nbytes, layers)
+    if buffer.hostbuf is None:
+        import pyopencl as cl
+
+        cl.enqueue_copy(compute.queue, buffer, layers)
+    pack = packer(compute, coefficients.shape, buffer, half=half)
+    for first in range(0, height, lines):
+        band = slice(first, min(first + lines, height))
+        pack(compute.upload(coefficients[band]), compute.upload(alpha[band]), band).wait()
+    compute.download(buffer, layers)
+    return layers
+
+
+def assert_same(ours: np.ndarray, twin: np.ndarray) -> None:
+    differs = ours != twin
+    worst = tuple(np.argwhere(differs)[0]) if differs.any() else (0, 0, 0, 0)
+    assert not differs.any(), f"{worst}: {ours[worst]} against {twin[worst]}"
+
+
+@pytest.mark.parametrize("channels", range(1, 33))
+def test_any_number_of_channels_is_packed_as_the_host_packs_it(
+    compute: Compute, channels: int
+) -> None:
+    coefficients, alpha = picture(13, 67, channels)
+    ours = packed_on_the_device(compute, coefficients, alpha, 5, half=False)
+    assert_same(ours, pack_layers(coefficients, alpha))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 65), (9, 64), (130, 3)])
+@pytest.mark.parametrize("lines", [1, 4, 1000])
+def test_any_size_and_height_of_bands_is_packed(
+    compute: Compute, size: tuple[int, int], lines: int
+) -> None:
+    coefficients, alpha = picture(*size, 7)
+    ours = packed_on_the_device(compute, coefficients, alpha, lines, half=False)
+    assert_same(ours, pack_layers(coefficients, alpha))
+
+
+def test_half_pictures_are_rounded_as_they_are_kept(compute: Compute) -> None:
+    coefficients, alpha = picture(31, 65, 7)
+    largest = float(np.finfo(np.float16).max)
+    kept = np.clip(coefficients, -largest, largest).astype(np.float16).astype(np.float32)
+    ours = packed_on_the_device(compute, coefficients, alpha, 8, half=True)
+    assert_same(ours, pack_layers(kept, alpha))
