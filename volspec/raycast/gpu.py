@@ -303,7 +303,6 @@ class Raycaster:
             "TILE_WIDTH": tile_width,
             "TILE_HEIGHT": tile_height,
             "BRICK": BRICK,
-            "STEPS": 2 if self.lanes > 1 else 1,
             "STRIDES": STRIDES,
             "ADAPTIVE": int(spec.adaptive > 0),
             "VOXEL": C_TYPES[self.volume.values.dtype.name],
@@ -313,5 +312,7 @@ class Raycaster:
             **packed.definitions(spec, layers),
         }
         constants["WIDE"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
+        steps = 2 if constants["WIDE"] else 4
+        constants["STEPS"] = steps if self.lanes > 1 else 1
         source = assemble(f"kernels/{program.name}.cl", prelude(constants, "opencl"))
         return self._compute.kernel(source, program.name)
