@@ -55,7 +55,7 @@ def test_bands_grow_and_shrink_with_what_they_cost() -> None:
         *(TransferTable((0.0, 1.0), np.linspace(0, 1, 64), np.ones((64, 1)), 1.0),),
         *(vs.Camera.orbit(phantom.ball(8)), (64, 640), vs.RaycastSpec()),
     )
-    bands = Bands(None, result, (4, 2), tile_ms=20)  # type: ignore[arg-type]
+    bands = Bands(None, result, (4, 2), (8, 8), tile_ms=20)  # type: ignore[arg-type]
     band = type("Band", (), {"first": 0, "last": 4})()
     assert bands._next_rows(4, band, 1.0) == 8  # no more than twice as many
     assert bands._next_rows(8, band, 40.0) == 2  # 10 ms a row

@@ -26,7 +26,6 @@ Cancel = Callable[[], bool]
 # Of a band's coefficients and alpha on the device, and its lines; gives the launch's event.
 Pack = Callable[[Any, Any, slice], Any]
 
-LOCAL = (8, 8)
 _LARGEST_HALF = float(np.finfo(np.float16).max)
 
 
@@ -73,18 +72,20 @@ class Bands:
         compute: Compute,
         result: Result,
         tile: tuple[int, int],
+        group: tuple[int, int],
         tile_ms: float,
         pack: Pack | None = None,
     ) -> None:
         self._compute = compute
         self._result = result
         self._tile = tile
+        self._group = group
         self._tile_ms = tile_ms
         self._pack = pack
         self._beyond = False
         height, width = result.alpha.shape
-        self._columns = -(-width // (tile[0] * LOCAL[0])) * LOCAL[0]
-        self._group_rows = -(-height // (tile[1] * LOCAL[1]))
+        self._columns = -(-width // (tile[0] * group[0])) * group[0]
+        self._group_rows = -(-height // (tile[1] * group[1]))
         self._costs: deque[float] = deque(maxlen=3)  # ms a row of work-groups
 
     def run(
@@ -131,8 +132,8 @@ class Bands:
         return int(np.clip(wanted, 1, 2 * rows))
 
     def _launch(self, kernel: Any, arguments: tuple[Any, ...], first: int, last: int) -> Band:
-        group = LOCAL[1] * self._tile[1]
-        lines = slice(first * group, min(last * group, len(self._result.alpha)))
+        height = self._group[1] * self._tile[1]
+        lines = slice(first * height, min(last * height, len(self._result.alpha)))
         outputs = []
         for array in self._result:
             part = array[lines]
@@ -140,11 +141,11 @@ class Bands:
             outputs.append((self._compute.output(into.nbytes, into), into))
         done = kernel(
             self._compute.queue,
-            (self._columns, (last - first) * LOCAL[1]),
-            LOCAL,
+            (self._columns, (last - first) * self._group[1]),
+            self._group,
             *arguments,
             *(buffer for buffer, _ in outputs),
-            np.int32(first * LOCAL[1]),
+            np.int32(first * self._group[1]),
         )
         if self._pack is not None:
             done = self._pack(outputs[0][0], outputs[1][0], lines)

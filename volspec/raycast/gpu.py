@@ -39,6 +39,8 @@ from volspec.volume.bricks import (
 
 # Packet shape by LANES, (width, height) in pixels; lanes.clh numbers the lanes row by row.
 TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2)}
+# Work-items of a group: on CPUs few, so that at a band's end no core waits long for the others.
+GROUPS = {1: (8, 8), 4: (8, 4), 8: (8, 4)}
 # Codes of bricks from here on are strides (rays.clh).
 STRIDES = 248
 
@@ -228,8 +230,9 @@ class Raycaster:
             raise OpenCLError(f"raycast: no memory for {what}; {remedy}") from None
         kernel = self._kernel(program, spec, numbers)
         arguments = self._voxels, self._codes(table, spec), *inputs, light, struct
+        tile, group = TILES[self.lanes], GROUPS[self.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
-            bands = Bands(self._compute, result, TILES[self.lanes], spec.tile_ms, pack)
+            bands = Bands(self._compute, result, tile, group, spec.tile_ms, pack)
             bands.run(kernel, arguments, progress, cancel)
         unit = np.float32(min(self.volume.spacing_mm))
         result.depth_mm[...] *= unit
