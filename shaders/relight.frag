@@ -14,9 +14,11 @@
 //                        D diag(e) (or P_E) of the group for C, -XYZ_backdrop for alpha. Y = 100
 //                        for white.
 //         backdrop_XYZ   XYZ where nothing covers the backdrop.
-//         passage        CIECAM02's numbers (include/ciecam02.glsl); absent for model "none".
+//         passage        what takes scene XYZ to the display's: include/curve.glsl or
+//                        include/cam.glsl; absent where a matrix does, which the host has put
+//                        into XYZ_from_layer and backdrop_XYZ.
 // Writes  frame          sRGB code values 0 to 1, alpha 1.
-// Host    LAYERS, CIECAM02 (1 or 0), SAME_SURROUND (1 or 0), FIRST_ROW_AT_BOTTOM (1 where what is
+// Host    LAYERS, FORM (LINEAR, CURVE or CAM), what the forms want, FIRST_ROW_AT_BOTTOM (1 where what is
 //         drawn will be read back, GL's rows running up; 0 for a canvas or window), IMAGE_HEIGHT
 //         (pixels, used if 0), and volspec.appearance.constants.shader_constants().
 //
@@ -28,8 +30,10 @@ precision highp sampler2DArray;
 #endif
 
 #include "display.glsl"
-#if CIECAM02
-#include "ciecam02.glsl"
+#if FORM == CURVE
+#include "curve.glsl"
+#elif FORM == CAM
+#include "cam.glsl"
 #endif
 
 uniform sampler2DArray coefficients;
@@ -52,10 +56,10 @@ void main() {
     pixel.y = IMAGE_HEIGHT - 1 - pixel.y;
 #endif
     vec3 XYZ = scene_XYZ(pixel);
-#if CIECAM02
-    vec3 linear = displayed_from_scene(XYZ);
-#else
+#if FORM == LINEAR
     vec3 linear = RGB_FROM_XYZ * XYZ;
+#else
+    vec3 linear = displayed_from_scene(XYZ);
 #endif
     frame = vec4(encode(linear), 1.0);
 }

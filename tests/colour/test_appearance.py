@@ -1,13 +1,9 @@
 """CIECAM02, viewing conditions and the display's encoding against colour-science and reason."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from volspec.appearance import SURROUNDS, Display, Viewing
-from volspec.appearance.ciecam02 import forward, inverse, transport
-from volspec.appearance.conditions import Conditions, Transport
+from volspec.appearance import SURROUNDS, Display, Viewing, passage_of
 from volspec.appearance.constants import (
     ACHROMATIC,
     CHROMA_SKEW,
@@ -18,7 +14,9 @@ from volspec.appearance.constants import (
     RESPONSE_FROM_OPPONENT,
     XYZ_FROM_sRGB,
 )
-from volspec.appearance.models import cielab, cielab_derivative
+from volspec.appearance.models.cam import forward, inverse
+from volspec.appearance.models.cielab import cielab, cielab_derivative
+from volspec.appearance.models.conditions import CamPassage, Conditions
 from volspec.appearance.srgb import decode, encode, linear_from_XYZ, to_uint8
 from volspec.errors import ShapeError, ViewingError
 
@@ -82,14 +80,14 @@ def test_one_step_transport_is_inverse_after_forward(scene, display):
     XYZ = surfaces(CONDITIONS[scene][0])
     seen = forward(XYZ, conditions(scene))
     two_steps = inverse(seen.J, seen.C, seen.h, conditions(display))
-    one_step = transport(XYZ, Transport.between(conditions(scene), conditions(display)))
+    one_step = CamPassage.between(conditions(scene), conditions(display)).apply(XYZ)
     np.testing.assert_allclose(one_step, two_steps, atol=1e-9)
 
 
 def test_transport_between_equal_conditions_changes_nothing():
     c = conditions("dim, dark background")
     XYZ = surfaces(c.white_XYZ)
-    np.testing.assert_allclose(transport(XYZ, Transport.between(c, c)), XYZ, atol=1e-10)
+    np.testing.assert_allclose(CamPassage.between(c, c).apply(XYZ), XYZ, atol=1e-10)
 
 
 def test_opponent_weights_give_the_standard_s_inverse():
@@ -114,28 +112,28 @@ def test_no_finite_input_gives_nan(size):
     XYZ = rng.uniform(-size, size, (50_000, 3))
     for scene in CONDITIONS:
         c = conditions(scene)
-        passage = Transport.between(c, conditions("average under A"))
-        assert np.isfinite(transport(XYZ, passage)).all()
+        passage = CamPassage.between(c, conditions("average under A"))
+        assert np.isfinite(passage.apply(XYZ)).all()
         seen = forward(XYZ, c)
-        for field in dataclasses.fields(seen):
-            assert np.isfinite(getattr(seen, field.name)).all(), (scene, field.name)
+        for name in "JChHQMs":
+            assert np.isfinite(getattr(seen, name)).all(), (scene, name)
         assert np.isfinite(inverse(seen.J, seen.C, seen.h, c)).all()
 
 
 def test_black_and_colours_without_lightness_are_black():
     c = conditions("average under A")
-    passage = Transport.between(c, conditions("dim, dark background"))
+    passage = CamPassage.between(c, conditions("dim, dark background"))
     for XYZ in ([0.0, 0.0, 0.0], [-5.0, -5.0, -5.0], [0.0, -80.0, 30.0]):
-        assert np.array_equal(transport(XYZ, passage), np.zeros(3))
+        assert np.array_equal(passage.apply(XYZ), np.zeros(3))
     assert np.array_equal(inverse([0.0, -3.0], [50.0, 50.0], [120.0, 10.0], c), np.zeros((2, 3)))
 
 
 def test_white_keeps_full_lightness_and_loses_its_tint_at_complete_adaptation():
     viewing = Viewing(D=1.0)
-    display = Conditions.of_display(viewing.display)
-    shown = transport(WHITE_A, Transport.for_viewing(viewing, WHITE_A))
+    display = Conditions.of_viewing(viewing.display.conditions)
+    shown = passage_of(viewing, WHITE_A).apply(WHITE_A)
     np.testing.assert_allclose(forward(shown, display).J, 100.0, atol=1e-9)
-    tinted = transport(WHITE_A, Transport.for_viewing(Viewing(D=0.6), WHITE_A))
+    tinted = passage_of(Viewing(D=0.6), WHITE_A).apply(WHITE_A)
     # Less adapted eyes see more of tungsten's yellow.
     assert shown[2] > tinted[2]
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from volspec.appearance.ciecam02 import forward, inverse, transport
-from volspec.appearance.conditions import Conditions, Transport
 from volspec.appearance.constants import HPE_FROM_CAT02
-from volspec.appearance.models import XYZ_from_cielab, cielab
+from volspec.appearance.models.cam import forward, inverse
+from volspec.appearance.models.cielab import XYZ_from_cielab, cielab
+from volspec.appearance.models.conditions import CamPassage, Conditions
 
 # Neumann et al. (2004), table 2: T (K), L_A (cd/m²), white XYZ, stimulus XYZ; Y_b = 18.
 NEUMANN = {
@@ -32,7 +32,7 @@ def test_pastel_of_neumann_table_2_keeps_its_appearance_under_another_planck_rad
     expected = NEUMANN[temperature][2]
     seen = forward(NEUMANN[7500][2], neumann(7500))
     there = inverse(seen.J, seen.C, seen.h, neumann(temperature))
-    at_once = transport(NEUMANN[7500][2], Transport.between(neumann(7500), neumann(temperature)))
+    at_once = CamPassage.between(neumann(7500), neumann(temperature)).apply(NEUMANN[7500][2])
     # Half a unit of the third decimal.
     np.testing.assert_allclose(there, expected, atol=6e-4)
     np.testing.assert_allclose(at_once, there, rtol=1e-12)

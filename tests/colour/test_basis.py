@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from volspec.appearance.models import cielab
+from volspec.appearance.models.cielab import cielab
 from volspec.basis import SpectralBasis
 from volspec.errors import BasisError, SpectrumError
 from volspec.spectra import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import ImageDraw
 
-from volspec.appearance.models import cielab, delta_E_2000
+from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.report import report
 from volspec.errors import RelightError, ViewingError

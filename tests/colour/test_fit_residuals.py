@@ -6,7 +6,7 @@ import colour
 import numpy as np
 import pytest
 
-from volspec.appearance.models import cielab
+from volspec.appearance.models.cielab import cielab
 from volspec.basis.fit import residuals as fitted
 from volspec.basis.fit.metric import difference_metric
 from volspec.basis.fit.residuals import (

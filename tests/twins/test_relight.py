@@ -10,7 +10,7 @@ from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import Source, assemble
 from volspec.appearance import Display, Viewing
 from volspec.appearance.constants import DISPLAY_WHITE_XYZ, XYZ_FROM_sRGB, shader_constants
-from volspec.appearance.models import cielab
+from volspec.appearance.models.cielab import cielab
 from volspec.appearance.srgb import decode, to_uint8
 from volspec.errors import OpenGLError
 from volspec.relight import Illumination
@@ -188,11 +188,12 @@ def test_a_canvas_shows_row_0_at_the_top(monkeypatch):
 def test_compiler_errors_name_the_file_and_line():
     context = headless_context()
     vertex = assemble("shaders/fullscreen.vert", "", glsl_version="330 core")
-    constants = {"LAYERS": 2, "CIECAM02": 1, "FIRST_ROW_AT_BOTTOM": 1, "IMAGE_HEIGHT": 4}
+    form = {"FORM": 2, "LINEAR": 0, "CURVE": 1, "CAM": 2, "SAME_SURROUND": 0}
+    constants = {"LAYERS": 2, "FIRST_ROW_AT_BOTTOM": 1, "IMAGE_HEIGHT": 4, **form}
     lines = prelude({**constants, **shader_constants()}, "glsl")
     fragment = assemble("shaders/relight.frag", lines, glsl_version="330 core")
     broken = Source(fragment.text.replace("vec2 ab =", "vec9 ab ="), fragment.files)
-    with pytest.raises(OpenGLError, match=r"shaders/include/ciecam02\.glsl:\d+"):
+    with pytest.raises(OpenGLError, match=r"shaders/include/cam\.glsl:\d+"):
         compile_program(context, vertex, broken)
     assert describe(context)["device"]
     context.release()

@@ -8,7 +8,7 @@ import pytest
 from tests.twins.test_relighter import GRID, RAW, gl_or_skip
 from volspec.appearance import Viewing
 from volspec.appearance.constants import DISPLAY_WHITE_XYZ, XYZ_FROM_sRGB
-from volspec.appearance.models import cielab
+from volspec.appearance.models.cielab import cielab
 from volspec.appearance.srgb import decode, encode, linear_from_XYZ
 from volspec.basis import SpectralBasis
 from volspec.raycast.image import CoefficientImage

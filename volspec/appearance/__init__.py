@@ -5,7 +5,22 @@
 Scene XYZ seen under the scene's light become the XYZ that look the same on the display.
 """
 
-from volspec.appearance.conditions import Conditions, Transport
-from volspec.appearance.spec import SURROUNDS, Display, Surround, Viewing
+from volspec.appearance.live import passage_of
+from volspec.appearance.spec import (
+    SURROUNDS,
+    Display,
+    Surround,
+    Viewing,
+    ViewingConditions,
+    surround_at,
+)
 
-__all__ = ["SURROUNDS", "Conditions", "Display", "Surround", "Transport", "Viewing"]
+__all__ = [
+    "SURROUNDS",
+    "Display",
+    "Surround",
+    "Viewing",
+    "ViewingConditions",
+    "passage_of",
+    "surround_at",
+]

@@ -15,11 +15,16 @@ import math
 import numbers
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from volspec.appearance import constants as k
 from volspec.errors import ViewingError, nearest
 
-MODELS = ("CIECAM02", "none")
+MODELS = ("CIECAM02", "CAM16", "CIELAB", "none")
+Triple = tuple[float, float, float]
 
 
 class Surround(NamedTuple):
@@ -42,6 +47,43 @@ SURROUNDS = MappingProxyType(
 )
 
 
+# Luminance of a surround's white over that of the picture's white (CIE 159: dim is below 0.2).
+SURROUND_RATIOS = MappingProxyType({"dark": 0.0, "dim": 0.1, "average": 0.2})
+
+
+def surround_at(surround: str | float) -> Surround:
+    """A surround by name or by its ratio, linear between dark, dim and average.
+
+    Parameters
+    ----------
+    surround : str or float
+        One of `SURROUNDS`, or S_R = L_surround / L_white, 0 to 1: dark at 0, dim at 0.1,
+        average from 0.2 on [1, section 7.1; CIE 159].
+
+    Raises
+    ------
+    ViewingError
+        If the name is unknown or the ratio outside 0…1.
+
+    Examples
+    --------
+    >>> surround_at(0.15)
+    Surround(F=0.95, c=0.64, N_c=0.95)
+    """
+    if isinstance(surround, str):
+        _require_known("surround", surround, tuple(SURROUNDS))
+        return SURROUNDS[surround]
+    real = isinstance(surround, numbers.Real) and not isinstance(surround, bool)
+    if not (real and 0.0 <= surround <= 1.0):
+        raise ViewingError(
+            f"surround is {surround!r}; expected 0 (dark) to 1, or one of {', '.join(SURROUNDS)}"
+        )
+    names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
+    ratios = [SURROUND_RATIOS[name] for name in names]
+    factors = np.array([SURROUNDS[name] for name in names])
+    return Surround(*(round(float(np.interp(surround, ratios, f)), 12) for f in factors.T))
+
+
 def _require_known(name: str, value: object, known: tuple[str, ...]) -> None:
     if value in known:
         return
@@ -57,6 +99,85 @@ def _require_positive(name: str, value: float, remedy: str) -> None:
 
 
 @dataclass(frozen=True, slots=True)
+class ViewingConditions:
+    """What an eye is adapted to: all that an adaptation or an appearance model asks.
+
+    Parameters
+    ----------
+    white_XYZ : (X, Y, Z)
+        The adopted white; Y = 100 for a perfect diffuser.
+    L_A : float
+        Luminance of the adapting field, cd/m². At 0 models take the limit from above.
+    Y_b : float
+        Luminance factor of the background, on the white's scale. 0 likewise.
+    surround : str or float
+        As `surround_at`.
+    D : float, optional
+        Degree of adaptation, 0 to 1; None is the model's own.
+    discount : bool
+        The eye takes the light's colour off whole, as it does with things it knows to be lit.
+
+    Raises
+    ------
+    ViewingError
+        If the white has a channel that is not above 0, or a number is out of range.
+
+    Examples
+    --------
+    >>> round(ViewingConditions.of_lux((95.05, 100, 108.88), 1000).L_A, 2)
+    63.66
+    """
+
+    white_XYZ: Triple
+    L_A: float = 64.0 / math.pi * 0.2
+    Y_b: float = 20.0
+    surround: str | float = "average"
+    D: float | None = None
+    discount: bool = False
+
+    def __post_init__(self) -> None:
+        white = tuple(float(value) for value in self.white_XYZ)
+        if len(white) != 3 or not all(math.isfinite(value) and value > 0 for value in white):
+            raise ViewingError(
+                f"ViewingConditions.white_XYZ is {self.white_XYZ}; expected three finite numbers "
+                "above 0, as (95.05, 100, 108.88)"
+            )
+        object.__setattr__(self, "white_XYZ", white)
+        for name in ("L_A", "Y_b"):
+            value = getattr(self, name)
+            real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if not (real and math.isfinite(value) and value >= 0.0):
+                raise ViewingError(
+                    f"ViewingConditions.{name} is {value!r}; expected a finite number, 0 or above"
+                )
+        surround_at(self.surround)
+        if self.D is not None and not 0.0 <= self.D <= 1.0:
+            raise ViewingError(
+                f"ViewingConditions.D is {self.D!r}; expected 0 (no adaptation) to 1 (complete), "
+                "or None for the model's own"
+            )
+
+    @classmethod
+    def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **others: Any) -> ViewingConditions:
+        """Conditions under a light of E_v lux: L_A = E_v/π · Y_b/Y_w.
+
+        Parameters
+        ----------
+        white_XYZ : (X, Y, Z)
+        illuminance_lux : float
+        **others
+            As the constructor's, but L_A.
+        """
+        Y_b = others.get("Y_b", cls.__dataclass_fields__["Y_b"].default)
+        return cls(white_XYZ, illuminance_lux / math.pi * Y_b / white_XYZ[1], **others)
+
+    @property
+    def factors(self) -> Surround:
+        """F, c and N_c of the surround."""
+        return surround_at(self.surround)
+
+
+@dataclass(frozen=True, slots=True)
 class Display:
     """An sRGB display and the room it stands in.
 
@@ -67,8 +188,8 @@ class Display:
         reflectance 0.2 under 64 lx.
     Y_b : float
         Luminance factor of the background, percent of the display's white.
-    surround : str
-        ``"average"``, ``"dim"`` or ``"dark"`` (`SURROUNDS`).
+    surround : str or float
+        As `surround_at`.
 
     Raises
     ------
@@ -82,12 +203,18 @@ class Display:
 
     L_A: float = 64.0 / math.pi * 0.2
     Y_b: float = 20.0
-    surround: str = "average"
+    surround: str | float = "average"
 
     def __post_init__(self) -> None:
         _require_positive("Display.L_A", self.L_A, "cd/m²; sRGB's is 4.07")
         _require_positive("Display.Y_b", self.Y_b, "percent of white; grey is 20")
-        _require_known("Display.surround", self.surround, tuple(SURROUNDS))
+        surround_at(self.surround)
+
+    @property
+    def conditions(self) -> ViewingConditions:
+        """What the eye before it is adapted to; Y = 100 for its white."""
+        X, Y, Z = k.DISPLAY_WHITE_XYZ.tolist()
+        return ViewingConditions((X, Y, Z), self.L_A, self.Y_b, self.surround)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,11 +234,13 @@ class Viewing:
         of a `volspec.LightRig` that carries one, else ``illuminance_lux``.
     Y_b : float
         Luminance factor of the scene's background, percent of a perfect diffuser.
-    surround : str
-        ``"average"``, ``"dim"`` or ``"dark"`` (`SURROUNDS`).
+    surround : str or float
+        As `surround_at`.
     D : float, optional
         Degree of adaptation to the scene's white, 0 (none) to 1 (complete); None is
-        CIECAM02's, from F and L_A.
+        the model's, for CIECAM02 from F and L_A.
+    discount : bool
+        The eye takes the light's colour off whole.
     exposure : float
         Linear factor on scene XYZ, as a camera's.
     display : Display
@@ -129,15 +258,16 @@ class Viewing:
     >>> Viewing(model="CIECAM2")
     Traceback (most recent call last):
     ...
-    volspec.errors.ViewingError: Viewing.model is 'CIECAM2'; did you mean 'CIECAM02'? ...
+    volspec.errors.ViewingError: Viewing.model is 'CIECAM2'; did you mean 'CIECAM02'...
     """
 
     model: str = "CIECAM02"
     illuminance_lux: float = 1000.0
     L_A: float | None = None
     Y_b: float = 20.0
-    surround: str = "average"
+    surround: str | float = "average"
     D: float | None = None
+    discount: bool = False
     exposure: float = 1.0
     display: Display = field(default_factory=Display)
 
@@ -147,7 +277,7 @@ class Viewing:
         if self.L_A is not None:
             _require_positive("Viewing.L_A", self.L_A, "cd/m²; None takes it from the light")
         _require_positive("Viewing.Y_b", self.Y_b, "percent of white; grey is 20")
-        _require_known("Viewing.surround", self.surround, tuple(SURROUNDS))
+        surround_at(self.surround)
         if self.D is not None and not 0.0 <= self.D <= 1.0:
             raise ViewingError(
                 f"Viewing.D is {self.D!r}; expected 0 (no adaptation) to 1 (complete), "
@@ -163,3 +293,18 @@ class Viewing:
         if self.L_A is not None:
             return self.L_A
         return self.illuminance_lux / math.pi * self.Y_b / 100.0
+
+    def conditions(self, white_XYZ: ArrayLike) -> ViewingConditions:
+        """What an eye in the scene is adapted to, under a light whose white is given.
+
+        Parameters
+        ----------
+        white_XYZ : (3,) array_like
+            Of a perfect diffuser, Y = 100. A channel that a narrow light leaves without power
+            counts as 1e-6 of Y.
+        """
+        X, Y, Z = np.maximum(white_XYZ, 1e-6 * np.asarray(white_XYZ)[1]).tolist()
+        luminance = self.adapting_luminance
+        return ViewingConditions(
+            (X, Y, Z), luminance, self.Y_b, self.surround, self.D, self.discount
+        )

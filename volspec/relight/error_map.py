@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models import cielab, delta_E_2000
+from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis.display import visible_white
 from volspec.errors import ShapeError, ViewingError
 from volspec.relight.illumination import Illumination

@@ -24,8 +24,10 @@ from volspec._gpu.opengl import (
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sharing import Sharing, current, named
 from volspec._gpu.sources import assemble
-from volspec.appearance.conditions import Transport
 from volspec.appearance.constants import shader_constants, sRGB_FROM_XYZ
+from volspec.appearance.live import passage_of
+from volspec.appearance.models.conditions import CamPassage
+from volspec.appearance.passages import CurvePassage, LinearPassage, Passage
 from volspec.appearance.spec import Viewing
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
@@ -41,46 +43,67 @@ _GLSL = "330 core"
 _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
 
 
-def uniforms(light: Illumination, viewing: Viewing) -> dict[str, NDArray[np.float32]]:
+# The forms of a passage, by the numbers that the shader knows them by.
+_FORMS: dict[type, int] = {LinearPassage: 0, CurvePassage: 1, CamPassage: 2}
+
+
+def form_of(passage: Passage) -> dict[str, int]:
+    """What ``shaders/relight.frag`` is compiled with to draw a passage."""
+    same = isinstance(passage, CamPassage) and np.allclose(
+        (passage.lightness_power, passage.chroma_gain), 1, rtol=0, atol=1e-7
+    )
+    outer = isinstance(passage, CurvePassage) and bool(np.any(passage.outer != 1))
+    return {"FORM": _FORMS[type(passage)], "SAME_SURROUND": int(same), "OUTER": int(outer)}
+
+
+def uniforms(light: Illumination, passage: Passage) -> dict[str, NDArray[np.float32]]:
     """What a light change sends to ``shaders/relight.frag``, by GLSL name.
 
     Parameters
     ----------
     light : Illumination
         The light, for L·M channels.
-    viewing : Viewing
-        Scene and display conditions.
+    passage : Passage
+        From the scene to the display.
 
     Returns
     -------
     dict
-        Flat float32 arrays; matrices column by column. ``passage.*`` only with CIECAM02, its
-        ``lightness_power`` and ``chroma_gain`` only where they are not 1.
-
-    Raises
-    ------
-    ViewingError
-        If the light's white has no lightness in CIECAM02.
+        Flat float32 arrays; matrices column by column. Of ``passage.*`` what `form_of` asks for.
     """
     channels = light.XYZ_from_channels.shape[1]
     columns = np.zeros((layer_count(channels) * 4, 3))
     columns[:channels] = light.XYZ_from_channels.T
     # Opacity takes away what the backdrop gives: (1 - alpha) XYZ_backdrop without a branch.
     columns[channels] = -light.backdrop_XYZ
-    values: dict[str, ArrayLike] = {"XYZ_from_layer": columns, "backdrop_XYZ": light.backdrop_XYZ}
-    if viewing.model == "CIECAM02":
-        passage = Transport.for_viewing(light.viewed(viewing), light.white_XYZ)
-        values |= {
+    backdrop = light.backdrop_XYZ
+    values: dict[str, ArrayLike] = {}
+    if isinstance(passage, LinearPassage):  # costs a pixel nothing
+        columns, backdrop = columns @ passage.matrix.T, passage.matrix @ backdrop
+    elif isinstance(passage, CurvePassage):
+        values = {
+            "passage.response_from_XYZ": passage.response_from_XYZ.T,
+            "passage.linear_from_response": (sRGB_FROM_XYZ @ passage.XYZ_from_response).T,
+            "passage.gain": passage.gain,
+            "passage.power": passage.power,
+            "passage.shift": passage.shift,
+            "passage.offset": passage.offset,
+        }
+        if form_of(passage)["OUTER"]:
+            values["passage.outer"] = passage.outer
+    elif isinstance(passage, CamPassage):
+        values = {
             "passage.response_from_XYZ": passage.response_from_XYZ.T,
             "passage.linear_from_response": (sRGB_FROM_XYZ @ passage.XYZ_from_response).T,
             "passage.scene_achromatic": passage.scene_achromatic,
             "passage.display_achromatic": passage.display_achromatic,
         }
-        if not np.allclose((passage.lightness_power, passage.chroma_gain), 1, rtol=0, atol=1e-7):
+        if not form_of(passage)["SAME_SURROUND"]:
             values |= {
                 "passage.lightness_power": passage.lightness_power,
                 "passage.chroma_gain": passage.chroma_gain,
             }
+    values |= {"XYZ_from_layer": columns, "backdrop_XYZ": backdrop}
     return {name: np.asarray(v, dtype=np.float32).ravel() for name, v in values.items()}
 
 
@@ -112,7 +135,7 @@ class GLEngine:
         self._owned = context is None
         self._context = headless_context() if context is None else context
         self._resources: list[Any] = []
-        self._programs: dict[tuple[str, bool], tuple[Any, Any]] = {}
+        self._programs: dict[tuple[int, ...], tuple[Any, Any]] = {}
         self._targets: dict[str, Any] = {}
         self._shared: Any = None
         self._height, self._width, self._channels = coefficients.shape
@@ -153,7 +176,7 @@ class GLEngine:
                 f"OpenGL: {self.name} has no room for {size[0]} x {size[1]} pixels of "
                 f"{self._channels} channels ({error}); cast a smaller image"
             ) from error
-        self._program("CIECAM02", same_surround=True)
+        self._program({"FORM": _FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0})
 
     def _keep(self, resource: Any) -> Any:
         self._resources.append(resource)
@@ -192,13 +215,13 @@ class GLEngine:
         with self._current():
             self._texture.write(place.buffer)
 
-    def _program(self, model: str, same_surround: bool) -> tuple[Any, Any]:
-        key = (model, same_surround)
+    def _program(self, form: dict[str, int]) -> tuple[Any, Any]:
+        key = tuple(form.values())
         if key not in self._programs:
             constants = {
                 "LAYERS": layer_count(self._channels),
-                "CIECAM02": int(model == "CIECAM02"),
-                "SAME_SURROUND": int(same_surround),
+                **form,
+                **{kind.__name__.removesuffix("Passage").upper(): n for kind, n in _FORMS.items()},
                 "FIRST_ROW_AT_BOTTOM": 1,
                 "IMAGE_HEIGHT": self._height,
                 **shader_constants(),
@@ -236,10 +259,9 @@ class GLEngine:
                 "were both made with the same basis and light groups?"
             )
         with self._current():
-            values = uniforms(light, viewing)
-            program, triangle = self._program(
-                viewing.model, same_surround="passage.lightness_power" not in values
-            )
+            passage = passage_of(light.viewed(viewing), light.white_XYZ)
+            values = uniforms(light, passage)
+            program, triangle = self._program(form_of(passage))
             for name, value in values.items():
                 program[name].write(value.tobytes())
             kind = "f1" if dtype is np.uint8 else "f4"

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.ciecam02 import transport
-from volspec.appearance.conditions import Transport
+from volspec.appearance.live import passage_of
 from volspec.appearance.spec import Viewing
 from volspec.appearance.srgb import encode, linear_from_XYZ, to_uint8
 from volspec.relight.illumination import Illumination
@@ -39,15 +38,12 @@ class HostEngine:
     ) -> Pixels:
         """(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding."""
         height, width = self._alpha.shape
-        adapt = viewing.model == "CIECAM02"
-        passage = Transport.for_viewing(light.viewed(viewing), light.white_XYZ) if adapt else None
+        passage = passage_of(light.viewed(viewing), light.white_XYZ)
         frame = np.empty((height, width, 3), dtype=dtype)
         for row in range(0, height, _ROWS):
             rows = slice(row, row + _ROWS)
             XYZ = light.scene_XYZ(self._coefficients[rows], self._alpha[rows])
-            if passage is not None:
-                XYZ = transport(XYZ, passage)
-            encoded = encode(linear_from_XYZ(XYZ))
+            encoded = encode(linear_from_XYZ(passage.apply(XYZ)))
             frame[rows] = to_uint8(encoded) if dtype is np.uint8 else encoded
         return frame
 

@@ -3,7 +3,7 @@
     illumination -> [reference] -> encoded float64, uint8
 
 Slow and independent on purpose: nothing of the appearance model is shared with
-`volspec.appearance.ciecam02` or the shader. The light's matrix is shared by all; a test
+`volspec.appearance.models` or the shader. The light's matrix is shared by all; a test
 compares it with 31 bands (`test_relight_is_method_4_in_31_bands`).
 
 References
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.spec import SURROUNDS, Viewing
+from volspec.appearance.spec import Viewing, surround_at
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra._colour import colour_science
@@ -54,7 +54,7 @@ def display_XYZ(XYZ: ArrayLike, white_XYZ: ArrayLike, viewing: Viewing) -> Array
         return scene
     colour = colour_science()
     InductionFactors = colour.appearance.InductionFactors_CIECAM02
-    F, c, N_c = SURROUNDS[viewing.surround]
+    F, c, N_c = surround_at(viewing.surround)
     L_A = viewing.adapting_luminance
     if viewing.D is not None:
         # colour-science takes no D; F serves D alone, so this F gives the D asked for.
@@ -78,7 +78,7 @@ def display_XYZ(XYZ: ArrayLike, white_XYZ: ArrayLike, viewing: Viewing) -> Array
             _sRGB().whitepoint_XYZ,
             display.L_A,
             display.Y_b,
-            InductionFactors(*SURROUNDS[display.surround]),
+            InductionFactors(*surround_at(display.surround)),
         )
     return np.where(lit[..., None], shown, 0.0)
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from volspec.appearance.models import cielab, delta_E_2000
+from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.display import visible_white
 from volspec.basis.storage import shipped_names

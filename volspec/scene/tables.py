@@ -146,8 +146,9 @@ class ViewingTable(Table):
     illuminance_lux: float = _VIEW.illuminance_lux
     L_A: float | None = _VIEW.L_A
     Y_b: float = _VIEW.Y_b
-    surround: str = _VIEW.surround
+    surround: str | float = _VIEW.surround
     D: float | None = _VIEW.D
+    discount: bool = _VIEW.discount
     exposure: float = _VIEW.exposure
     backdrop: float = 0.2
     mode: str = _SEEN.mode

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from volspec.appearance import constants as k
 from volspec.appearance import srgb
-from volspec.appearance.models import XYZ_from_cielab, cielab
+from volspec.appearance.models.cielab import XYZ_from_cielab, cielab
 from volspec.appearance.wavelengths import spectrum_colours
 from volspec.basis.figure.style import FAINT, INK, plain, shortened, spread, write
 from volspec.basis.materials import MaterialBasis

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.models import cielab, cielab_derivative
+from volspec.appearance.models.cielab import cielab, cielab_derivative
 from volspec.basis.display import NO_COLOUR, visible_white
 from volspec.basis.fit.training import Training
 

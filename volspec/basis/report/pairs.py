@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models import cielab, delta_E_2000
+from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis.display import MODES, visible_white
 from volspec.spectra._colour import colour_science
 from volspec.spectra.grid import SpectralGrid

@@ -1,4 +1,4 @@
-// CIECAM02 forward under the scene's conditions and inverse under the display's, in one step.
+// CIECAM02 or CAM16 forward under the scene's conditions and inverse under the display's, in one step.
 //
 //     R  = sign(r) 400 f / (27.13 + f), f = |r|^0.42, r = response_from_XYZ XYZ
 //     x  = 2R + G + B/20 (p2 - 0.305),  a = R - 12G/11 + B/11,  b = (R + G - 2B) / 9
@@ -8,10 +8,11 @@
 //     linear = linear_from_response r'
 //
 // J, C and h are the same on both sides, so t, e_t and the hue fall out: nothing is divided by
-// t or by a sine, and no angle is formed (volspec.appearance.conditions.Transport derives it).
+// t or by a sine, and no angle is formed (CamPassage derives it).
 // The 0.1 of the compression cancels in a and b and is the 0.305 in p2.
 //
-// NumPy twin: volspec/appearance/ciecam02.py, transport.
+// NumPy twin: volspec/appearance/models/conditions.py, CamPassage.apply. The two models differ in
+// the matrices alone.
 // Total: finite input gives finite output. x <= 0 is black; |R'| stops at RESPONSE_LIMIT, short
 // of the pole at 400; the fraction's denominator stays above CHROMA_FLOOR (x + 0.305).
 //
@@ -20,7 +21,8 @@
 // skew less, a tenth of the frame; and the numbers of volspec.appearance.constants.shader_constants().
 
 struct Passage {
-    mat3 response_from_XYZ;    // F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, the scene's
+    mat3 response_from_XYZ;    // the scene's F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, or
+                               // F_L/100 · diag(D_RGB) · CAT16
     mat3 linear_from_response; // the display's inverse of it · 27.13^(1/0.42), to linear sRGB
     float scene_achromatic;    // w, the scene white's p2 - 0.305
     float display_achromatic;  // w', the display white's

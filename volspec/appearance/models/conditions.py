@@ -1,6 +1,6 @@
-"""One viewing condition as CIECAM02's scalars, and the passage between two of them.
+"""One viewing condition as CIECAM02's and CAM16's scalars, and the passage between two of them.
 
-    Viewing, white -> [Conditions] -> [Transport] -> uniforms of shaders/relight.frag
+    Viewing, white -> [Conditions] -> [CamPassage] -> uniforms of shaders/relight.frag
 
 A light change moves the white, so these are computed anew for every frame, in float64 on the
 host; a pixel then costs three matrix products and ten powers.
@@ -8,6 +8,8 @@ host; a pixel then costs three matrix products and ten powers.
 References
 ----------
 [1] Neumann, Castro, Neumann & Sbert (2004), eq. 18-26 and 34-37.
+[2] Li et al. (2017), "Comprehensive color solutions: CAM16, CAT16, and CAM16-UCS", Color
+    Research & Application 42(6), 703-718. doi:10.1002/col.22131
 """
 
 from __future__ import annotations
@@ -18,10 +20,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
-from volspec.appearance.spec import SURROUNDS, Display, Surround, Viewing
+from volspec.appearance.passages import triples
+from volspec.appearance.spec import SURROUNDS, Surround, ViewingConditions
 from volspec.errors import ShapeError, ViewingError
 
 Matrix = NDArray[np.float64]
+
+# XYZ -> the responses that are adapted -> those that are compressed.
+_RESPONSES = {
+    "CIECAM02": (k.CAT02_FROM_XYZ, k.HPE_FROM_CAT02),
+    "CAM16": (k.CAT16_FROM_XYZ, np.eye(3)),
+}
+# Below these the limits are reached to float32's digits.
+_LEAST_L_A, _LEAST_N = 1e-6, 1e-4
 
 
 def compress(responses: Matrix) -> Matrix:
@@ -44,15 +55,30 @@ def compress(responses: Matrix) -> Matrix:
     return np.copysign(k.RESPONSE_POLE * f / (k.RESPONSE_HALF + f), responses)
 
 
+def expand(compressed: Matrix) -> Matrix:
+    """`compress` undone, but for 27.13^(1/0.42): (x / (400 - x))^(1/0.42) with the sign of x.
+
+    Parameters
+    ----------
+    compressed : (..., 3) float64
+        What comes near the pole at 400 is cut.
+    """
+    x = np.minimum(np.abs(compressed), k.RESPONSE_LIMIT)
+    return np.copysign((x / (k.RESPONSE_POLE - x)) ** (1.0 / k.RESPONSE_POWER), compressed)
+
+
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """CIECAM02's viewing-condition scalars.
+    """Viewing-condition scalars of CIECAM02 or CAM16.
 
     Raises
     ------
     ViewingError
-        If the white has no lightness in CIECAM02.
+        If the white has no lightness in the model.
     """
+
+    model: str
+    """``"CIECAM02"`` or ``"CAM16"``: which responses are adapted, and which compressed."""
 
     white_XYZ: tuple[float, float, float]
     """The adopted white; Y is usually 100."""
@@ -73,7 +99,7 @@ class Conditions:
     z: float
     """Base exponent of lightness, 1.48 + √n."""
     D_RGB: tuple[float, float, float]
-    """Gains on the CAT02 responses."""
+    """Gains on the adapted responses, CAT02's or CAT16's."""
     white_achromatic: float
     """p2 - 0.305 of the white, so A_w = N_bb times this."""
 
@@ -81,7 +107,7 @@ class Conditions:
         if not (np.isfinite(self.white_achromatic) and self.white_achromatic > 0.0):
             raise ViewingError(
                 f"viewing conditions: the white XYZ = {_triple(self.white_XYZ)} has no "
-                f"lightness in CIECAM02 at D = {self.D:.3g}; use a broader light, D nearer 1, "
+                f"lightness in {self.model} at D = {self.D:.3g}; use a broader light, D nearer 1, "
                 "or model='none'"
             )
 
@@ -93,8 +119,11 @@ class Conditions:
         Y_b: float,
         surround: Surround = SURROUNDS["average"],
         D: float | None = None,
+        model: str = "CIECAM02",
     ) -> Conditions:
         """Compute the scalars (eq. 18-26).
+
+        At an L_A or Y_b of 0 they are those of 1e-6 cd/m² and of a background of 1e-4 Y_w.
 
         Parameters
         ----------
@@ -108,6 +137,7 @@ class Conditions:
             F, c, N_c.
         D : float, optional
             Degree of adaptation; None is eq. 24.
+        model : {"CIECAM02", "CAM16"}
 
         Raises
         ------
@@ -126,19 +156,21 @@ class Conditions:
                 f"viewing conditions: the white XYZ = {_triple(white)} is not a colour; "
                 "expected finite numbers and Y above 0. Is the light black?"
             )
-        five_L_A = 5.0 * L_A
+        five_L_A = 5.0 * max(L_A, _LEAST_L_A)
         k4 = (five_L_A + 1.0) ** -4
         F_L = 0.1 * (2.0 * k4 * five_L_A + (1.0 - k4) ** 2 * np.cbrt(five_L_A))
-        n = Y_b / white[1]
+        n = max(Y_b / white[1], _LEAST_N)
         if D is None:
             D = float(surround.F * (1.0 - np.exp(-(L_A + 42.0) / 92.0) / 3.6))
-        RGB_w = k.CAT02_FROM_XYZ @ white
-        # A spectral light can have a zero CAT02 response: keep its gain finite.
+        adapted_from_XYZ, compressed_from_adapted = _RESPONSES[model]
+        RGB_w = adapted_from_XYZ @ white
+        # A spectral light can have a zero response: keep its gain finite.
         floor = 1e-6 * white[1]
         RGB_w = np.where(np.abs(RGB_w) < floor, np.copysign(floor, RGB_w), RGB_w)
         D_RGB = white[1] * D / RGB_w + 1.0 - D
-        responses = (F_L / 100.0) * (k.HPE_FROM_CAT02 @ (D_RGB * (k.CAT02_FROM_XYZ @ white)))
+        responses = (F_L / 100.0) * (compressed_from_adapted @ (D_RGB * (adapted_from_XYZ @ white)))
         return cls(
+            model=model,
             white_XYZ=_triple(white),
             L_A=float(L_A),
             Y_b=float(Y_b),
@@ -153,16 +185,10 @@ class Conditions:
         )
 
     @classmethod
-    def of_scene(cls, viewing: Viewing, white_XYZ: ArrayLike) -> Conditions:
-        """The scene's conditions under a white, as `of` computes them."""
-        surround = SURROUNDS[viewing.surround]
-        return cls.of(white_XYZ, viewing.adapting_luminance, viewing.Y_b, surround, viewing.D)
-
-    @classmethod
-    def of_display(cls, display: Display) -> Conditions:
-        """The display's conditions, as `of` computes them."""
-        surround = SURROUNDS[display.surround]
-        return cls.of(k.DISPLAY_WHITE_XYZ, display.L_A, display.Y_b, surround)
+    def of_viewing(cls, seen: ViewingConditions, model: str = "CIECAM02") -> Conditions:
+        """The scalars of viewing conditions; discounting the illuminant is D = 1."""
+        D = 1.0 if seen.discount else seen.D
+        return cls.of(seen.white_XYZ, seen.L_A, seen.Y_b, seen.factors, D, model)
 
     @property
     def N_cb(self) -> float:
@@ -191,8 +217,9 @@ class Conditions:
 
     def response_from_XYZ(self) -> Matrix:
         """(3, 3): XYZ -> what `compress` takes (eq. 23, 25, 26, and F_L / 100 of eq. 27)."""
-        adapted = np.asarray(self.D_RGB)[:, None] * k.CAT02_FROM_XYZ
-        return (self.F_L / 100.0) * (k.HPE_FROM_CAT02 @ adapted)
+        adapted_from_XYZ, compressed_from_adapted = _RESPONSES[self.model]
+        adapted = np.asarray(self.D_RGB)[:, None] * adapted_from_XYZ
+        return (self.F_L / 100.0) * (compressed_from_adapted @ adapted)
 
 
 def _triple(values: ArrayLike) -> tuple[float, float, float]:
@@ -201,7 +228,7 @@ def _triple(values: ArrayLike) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True, slots=True)
-class Transport:
+class CamPassage:
     """What carries an appearance (J, C, h) from one viewing condition to another.
 
     Forward and inverse model cancel but for these numbers: with J, C and h kept, t scales by a
@@ -215,6 +242,10 @@ class Transport:
     t = p1 √(a² + b²) / (R + G + 21/20 B) and 23 (R + G + 21/20 B) + 11 a + 108 b = 23 p2.
     """
 
+    scene: Conditions
+    """Where the colours are seen."""
+    display: Conditions
+    """Where they shall look the same."""
     response_from_XYZ: Matrix
     """(3, 3): scene XYZ -> linear responses."""
     XYZ_from_response: Matrix
@@ -229,7 +260,7 @@ class Transport:
     """κ = (chroma scale / chroma scale')^(1/0.9) · N_c N_cb / (N_c' N_cb')."""
 
     @classmethod
-    def between(cls, scene: Conditions, display: Conditions) -> Transport:
+    def between(cls, scene: Conditions, display: Conditions) -> CamPassage:
         """The passage from ``scene`` to ``display``.
 
         Raises
@@ -246,6 +277,8 @@ class Transport:
             ) from error
         chroma = (scene.chroma_scale / display.chroma_scale) ** (1.0 / k.CHROMA_POWER)
         return cls(
+            scene=scene,
+            display=display,
             response_from_XYZ=scene.response_from_XYZ(),
             XYZ_from_response=inverse * k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER),
             scene_achromatic=scene.white_achromatic,
@@ -254,8 +287,41 @@ class Transport:
             chroma_gain=chroma * scene.eccentricity_scale / display.eccentricity_scale,
         )
 
-    @classmethod
-    def for_viewing(cls, viewing: Viewing, white_XYZ: ArrayLike) -> Transport:
-        """From the scene under ``white_XYZ`` to the viewing's display."""
-        scene = Conditions.of_scene(viewing, white_XYZ)
-        return cls.between(scene, Conditions.of_display(viewing.display))
+    def apply(self, XYZ: ArrayLike) -> Matrix:
+        """Scene XYZ to the display XYZ of equal J, C and h: the models' inverse after forward.
+
+        The NumPy twin of ``shaders/include/cam.glsl``.
+
+        Parameters
+        ----------
+        XYZ : (..., 3) array_like
+            Scene XYZ, Y = 100 for a perfect diffuser.
+
+        Returns
+        -------
+        (..., 3) float64
+            XYZ, Y = 100 for the display's white.
+
+        Raises
+        ------
+        ShapeError
+            If the last axis is not 3.
+        """
+        responses = compress(triples(f"{self.scene.model}: XYZ", XYZ) @ self.response_from_XYZ.T)
+        achromatic = responses @ k.ACHROMATIC
+        lit = achromatic > 0.0
+        achromatic = np.maximum(achromatic, 0.0)
+        a, b = responses @ k.OPPONENT_A, responses @ k.OPPONENT_B
+        p2 = achromatic + k.ACHROMATIC_NOISE
+        display = (
+            self.display_achromatic * (achromatic / self.scene_achromatic) ** self.lightness_power
+        )
+        skew = (self.chroma_gain - 1.0) * (k.CHROMA_SKEW[0] * a + k.CHROMA_SKEW[1] * b)
+        chroma = self.chroma_gain * (display + k.ACHROMATIC_NOISE)
+        chroma = np.where(lit, chroma / np.maximum(p2 + skew, k.CHROMA_FLOOR * p2), 0.0)
+        opponent = np.stack([display, chroma * a, chroma * b], axis=-1)
+        return expand(opponent @ k.RESPONSE_FROM_OPPONENT.T) @ self.XYZ_from_response.T
+
+    def undo(self, XYZ: ArrayLike) -> Matrix:
+        """Display XYZ back to the scene's; (..., 3)."""
+        return CamPassage.between(self.display, self.scene).apply(XYZ)

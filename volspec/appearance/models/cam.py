@@ -1,6 +1,8 @@
-"""CIECAM02 in NumPy, float64: forward, inverse, and the two in one step as the shader does it.
+"""CIECAM02 and CAM16 in NumPy, float64: forward, inverse, the two in one step as in the shader.
 
     relight -> [XYZ -> J, C, h -> XYZ] -> display
+
+They differ in the responses that are adapted and compressed, which `Conditions` knows.
 
 Total on finite input: compression carries the sign of its argument, nothing is divided by t
 or by the sine or cosine of the hue, a negative achromatic response is black, and responses
@@ -16,49 +18,14 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
-from volspec.appearance.conditions import Conditions, Transport, compress
+from volspec.appearance.models.base import Appearance, Array
+from volspec.appearance.models.conditions import Conditions, compress, expand
+from volspec.appearance.passages import triples
 from volspec.errors import ShapeError
-
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Appearance:
-    """Correlates of CIECAM02, each (...) float64."""
-
-    J: Array
-    """Lightness, 0 to 100 for surfaces."""
-    C: Array
-    """Chroma."""
-    h: Array
-    """Hue angle, degrees within [0, 360)."""
-    H: Array
-    """Hue quadrature, 0 to 400: red 0, yellow 100, green 200, blue 300."""
-    Q: Array
-    """Brightness."""
-    M: Array
-    """Colourfulness."""
-    s: Array
-    """Saturation."""
-
-
-def _triples(name: str, values: ArrayLike) -> Array:
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim == 0 or array.shape[-1] != 3:
-        raise ShapeError(f"{name} has shape {array.shape}; expected (..., 3)")
-    return array
-
-
-def _expand(compressed: Array) -> Array:
-    """(x / (400 - x))^(1/0.42) with the sign of x: `compress` undone but for 27.13^(1/0.42)."""
-    x = np.minimum(np.abs(compressed), k.RESPONSE_LIMIT)
-    return np.copysign((x / (k.RESPONSE_POLE - x)) ** (1.0 / k.RESPONSE_POWER), compressed)
 
 
 def _eccentricity(cos_h: Array, sin_h: Array) -> Array:
@@ -105,7 +72,7 @@ def forward(XYZ: ArrayLike, conditions: Conditions) -> Appearance:
     >>> round(float(seen.J), 2), round(float(seen.C), 2), round(float(seen.h), 2)
     (81.59, 21.56, 59.4)
     """
-    responses = compress(_triples("CIECAM02: XYZ", XYZ) @ conditions.response_from_XYZ().T)
+    responses = compress(triples("CIECAM02: XYZ", XYZ) @ conditions.response_from_XYZ().T)
     achromatic = np.maximum(responses @ k.ACHROMATIC, 0.0)
     a, b = responses @ k.OPPONENT_A, responses @ k.OPPONENT_B
     radius = np.hypot(a, b)
@@ -163,46 +130,7 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: Conditions) ->
     skew = k.CHROMA_SKEW[0] * cos_h + k.CHROMA_SKEW[1] * sin_h
     chroma = t * p2 / np.maximum(p1 + t * skew, k.CHROMA_FLOOR * p1)
     opponent = np.stack([achromatic, chroma * cos_h, chroma * sin_h], axis=-1)
-    responses = _expand(opponent @ k.RESPONSE_FROM_OPPONENT.T)
+    responses = expand(opponent @ k.RESPONSE_FROM_OPPONENT.T)
     XYZ_from_response = np.linalg.inv(conditions.response_from_XYZ())
     scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
     return np.where(lit[..., None], responses @ XYZ_from_response.T * scale, 0.0)
-
-
-def transport(XYZ: ArrayLike, passage: Transport) -> Array:
-    """Scene XYZ to the display XYZ of equal J, C and h: `inverse` after `forward`, in one step.
-
-    The NumPy twin of ``shaders/include/ciecam02.glsl``; `Transport` derives the equations.
-
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        Scene XYZ, Y = 100 for a perfect diffuser.
-    passage : Transport
-        From the scene's to the display's conditions.
-
-    Returns
-    -------
-    (..., 3) float64
-        XYZ, Y = 100 for the display's white.
-
-    Raises
-    ------
-    ShapeError
-        If the last axis is not 3.
-    """
-    responses = compress(_triples("CIECAM02: XYZ", XYZ) @ passage.response_from_XYZ.T)
-    achromatic = responses @ k.ACHROMATIC
-    lit = achromatic > 0.0
-    achromatic = np.maximum(achromatic, 0.0)
-    a, b = responses @ k.OPPONENT_A, responses @ k.OPPONENT_B
-    p2 = achromatic + k.ACHROMATIC_NOISE
-    display = (
-        passage.display_achromatic
-        * (achromatic / passage.scene_achromatic) ** passage.lightness_power
-    )
-    skew = (passage.chroma_gain - 1.0) * (k.CHROMA_SKEW[0] * a + k.CHROMA_SKEW[1] * b)
-    chroma = passage.chroma_gain * (display + k.ACHROMATIC_NOISE)
-    chroma = np.where(lit, chroma / np.maximum(p2 + skew, k.CHROMA_FLOOR * p2), 0.0)
-    opponent = np.stack([display, chroma * a, chroma * b], axis=-1)
-    return _expand(opponent @ k.RESPONSE_FROM_OPPONENT.T) @ passage.XYZ_from_response.T

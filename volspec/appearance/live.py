@@ -1,0 +1,42 @@
+"""From a scene under a light to the display: the passage that a viewing asks for.
+
+Viewing, white -> [live] -> Passage -> host | shaders/relight.frag
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from volspec.appearance.models.conditions import CamPassage, Conditions
+from volspec.appearance.passages import LinearPassage, Passage
+from volspec.appearance.spec import Viewing
+
+
+def passage_of(viewing: Viewing, white_XYZ: ArrayLike) -> Passage:
+    """What takes the scene's XYZ to the display's.
+
+    Parameters
+    ----------
+    viewing : Viewing
+        Model, scene and display conditions.
+    white_XYZ : (3,) array_like
+        The scene's adopted white.
+
+    Returns
+    -------
+    Passage
+
+    Raises
+    ------
+    ViewingError
+        If the white is none, or has no lightness in the model.
+    """
+    if viewing.model == "none":
+        return LinearPassage(np.eye(3))
+    scene, display = viewing.conditions(white_XYZ), viewing.display.conditions
+    if viewing.model in ("CIECAM02", "CAM16"):
+        ends = (Conditions.of_viewing(each, viewing.model) for each in (scene, display))
+        return CamPassage.between(*ends)
+    # CIELAB divides by the white, and what follows is the same on both sides.
+    return LinearPassage(np.diag(np.divide(display.white_XYZ, scene.white_XYZ)))
