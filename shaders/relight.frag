@@ -14,11 +14,11 @@
 //                        D diag(e) (or P_E) of the group for C, -XYZ_backdrop for alpha. Y = 100
 //                        for white.
 //         backdrop_XYZ   XYZ where nothing covers the backdrop.
-//         passage        what takes scene XYZ to the display's: include/curve.glsl or
-//                        include/cam.glsl; absent where a matrix does, which the host has put
-//                        into XYZ_from_layer and backdrop_XYZ.
+//         passage        what takes scene XYZ to the display's: include/curve.glsl, cam.glsl or
+//                        table.glsl; absent where a matrix does, which the host has put into
+//                        XYZ_from_layer and backdrop_XYZ.
 // Writes  frame          sRGB code values 0 to 1, alpha 1.
-// Host    LAYERS, FORM (LINEAR, CURVE or CAM), what the forms want, FIRST_ROW_AT_BOTTOM (1 where what is
+// Host    LAYERS, FORM (LINEAR, CURVE, CAM or TABLE), what the forms want, FIRST_ROW_AT_BOTTOM (1 where what is
 //         drawn will be read back, GL's rows running up; 0 for a canvas or window), IMAGE_HEIGHT
 //         (pixels, used if 0), and volspec.appearance.constants.shader_constants().
 //
@@ -34,6 +34,8 @@ precision highp sampler2DArray;
 #include "curve.glsl"
 #elif FORM == CAM
 #include "cam.glsl"
+#elif FORM == TABLE
+#include "table.glsl"
 #endif
 
 uniform sampler2DArray coefficients;

@@ -7,11 +7,12 @@ The coefficients are uploaded once. A light change sends three numbers a channel
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from volspec._gpu.opengl import (
     ContextLost,
@@ -24,87 +25,39 @@ from volspec._gpu.opengl import (
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sharing import Sharing, current, named
 from volspec._gpu.sources import assemble
-from volspec.appearance.constants import shader_constants, sRGB_FROM_XYZ
+from volspec.appearance.constants import shader_constants
 from volspec.appearance.live import passage_of
 from volspec.appearance.models.conditions import CamPassage
 from volspec.appearance.passages import CurvePassage, LinearPassage, Passage
 from volspec.appearance.spec import Viewing
+from volspec.appearance.table import NODES, TOP, TablePassage, TableSpace
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
 from volspec.relight.packed import layer_count, pack_layers
 from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import Pixels
+from volspec.relight.uniforms import (
+    FORM_NUMBERS,
+    FORMS,
+    Drawn,
+    Uniforms,
+    form_of,
+    light_uniforms,
+    node_uniforms,
+    passage_uniforms,
+)
 
 if TYPE_CHECKING:
     import moderngl
 
 _GLSL = "330 core"
+# Renderers that draw on the CPU.
+SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
+# Pixels from which a table pays there although it must be filled for the frame.
+TABLE_PIXELS = 2**19
+Closed = CurvePassage | CamPassage
 # Components of uniforms: a mat4x3 takes four vectors of four, and this much is for all the others.
 _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
-
-
-# The forms of a passage, by the numbers that the shader knows them by.
-_FORMS: dict[type, int] = {LinearPassage: 0, CurvePassage: 1, CamPassage: 2}
-
-
-def form_of(passage: Passage) -> dict[str, int]:
-    """What ``shaders/relight.frag`` is compiled with to draw a passage."""
-    same = isinstance(passage, CamPassage) and np.allclose(
-        (passage.lightness_power, passage.chroma_gain), 1, rtol=0, atol=1e-7
-    )
-    outer = isinstance(passage, CurvePassage) and bool(np.any(passage.outer != 1))
-    return {"FORM": _FORMS[type(passage)], "SAME_SURROUND": int(same), "OUTER": int(outer)}
-
-
-def uniforms(light: Illumination, passage: Passage) -> dict[str, NDArray[np.float32]]:
-    """What a light change sends to ``shaders/relight.frag``, by GLSL name.
-
-    Parameters
-    ----------
-    light : Illumination
-        The light, for L·M channels.
-    passage : Passage
-        From the scene to the display.
-
-    Returns
-    -------
-    dict
-        Flat float32 arrays; matrices column by column. Of ``passage.*`` what `form_of` asks for.
-    """
-    channels = light.XYZ_from_channels.shape[1]
-    columns = np.zeros((layer_count(channels) * 4, 3))
-    columns[:channels] = light.XYZ_from_channels.T
-    # Opacity takes away what the backdrop gives: (1 - alpha) XYZ_backdrop without a branch.
-    columns[channels] = -light.backdrop_XYZ
-    backdrop = light.backdrop_XYZ
-    values: dict[str, ArrayLike] = {}
-    if isinstance(passage, LinearPassage):  # costs a pixel nothing
-        columns, backdrop = columns @ passage.matrix.T, passage.matrix @ backdrop
-    elif isinstance(passage, CurvePassage):
-        values = {
-            "passage.response_from_XYZ": passage.response_from_XYZ.T,
-            "passage.linear_from_response": (sRGB_FROM_XYZ @ passage.XYZ_from_response).T,
-            "passage.gain": passage.gain,
-            "passage.power": passage.power,
-            "passage.shift": passage.shift,
-            "passage.offset": passage.offset,
-        }
-        if form_of(passage)["OUTER"]:
-            values["passage.outer"] = passage.outer
-    elif isinstance(passage, CamPassage):
-        values = {
-            "passage.response_from_XYZ": passage.response_from_XYZ.T,
-            "passage.linear_from_response": (sRGB_FROM_XYZ @ passage.XYZ_from_response).T,
-            "passage.scene_achromatic": passage.scene_achromatic,
-            "passage.display_achromatic": passage.display_achromatic,
-        }
-        if not form_of(passage)["SAME_SURROUND"]:
-            values |= {
-                "passage.lightness_power": passage.lightness_power,
-                "passage.chroma_gain": passage.chroma_gain,
-            }
-    values |= {"XYZ_from_layer": columns, "backdrop_XYZ": backdrop}
-    return {name: np.asarray(v, dtype=np.float32).ravel() for name, v in values.items()}
 
 
 class GLEngine:
@@ -118,6 +71,8 @@ class GLEngine:
         Opacity.
     context : moderngl.Context, optional
         A context that is current and stays its owner's; None makes a headless one.
+    table : bool, optional
+        Look passages up in a table, also those that have a closed form; None where it is quicker.
 
     Raises
     ------
@@ -131,11 +86,15 @@ class GLEngine:
         coefficients: NDArray[np.float32],
         alpha: NDArray[np.float32],
         context: moderngl.Context | None = None,
+        table: bool | None = None,
     ) -> None:
         self._owned = context is None
         self._context = headless_context() if context is None else context
         self._resources: list[Any] = []
-        self._programs: dict[tuple[int, ...], tuple[Any, Any]] = {}
+        self._programs: dict[tuple[Any, ...], tuple[Any, Any]] = {}
+        self._table: tuple[Any, Any] | None = None
+        self._tabled: tuple[Any, ...] | None = None
+        self._by_table = table
         self._targets: dict[str, Any] = {}
         self._shared: Any = None
         self._height, self._width, self._channels = coefficients.shape
@@ -155,6 +114,7 @@ class GLEngine:
 
         device = describe(self._context)
         self.name = str(device["device"])
+        self._software = any(word in self.name for word in SOFTWARE)
         size = (self._width, self._height, layer_count(self._channels))
         if max(size) > device["max_size"]:
             raise OpenGLError(
@@ -176,7 +136,7 @@ class GLEngine:
                 f"OpenGL: {self.name} has no room for {size[0]} x {size[1]} pixels of "
                 f"{self._channels} channels ({error}); cast a smaller image"
             ) from error
-        self._program({"FORM": _FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0})
+        self._program("relight", {"FORM": FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0})
 
     def _keep(self, resource: Any) -> Any:
         self._resources.append(resource)
@@ -215,23 +175,35 @@ class GLEngine:
         with self._current():
             self._texture.write(place.buffer)
 
-    def _program(self, form: dict[str, int]) -> tuple[Any, Any]:
-        key = tuple(form.values())
+    def _program(self, name: str, form: Mapping[str, int]) -> tuple[Any, Any]:
+        key = (name, *form.values())
         if key not in self._programs:
             constants = {
                 "LAYERS": layer_count(self._channels),
                 **form,
-                **{kind.__name__.removesuffix("Passage").upper(): n for kind, n in _FORMS.items()},
+                **FORM_NUMBERS,
+                "NODES": NODES,
+                "TOP": TOP,
                 "FIRST_ROW_AT_BOTTOM": 1,
                 "IMAGE_HEIGHT": self._height,
                 **shader_constants(),
             }
             lines = prelude(constants, "glsl")
             vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
-            fragment = assemble("shaders/relight.frag", lines, glsl_version=_GLSL)
+            fragment = assemble(f"shaders/{name}.frag", lines, glsl_version=_GLSL)
             program = self._keep(compile_program(self._context, vertex, fragment))
             self._programs[key] = program, self._keep(self._context.vertex_array(program, []))
         return self._programs[key]
+
+    def _draw(self, name: str, form: Mapping[str, int], values: Uniforms) -> None:
+        program, triangle = self._program(name, form)
+        if form["FORM"] == FORMS[TableSpace]:
+            program["table"].value = 1
+        for uniform, value in values.items():
+            program[uniform].write(value.tobytes())
+        # An owner's context may come with blending or a depth test switched on.
+        self._context.enable_only(self._context.NOTHING)
+        triangle.render(self._context.TRIANGLES, vertices=3)
 
     def _target(self, dtype: str) -> Any:
         if dtype not in self._targets:
@@ -258,23 +230,61 @@ class GLEngine:
                 f"relight: the light has {channels} channels, the image {self._channels}; "
                 "were both made with the same basis and light groups?"
             )
+        viewing = light.viewed(viewing)
+        passage = passage_of(viewing, light.white_XYZ)
         with self._current():
-            passage = passage_of(light.viewed(viewing), light.white_XYZ)
-            values = uniforms(light, passage)
-            program, triangle = self._program(form_of(passage))
-            for name, value in values.items():
-                program[name].write(value.tobytes())
+            drawn = self._drawn(passage, viewing, light, dtype)
             kind = "f1" if dtype is np.uint8 else "f4"
             target = self._target(kind)
-            # An owner's context may come with blending or a depth test switched on.
-            self._context.enable_only(self._context.NOTHING)
             target.use()
             self._texture.use(0)
-            triangle.render(self._context.TRIANGLES, vertices=3)
+            values = light_uniforms(light, drawn) | passage_uniforms(drawn)
+            self._draw("relight", form_of(drawn), values)
             # The driver drops alpha while copying, five times faster than NumPy would.
             pixels = np.empty((self._height, self._width, 3), dtype=dtype)
             target.read_into(pixels, components=3, dtype=kind)
         return pixels
+
+    def _drawn(
+        self, passage: Passage, viewing: Viewing, light: Illumination, dtype: type[np.generic]
+    ) -> Drawn:
+        """The passage itself, or the space of the table that it has been put into.
+
+        A table is for what has no closed form. On software GL it is also the quicker way for the
+        opponent models, where a picture has many more pixels than the table nodes; frames of
+        floats, which are measured, stay exact.
+        """
+        if isinstance(passage, LinearPassage):
+            return passage
+        if isinstance(passage, Closed):
+            many = self._height * self._width >= TABLE_PIXELS and dtype is np.uint8
+            quicker = isinstance(passage, CamPassage) and self._software and many
+            if not (quicker if self._by_table is None else self._by_table):
+                return passage
+        space = TableSpace.between(light.white_XYZ, viewing.display.conditions.white_XYZ)
+        self._fill_table(passage, space, (viewing, tuple(light.white_XYZ)))
+        return space
+
+    def _fill_table(self, passage: Passage, space: TableSpace, key: tuple[Any, ...]) -> None:
+        """Bind the passage's table, made anew where it is not the last one."""
+        if self._table is None:
+            texture = self._keep(self._context.texture((NODES * NODES, NODES), 4, dtype="f4"))
+            texture.filter = self._context.LINEAR, self._context.LINEAR
+            texture.repeat_x = texture.repeat_y = False
+            self._table = texture, self._keep(self._context.framebuffer([texture]))
+        texture, nodes = self._table
+        if self._tabled != key:
+            if isinstance(passage, Closed):
+                nodes.use()
+                self._draw("nodes", form_of(passage), node_uniforms(passage, space))
+            else:
+                # (blue, green, red) -> lines of green, slices of blue side by side.
+                roots = TablePassage.of(passage, space).roots.transpose(1, 0, 2, 3)
+                texels = np.ones((NODES, NODES * NODES, 4), np.float32)
+                texels[..., :3] = roots.reshape(NODES, -1, 3)
+                texture.write(texels)
+            self._tabled = key
+        texture.use(1)
 
     def close(self) -> None:
         """Release everything made here."""

@@ -1,0 +1,105 @@
+"""What the shader is told of a light and of the passage to the display: plain arrays by name.
+
+illumination, passage -> [uniforms] -> gpu -> shaders/relight.frag
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance.constants import sRGB_FROM_XYZ
+from volspec.appearance.models.conditions import CamPassage
+from volspec.appearance.passages import CurvePassage, LinearPassage
+from volspec.appearance.table import TableSpace
+from volspec.relight.illumination import Illumination
+from volspec.relight.packed import layer_count
+
+# What a pixel goes through, by the numbers that the shader knows the forms by.
+FORM_NUMBERS = {"LINEAR": 0, "CURVE": 1, "CAM": 2, "TABLE": 3}
+FORMS: dict[type, int] = dict(
+    zip((LinearPassage, CurvePassage, CamPassage, TableSpace), FORM_NUMBERS.values(), strict=True)
+)
+Drawn = LinearPassage | CurvePassage | CamPassage | TableSpace
+Uniforms = dict[str, NDArray[np.float32]]
+
+
+def form_of(passage: Drawn) -> dict[str, int]:
+    """What ``shaders/relight.frag`` is compiled with to draw a passage."""
+    same = isinstance(passage, CamPassage) and np.allclose(
+        (passage.lightness_power, passage.chroma_gain), 1, rtol=0, atol=1e-7
+    )
+    outer = isinstance(passage, CurvePassage) and bool(np.any(passage.outer != 1))
+    return {"FORM": FORMS[type(passage)], "SAME_SURROUND": int(same), "OUTER": int(outer)}
+
+
+def light_uniforms(light: Illumination, passage: Drawn) -> Uniforms:
+    """What a light sends, by GLSL name.
+
+    Parameters
+    ----------
+    light : Illumination
+        The light, for L·M channels.
+    passage : Drawn
+        From the scene to the display. What of it is a matrix that comes first costs a pixel
+        nothing: it is multiplied in here.
+
+    Returns
+    -------
+    dict
+        Flat float32 arrays; matrices column by column.
+    """
+    channels = light.XYZ_from_channels.shape[1]
+    columns = np.zeros((layer_count(channels) * 4, 3))
+    columns[:channels] = light.XYZ_from_channels.T
+    # Opacity takes away what the backdrop gives: (1 - alpha) XYZ_backdrop without a branch.
+    columns[channels] = -light.backdrop_XYZ
+    first = np.eye(3)
+    if isinstance(passage, LinearPassage):
+        first = passage.matrix
+    elif isinstance(passage, TableSpace):
+        first = passage.response_from_XYZ
+    return _flat({"XYZ_from_layer": columns @ first.T, "backdrop_XYZ": first @ light.backdrop_XYZ})
+
+
+def passage_uniforms(passage: Drawn) -> Uniforms:
+    """What a passage sends, by GLSL name: of ``passage.*`` what `form_of` asks for.
+
+    Returns
+    -------
+    dict
+        Flat float32 arrays; matrices column by column.
+    """
+    if isinstance(passage, LinearPassage):
+        return {}
+    values: dict[str, ArrayLike] = {
+        "linear_from_response": (sRGB_FROM_XYZ @ passage.XYZ_from_response).T
+    }
+    if isinstance(passage, CurvePassage | CamPassage):
+        values["response_from_XYZ"] = passage.response_from_XYZ.T
+    form = form_of(passage)
+    if isinstance(passage, CurvePassage):
+        names = ["gain", "power", "shift", "offset", *(["outer"] if form["OUTER"] else [])]
+        values |= {name: getattr(passage, name) for name in names}
+    elif isinstance(passage, CamPassage):
+        names = ["scene_achromatic", "display_achromatic"]
+        names += [] if form["SAME_SURROUND"] else ["lightness_power", "chroma_gain"]
+        values |= {name: getattr(passage, name) for name in names}
+    return _flat({f"passage.{name}": value for name, value in values.items()})
+
+
+def node_uniforms(passage: Drawn, space: TableSpace) -> Uniforms:
+    """What ``shaders/nodes.frag`` is sent to fill a table with a passage."""
+    response_from_linear = np.linalg.inv(sRGB_FROM_XYZ @ space.XYZ_from_response)
+    return passage_uniforms(passage) | _flat(
+        {
+            "XYZ_from_response": np.linalg.inv(space.response_from_XYZ).T,
+            "response_from_linear": response_from_linear.T,
+        }
+    )
+
+
+def _flat(values: Mapping[str, ArrayLike]) -> Uniforms:
+    return {name: np.asarray(v, dtype=np.float32).ravel() for name, v in values.items()}
