@@ -8,13 +8,24 @@ from __future__ import annotations
 import sys
 from datetime import UTC, datetime
 
-from benchmarks import cast, channels, edit, gl_mapper, light, limits, memory, picture, shadows
+from benchmarks import (
+    cast,
+    channels,
+    edit,
+    gl_mapper,
+    light,
+    limits,
+    memory,
+    models,
+    picture,
+    shadows,
+)
 from benchmarks.measure import commit, report, save
 from benchmarks.page import PAGE, replaced
 from volspec._gpu.opencl import Compute
 
 # Where VTK draws through GL, the windows that it opens end other contexts: those come last.
-MODULES = (memory, channels, edit, shadows, limits, picture, cast, gl_mapper, light)
+MODULES = (memory, channels, edit, shadows, limits, models, picture, cast, gl_mapper, light)
 
 
 def keep(table: str) -> None:

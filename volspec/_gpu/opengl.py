@@ -88,6 +88,9 @@ def made_current(context: moderngl.Context, handle: int) -> Iterator[None]:
     ContextLost
         If the context is gone.
     """
+    if handle and egl_handle() == handle:  # an owner's, or entered before: leaving would flush it
+        yield
+        return
     with context:
         if egl_handle() != handle:
             raise ContextLost("OpenGL: another library on this thread ended the context")

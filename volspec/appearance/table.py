@@ -2,9 +2,10 @@
 
     Passage -> [table] -> host | shaders/include/table.glsl
 
-Axes and values are the cube roots of CAT16 responses relative to the white, the scene's and the
-display's: nearly even in lightness, and black is a node. XYZ instead are some ten times as far
-off, by the toe that models have near black.
+Values are the cube roots of CAT16 responses relative to the display's white, axes the 3/8th powers
+of those relative to the scene's: nearly even in lightness, and black is a node. (Cube roots along
+the axes are as good, and dearer.) XYZ as values are some ten times as far off, by the toe that
+models have near black.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ from volspec.errors import ViewingError
 
 Array = NDArray[np.float64]
 
-# Nodes along each axis, from nothing to TOP³ times the white.
+# Nodes along each axis, from nothing to TOP times the white.
 NODES = 41
-TOP = 1.1
+TOP = 1.3
+AXIS_POWER = 3.0 / 8.0
 
 
 def response_matrix(white_XYZ: ArrayLike) -> Array:
@@ -37,10 +39,10 @@ def response_matrix(white_XYZ: ArrayLike) -> Array:
 
 
 def node_responses() -> Array:
-    """(NODES, NODES, NODES, 3): the scene's relative responses at the nodes, red the fastest."""
-    roots = np.linspace(0.0, TOP, NODES)
-    blue, green, red = np.meshgrid(roots, roots, roots, indexing="ij")
-    return np.stack([red, green, blue], axis=-1) ** 3
+    """(NODES, NODES, NODES, 3): the scene's responses at the nodes, 0 to 1, red the fastest."""
+    axis = np.linspace(0.0, 1.0, NODES) ** (1.0 / AXIS_POWER)
+    blue, green, red = np.meshgrid(axis, axis, axis, indexing="ij")
+    return np.stack([red, green, blue], axis=-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +52,7 @@ class TableSpace:
     Parameters
     ----------
     response_from_XYZ : (3, 3)
-        The scene's `response_matrix`.
+        The scene's `response_matrix` over TOP.
     XYZ_from_response : (3, 3)
         The inverse of the display's.
     """
@@ -62,7 +64,7 @@ class TableSpace:
     def between(cls, scene_white_XYZ: ArrayLike, display_white_XYZ: ArrayLike) -> TableSpace:
         """The space of tables from one white to another."""
         shown: Array = np.asarray(np.linalg.inv(response_matrix(display_white_XYZ)), np.float64)
-        return cls(response_matrix(scene_white_XYZ), shown)
+        return cls(response_matrix(scene_white_XYZ) / TOP, shown)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +99,7 @@ class TablePassage:
     def apply(self, XYZ: ArrayLike) -> Array:
         """(..., 3) scene XYZ to display XYZ."""
         responses = triples("appearance table: XYZ", XYZ) @ self.space.response_from_XYZ.T
-        at = np.cbrt(np.clip(responses, 0.0, TOP**3)) * ((NODES - 1) / TOP)
+        at = np.clip(responses, 0.0, 1.0) ** AXIS_POWER * (NODES - 1)
         places = np.moveaxis(at[..., ::-1], -1, 0)
         roots = [map_coordinates(self.roots[..., i], places, order=1) for i in range(3)]
         return np.stack(roots, axis=-1).astype(np.float64) ** 3 @ self.space.XYZ_from_response.T

@@ -30,7 +30,7 @@ from volspec.appearance.live import passage_of
 from volspec.appearance.models.conditions import CamPassage
 from volspec.appearance.passages import CurvePassage, LinearPassage, Passage
 from volspec.appearance.spec import Viewing
-from volspec.appearance.table import NODES, TOP, TablePassage, TableSpace
+from volspec.appearance.table import NODES, TablePassage, TableSpace
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
 from volspec.relight.packed import layer_count, pack_layers
@@ -51,6 +51,8 @@ if TYPE_CHECKING:
     import moderngl
 
 _GLSL = "330 core"
+# Components of textures.
+_COMPONENTS: dict[type, str] = {np.uint8: "f1", np.float32: "f4"}
 # Renderers that draw on the CPU.
 SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
 # Pixels from which a table pays there although it must be filled for the frame.
@@ -92,8 +94,10 @@ class GLEngine:
         self._context = headless_context() if context is None else context
         self._resources: list[Any] = []
         self._programs: dict[tuple[Any, ...], tuple[Any, Any]] = {}
-        self._table: tuple[Any, Any] | None = None
-        self._tabled: tuple[Any, ...] | None = None
+        self._table: Any = None
+        self._nodes: tuple[Any, Any] | None = None
+        # The last viewing and white, their passage, and its table's space once that is filled.
+        self._passed: tuple[Any, Passage, TableSpace | None] | None = None
         self._by_table = table
         self._targets: dict[str, Any] = {}
         self._shared: Any = None
@@ -183,7 +187,6 @@ class GLEngine:
                 **form,
                 **FORM_NUMBERS,
                 "NODES": NODES,
-                "TOP": TOP,
                 "FIRST_ROW_AT_BOTTOM": 1,
                 "IMAGE_HEIGHT": self._height,
                 **shader_constants(),
@@ -205,7 +208,7 @@ class GLEngine:
         self._context.enable_only(self._context.NOTHING)
         triangle.render(self._context.TRIANGLES, vertices=3)
 
-    def _target(self, dtype: str) -> Any:
+    def _target(self, dtype: str) -> moderngl.Framebuffer:
         if dtype not in self._targets:
             size = (self._width, self._height)
             color = self._keep(self._context.texture(size, 4, dtype=dtype))
@@ -216,6 +219,23 @@ class GLEngine:
         self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
     ) -> Pixels:
         """(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding.
+
+        Raises
+        ------
+        ShapeError, ContextLost
+            As `draw`.
+        """
+        with self._current():
+            target = self.draw(light, viewing, dtype)
+            # The driver drops alpha while copying, five times faster than NumPy would.
+            pixels = np.empty((self._height, self._width, 3), dtype=dtype)
+            target.read_into(pixels, components=3, dtype=_COMPONENTS[dtype])
+        return pixels
+
+    def draw(
+        self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
+    ) -> moderngl.Framebuffer:
+        """Draw a frame, which stays on the device; in its context.
 
         Raises
         ------
@@ -230,23 +250,17 @@ class GLEngine:
                 f"relight: the light has {channels} channels, the image {self._channels}; "
                 "were both made with the same basis and light groups?"
             )
-        viewing = light.viewed(viewing)
-        passage = passage_of(viewing, light.white_XYZ)
         with self._current():
-            drawn = self._drawn(passage, viewing, light, dtype)
-            kind = "f1" if dtype is np.uint8 else "f4"
-            target = self._target(kind)
+            drawn = self._drawn(light.viewed(viewing), light, dtype)
+            target = self._target(_COMPONENTS[dtype])
             target.use()
             self._texture.use(0)
             values = light_uniforms(light, drawn) | passage_uniforms(drawn)
             self._draw("relight", form_of(drawn), values)
-            # The driver drops alpha while copying, five times faster than NumPy would.
-            pixels = np.empty((self._height, self._width, 3), dtype=dtype)
-            target.read_into(pixels, components=3, dtype=kind)
-        return pixels
+        return target
 
     def _drawn(
-        self, passage: Passage, viewing: Viewing, light: Illumination, dtype: type[np.generic]
+        self, viewing: Viewing, light: Illumination, dtype: type[np.uint8] | type[np.float32]
     ) -> Drawn:
         """The passage itself, or the space of the table that it has been put into.
 
@@ -254,6 +268,10 @@ class GLEngine:
         opponent models, where a picture has many more pixels than the table nodes; frames of
         floats, which are measured, stay exact.
         """
+        key = viewing, tuple(light.white_XYZ)
+        if self._passed is None or self._passed[0] != key:
+            self._passed = key, passage_of(viewing, light.white_XYZ), None
+        passage, space = self._passed[1:]
         if isinstance(passage, LinearPassage):
             return passage
         if isinstance(passage, Closed):
@@ -261,30 +279,33 @@ class GLEngine:
             quicker = isinstance(passage, CamPassage) and self._software and many
             if not (quicker if self._by_table is None else self._by_table):
                 return passage
-        space = TableSpace.between(light.white_XYZ, viewing.display.conditions.white_XYZ)
-        self._fill_table(passage, space, (viewing, tuple(light.white_XYZ)))
+        if space is None:
+            display_white = viewing.display.conditions.white_XYZ
+            space = TableSpace.between(light.white_XYZ, display_white)
+            self._fill_table(passage, space)
+            self._passed = key, passage, space
+        self._table.use(1)
         return space
 
-    def _fill_table(self, passage: Passage, space: TableSpace, key: tuple[Any, ...]) -> None:
-        """Bind the passage's table, made anew where it is not the last one."""
+    def _fill_table(self, passage: Passage, space: TableSpace) -> None:
         if self._table is None:
-            texture = self._keep(self._context.texture((NODES * NODES, NODES), 4, dtype="f4"))
-            texture.filter = self._context.LINEAR, self._context.LINEAR
-            texture.repeat_x = texture.repeat_y = False
-            self._table = texture, self._keep(self._context.framebuffer([texture]))
-        texture, nodes = self._table
-        if self._tabled != key:
-            if isinstance(passage, Closed):
-                nodes.use()
-                self._draw("nodes", form_of(passage), node_uniforms(passage, space))
-            else:
-                # (blue, green, red) -> lines of green, slices of blue side by side.
-                roots = TablePassage.of(passage, space).roots.transpose(1, 0, 2, 3)
-                texels = np.ones((NODES, NODES * NODES, 4), np.float32)
-                texels[..., :3] = roots.reshape(NODES, -1, 3)
-                texture.write(texels)
-            self._tabled = key
-        texture.use(1)
+            self._table = self._keep(self._context.texture3d((NODES,) * 3, 4, dtype="f4"))
+            self._table.filter = self._context.LINEAR, self._context.LINEAR
+            self._table.repeat_x = self._table.repeat_y = self._table.repeat_z = False
+        if not isinstance(passage, Closed):
+            texels = np.ones((NODES, NODES, NODES, 4), np.float32)
+            texels[..., :3] = TablePassage.of(passage, space).roots
+            self._table.write(texels)
+            return
+        if self._nodes is None:
+            texture = self._keep(self._context.texture((NODES, NODES * NODES), 4, dtype="f4"))
+            buffer = self._keep(self._context.buffer(reserve=16 * NODES**3))
+            self._nodes = self._keep(self._context.framebuffer([texture])), buffer
+        nodes, buffer = self._nodes
+        nodes.use()
+        self._draw("nodes", form_of(passage), node_uniforms(passage, space))
+        nodes.read_into(buffer, components=4, dtype="f4")
+        self._table.write(buffer)
 
     def close(self) -> None:
         """Release everything made here."""

@@ -28,8 +28,8 @@ Uniforms = dict[str, NDArray[np.float32]]
 
 def form_of(passage: Drawn) -> dict[str, int]:
     """What ``shaders/relight.frag`` is compiled with to draw a passage."""
-    same = isinstance(passage, CamPassage) and np.allclose(
-        (passage.lightness_power, passage.chroma_gain), 1, rtol=0, atol=1e-7
+    same = isinstance(passage, CamPassage) and all(
+        abs(value - 1) < 1e-7 for value in (passage.lightness_power, passage.chroma_gain)
     )
     outer = isinstance(passage, CurvePassage) and bool(np.any(passage.outer != 1))
     return {"FORM": FORMS[type(passage)], "SAME_SURROUND": int(same), "OUTER": int(outer)}

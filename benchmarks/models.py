@@ -1,0 +1,79 @@
+"""What does appearance cost a frame? Against a shader that only reads channels and adds them up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.measure import Figure, compare
+from volspec._gpu.opengl import compile_program, headless_context
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sources import Source, assemble, asset
+from volspec.appearance.passages import LinearPassage
+from volspec.raycast import CoefficientImage
+from volspec.relight.gpu import GLEngine
+from volspec.relight.illumination import Illumination
+from volspec.relight.packed import layer_count, pack_layers
+from volspec.relight.spec import RelightSpec
+from volspec.relight.uniforms import light_uniforms
+from volspec.scene import Scene
+from volspec.spectra import light
+
+BARE = Path(__file__).with_name("bare.frag")
+# Draws of each side that are timed together.
+DRAWS = 8
+ASKED = {"table": 1.8, "closed": 4.5}
+
+
+def bare(image: CoefficientImage, lit: Illumination, context: Any) -> Callable[[], None]:
+    """Draw ``bare.frag`` into a texture of bytes."""
+    height, width, channels = image.coefficients.shape
+    lines = prelude({"LAYERS": layer_count(channels), "FIRST_ROW_AT_BOTTOM": 1}, "glsl")
+    vertex = assemble("shaders/fullscreen.vert", lines, glsl_version="330 core")
+    fragment = Source(f"#version 330 core\n{lines}{BARE.read_text()}", ("", BARE.name))
+    program = compile_program(context, vertex, fragment)
+    values = light_uniforms(lit, LinearPassage(np.eye(3)))
+    program["XYZ_from_layer"].write(values["XYZ_from_layer"].tobytes())
+    texture = context.texture_array((width, height, layer_count(channels)), 4, dtype="f4")
+    texture.write(pack_layers(image.coefficients, image.alpha))
+    target = context.framebuffer([context.texture((width, height), 4)])
+    triangle = context.vertex_array(program, [])
+
+    def draw() -> None:
+        with context:
+            target.use()
+            texture.use(0)
+            for _ in range(DRAWS):
+                triangle.render(context.TRIANGLES, vertices=3)
+            context.finish()
+
+    return draw
+
+
+def figures() -> Iterator[Figure]:
+    """The demo's engine under tungsten, 512², seven channels, CIECAM02; no reading back."""
+    scene = Scene.load(asset("data/scenes/engine.toml"))
+    image = scene.render()
+    context = headless_context()
+    lit = Illumination.of(image.basis, light("A"), RelightSpec(), image.groups)
+    with context:
+        least = bare(image, lit, context)
+    viewing = scene.relight.viewing
+    for name, table in (("table", True), ("closed", False)):
+        engine = GLEngine(image.coefficients, image.alpha, context, table)
+
+        def draw(engine: GLEngine = engine) -> None:
+            with context:
+                for _ in range(DRAWS):
+                    engine.draw(lit, viewing, np.uint8)
+                context.finish()
+
+        row = compare(f"relight/{name}", "bare", engine.name, draw, least, runs=15)
+        row = replace(row, ours_ms=row.ours_ms / DRAWS, peer_ms=row.peer_ms / DRAWS)
+        yield Figure(f"{row.name}: CIECAM02", 1 / row.ratio, ASKED[name], at_most=True, row=row)
+        engine.close()
+    context.release()
