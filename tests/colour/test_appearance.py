@@ -161,7 +161,7 @@ def test_display_white_is_full_code_and_encoding_matches_colour_science():
     [
         (lambda: Viewing(model="ciecam"), "did you mean 'CIECAM02'"),
         (lambda: Viewing(surround="dimm"), "did you mean 'dim'"),
-        (lambda: Viewing(Y_b=0.0), "Viewing.Y_b is 0.0"),
+        (lambda: Viewing(Y_b=-1.0), "Viewing.Y_b is -1.0"),
         (lambda: Viewing(L_A=float("nan")), "Viewing.L_A is nan"),
         (lambda: Viewing(D=1.5), "Viewing.D is 1.5"),
         (lambda: Viewing(exposure=-1.0), "Viewing.exposure is -1.0"),

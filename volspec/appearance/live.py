@@ -5,9 +5,12 @@ Viewing, white -> [live] -> Passage -> host | shaders/relight.frag
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
+from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.models.conditions import CamPassage, Conditions
 from volspec.appearance.passages import LinearPassage, Passage
 from volspec.appearance.spec import Viewing
@@ -32,9 +35,11 @@ def passage_of(viewing: Viewing, white_XYZ: ArrayLike) -> Passage:
     ViewingError
         If the white is none, or has no lightness in the model.
     """
-    if viewing.model == "none":
-        return LinearPassage(np.eye(3))
     scene, display = viewing.conditions(white_XYZ), viewing.display.conditions
+    if viewing.model in ADAPTATIONS:
+        # The white moves, tones stay: the models that carry level are given one for both.
+        level = {name: getattr(scene, name) for name in ("L_A", "Y_b", "surround")}
+        return ADAPTATIONS[viewing.model](scene, replace(display, **level))
     if viewing.model in ("CIECAM02", "CAM16"):
         ends = (Conditions.of_viewing(each, viewing.model) for each in (scene, display))
         return CamPassage.between(*ends)

@@ -23,7 +23,12 @@ from numpy.typing import ArrayLike
 from volspec.appearance import constants as k
 from volspec.errors import ViewingError, nearest
 
-MODELS = ("CIECAM02", "CAM16", "CIELAB", "none")
+MODELS = (
+    *("CIECAM02", "CAM16", "CIELAB"),
+    # An adaptation alone:
+    *("none", "von Kries", "Bradford", "Sharp", "CAT02", "CAT16"),
+    *("Nayatani", "CIE 1994", "Guth", "Fairchild 1990"),
+)
 Triple = tuple[float, float, float]
 
 
@@ -73,8 +78,7 @@ def surround_at(surround: str | float) -> Surround:
     if isinstance(surround, str):
         _require_known("surround", surround, tuple(SURROUNDS))
         return SURROUNDS[surround]
-    real = isinstance(surround, numbers.Real) and not isinstance(surround, bool)
-    if not (real and 0.0 <= surround <= 1.0):
+    if not (_is_finite(surround) and 0.0 <= surround <= 1.0):
         raise ViewingError(
             f"surround is {surround!r}; expected 0 (dark) to 1, or one of {', '.join(SURROUNDS)}"
         )
@@ -92,9 +96,18 @@ def _require_known(name: str, value: object, known: tuple[str, ...]) -> None:
     )
 
 
-def _require_positive(name: str, value: float, remedy: str) -> None:
+def _is_finite(value: object) -> bool:
     real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    if not (real and math.isfinite(value) and value > 0.0):
+    return real and math.isfinite(value)  # type: ignore[arg-type]
+
+
+def _require_not_negative(name: str, value: float, remedy: str) -> None:
+    if not (_is_finite(value) and value >= 0.0):
+        raise ViewingError(f"{name} is {value!r}; expected a finite number, 0 or above ({remedy})")
+
+
+def _require_positive(name: str, value: float, remedy: str) -> None:
+    if not (_is_finite(value) and value > 0.0):
         raise ViewingError(f"{name} is {value!r}; expected a finite number above 0 ({remedy})")
 
 
@@ -143,13 +156,8 @@ class ViewingConditions:
                 "above 0, as (95.05, 100, 108.88)"
             )
         object.__setattr__(self, "white_XYZ", white)
-        for name in ("L_A", "Y_b"):
-            value = getattr(self, name)
-            real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-            if not (real and math.isfinite(value) and value >= 0.0):
-                raise ViewingError(
-                    f"ViewingConditions.{name} is {value!r}; expected a finite number, 0 or above"
-                )
+        _require_not_negative("ViewingConditions.L_A", self.L_A, "cd/m²")
+        _require_not_negative("ViewingConditions.Y_b", self.Y_b, "percent of white; grey is 20")
         surround_at(self.surround)
         if self.D is not None and not 0.0 <= self.D <= 1.0:
             raise ViewingError(
@@ -206,8 +214,8 @@ class Display:
     surround: str | float = "average"
 
     def __post_init__(self) -> None:
-        _require_positive("Display.L_A", self.L_A, "cd/m²; sRGB's is 4.07")
-        _require_positive("Display.Y_b", self.Y_b, "percent of white; grey is 20")
+        _require_not_negative("Display.L_A", self.L_A, "cd/m²; sRGB's is 4.07")
+        _require_not_negative("Display.Y_b", self.Y_b, "percent of white; grey is 20")
         surround_at(self.surround)
 
     @property
@@ -224,8 +232,10 @@ class Viewing:
     Parameters
     ----------
     model : str
-        ``"CIECAM02"`` shows what an eye adapted to the scene's light sees; ``"none"`` shows
-        scene XYZ as they are beside the display's white, so tungsten looks orange.
+        One of `MODELS`: an appearance model, such as ``"CIECAM02"``, shows what an eye adapted to
+        the scene's light sees; an adaptation alone, such as ``"CAT02"``, moves the white and leaves
+        tones as they are; ``"none"`` shows scene XYZ as they are beside the display's white, so
+        tungsten looks orange.
     illuminance_lux : float
         E_v of the light on the scene, lux, where the light itself carries none. Also the
         level that ``level="absolute"`` compares lights with.
@@ -275,8 +285,8 @@ class Viewing:
         _require_known("Viewing.model", self.model, MODELS)
         _require_positive("Viewing.illuminance_lux", self.illuminance_lux, "an office has 500")
         if self.L_A is not None:
-            _require_positive("Viewing.L_A", self.L_A, "cd/m²; None takes it from the light")
-        _require_positive("Viewing.Y_b", self.Y_b, "percent of white; grey is 20")
+            _require_not_negative("Viewing.L_A", self.L_A, "cd/m²; None takes it from the light")
+        _require_not_negative("Viewing.Y_b", self.Y_b, "percent of white; grey is 20")
         surround_at(self.surround)
         if self.D is not None and not 0.0 <= self.D <= 1.0:
             raise ViewingError(

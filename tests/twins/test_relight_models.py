@@ -1,0 +1,98 @@
+"""Every model in the shader: closed forms, tables, and no NaN anywhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.twins.test_relight import ciede2000, needs_gl, opaque, surfaces  # noqa: F401
+from volspec.appearance import Viewing, passage_of
+from volspec.appearance.constants import DISPLAY_WHITE_XYZ
+from volspec.appearance.spec import MODELS
+from volspec.appearance.table import TablePassage, TableSpace
+from volspec.relight.gpu import GLEngine
+from volspec.relight.host import HostEngine
+from volspec.spectra import light
+from volspec.spectra.photometry import white_XYZ
+
+LIGHTS = ("A", "FL2")
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("name", LIGHTS)
+def test_the_shader_draws_a_model_as_numpy_does(model: str, name: str) -> None:
+    white = white_XYZ(light(name))
+    coefficients, alpha, lit = opaque(surfaces(white), white)
+    viewing = Viewing(model=model, surround=0.12)
+    gl = GLEngine(coefficients, alpha, table=False)
+    frame = gl.render(lit, viewing, np.float32)
+    gl.close()
+    truth = HostEngine(coefficients, alpha).render(lit, viewing, np.float32)
+    error = ciede2000(frame, truth)
+    print(f"{model} under {name}: CIEDE2000 mean {error.mean():.5f}, max {error.max():.5f}")
+    # The issue asks for 0.05 and 0.3; float32 alone is far below.
+    assert error.mean() <= 0.001 and error.max() <= 0.02
+
+
+@pytest.mark.parametrize("model", ["CIECAM02", "CAM16", "Nayatani", "Guth"])
+@pytest.mark.parametrize("name", LIGHTS)
+def test_a_table_is_near_the_closed_form(model: str, name: str) -> None:
+    white = white_XYZ(light(name))
+    coefficients, alpha, lit = opaque(surfaces(white), white)
+    frames = []
+    for table in (False, True):
+        gl = GLEngine(coefficients, alpha, table=table)
+        frames.append(gl.render(lit, Viewing(model=model), np.float32))
+        gl.close()
+    error = ciede2000(*frames)
+    print(f"{model} under {name}: CIEDE2000 mean {error.mean():.4f}, max {error.max():.4f}")
+    # (Under sodium lamps this gamut holds colours that no surface has, and CIECAM02 a kink: 1.3.)
+    assert error.mean() <= 0.10 and error.max() <= 0.8
+
+
+@pytest.mark.parametrize("model", ["CIECAM02", "Guth"])
+def test_a_table_filled_on_the_device_is_numpys(model: str) -> None:
+    white = white_XYZ(light("A"))
+    XYZ = surfaces(white)
+    coefficients, alpha, lit = opaque(XYZ, white)
+    viewing = Viewing(model=model)
+    gl = GLEngine(coefficients, alpha, table=True)
+    frame = gl.render(lit, viewing, np.float32)
+    gl.close()
+    space = TableSpace.between(white, DISPLAY_WHITE_XYZ)
+    looked_up = TablePassage.of(passage_of(viewing, white), space).apply(XYZ)
+    from volspec.appearance.srgb import encode, linear_from_XYZ
+
+    assert ciede2000(frame, encode(linear_from_XYZ(looked_up))).max() < 0.05
+
+
+def cube(XYZ_from_RGB: np.ndarray) -> np.ndarray:
+    steps = np.linspace(0.0, 1.0, 17)
+    return np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(17, -1, 3) @ XYZ_from_RGB.T
+
+
+# Columns are the primaries, Y = 100 for white: Rec. 2020, and ACES AP0 with its imaginary blue.
+REC_2020 = 100 * np.array(
+    [[0.636958, 0.144617, 0.168881], [0.2627, 0.677998, 0.059302], [0.0, 0.028073, 1.060985]]
+)
+ACES_AP0 = 100 * np.array(
+    [[0.9525524, 0.0, 0.0000937], [0.3439664, 0.7281661, -0.0721325], [0.0, 0.0, 1.0088252]]
+)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_no_colour_gives_nan(model: str) -> None:
+    cubes = [cube(REC_2020), cube(ACES_AP0), np.zeros((17, 1, 3)), np.full((17, 1, 3), -5.0)]
+    XYZ = np.concatenate(cubes, axis=1)
+    coefficients, alpha, _ = opaque(XYZ, np.ones(3))
+    engines = [GLEngine(coefficients, alpha, table=table) for table in (False, True)]
+    engines.append(HostEngine(coefficients, alpha))
+    for name in ("A", "HP1", "planck:1000"):
+        lit = opaque(XYZ, white_XYZ(light(name)))[2]
+        for limits in ({}, {"L_A": 0.0}, {"Y_b": 0.0}, {"L_A": 0.0, "Y_b": 0.0}):
+            for engine in engines:
+                frame = engine.render(lit, Viewing(model=model, **limits), np.float32)
+                assert np.isfinite(frame).all(), (model, name, limits, engine.name)
+                assert frame.min() >= 0.0 and frame.max() <= 1.0
+    for engine in engines:
+        engine.close()
