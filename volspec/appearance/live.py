@@ -5,15 +5,42 @@ Viewing, white -> [live] -> Passage -> host | shaders/relight.frag
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec.appearance.adaptation import ADAPTATIONS
+from volspec.appearance.models import MODELS, Model, rlab
+from volspec.appearance.models.base import Array
 from volspec.appearance.models.conditions import CamPassage, Conditions
 from volspec.appearance.passages import LinearPassage, Passage
-from volspec.appearance.spec import Viewing
+from volspec.appearance.spec import Viewing, ViewingConditions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelPassage:
+    """A model's inverse after its forward, colour by colour: no form that the shader draws.
+
+    Parameters
+    ----------
+    model : Model
+    scene, display : ViewingConditions
+    """
+
+    model: Model
+    scene: ViewingConditions
+    display: ViewingConditions
+
+    def apply(self, XYZ: ArrayLike) -> Array:
+        """(..., 3) to those of equal J, C and h; CIECAM02's where the model knows none."""
+        seen = self.model.forward(XYZ, self.scene)
+        shown = self.model.inverse(seen.J, seen.C, seen.h, self.display)
+        ends = (Conditions.of_viewing(each) for each in (self.scene, self.display))
+        known = np.isfinite(shown).all(axis=-1, keepdims=True)
+        if seen.defined is not None:
+            known &= np.asarray(seen.defined)[..., None]
+        return np.where(known, shown, CamPassage.between(*ends).apply(XYZ))
 
 
 def passage_of(viewing: Viewing, white_XYZ: ArrayLike) -> Passage:
@@ -43,5 +70,8 @@ def passage_of(viewing: Viewing, white_XYZ: ArrayLike) -> Passage:
     if viewing.model in ("CIECAM02", "CAM16"):
         ends = (Conditions.of_viewing(each, viewing.model) for each in (scene, display))
         return CamPassage.between(*ends)
-    # CIELAB divides by the white, and what follows is the same on both sides.
-    return LinearPassage(np.diag(np.divide(display.white_XYZ, scene.white_XYZ)))
+    if viewing.model == "CIELAB":  # divides by the white; what follows is the same on both sides
+        return LinearPassage(np.diag(np.divide(display.white_XYZ, scene.white_XYZ)))
+    if viewing.model == "RLAB":
+        return rlab.passage(scene, display)
+    return ModelPassage(MODELS[viewing.model], scene, display)

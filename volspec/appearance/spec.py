@@ -24,7 +24,7 @@ from volspec.appearance import constants as k
 from volspec.errors import ViewingError, nearest
 
 MODELS = (
-    *("CIECAM02", "CAM16", "CIELAB"),
+    *("CIECAM02", "CAM16", "CIELAB", "RLAB", "Hunt", "Nayatani95"),
     # An adaptation alone:
     *("none", "von Kries", "Bradford", "Sharp", "CAT02", "CAT16"),
     *("Nayatani", "CIE 1994", "Guth", "Fairchild 1990"),

@@ -87,7 +87,7 @@ class bar:
         self._progress.update(self._tasks[step], completed=share)
 
 
-def print_json(data: dict[str, Any]) -> None:
+def print_json(data: dict[str, Any] | list[dict[str, Any]]) -> None:
     print(json.dumps(data, indent=2))
 
 

@@ -24,6 +24,7 @@ from volspec.spectra._colour import colour_science
 from volspec.spectra._paths import path_text
 from volspec.spectra.files import FILE_FORMS, on_grid, read_spectrum, split_address
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
+from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.spectra.observer import color_matching_functions
 from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.spectrum import Spectrum
@@ -56,8 +57,8 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     ----------
     text : str
         A name of `light_names` (any case), ``planck:KELVIN`` (500-100000),
-        ``daylight:KELVIN`` (4000-25000), a file (``FILE.csv``, ``FILE.csv#column``,
-        ``FILE.spdx``, ``FILE.exr#X,Y``, …; see `read_spectrum`), or a mix
+        ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), a file (``FILE.csv``,
+        ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``, …; see `read_spectrum`), or a mix
         ``NAME*WEIGHT+NAME*WEIGHT`` whose weights are shares of illuminance (default 1).
         The name ``3-LED-1 (457/540/605)`` and its like are taken whole; in a mix, address a
         column whose name holds ``+`` or ``*`` by its number.
@@ -164,6 +165,8 @@ def _is_known(name: str, folder: Folder) -> bool:
             not set("+*") & set(selector) and os.path.isfile(Path(folder, file))
         )
     prefix, _, number = low.partition(":")
+    if prefix == PREFIX:
+        return number.strip() in LAMPS
     return prefix in ("planck", "daylight") and _number(number) is not None
 
 
@@ -246,6 +249,9 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
             )
         values = _planck(kelvin, grid) if prefix == "planck" else _daylight(kelvin, grid)
         return _normalised(values, grid, f"{prefix}:{kelvin:g}")
+    if prefix == PREFIX and number.strip() in LAMPS:
+        source = LAMPS[number.strip()]
+        return _normalised(_planck(source.kelvin, grid), grid, f"{PREFIX}:{source.name}")
     if split_address(name):
         return _from_file(os.fspath(Path(folder, name)), grid)
     raise _unknown(name)
@@ -269,9 +275,14 @@ def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
 
 
 def _unknown(name: str, where: str = "") -> SpectrumError:
+    lamps = [f"{PREFIX}:{each}" for each in LAMPS]
+    if _folded(name).startswith(f"{PREFIX}:"):
+        return SpectrumError(
+            f"light {name!r}{where} is unknown; {nearest(name, lamps)}known: {', '.join(lamps)}"
+        )
     return SpectrumError(
         f"light {name!r}{where} is unknown; {nearest(name, light_names())}"
-        f"other forms: planck:3200, daylight:6500, {FILE_FORMS}"
+        f"other forms: planck:3200, daylight:6500, lamp:candle-1900, {FILE_FORMS}"
     )
 
 

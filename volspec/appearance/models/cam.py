@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
+from volspec.appearance.hue import quadrature
 from volspec.appearance.models.base import Appearance, Array
 from volspec.appearance.models.conditions import Conditions, compress, expand
 from volspec.appearance.passages import triples
@@ -32,15 +33,6 @@ def _eccentricity(cos_h: Array, sin_h: Array) -> Array:
     """cos(h + 2) + 3.8 without an angle (eq. 33)."""
     cos_2, sin_2 = np.cos(k.ECCENTRICITY_PHASE), np.sin(k.ECCENTRICITY_PHASE)
     return cos_h * cos_2 - sin_h * sin_2 + k.ECCENTRICITY_OFFSET
-
-
-def _quadrature(h: Array) -> Array:
-    """Hue quadrature H from the hue angle in degrees (CIE 159, table 3)."""
-    turned = np.where(h < k.UNIQUE_HUES_DEG[0], h + 360.0, h)
-    i = np.clip(np.searchsorted(k.UNIQUE_HUES_DEG, turned, side="right") - 1, 0, 3)
-    before = (turned - k.UNIQUE_HUES_DEG[i]) / k.UNIQUE_HUES_ECCENTRICITY[i]
-    after = (k.UNIQUE_HUES_DEG[i + 1] - turned) / k.UNIQUE_HUES_ECCENTRICITY[i + 1]
-    return k.UNIQUE_HUES_H[i] + 100.0 * before / (before + after)
 
 
 def forward(XYZ: ArrayLike, conditions: Conditions) -> Appearance:
@@ -89,7 +81,7 @@ def forward(XYZ: ArrayLike, conditions: Conditions) -> Appearance:
     Q = brightness_scale * np.sqrt(J / 100.0) * conditions.F_L**0.25
     M = C * conditions.F_L**0.25
     s = 100.0 * np.sqrt(np.divide(M, Q, out=np.zeros_like(M), where=Q > 0.0))
-    return Appearance(J=J, C=C, h=h, H=_quadrature(h), Q=Q, M=M, s=s)
+    return Appearance(J=J, C=C, h=h, H=quadrature(h), Q=Q, M=M, s=s)
 
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: Conditions) -> Array:

@@ -1,4 +1,4 @@
-"""Appearance models beside CIECAM02: CIELAB and its colour difference.
+"""CIELAB: the simplest appearance model, its slopes and its colour difference.
 
     relight -> [models] -> reports
 
@@ -12,9 +12,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.appearance.hue import CIELAB_HUES, quadrature
+from volspec.appearance.models.base import Appearance
+from volspec.appearance.models.cones import broadcast
+from volspec.appearance.passages import triples
+from volspec.appearance.spec import ViewingConditions
 from volspec.errors import ViewingError
 from volspec.spectra._colour import colour_science
 
+NAME = "CIELAB"
 Array = NDArray[np.float64]
 
 # f of the ratio XYZ / white: its cube root above the knee, a straight line below.
@@ -126,3 +132,54 @@ def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:
     f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
     ratio = np.where(f > 6.0 / 29.0, f**3, (f - _OFFSET) / _SLOPE)
     return ratio * _white(white_XYZ)
+
+
+def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
+    """L*, C* and h as J, C and h; all but the white has no influence.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        On the white's scale. Below 0 the straight toe goes on; it is not `defined` there.
+    conditions : ViewingConditions
+
+    Returns
+    -------
+    Appearance
+        With H between the unique hues of daylight; no Q, M, s.
+    """
+    XYZ = triples("CIELAB: XYZ", XYZ)
+    J, a, b = np.moveaxis(cielab(XYZ, conditions.white_XYZ), -1, 0)
+    h = np.degrees(np.arctan2(b, a)) % 360.0
+    return Appearance(
+        J=J,
+        C=np.hypot(a, b),
+        h=h,
+        H=quadrature(h, CIELAB_HUES),
+        defined=np.all(XYZ >= 0.0, axis=-1),
+    )
+
+
+def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
+    """L*, C* and h to the XYZ that look so, in closed form; never NaN.
+
+    Parameters
+    ----------
+    J, C, h : (...) array_like
+        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
+    conditions : ViewingConditions
+
+    Returns
+    -------
+    (..., 3) float64
+        XYZ on the white's scale.
+
+    Raises
+    ------
+    ShapeError
+        If the three do not broadcast together.
+    """
+    J, C, h = broadcast(NAME, J, C, h)
+    C, angle = np.maximum(C, 0.0), np.radians(h)
+    Lab = np.stack([J, C * np.cos(angle), C * np.sin(angle)], axis=-1)
+    return XYZ_from_cielab(Lab, conditions.white_XYZ)

@@ -1,0 +1,146 @@
+"""Parametric curves between linear light and code values, as displays and ICC profiles have them.
+
+    [curves] -> spaces -> encode
+
+References
+----------
+[1] IEC 61966-2-1:1999 (sRGB).
+[2] Recommendations ITU-R BT.1886 (2011) and BT.2020-2, table 4.
+[3] ICC.1:2022, 10.18 parametricCurveType.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance import constants as k
+from volspec.errors import ViewingError
+
+Array = NDArray[np.float64]
+
+# Jumps up to this are rounding in a profile's fixed-point numbers: a quarter of an 8-bit step.
+_ROUNDING = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Transfer:
+    """A curve between linear light and code values, odd about 0, with 0 and 1 fixed.
+
+        V = slope · L                          L <= toe
+        V = gain · L^power - (gain - 1)        above
+
+    Parameters
+    ----------
+    power : float
+        1/γ, above 0.
+    gain : float
+        1 and more; 1 without a toe.
+    slope, toe : float
+        Of the straight piece; ``toe`` in linear light, 0 where there is none.
+
+    Raises
+    ------
+    ViewingError
+        If a number is out of range or the pieces do not meet.
+    """
+
+    power: float
+    gain: float = 1.0
+    slope: float = 1.0
+    toe: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("power", "gain", "slope"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ViewingError(f"Transfer.{name} is {value!r}; expected a number above 0")
+        if not 0.0 <= self.toe < 1.0:
+            raise ViewingError(f"Transfer.toe is {self.toe!r}; expected 0 to below 1")
+        jump = self.slope * self.toe - self.gain * self.toe**self.power + self.gain - 1.0
+        if not abs(jump) <= _ROUNDING:
+            raise ViewingError(
+                f"Transfer: at linear {self.toe:g} the pieces are {jump:.3g} apart; check slope "
+                f"{self.slope:g}, toe {self.toe:g}, gain {self.gain:g} and power {self.power:g}"
+            )
+
+    @classmethod
+    def gamma(cls, exponent: float) -> Transfer:
+        """L = V^γ.
+
+        Raises
+        ------
+        ViewingError
+            If γ is not above 0.
+        """
+        if not (math.isfinite(exponent) and exponent > 0.0):
+            raise ViewingError(f"Transfer: gamma is {exponent!r}; expected above 0, as 2.2")
+        return cls(power=1.0 / exponent)
+
+    @classmethod
+    def icc(
+        cls,
+        g: float,
+        a: float = 1.0,
+        b: float = 0.0,
+        c: float = 1.0,
+        d: float = 0.0,
+        e: float = 0.0,
+        f: float = 0.0,
+    ) -> Transfer:
+        """An ICC profile's parametricCurveType: L = (aV + b)^g + e for V >= d, cV + f below.
+
+        Types 0 (g), 3 (g, a, b, c, d) and 4 with e = f = 0; types 1 and 2 lift black, which no
+        space does here.
+
+        Raises
+        ------
+        ViewingError
+            If g <= 0, white is not 1, black is not 0 or the pieces do not meet.
+
+        Examples
+        --------
+        >>> round(float(Transfer.icc(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045).gain), 6)
+        1.055
+        """
+        if not g > 0.0:
+            raise ViewingError(f"Transfer: the ICC curve's g is {g!r}; expected above 0, as 2.2")
+        if e or f:
+            raise ViewingError(
+                f"Transfer: the ICC curve adds e = {e:g}, f = {f:g} to linear light; expected 0, "
+                "as a space's black is 0"
+            )
+        if not (a > 0.0 and abs(a + b - 1.0) <= _ROUNDING):
+            raise ViewingError(
+                f"Transfer: the ICC curve's a + b is {a + b:g} with a = {a:g}; expected 1, so that "
+                "white is 1"
+            )
+        if not c > 0.0 and d > 0.0:
+            raise ViewingError(f"Transfer: the ICC curve's c is {c!r}; expected above 0")
+        straight = d > 0.0
+        slope, toe = (1.0 / c, c * d) if straight else (1.0, 0.0)
+        return cls(1.0 / g, 1.0 / a, slope, toe)
+
+    def encode(self, linear: ArrayLike) -> Array:
+        """Code values of linear light, (...) float64; negative light gives negative codes."""
+        signed = np.asarray(linear, dtype=np.float64)
+        x = np.abs(signed)
+        curve = self.gain * x**self.power - (self.gain - 1.0)
+        return np.copysign(np.where(x <= self.toe, self.slope * x, curve), signed)
+
+    def decode(self, encoded: ArrayLike) -> Array:
+        """`encode` undone, (...) float64."""
+        signed = np.asarray(encoded, dtype=np.float64)
+        x = np.abs(signed)
+        curve = ((x + self.gain - 1.0) / self.gain) ** (1.0 / self.power)
+        return np.copysign(np.where(x <= self.slope * self.toe, x / self.slope, curve), signed)
+
+
+sRGB_CURVE = Transfer(k.OETF_POWER, k.OETF_GAIN, k.OETF_SLOPE, k.OETF_TOE)
+BT_1886 = Transfer.gamma(2.4)
+"""What a television displays, where its black is 0; its inverse is no camera's OETF."""
+REC_2020_OETF = Transfer(0.45, 1.09929682680944, 4.5, 0.018053968510807)
+"""What a camera encodes (BT.709 and BT.2020), for files that hold scene light."""

@@ -1,0 +1,119 @@
+"""Hue in words: quadrature between the four unique hues, and their shares.
+
+    model -> hue angle -> [quadrature -> composition] -> readout
+
+References
+----------
+[1] CIE 159:2004, table 3; *Color Appearance Models* (survey 002), eq. 41, table 1 with the
+    errata, sections 2.2 and 16.3.
+[2] Fairchild (2013), *Color Appearance Models*, 3rd ed., worked examples of the Hunt model.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance import constants as k
+
+Array = NDArray[np.float64]
+
+LETTERS = "RYGB"
+"""Red, yellow, green, blue: at H = 0, 100, 200, 300."""
+
+
+class UniqueHues(NamedTuple):
+    """Where a model has its unique hues: angles that rise, their eccentricity e and their H."""
+
+    degrees: tuple[float, ...]
+    eccentricity: tuple[float, ...]
+    H: tuple[float, ...] = tuple(k.UNIQUE_HUES_H[:4].tolist())
+
+
+def _straight(*degrees: float) -> UniqueHues:
+    return UniqueHues(degrees, (1.0,) * len(degrees))
+
+
+CIE_HUES = UniqueHues(
+    tuple(k.UNIQUE_HUES_DEG[:4].tolist()), tuple(k.UNIQUE_HUES_ECCENTRICITY[:4].tolist())
+)
+"""CIECAM02's and CAM16's."""
+HUNT_HUES = UniqueHues(
+    (*CIE_HUES.degrees, 360.0), (*CIE_HUES.eccentricity, 0.856), (*CIE_HUES.H, 385.9)
+)
+"""Hunt's own computation stops at h = 0 between blue and red [2]; the survey does not tell."""
+CIELAB_HUES = _straight(24.0, 90.0, 162.0, 246.0)
+"""CIELAB's and RLAB's. Table 1's other rows are on straight lines between these, which also
+tells that its R83B stands at 270 degrees and not at the printed 276."""
+NAYATANI_HUES = _straight(20.14, 90.0, 164.25, 231.0)
+"""The Nayatani model's."""
+
+
+def quadrature(h: ArrayLike, hues: UniqueHues = CIE_HUES) -> Array:
+    """Hue quadrature H from the hue angle (eq. 41).
+
+    Parameters
+    ----------
+    h : (...) array_like
+        Hue angle, degrees, within [0, 360].
+    hues : UniqueHues
+
+    Returns
+    -------
+    (...) float64
+        0 to 400: red 0, yellow 100, green 200, blue 300.
+
+    Examples
+    --------
+    >>> quadrature([20.14, 90.0, 237.53]).tolist()
+    [0.0, 100.0, 300.0]
+    >>> float(quadrature(270.0, CIELAB_HUES).round(1))
+    317.4
+    """
+    angles = np.array([*hues.degrees, hues.degrees[0] + 360.0])
+    factors = np.array([*hues.eccentricity, hues.eccentricity[0]])
+    quarters = np.array([*hues.H, 400.0])
+    h = np.asarray(h, dtype=np.float64)
+    turned = np.where(h < angles[0], h + 360.0, h)
+    i = np.clip(np.searchsorted(angles, turned, side="right") - 1, 0, len(angles) - 2)
+    before = (turned - angles[i]) / factors[i]
+    after = (angles[i + 1] - turned) / factors[i + 1]
+    between = quarters[i + 1] - quarters[i]
+    return np.asarray(quarters[i] + between * before / (before + after), dtype=np.float64)
+
+
+def composition(H: ArrayLike) -> str | NDArray[np.str_]:
+    """Hue quadrature as shares of the two unique hues around it, the larger first.
+
+    Parameters
+    ----------
+    H : (...) array_like
+        Hue quadrature; 400 and 0 are both red.
+
+    Returns
+    -------
+    str, or (...) array of str
+        Whole percent; a share that rounds to nothing is left out.
+
+    Examples
+    --------
+    >>> composition(105.0)
+    '95Y 5G'
+    >>> composition([0.0, 50.0, 382.6]).tolist()
+    ['100R', '50R 50Y', '83R 17B']
+    """
+    quarters = np.asarray(H, dtype=np.float64) % 400.0
+    texts = [_shares(value) for value in quarters.ravel().tolist()]
+    if quarters.ndim == 0:
+        return texts[0]
+    return np.array(texts, dtype=np.str_).reshape(quarters.shape)
+
+
+def _shares(H: float) -> str:
+    quarter = int(H // 100.0)
+    second = round(H - 100.0 * quarter)
+    shares = [(100 - second, LETTERS[quarter % 4]), (second, LETTERS[(quarter + 1) % 4])]
+    shares.sort(key=lambda share: -share[0])
+    return " ".join(f"{share}{letter}" for share, letter in shares if share > 0)

@@ -1,0 +1,246 @@
+"""Viewing conditions measured from a picture: what lies around the line of sight.
+
+    relight -> [measured] -> ViewingConditions -> appearance
+
+The background is what lies 1° to 11° from the line of sight, the adapting field what lies 11° to
+90° from it, each averaged over solid angle:
+
+    Y_b = ∫ Y dω / ∫ dω      1° to 11°
+    L_A = L_w / Y_w · ∫ Y dω / ∫ dω      11° to 90°
+
+A picture fills only a part of them: what is outside of it counts as having one luminance factor,
+the picture's own mean unless another is given (the backdrop's, or 0 for a dark room). A pixel at
+(u, v) = tan of its angles spans du dv / (1 + u² + v²)^(3/2).
+
+References
+----------
+[1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity",
+    section 2.4, eq. 1, and section 7.1, eq. 17.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance.spec import ViewingConditions
+from volspec.errors import ShapeError, ViewingError
+
+Array = NDArray[np.float64]
+
+INNER_DEG, OUTER_DEG = 1.0, 11.0
+# Cells along a picture's longer side, for the maps.
+_CELLS = 48
+
+
+def measured_conditions(
+    Y: ArrayLike,
+    white_XYZ: ArrayLike,
+    fov_deg: float,
+    luminance_of_white: float,
+    at: tuple[float, float] | None = None,
+    *,
+    outside: float | None = None,
+    surround: str | float | None = "average",
+) -> ViewingConditions:
+    """What an eye is adapted to that looks at one place of a picture.
+
+    Parameters
+    ----------
+    Y : (H, W) array_like
+        Luminance factor of each pixel on the white's scale; what is below 0 counts as 0.
+    white_XYZ : (3,) array_like
+        The adopted white.
+    fov_deg : float
+        The picture's height as an angle: `Camera.fov_deg`; for an orthographic camera, the angle
+        under which the picture is thought to be seen.
+    luminance_of_white : float
+        Of a perfect diffuser, cd/m²: E_v/π.
+    at : (x, y), optional
+        The pixel looked at, (0, 0) the middle of the top left one; None is the picture's middle.
+    outside : float, optional
+        Y of all that the picture does not show; None is the picture's mean.
+    surround : str or float or None
+        As `surround_at`; None is the measured ratio L_A / luminance_of_white, 1 at most [1].
+
+    Returns
+    -------
+    ViewingConditions
+
+    Raises
+    ------
+    ShapeError
+        If Y is not (H, W).
+    ViewingError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> seen = measured_conditions(np.full((64, 64), 18.0), (95, 100, 109), 40.0, 300.0)
+    >>> round(seen.Y_b, 6), round(seen.L_A, 6)
+    (18.0, 54.0)
+    """
+    picture = _factors(Y)
+    white = np.asarray(white_XYZ, dtype=np.float64)
+    if white.shape != (3,):
+        raise ShapeError(f"measured: the white has shape {white.shape}; expected (3,)")
+    if not white[1] > 0.0:
+        raise ViewingError(f"measured: the white's Y is {white[1]}; expected above 0, as 100")
+    _require_luminance(luminance_of_white)
+    directions, spans = _sphere(picture.shape, fov_deg)
+    elsewhere = _outside(outside, picture, spans)
+    height, width = picture.shape
+    x, y = ((width - 1) / 2, (height - 1) / 2) if at is None else at
+    if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
+        raise ViewingError(
+            f"measured: at is ({x}, {y}), outside of the picture's {width} × {height} pixels"
+        )
+    scale = 2.0 * math.tan(math.radians(fov_deg) / 2.0) / height
+    line = np.array([(x - (width - 1) / 2) * scale, (y - (height - 1) / 2) * scale, 1.0])
+    cos = directions @ (line / np.linalg.norm(line))
+    Y_b, Y_A = _fields(cos.reshape(1, -1), picture.ravel(), spans.ravel(), elsewhere)
+    L_A = float(Y_A[0]) / float(white[1]) * luminance_of_white
+    if surround is None:
+        surround = min(L_A / luminance_of_white, 1.0)
+    X_w, Y_w, Z_w = white.tolist()
+    return ViewingConditions((X_w, Y_w, Z_w), L_A, float(Y_b[0]), surround)
+
+
+def adapting_fields(
+    Y: ArrayLike,
+    fov_deg: float,
+    luminance_of_white: float = 100.0,
+    Y_w: float = 100.0,
+    *,
+    outside: float | None = None,
+) -> tuple[Array, Array]:
+    """Background and adapting luminance of every pixel.
+
+    Averages over cones of 11° change slowly: they are worked out for a net of lines of sight over
+    cells of the picture, 48 along its longer side, and interpolated between. Cones and solid angles
+    are those of the sphere, at edges too; cells above 2° (a picture of 90°) blur the rim.
+
+    Parameters
+    ----------
+    Y, fov_deg, luminance_of_white, outside
+        As `measured_conditions`.
+    Y_w : float
+        The white's Y.
+
+    Returns
+    -------
+    Y_b : (H, W) float64
+        On Y's scale.
+    L_A : (H, W) float64
+        cd/m².
+
+    Raises
+    ------
+    ShapeError
+        If Y is not (H, W).
+    ViewingError
+        If a number is out of range.
+    """
+    picture = _factors(Y)
+    _require_luminance(luminance_of_white)
+    if not (math.isfinite(Y_w) and Y_w > 0.0):
+        raise ViewingError(f"measured: Y_w is {Y_w!r}; expected the white's Y, as 100")
+    height, width = picture.shape
+    directions, spans = _sphere(picture.shape, fov_deg)
+    elsewhere = _outside(outside, picture, spans)
+    share = min(_CELLS / max(height, width), 1.0)
+    counts = (max(round(size * share), 1) for size in (height, width))
+    rows, columns = (
+        np.rint(np.linspace(0, size, count + 1)).astype(np.intp)
+        for size, count in zip((height, width), counts, strict=True)
+    )
+
+    def cells(values: Array) -> Array:
+        return np.add.reduceat(np.add.reduceat(values, rows[:-1], 0), columns[:-1], 1)
+
+    weight = cells(spans).ravel()
+    mean_Y = cells(spans * picture).ravel() / weight
+    centre = np.stack([cells(spans * directions[..., i]).ravel() for i in range(3)], axis=-1)
+    centre /= np.linalg.norm(centre, axis=-1, keepdims=True)
+    scale = 2.0 * math.tan(math.radians(fov_deg) / 2.0) / height
+    u, v = np.meshgrid((columns - width / 2) * scale, (rows - height / 2) * scale)
+    lines = np.stack([u.ravel(), v.ravel(), np.ones(u.size)], axis=-1)
+    lines /= np.linalg.norm(lines, axis=-1, keepdims=True)
+    net = np.empty((2, lines.shape[0]))
+    for start in range(0, lines.shape[0], 512):
+        part = slice(start, start + 512)
+        net[:, part] = _fields(lines[part] @ centre.T, mean_Y, weight, elsewhere)
+    down, across = _between(rows, height), _between(columns, width)
+    Y_b, Y_A = (down @ field.reshape(u.shape) @ across.T for field in net)
+    return Y_b, Y_A / Y_w * luminance_of_white
+
+
+def _fields(cos: Array, Y: Array, spans: Array, outside: float) -> tuple[Array, Array]:
+    """Mean Y of background and adapting field for (K, N) cosines between lines and parts."""
+
+    both = np.stack([spans, spans * Y], axis=-1)
+
+    def within(degrees: float) -> tuple[Array, Array]:
+        # What the rim of the cone crosses counts by its share inside, across its width √dω.
+        edge = math.radians(degrees)
+        steep = 1.0 / (math.sin(edge) * np.sqrt(spans))
+        share = cos * steep
+        share += 0.5 - math.cos(edge) * steep
+        sums = np.clip(share, 0.0, 1.0, out=share) @ both
+        return sums[:, 0], sums[:, 1]
+
+    inner, outer, half = (within(degrees) for degrees in (INNER_DEG, OUTER_DEG, 90.0))
+
+    def mean(big: tuple[Array, Array], small: tuple[Array, Array], low: float, up: float) -> Array:
+        whole = 2.0 * math.pi * (math.cos(math.radians(low)) - math.cos(math.radians(up)))
+        seen = big[0] - small[0]
+        filled = big[1] - small[1] + np.maximum(whole - seen, 0.0) * outside
+        return filled / np.maximum(whole, seen)
+
+    return mean(outer, inner, INNER_DEG, OUTER_DEG), mean(half, outer, OUTER_DEG, 90.0)
+
+
+def _sphere(shape: tuple[int, ...], fov_deg: float) -> tuple[Array, Array]:
+    """Unit directions (H, W, 3) of pixels as right, down, forward, and their solid angles."""
+    if not (math.isfinite(fov_deg) and 0.0 < fov_deg < 180.0):
+        raise ViewingError(f"measured: fov_deg is {fov_deg!r}; expected above 0 and below 180")
+    height, width = shape
+    scale = 2.0 * math.tan(math.radians(fov_deg) / 2.0) / height
+    u, v = np.meshgrid(
+        (np.arange(width) - (width - 1) / 2) * scale, (np.arange(height) - (height - 1) / 2) * scale
+    )
+    directions = np.stack([u, v, np.ones_like(u)], axis=-1)
+    length = np.linalg.norm(directions, axis=-1)
+    return directions / length[..., None], scale**2 / length**3
+
+
+def _between(edges: NDArray[np.intp], size: int) -> Array:
+    """(size, len(edges)): linear interpolation from edges to the middles of pixels."""
+    middles = np.arange(size) + 0.5
+    return np.stack([np.interp(middles, edges, one) for one in np.eye(len(edges))], axis=-1)
+
+
+def _factors(Y: ArrayLike) -> Array:
+    picture = np.asarray(Y, dtype=np.float64)
+    if picture.ndim != 2 or picture.size == 0:
+        raise ShapeError(f"measured: Y has shape {picture.shape}; expected (H, W)")
+    if not np.all(np.isfinite(picture)):
+        raise ViewingError("measured: Y holds values that are not finite (NaN or infinity)")
+    return np.maximum(picture, 0.0)
+
+
+def _outside(outside: float | None, picture: Array, spans: Array) -> float:
+    if outside is None:
+        return float(np.average(picture, weights=spans))
+    if not (math.isfinite(outside) and outside >= 0.0):
+        raise ViewingError(f"measured: outside is {outside!r}; expected a Y of 0 or more")
+    return float(outside)
+
+
+def _require_luminance(value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ViewingError(
+            f"measured: luminance_of_white is {value!r}; expected cd/m² above 0, E_v/π of the light"
+        )

@@ -1,0 +1,233 @@
+"""Nayatani's model of 1995: logarithms of cone responses on a grey background.
+
+    XYZ -> cones -> log over the background's -> Q, t, p -> L*_P, C, theta
+
+Its ``J, C, h, H, Q, M, s`` are L*_P, C, θ, H, B_r, M, S. Chroma is defined by L*_P, so lightness
+is L*_P too and not L*_N, from which it hardly differs. The surround, D and discounting have no
+influence.
+
+References
+----------
+[1] Nayatani, Sobagaki & Yano (1995), "Lightness dependency of chroma scales of a nonlinear
+    color-appearance model and its latest formulation", Color Research & Application 20(3),
+    156-167; *Color Appearance Models* (survey 002), eq. 90-124, with the errata.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from volspec.appearance.hue import NAYATANI_HUES, quadrature
+from volspec.appearance.models.base import Appearance, Array
+from volspec.appearance.models.cones import broadcast
+from volspec.appearance.passages import triples
+from volspec.appearance.spec import ViewingConditions
+from volspec.errors import ViewingError
+
+NAME = "Nayatani95"
+
+# Eq. 103 with the five digits that eq. 92-94 are made of.
+CONES_FROM_XYZ = np.array(
+    [[0.40024, 0.70760, -0.08081], [-0.22630, 1.16532, 0.04570], [0.0, 0.0, 0.91822]]
+)
+_BRIGHT = 1.758
+"""e(R), e(G) of what is lighter than a grey of 20 (eq. 104)."""
+_ACHROMATIC, _CHROMATIC, _MIDDLE = 41.69, 488.93, 50.0
+# E_s(θ), eq. 116-118: the constant, then sines and cosines of θ, 2θ, 3θ, 4θ.
+_STRENGTH = 0.9394
+_SINES = np.array([-0.2478, -0.0743, 0.0666, -0.0186])
+_COSINES = np.array([-0.0055, -0.0521, -0.0573, -0.0061])
+# The logarithm's argument stops short of 0, at this share of the noise.
+_LEAST = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class NayataniSettings:
+    """What the model asks beyond `ViewingConditions`.
+
+    Parameters
+    ----------
+    E_or : float
+        Normalising illuminance, lux; usually 1000 to 3000.
+    n : float
+        Noise, in the units of Y; usually 1.
+
+    Raises
+    ------
+    ViewingError
+        If a number is not finite and above 0.
+    """
+
+    E_or: float = 1000.0
+    n: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("E_or", "n"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ViewingError(
+                    f"NayataniSettings.{name} is {value!r}; expected a finite number above 0"
+                )
+
+
+NORMAL = NayataniSettings()
+
+
+def _exponents(responses: ArrayLike, knee: float, top: float, power: float) -> Array:
+    """β (eq. 96-98, 102): from 1 in the dark towards ``top``."""
+    x = np.asarray(responses, dtype=np.float64) ** power
+    return np.asarray((knee + top * x) / (knee + x))
+
+
+def _weight(x: Array) -> Array:
+    """e(R) times what it stands before, β_1 log (R + n) / (20 ξ + n), which has its sign."""
+    return np.where(x >= 0.0, _BRIGHT, 1.0) * x
+
+
+def _strength(h: Array) -> Array:
+    """E_s(θ) (eq. 116-118), θ in degrees."""
+    angles = np.radians(h)[..., None] * np.arange(1.0, 5.0)
+    return np.asarray(_STRENGTH + np.sin(angles) @ _SINES + np.cos(angles) @ _COSINES)
+
+
+class _Eye:
+    """The numbers of one viewing condition (eq. 90-98, 102, 109-111)."""
+
+    def __init__(self, conditions: ViewingConditions, settings: NayataniSettings) -> None:
+        white = np.asarray(conditions.white_XYZ)
+        grey = CONES_FROM_XYZ @ (white / white[1])
+        if not np.all(grey > 0.0):
+            raise ViewingError(
+                f"Nayatani95: the white XYZ = {conditions.white_XYZ} has the cone responses "
+                f"{grey.round(4).tolist()}; expected all above 0. Is it a real light's?"
+            )
+        self.n = settings.n
+        # Y_o E_o / (100 π) is the adapting luminance L_A itself (eq. 90).
+        adapting = conditions.L_A * grey
+        self.beta = np.append(
+            _exponents(adapting[:2], 6.469, 6.362, 0.4495),
+            0.7844 * _exponents(adapting[2], 8.414, 8.091, 0.5128),
+        )
+        L_or = conditions.Y_b * settings.E_or / (100.0 * np.pi)
+        self.beta_or = float(_exponents(L_or, 6.469, 6.362, 0.4495))
+        self.background = 20.0 * grey + self.n
+        ratios = self.beta * np.log10((100.0 * grey + self.n) / self.background)
+        self.raised = _MIDDLE / self.beta_or * (2.0 * self.beta[0] + self.beta[1]) / 3.0
+        self.B_rw = float(self.achromatic(ratios[0], ratios[1])) + self.raised
+
+    def achromatic(self, x_R: Array, x_G: Array) -> Array:
+        """Q (eq. 104)."""
+        both = (2.0 * _weight(x_R) + _weight(x_G)) / 3.0
+        return np.asarray(_ACHROMATIC / self.beta_or * both)
+
+
+def forward(
+    XYZ: ArrayLike, conditions: ViewingConditions, settings: NayataniSettings = NORMAL
+) -> Appearance:
+    """XYZ to what the eye makes of them (eq. 90-124).
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        Y = 100 for a perfect diffuser.
+    conditions : ViewingConditions
+        The illuminance is the one that gives the background Y_b the luminance L_A.
+    settings : NayataniSettings
+        What else the model asks.
+
+    Returns
+    -------
+    Appearance
+        Each correlate of shape (...). Not `defined` where a cone's response falls to the noise
+        below 0, or lightness below 0, as near black; C goes with |J|^0.7 there.
+
+    Raises
+    ------
+    ViewingError
+        If the white excites a cone by nothing or less.
+
+    Examples
+    --------
+    >>> D65 = ViewingConditions((95.05, 100, 108.88), L_A=1000 / np.pi, Y_b=20)
+    >>> seen = forward([19.01, 20.0, 21.78], D65)
+    >>> [round(float(each), 3) for each in (seen.J, seen.C, seen.h, seen.Q)]
+    [50.0, 0.013, 257.523, 62.627]
+    """
+    eye = _Eye(conditions, settings)
+    noisy = triples("Nayatani95: XYZ", XYZ) @ CONES_FROM_XYZ.T + eye.n
+    least = _LEAST * eye.n
+    x = eye.beta * np.log10(np.maximum(noisy, least) / eye.background)
+    x_R, x_G, x_B = np.moveaxis(x, -1, 0)
+    achromatic = eye.achromatic(x_R, x_G)
+    t = x_R - 12.0 / 11.0 * x_G + x_B / 11.0
+    p = (x_R + x_G - 2.0 * x_B) / 9.0
+    h = np.degrees(np.arctan2(p, t)) % 360.0
+    J = achromatic + _MIDDLE
+    s = _CHROMATIC / eye.beta_or * _strength(h) * np.hypot(t, p)
+    C = np.abs(J / _MIDDLE) ** 0.7 * s
+    return Appearance(
+        J=J,
+        C=C,
+        h=h,
+        H=quadrature(h, NAYATANI_HUES),
+        Q=achromatic + eye.raised,
+        M=C * eye.B_rw / 100.0,
+        s=s,
+        defined=np.all(noisy > least, axis=-1) & (J >= 0.0),
+    )
+
+
+def inverse(
+    J: ArrayLike,
+    C: ArrayLike,
+    h: ArrayLike,
+    conditions: ViewingConditions,
+    settings: NayataniSettings = NORMAL,
+) -> Array:
+    """Lightness, chroma and hue to the XYZ that look so, in closed form.
+
+    t and p give x_R - x_G, x the three logarithms times their exponents; then Q is a rising
+    line of x_G in three pieces, which end where x_R or x_G is 0.
+
+    Parameters
+    ----------
+    J, C, h : (...) array_like
+        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
+    conditions : ViewingConditions
+        Where the colours shall be seen.
+    settings : NayataniSettings
+        What else the model asks.
+
+    Returns
+    -------
+    (..., 3) float64
+        NaN where no XYZ looks so: chroma at lightness 0, and what float64 cannot hold.
+
+    Raises
+    ------
+    ShapeError
+        If the three do not broadcast together.
+    """
+    J, C, h = broadcast(NAME, J, C, h)
+    eye = _Eye(conditions, settings)
+    C = np.maximum(C, 0.0)
+    with np.errstate(all="ignore"):
+        s = np.where(C > 0.0, C / np.abs(J / _MIDDLE) ** 0.7, 0.0)
+        radius = s * eye.beta_or / (_CHROMATIC * _strength(h))
+        angle = np.radians(h)
+        t, p = radius * np.cos(angle), radius * np.sin(angle)
+        apart = (22.0 * t + 9.0 * p) / 23.0
+        level = 3.0 * (J - _MIDDLE) * eye.beta_or / _ACHROMATIC
+        e_G = np.where(level >= 2.0 * _weight(apart), _BRIGHT, 1.0)
+        e_R = np.where(level >= _weight(-apart), _BRIGHT, 1.0)
+        x_G = (level - 2.0 * e_R * apart) / (2.0 * e_R + e_G)
+        x_R = x_G + apart
+        x_B = (x_R + x_G - 9.0 * p) / 2.0
+        x = np.stack([x_R, x_G, x_B], axis=-1)
+        cones = 10.0 ** (x / eye.beta) * eye.background - eye.n
+        XYZ = cones @ np.linalg.inv(CONES_FROM_XYZ).T
+        return np.where(np.isfinite(XYZ).all(axis=-1)[..., None], XYZ, np.nan)

@@ -1,0 +1,206 @@
+"""Inverses where there is no formula: a root in one unknown, and of any model in three.
+
+    model.forward; J, C, h -> [invert] -> XYZ
+
+References
+----------
+[1] Chandrupatla (1997), "A new hybrid quadratic/bisection algorithm for finding the zero of a
+    nonlinear function", Advances in Engineering Software 28(3), 145-149.
+[2] Nocedal & Wright (2006), *Numerical Optimization*, section 10.3 (Levenberg-Marquardt).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance.models import ciecam02
+from volspec.appearance.models.base import Appearance, Array
+from volspec.appearance.models.cones import broadcast
+from volspec.appearance.spec import ViewingConditions
+
+_EPSILON = float(np.finfo(np.float64).eps)
+
+
+def root(function: Callable[[Array], Array], low: Array, high: Array, rounds: int = 100) -> Array:
+    """Where a function crosses 0 between two ends, for all elements at once [1].
+
+    Parameters
+    ----------
+    function : callable
+        (...) to (...), elementwise.
+    low, high : (...) float64
+        The ends.
+    rounds : int
+        The most evaluations; some ten suffice for smooth functions.
+
+    Returns
+    -------
+    (...) float64
+        NaN where the ends' values have one sign.
+
+    Examples
+    --------
+    >>> levels = np.array([2.0, 9.0, -1.0])
+    >>> root(lambda x: x**2 - levels, np.zeros(3), np.full(3, 4.0)).round(6).tolist()
+    [1.414214, 3.0, nan]
+    """
+    a, b = np.array(high, dtype=np.float64), np.array(low, dtype=np.float64)
+    f_a, f_b = function(a), function(b)
+    bracketed = (f_a <= 0.0) != (f_b <= 0.0)
+    bracketed |= (f_a == 0.0) | (f_b == 0.0)
+    c, f_c, t = a.copy(), f_a.copy(), np.full_like(a, 0.5)
+    with np.errstate(all="ignore"):
+        for _ in range(rounds):
+            x = a + t * (b - a)
+            f_x = function(x)
+            same = np.sign(f_x) == np.sign(f_a)
+            c, f_c = np.where(same, a, b), np.where(same, f_a, f_b)
+            b, f_b = np.where(same, b, a), np.where(same, f_b, f_a)
+            a, f_a = x, f_x
+            best = np.where(np.abs(f_a) < np.abs(f_b), a, b)
+            least = 2.0 * _EPSILON * np.abs(best) / np.abs(b - a)
+            done = (least > 0.5) | (f_a == 0.0) | (f_b == 0.0) | ~bracketed
+            if done.all():
+                break
+            xi, phi = (a - b) / (c - b), (f_a - f_b) / (f_c - f_b)
+            smooth = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
+            guess = f_a / (f_b - f_a) * f_c / (f_b - f_c)
+            guess += (c - a) / (b - a) * f_a / (f_c - f_a) * f_b / (f_c - f_b)
+            t = np.where(smooth & np.isfinite(guess), guess, 0.5)
+            least = np.minimum(least, 0.5)
+            t = np.where(done, 0.0, np.clip(t, least, 1.0 - least))
+    best = np.where(np.abs(f_a) < np.abs(f_b), a, b)
+    return np.where(bracketed, best, np.nan)
+
+
+def _vector(seen: Appearance) -> Array:
+    """(..., 3): J, C cos h, C sin h, which have no seam."""
+    angle = np.radians(seen.h)
+    return np.stack([seen.J, seen.C * np.cos(angle), seen.C * np.sin(angle)], axis=-1)
+
+
+def invert(
+    forward: Callable[[Array, ViewingConditions], Appearance],
+    J: ArrayLike,
+    C: ArrayLike,
+    h: ArrayLike,
+    conditions: ViewingConditions,
+    tolerance: float = 1e-10,
+    rounds: int = 60,
+) -> Array:
+    """Lightness, chroma and hue to XYZ, for any model that only goes forward.
+
+    Levenberg-Marquardt [2] on the cube root of XYZ over the white, every pixel with its own
+    damping, from the XYZ that look so in CIECAM02; what fails begins anew nearer to grey.
+
+    Parameters
+    ----------
+    forward : callable
+        A model's ``forward``.
+    J, C, h : (...) array_like
+        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
+    conditions : ViewingConditions
+        Where the colours shall be seen.
+    tolerance : float
+        How near J and the two parts of C must come, in their units.
+    rounds : int
+        The most steps.
+
+    Returns
+    -------
+    (..., 3) float64
+        NaN where no step came within the tolerance.
+
+    Raises
+    ------
+    ShapeError
+        If the three do not broadcast together.
+
+    Examples
+    --------
+    >>> from volspec.appearance.models import cielab
+    >>> seen_under = ViewingConditions((95.05, 100, 108.88))
+    >>> invert(cielab.forward, 71.6, 47.79, 22.27, seen_under).round(1).tolist()
+    [57.1, 43.1, 32.0]
+    """
+    J, C, h = broadcast("numeric inverse", J, C, h)
+    C, angle = np.maximum(C, 0.0), np.radians(h)
+    target = np.stack([J, C * np.cos(angle), C * np.sin(angle)], axis=-1).reshape(-1, 3)
+    white = np.asarray(conditions.white_XYZ)
+
+    def miss(u: Array, rows: NDArray[np.intp]) -> Array:
+        return np.nan_to_num(_vector(forward(u**3 * white, conditions)) - target[rows], nan=1e9)
+
+    u = np.full_like(target, np.nan)
+    for start in _starts(J, C, h, conditions):
+        rows = np.flatnonzero(np.isnan(u).any(axis=-1))
+        if len(rows) == 0:
+            break
+        u[rows] = _solve(miss, np.asarray(start).reshape(-1, 3)[rows], rows, tolerance, rounds)
+    return (u**3 * white).reshape(*J.shape, 3)
+
+
+def _starts(J: Array, C: Array, h: Array, conditions: ViewingConditions) -> Iterator[Array]:
+    """Cube roots of XYZ / white to begin at: CIECAM02's, halfway to grey, grey."""
+    XYZ = ciecam02.inverse(np.clip(J, 1.0, 120.0), np.minimum(C, 120.0), h, conditions)
+    near = np.clip(np.cbrt(np.nan_to_num(XYZ) / conditions.white_XYZ), 0.01, 2.0)
+    yield near
+    grey = np.broadcast_to(near[..., 1:2], near.shape)
+    yield 0.5 * (near + grey)
+    yield grey
+    yield np.full_like(near, 0.5)
+
+
+def _solve(
+    miss: Callable[[Array, NDArray[np.intp]], Array],
+    u: Array,
+    rows: NDArray[np.intp],
+    tolerance: float,
+    rounds: int,
+) -> Array:
+    """Levenberg-Marquardt from u, (N, 3); NaN where it does not come within the tolerance."""
+    u, r = u.copy(), miss(u, rows)
+    damping = np.full(len(u), 1e-3)
+    left = np.arange(len(u))
+    for _ in range(rounds):
+        # Steps go on below the tolerance: they double the digits. What no damping moves has come
+        # as near as it can.
+        near = np.abs(r[left]).max(axis=-1, initial=0.0) <= 1e-4 * tolerance
+        left = left[~near & (damping[left] < 1e12)]
+        if len(left) == 0:
+            break
+        tried = u[left] + _step(u[left], r[left], damping[left], rows[left], miss)
+        r_tried = miss(tried, rows[left])
+        better = np.linalg.norm(r_tried, axis=-1) < np.linalg.norm(r[left], axis=-1)
+        taken = left[better]
+        u[taken], r[taken] = tried[better], r_tried[better]
+        damping[left] *= np.where(better, 0.05, 8.0)
+        damping = np.maximum(damping, 1e-16)
+    found = np.abs(r).max(axis=-1, initial=0.0) <= tolerance
+    return np.where(found[:, None], u, np.nan)
+
+
+def _step(
+    u: Array,
+    r: Array,
+    damping: Array,
+    rows: NDArray[np.intp],
+    miss: Callable[[Array, NDArray[np.intp]], Array],
+) -> Array:
+    """One damped Gauss-Newton step, (N, 3); slopes are central differences."""
+    size = 1e-5 * np.maximum(np.abs(u), 0.05)
+    columns = []
+    for i in range(3):
+        moved = size[:, i : i + 1] * np.eye(3)[i]
+        columns.append((miss(u + moved, rows) - miss(u - moved, rows)) / (2.0 * size[:, i : i + 1]))
+    slopes = np.stack(columns, axis=-1)
+    turned = slopes.swapaxes(-1, -2)
+    normal = turned @ slopes
+    diagonal = np.einsum("...ii->...i", normal)
+    # A pixel's own scale keeps the matrix invertible where a response has no slope.
+    floor = 1e-14 * diagonal.max(axis=-1, keepdims=True) + 1e-30
+    normal = normal + np.eye(3) * (damping[:, None] * diagonal + floor)[:, None, :]
+    return -np.linalg.solve(normal, (turned @ r[..., None]))[..., 0]

@@ -1,0 +1,149 @@
+"""RLAB: CIELAB's ease, a better adaptation, and a contrast that follows the surround.
+
+    XYZ -> cones, partly adapted -> XYZ under D65 -> power sigma -> L, a, b -> J, C, h
+
+Its ``J, C, h, H, s`` are L^R, C^R, h^R, H^R, s^R. D of the conditions is how much of the light's
+colour is discounted: 1 for prints in a lit room, 0 for self-luminous pictures (also for None).
+
+References
+----------
+[1] Fairchild (1996), "Refinement of the RLAB color space", Color Research & Application 21(5),
+    338-346; *Color Appearance Models* (survey 002), eq. 70-89 with the errata.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from volspec.appearance import constants as k
+from volspec.appearance.hue import CIELAB_HUES, quadrature
+from volspec.appearance.models.base import Appearance, Array
+from volspec.appearance.models.cones import (
+    adaptation,
+    at_surround,
+    broadcast,
+    cones_of_white,
+    discounting,
+)
+from volspec.appearance.passages import CurvePassage, signed_power, triples
+from volspec.appearance.spec import ViewingConditions
+
+NAME = "RLAB"
+
+# Eq. 83. It is (A M)⁻¹ under D65 at D = 1, rows divided by the white.
+REFERENCE_FROM_ADAPTED = np.array(
+    [[1.9569, -1.1882, 0.2313], [0.3612, 0.6388, 0.0], [0.0, 0.0, 1.0]]
+)
+# L, a, b from X_ref^σ, Y_ref^σ, Z_ref^σ (eq. 84-86).
+LAB_FROM_POWERS = np.array([[0.0, 100.0, 0.0], [430.0, -430.0, 0.0], [0.0, 170.0, -170.0]])
+
+
+def exponent(surround: str | float) -> float:
+    """σ: 1/3.5 in the dark, 1/2.9 dim, 1/2.3 average, on straight lines between their ratios."""
+    return at_surround(surround, dark=1.0 / 3.5, dim=1.0 / 2.9, average=1.0 / 2.3)
+
+
+def reference_from_XYZ(conditions: ViewingConditions) -> Array:
+    """(3, 3) R A M: XYZ to those of equal appearance under D65 (eq. 70-83).
+
+    Raises
+    ------
+    ViewingError
+        If the white excites a cone by nothing or less.
+    """
+    white = cones_of_white(NAME, conditions)
+    gains = adaptation(white, conditions.L_A, discounting(conditions)) / white
+    return np.asarray(REFERENCE_FROM_ADAPTED @ (gains[:, None] * k.HPE_FROM_XYZ))
+
+
+def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
+    """XYZ to L^R, C^R, h^R, H^R and s^R; there is no brightness and no colourfulness.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        On the white's scale. What is negative under D65 keeps its sign and is not `defined`.
+    conditions : ViewingConditions
+        Y_b has no influence.
+
+    Returns
+    -------
+    Appearance
+        Each correlate of shape (...).
+
+    Examples
+    --------
+    A case that Fairchild prints, under illuminant A:
+
+    >>> A = ViewingConditions((109.85, 100, 35.58), L_A=31.83, discount=True)
+    >>> seen = forward([19.01, 20.0, 21.78], A)
+    >>> [round(float(each), 2) for each in (seen.J, seen.C, seen.h)]
+    [49.83, 54.87, 286.49]
+    """
+    reference = triples("RLAB: XYZ", XYZ) @ reference_from_XYZ(conditions).T
+    Lab = signed_power(reference, exponent(conditions.surround)) @ LAB_FROM_POWERS.T
+    J, a, b = np.moveaxis(Lab, -1, 0)
+    C, h = np.hypot(a, b), np.degrees(np.arctan2(b, a)) % 360.0
+    return Appearance(
+        J=J,
+        C=C,
+        h=h,
+        H=quadrature(h, CIELAB_HUES),
+        s=np.divide(C, J, out=np.zeros_like(C), where=J > 0.0),
+        defined=np.all(reference >= 0.0, axis=-1),
+    )
+
+
+def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
+    """Lightness, chroma and hue to the XYZ that look so, in closed form; never NaN.
+
+    Parameters
+    ----------
+    J, C, h : (...) array_like
+        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
+    conditions : ViewingConditions
+        Where the colours shall be seen.
+
+    Returns
+    -------
+    (..., 3) float64
+        XYZ on the white's scale.
+
+    Raises
+    ------
+    ShapeError
+        If the three do not broadcast together.
+    """
+    J, C, h = broadcast(NAME, J, C, h)
+    C, angle = np.maximum(C, 0.0), np.radians(h)
+    Lab = np.stack([J, C * np.cos(angle), C * np.sin(angle)], axis=-1)
+    powers = Lab @ np.linalg.inv(LAB_FROM_POWERS).T
+    reference = signed_power(powers, 1.0 / exponent(conditions.surround))
+    return np.asarray(reference @ np.linalg.inv(reference_from_XYZ(conditions)).T)
+
+
+def passage(source: ViewingConditions, target: ViewingConditions) -> CurvePassage:
+    """Inverse after forward in one step: a power per response between two matrices.
+
+    Equal J, C and h are equal X_ref^σ, Y_ref^σ, Z_ref^σ, so X_ref' = X_ref^(σ/σ').
+
+    Parameters
+    ----------
+    source, target : ViewingConditions
+        Where the colours are seen, and where they shall look the same.
+
+    Returns
+    -------
+    CurvePassage
+    """
+    ones = np.ones(3)
+    return CurvePassage(
+        response_from_XYZ=reference_from_XYZ(source),
+        XYZ_from_response=np.asarray(np.linalg.inv(reference_from_XYZ(target)), np.float64),
+        gain=ones,
+        power=ones * exponent(source.surround) / exponent(target.surround),
+        shift=0.0 * ones,
+        offset=0.0 * ones,
+        outer=ones,
+    )

@@ -1,0 +1,190 @@
+"""Viewing conditions by name, each number with where it comes from.
+
+    standards -> [presets] -> Display, ViewingConditions
+
+Where a source gives no adapting luminance, L_A is a fifth of the white's, as a grey background of
+Y_b = 20 has.
+
+References
+----------
+[1] IEC 61966-2-1:1999, reference and typical viewing environment.
+[2] Moroney et al. (2002), "The CIECAM02 Color Appearance Model", 10th Color Imaging Conference,
+    table 1; CIE 159:2004 has the same.
+[3] ISO 3664:2009, viewing conditions P1, P2 and T1.
+[4] SMPTE ST 431-1:2006 (ISO 26431-1), screen luminance of digital cinema.
+[5] SMPTE 196M-2003, indoor theater screen luminance: 55 cd/m² (16 fL), the gate without film.
+[6] Recommendation ITU-R BT.2035 (2013), reference viewing environment for HDTV.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+from volspec.appearance.spec import Display, Triple, ViewingConditions
+from volspec.errors import ViewingError, nearest
+
+
+class Sources(NamedTuple):
+    """Where each number of a preset comes from."""
+
+    white_luminance: str
+    surround: str
+    L_A: str
+    Y_b: str
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """Viewing conditions that a standard or a paper describes."""
+
+    name: str
+    L_A: float
+    """Luminance of the adapting field, cd/m²."""
+    Y_b: float
+    """Luminance factor of the background, percent of white."""
+    surround: str | float
+    """As `surround_at`."""
+    white_luminance: float
+    """Of the display's white or of a perfect diffuser, cd/m²."""
+    space: str
+    """The display that usually stands there, a name of `SPACES`; ``""`` where it is no display."""
+    sources: Sources
+
+    def display(self) -> Display:
+        """A display seen so."""
+        return Display(L_A=self.L_A, Y_b=self.Y_b, surround=self.surround)
+
+    def conditions(self, white_XYZ: Triple) -> ViewingConditions:
+        """A scene seen so, under a white with Y = 100."""
+        return ViewingConditions(white_XYZ, self.L_A, self.Y_b, self.surround)
+
+
+_FIFTH = "a fifth of the white's"
+_GREY = "grey, the models' usual"
+
+
+def _preset(
+    name: str,
+    white: float,
+    surround: str | float,
+    space: str,
+    sources: tuple[str, str, str],
+    L_A: float | None = None,
+    Y_b: str = _GREY,
+) -> Preset:
+    luminance = 0.2 * white if L_A is None else L_A
+    return Preset(name, luminance, 20.0, surround, white, space, Sources(*sources, Y_b))
+
+
+PRESETS: Mapping[str, Preset] = MappingProxyType(
+    {
+        preset.name: preset
+        for preset in (
+            _preset(
+                *("sRGB", 80.0, "average", "sRGB"),
+                (
+                    "IEC 61966-2-1: 80 cd/m²",
+                    "64 lx on white is 20 cd/m², a quarter of the display's: S_R = 0.25 [2]",
+                    "IEC 61966-2-1: 64 lx on reflectance 0.2, 64/π · 0.2",
+                ),
+                L_A=64.0 / math.pi * 0.2,
+                Y_b="IEC 61966-2-1: surround of reflectance 0.2",
+            ),
+            _preset(
+                *("sRGB office", 80.0, "average", "sRGB"),
+                (
+                    "IEC 61966-2-1: 80 cd/m²",
+                    "200 lx on white is 64 cd/m²: S_R = 0.8 [2]",
+                    "IEC 61966-2-1, typical: 200 lx on reflectance 0.2, 200/π · 0.2",
+                ),
+                L_A=200.0 / math.pi * 0.2,
+                Y_b="IEC 61966-2-1: surround of reflectance 0.2",
+            ),
+            _preset(
+                *("bright office", 80.0, "average", "sRGB"),
+                (
+                    "Moroney 2002: 80 cd/m²",
+                    "Moroney 2002: 500 lx, S_R = 2",
+                    "Moroney 2002: 15 cd/m²",
+                ),
+                L_A=15.0,
+            ),
+            _preset(
+                *("dim room", 80.0, "dim", "sRGB"),
+                (
+                    "Moroney 2002: 80 cd/m²",
+                    "Moroney 2002, display at home: 38 lx, S_R = 0.15, dim",
+                    "Moroney 2002: 20 cd/m²",
+                ),
+                L_A=20.0,
+            ),
+            _preset(
+                *("television studio", 100.0, "dim", "Rec. 709"),
+                ("BT.2035: 100 cd/m²", "BT.2035: a tenth of the white's, S_R = 0.1", _FIFTH),
+            ),
+            _preset(
+                *("cinema", 48.0, "dark", "DCI-P3"),
+                ("SMPTE ST 431-1: 48 cd/m²", "a darkened theatre: S_R = 0", _FIFTH),
+            ),
+            _preset(
+                *("film projector", 55.0, "dark", ""),
+                ("SMPTE 196M: 55 cd/m², no film", "a darkened theatre: S_R = 0", _FIFTH),
+            ),
+            _preset(
+                *("projector", 150.0, "dark", "sRGB"),
+                (
+                    "Moroney 2002, slides: 150 cd/m²",
+                    "Moroney 2002: 0 lx, S_R = 0",
+                    "Moroney 2002: 30 cd/m²",
+                ),
+                L_A=30.0,
+            ),
+            _preset(
+                *("light box", 1270.0, "dim", ""),
+                ("ISO 3664 T1: 1270 cd/m²", "ISO 3664 T1: at most a tenth of the white's", _FIFTH),
+            ),
+            _preset(
+                *("light booth", 2000.0 / math.pi, "average", ""),
+                ("ISO 3664 P1: 2000 lx", "lit as the print is: S_R = 1 [2]", _FIFTH),
+            ),
+            _preset(
+                *("print", 500.0 / math.pi, "average", ""),
+                ("ISO 3664 P2: 500 lx", "lit as the print is: S_R = 1 [2]", _FIFTH),
+            ),
+        )
+    }
+)
+
+
+def preset(name: str) -> Preset:
+    """Viewing conditions by name.
+
+    Parameters
+    ----------
+    name : str
+        One of `PRESETS`.
+
+    Returns
+    -------
+    Preset
+
+    Raises
+    ------
+    ViewingError
+        If there is none of that name; the nearest are given.
+
+    Examples
+    --------
+    >>> preset("cinema").display().surround
+    'dark'
+    """
+    if name in PRESETS:
+        return PRESETS[name]
+    raise ViewingError(
+        f"viewing preset {name!r} is unknown; {nearest(str(name), PRESETS)}known: "
+        f"{', '.join(PRESETS)}"
+    )

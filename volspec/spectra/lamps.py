@@ -1,0 +1,217 @@
+"""Lamps and the sky by name: temperature, lumens per watt, lux at a distance.
+
+    observer, photometry -> [lamps] -> lights (``lamp:halogen-3300``), scene
+
+References
+----------
+[1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity",
+    section 3, eq. 2-4, table 4 (temperatures, and efficacies where it has them).
+[2] BIPM, SI brochure, 9th edition: 683 lm/W at 540 THz.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from volspec.errors import SpectrumError, nearest
+from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.photometry import LUMINOUS_EFFICACY, illuminance_lux
+from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.values import light_power
+
+PREFIX = "lamp"
+
+
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    """A row of table 4 [1]: a source as the Planck radiator that comes nearest to it."""
+
+    name: str
+    what: str
+    kelvin: float
+    efficacy_lm_per_W: float | None = None
+    """Lumens per watt of electrical power; None where the table has none."""
+
+
+_TABLE = (
+    Lamp("north-sky-7500", "north-sky light", 7500.0),
+    Lamp("daylight-6500", "average daylight", 6500.0),
+    Lamp("xenon-6500", "xenon flash", 6500.0),
+    Lamp("sun-and-sky-5500", "sunlight and skylight", 5500.0),
+    Lamp("sun-4700", "sunlight, sun 20° high", 4700.0),
+    Lamp("sun-4000", "sunlight, sun 10° high", 4000.0),
+    Lamp("fluorescent-3500", "fluorescent lamps, white or natural", 3500.0),
+    Lamp("halogen-3300", "tungsten halogen lamps of short life", 3300.0),
+    Lamp("studio-3200", "studio tungsten lamps", 3200.0, 25.0),
+    Lamp("fluorescent-3000", "fluorescent lamps, warm white", 3000.0, 83.0),
+    Lamp("halogen-3000", "tungsten halogen lamps of long life", 3000.0, 21.0),
+    Lamp("tungsten-2850", "tungsten, 100 W at 110 V", 2850.0, 15.0),
+    Lamp("tungsten-2750", "tungsten, 100 W at 240 V", 2750.0, 13.0),
+    Lamp("tungsten-2700", "tungsten, 40 W at 110 V", 2700.0, 12.0),
+    Lamp("tungsten-2650", "tungsten, 40 W at 240 V", 2650.0, 10.0),
+    Lamp("sunset-2000", "sunlight at sunset", 2000.0),
+    Lamp("candle-1900", "candle flame", 1900.0),
+)
+LAMPS: Mapping[str, Lamp] = MappingProxyType({row.name: row for row in _TABLE})
+
+
+def lamp(name: str) -> Lamp:
+    """A lamp by name, with or without ``lamp:``, in any case.
+
+    Raises
+    ------
+    SpectrumError
+        If there is none of that name; the nearest are given.
+
+    Examples
+    --------
+    >>> lamp("lamp:studio-3200").efficacy_lm_per_W
+    25.0
+    """
+    bare = str(name).strip().casefold().removeprefix(f"{PREFIX}:").strip()
+    if bare in LAMPS:
+        return LAMPS[bare]
+    raise SpectrumError(
+        f"lamp {name!r} is unknown; {nearest(bare, LAMPS)}known: {', '.join(LAMPS)}"
+    )
+
+
+def flux_lm(of: str | Lamp, power_W: float) -> float:
+    """Luminous flux of a lamp, lm: power times efficacy.
+
+    Parameters
+    ----------
+    of : str or Lamp
+    power_W : float
+        Electrical power.
+
+    Raises
+    ------
+    SpectrumError
+        If the lamp is unknown or table 4 has no efficacy for it, or the power is not above 0.
+    """
+    source = of if isinstance(of, Lamp) else lamp(of)
+    _require_above_0("power_W", power_W)
+    if source.efficacy_lm_per_W is None:
+        known = (row.name for row in _TABLE if row.efficacy_lm_per_W is not None)
+        raise SpectrumError(
+            f"lamp {source.name!r}: the table has no lumens per watt for {source.what}; give lux "
+            f"yourself, or take one of {', '.join(known)}"
+        )
+    return power_W * source.efficacy_lm_per_W
+
+
+def lamp_illuminance_lux(
+    of: str | Lamp, power_W: float, distance_m: float, beam_deg: float | None = None
+) -> float:
+    """Illuminance at normal incidence from a lamp as a point, lux.
+
+        E = Φ / (Ω d²),  Ω = 4π, or 2π (1 - cos(beam / 2)) for a spotlight
+
+    Parameters
+    ----------
+    of : str or Lamp
+    power_W : float
+        Electrical power.
+    distance_m : float
+    beam_deg : float, optional
+        Full angle of a cone that takes all of the flux, evenly; None shines all around.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    SpectrumError
+        As `flux_lm`, or if the distance is not above 0 or the angle not within 0…360.
+
+    Examples
+    --------
+    >>> round(lamp_illuminance_lux("tungsten-2850", 100, 1.0), 1)
+    119.4
+    """
+    _require_above_0("distance_m", distance_m)
+    beam = 360.0 if beam_deg is None else beam_deg
+    if not 0.0 < beam <= 360.0:
+        raise SpectrumError(f"lamp: beam_deg is {beam_deg!r}; expected above 0, 360 at most")
+    solid_angle = 4.0 * math.pi * math.sin(math.radians(beam) / 4.0) ** 2
+    return flux_lm(of, power_W) / (solid_angle * distance_m**2)
+
+
+def lumens_per_watt(radiation: Spectrum) -> float:
+    """Luminous efficacy of radiation, lm/W: 683 ∑ E V / ∑ E over the spectrum's own range.
+
+    Not a lamp's efficacy, which also counts what it radiates elsewhere and does not radiate.
+    """
+    grid = radiation.grid
+    power = light_power(radiation, grid)
+    return float(LUMINOUS_EFFICACY * (color_matching_functions(grid)[1] @ power) / power.sum())
+
+
+def monochromatic_lm(power_W: float, wavelength_nm: float) -> float:
+    """Lumens of light of one wavelength: 683 V(λ) P [1, eq. 2].
+
+    Raises
+    ------
+    SpectrumError
+        If the wavelength is outside of 360-830 nm.
+
+    Examples
+    --------
+    >>> round(monochromatic_lm(1.0, 555.0), 1)
+    683.0
+    """
+    if not 360.0 <= wavelength_nm <= 830.0:
+        raise SpectrumError(f"lamp: wavelength {wavelength_nm:g} nm; expected within 360-830 nm")
+    return LUMINOUS_EFFICACY * luminosity(wavelength_nm) * power_W
+
+
+def luminosity(wavelength_nm: float) -> float:
+    """V(λ) of CIE 1931, linear between whole nanometres; 0 outside of 360-830 nm."""
+    from volspec.spectra._colour import colour_science
+
+    table = colour_science().MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    return float(np.interp(wavelength_nm, table.wavelengths, table.values[:, 1], left=0, right=0))
+
+
+def irradiance(light: Spectrum, illuminance: float, grid: SpectralGrid | None = None) -> Spectrum:
+    """A light's shape as spectral irradiance that gives so many lux: photometric to radiometric.
+
+    Parameters
+    ----------
+    light : Spectrum
+        Relative power.
+    illuminance : float
+        E_v, lux.
+    grid : SpectralGrid, optional
+        None is the light's own.
+
+    Returns
+    -------
+    Spectrum
+        W / (m² nm); `volspec.spectra.photometry.illuminance_lux` of it is E_v.
+
+    Raises
+    ------
+    SpectrumError
+        If the light has no luminous energy or the illuminance is not above 0.
+    """
+    _require_above_0("illuminance", illuminance)
+    shape = light if grid is None else light.on(grid)
+    power = light_power(shape, shape.grid)
+    relative = Spectrum(shape.wavelengths_nm, power, shape.name)
+    return Spectrum(
+        shape.wavelengths_nm, power * (illuminance / illuminance_lux(relative)), shape.name
+    )
+
+
+def _require_above_0(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise SpectrumError(f"lamp: {name} is {value!r}; expected a finite number above 0")
