@@ -38,8 +38,6 @@ class ModelPassage:
         shown = self.model.inverse(seen.J, seen.C, seen.h, self.display)
         ends = (Conditions.of_viewing(each) for each in (self.scene, self.display))
         known = np.isfinite(shown).all(axis=-1, keepdims=True)
-        if seen.defined is not None:
-            known &= np.asarray(seen.defined)[..., None]
         return np.where(known, shown, CamPassage.between(*ends).apply(XYZ))
 
 

@@ -22,13 +22,10 @@ Array = NDArray[np.float64]
 
 @runtime_checkable
 class Passage(Protocol):
-    """What takes colours from one condition to another and back."""
+    """What takes colours from one condition to another; those in closed form also ``undo`` it."""
 
     def apply(self, XYZ: ArrayLike) -> Array:
         """(..., 3) XYZ to those of equal appearance; total on finite input."""
-
-    def undo(self, XYZ: ArrayLike) -> Array:
-        """(..., 3) back again."""
 
 
 def triples(name: str, values: ArrayLike) -> Array:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import numbers
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -176,8 +176,9 @@ class ViewingConditions:
         **others
             As the constructor's, but L_A.
         """
-        Y_b = others.get("Y_b", cls.__dataclass_fields__["Y_b"].default)
-        return cls(white_XYZ, illuminance_lux / math.pi * Y_b / white_XYZ[1], **others)
+        _require_not_negative("illuminance_lux", illuminance_lux, "an office has 500")
+        dark = cls(white_XYZ, 0.0, **others)
+        return replace(dark, L_A=illuminance_lux / math.pi * dark.Y_b / dark.white_XYZ[1])
 
     @property
     def factors(self) -> Surround:

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from volspec.cli.shell import Json, app, print_json
 from volspec.cli.triples import read_triples
-from volspec.errors import InputError, ViewingError, nearest
+from volspec.errors import InputError
 
 if TYPE_CHECKING:
     from volspec.appearance import ViewingConditions
@@ -39,13 +39,15 @@ def _conditions(
     except ValueError:
         given = None
     X, Y, Z = white_XYZ(light(white)).tolist() if given is None else given
+    others = {"Y_b": Y_b, "surround": _surround(surround), "D": D, "discount": discount}
+    return ViewingConditions.of_lux((X, Y, Z), lux, **others)
+
+
+def _surround(text: str) -> str | float:
     try:
-        ratio: str | float = float(surround)
+        return float(text)
     except ValueError:
-        ratio = surround
-    if not lux >= 0:
-        raise ViewingError(f"--lux is {lux}; expected 0 or above")
-    return ViewingConditions.of_lux((X, Y, Z), lux, Y_b=Y_b, surround=ratio, D=D, discount=discount)
+        return text
 
 
 @app.command
@@ -139,7 +141,9 @@ def appearance(
     if image is not None:
         if output is None or values or table:
             raise InputError(f"{image}: a picture of models goes to a file; give -o FILE.png alone")
-        _picture(image, white, model, lux, Y_b, surround, D, discount, output)
+        viewing = {"illuminance_lux": lux, "Y_b": Y_b, "surround": _surround(surround)}
+        models = None if model == ["all"] else model
+        _picture(image, white, models, viewing | {"D": D, "discount": discount}, output)
         return
     if output is not None:
         raise InputError(f"{output}: only --image makes a picture; numbers are printed")
@@ -151,7 +155,8 @@ def appearance(
     for name in asked:
         chosen = find(name)
         if inverse:
-            back = chosen.inverse(*colours.T, seen)
+            J, C, h = colours.T
+            back = chosen.inverse(J, C, h, seen)
             found = [dict(zip(XYZ, row.tolist(), strict=True)) for row in back]
         else:
             found = _correlates(chosen.forward(colours, seen), len(colours))
@@ -184,26 +189,28 @@ def _show(title: str, rows: list[dict[str, Any]], as_json: bool) -> None:
     if as_json:
         print_json([{k: None if v != v else v for k, v in row.items()} for row in rows])
         return
-    table = Rich(title=title, title_justify="left", box=None, pad_edge=False)
     names = list(dict.fromkeys(name for row in rows for name in row))
-    for name in names:
-        table.add_column(name, justify="right")
+    # What is the same for all is told once, or not at all.
+    if "L_A" in names:
+        title += f", L_A {rows[0]['L_A']:.4g} cd/m², Y_b {rows[0]['Y_b']:g}"
+    plain = all(row["defined"] for row in rows if "defined" in row)
+    hidden = {"L_A", "Y_b", *(["defined"] if plain else [])}
+    alike = [name for name in names[:4] if "model" in names and len({r[name] for r in rows}) == 1]
+    for name in alike if len(rows) > 1 else ():
+        title += f", {name} {rows[0][name]}"
+        hidden.add(name)
+    table = Rich(title=title, title_justify="left", box=None, pad_edge=False)
+    shown = [name for name in names if name not in hidden]
+    for name in shown:
+        table.add_column(name, justify="left" if name == "model" else "right", no_wrap=True)
     for row in rows:
-        cells = [row.get(name, "") for name in names]
-        table.add_row(*(f"{cell:.4f}" if isinstance(cell, float) else str(cell) for cell in cells))
+        cells = [row.get(name, "") for name in shown]
+        table.add_row(*(f"{cell:.2f}" if isinstance(cell, float) else str(cell) for cell in cells))
     Console().print(table)
 
 
 def _picture(
-    image: Path,
-    white: str,
-    models: list[str] | None,
-    lux: float,
-    Y_b: float,
-    surround: str,
-    D: float | None,
-    discount: bool,
-    output: Path,
+    image: Path, white: str, models: list[str] | None, viewing: dict[str, Any], output: Path
 ) -> None:
     """A stored image under a light, by every model."""
     from volspec import __version__
@@ -216,25 +223,15 @@ def _picture(
     from volspec.spectra import light
 
     require_writable(output)
-    for name in models or ():
-        if name not in MODELS:
-            raise ViewingError(
-                f"model is {name!r}; {nearest(name, MODELS)}known: {', '.join(MODELS)}"
-            )
+    if output.suffix.lower() != ".png":
+        raise InputError(f"{output}: the picture is a PNG file; name it .png")
+    looks = [Viewing(name, **viewing) for name in models or MODELS]
     stored = CoefficientImage.load(image)
     lamp = light(white, stored.basis.grid)
-    try:
-        ratio: str | float = float(surround)
-    except ValueError:
-        ratio = surround
-    seen = []
     with Relighter(stored) as relighter:
-        for name in models or MODELS:
-            viewing = Viewing(
-                name, illuminance_lux=lux, Y_b=Y_b, surround=ratio, D=D, discount=discount
-            )
-            seen.append(Seen(name, NOTES.get(name, ""), relighter.frame(lamp, viewing)))
-    sheet = comparison_sheet(f"{image.stem} under {white}, {lux:g} lx", seen)
+        seen = [Seen(look.model, NOTES[look.model], relighter.frame(lamp, look)) for look in looks]
+    lux = viewing["illuminance_lux"]
+    sheet = comparison_sheet(f"{image.stem} under {white}, {lux:g} lx", seen, columns=4)
     write_frame(output, sheet, {"light": white, "Software": f"volspec {__version__}"})
     Console().print(f"{output}", highlight=False, soft_wrap=True)
 
