@@ -34,7 +34,7 @@ def test_the_shader_draws_a_model_as_numpy_does(model: str, name: str) -> None:
     print(f"{model} under {name}: CIEDE2000 mean {error.mean():.5f}, max {error.max():.5f}")
     if model in TABLED:
         # Nayatani's turns within a node's width of black: the worst is a purple of Y = 2.3, 11.
-        assert error.mean() <= 0.10 and np.percentile(error, 99) <= 0.8
+        assert error.mean() <= 0.10 and np.percentile(error, 95) <= 0.3
     else:  # off by float32 alone
         assert error.mean() <= 0.001 and error.max() <= 0.02
 

@@ -137,7 +137,8 @@ def relight(
     taken_under
         The light of a spectral picture of radiances (`S0.550,000000nm`, …).
     model
-        What the eye makes of it: CIECAM02, or none (no adaptation). As in the scene when left out.
+        What the eye makes of it: CIECAM02, CAM16, RLAB, Hunt, CAT02, none, … As in the scene when
+        left out.
     mode
         componentwise, exact (the light matrix) or linear-model. As in the scene when left out.
     backdrop
