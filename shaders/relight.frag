@@ -2,7 +2,7 @@
 //
 //     XYZ   = Σ D_g (e_g ∘ C_g) + (1 - alpha) XYZ_backdrop    over light groups g;
 //                                                              P_E C_g in exact mode
-//     frame = encode(appearance(XYZ))
+//     frame = encode(gamut(appearance(XYZ)))
 //
 // NumPy twin: volspec/relight/host.py; truth: volspec/relight/reference.py (colour-science).
 //
@@ -17,10 +17,13 @@
 //         passage        what takes scene XYZ to the display's: include/curve.glsl, cam.glsl or
 //                        table.glsl; absent where a matrix does, which the host has put into
 //                        XYZ_from_layer and backdrop_XYZ.
-// Writes  frame          sRGB code values 0 to 1, alpha 1.
+//         gamut          what the display cannot show, see include/gamut.glsl; where REDUCE.
+// Writes  frame          code values of the display, 0 to 1, alpha 1.
 // Host    LAYERS, FORM (LINEAR, CURVE, CAM or TABLE), what the forms want, FIRST_ROW_AT_BOTTOM (1 where what is
 //         drawn will be read back, GL's rows running up; 0 for a canvas or window), IMAGE_HEIGHT
-//         (pixels, used if 0), and volspec.appearance.constants.shader_constants().
+//         (pixels, used if 0), REDUCE and MARK (1 where the display does so), and the numbers of
+//         volspec.appearance.constants.shader_constants(), of the display's
+//         ColourSpace.shader_constants() and of volspec.appearance.screen.SHADER_CONSTANTS.
 //
 // Valid for `330 core` and `300 es`; the host writes the version line.
 #ifdef GL_ES
@@ -30,6 +33,7 @@ precision highp sampler2DArray;
 #endif
 
 #include "display.glsl"
+#include "gamut.glsl"
 #if FORM == CURVE
 #include "curve.glsl"
 #elif FORM == CAM
@@ -63,5 +67,15 @@ void main() {
 #else
     vec3 linear = displayed_from_scene(XYZ);
 #endif
-    frame = vec4(encode(linear), 1.0);
+#if REDUCE || MARK
+    bool outside = !is_shown(linear);
+#endif
+#if REDUCE
+    if (outside) linear = paled(linear);
+#endif
+    vec3 code = encode(linear);
+#if MARK
+    if (outside) code = marked(code, pixel);
+#endif
+    frame = vec4(code, 1.0);
 }

@@ -42,6 +42,7 @@ SECTIONS: dict[str, type[tables.Table]] = {
     "point": light_tables.PointLightTable,
     "`[[light]]`": light_tables.LightTable,
     "`[viewing]`": tables.ViewingTable,
+    "`[viewing.display]`": tables.DisplayTable,
     "`[output]`": tables.OutputTable,
 }
 # Tables that are written as rows or fields of others, never by themselves.

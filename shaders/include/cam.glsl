@@ -23,7 +23,7 @@
 struct Passage {
     mat3 response_from_XYZ;    // the scene's F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, or
                                // F_L/100 · diag(D_RGB) · CAT16
-    mat3 linear_from_response; // the display's inverse of it · 27.13^(1/0.42), to linear sRGB
+    mat3 linear_from_response; // the display's inverse of it · 27.13^(1/0.42), to linear RGB
     float scene_achromatic;    // w, the scene white's p2 - 0.305
     float display_achromatic;  // w', the display white's
 #if !SAME_SURROUND

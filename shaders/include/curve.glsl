@@ -12,7 +12,7 @@
 
 struct Passage {
     mat3 response_from_XYZ;
-    mat3 linear_from_response;  // the display's inverse of it, to linear sRGB
+    mat3 linear_from_response;  // the display's inverse of it, to linear RGB
     vec3 gain;
     vec3 power;
     vec3 shift;

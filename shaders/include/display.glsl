@@ -1,7 +1,7 @@
-// The display's encoding: clip to the gamut, then sRGB's transfer function (IEC 61966-2-1).
+// The display's encoding: clip to the gamut, then its transfer function, a power with a toe.
 //
-// NumPy twin: volspec/appearance/srgb.py, encode.
-// Host sets OETF_TOE, OETF_SLOPE, OETF_GAIN, OETF_POWER.
+// NumPy twin: volspec/appearance/curves.py, Transfer.encode, after the clip.
+// Host sets OETF_TOE (0 without a toe), OETF_SLOPE, OETF_GAIN, OETF_POWER.
 
 vec3 encode(vec3 linear) {
     vec3 x = clamp(linear, 0.0, 1.0);

@@ -14,7 +14,7 @@ from volspec.appearance.models.cielab import cielab
 from volspec.appearance.srgb import decode, to_uint8
 from volspec.errors import OpenGLError
 from volspec.relight import Illumination
-from volspec.relight import gpu as gpu_module
+from volspec.relight import programs as programs_module
 from volspec.relight.gpu import GLEngine
 from volspec.relight.host import HostEngine
 from volspec.relight.reference import encoded_frame
@@ -160,7 +160,7 @@ def test_same_source_draws_the_same_picture_as_webgl_2(model, monkeypatch):
     coefficients, alpha, lit = opaque(surfaces(white), white)
     frames = []
     for version in ("330 core", "300 es"):
-        monkeypatch.setattr(gpu_module, "_GLSL", version)
+        monkeypatch.setattr(programs_module, "_GLSL", version)
         gl = GLEngine(coefficients, alpha)
         frames.append(gl.render(lit, Viewing(model=model), np.uint8))
         gl.close()
@@ -174,7 +174,7 @@ def test_a_canvas_shows_row_0_at_the_top(monkeypatch):
     read_back = gl.render(lit, Viewing(), np.uint8)
     gl.close()
     monkeypatch.setattr(
-        gpu_module,
+        programs_module,
         "prelude",
         lambda constants, language: prelude({**constants, "FIRST_ROW_AT_BOTTOM": 0}, language),
     )
@@ -188,7 +188,8 @@ def test_a_canvas_shows_row_0_at_the_top(monkeypatch):
 def test_compiler_errors_name_the_file_and_line():
     context = headless_context()
     vertex = assemble("shaders/fullscreen.vert", "", glsl_version="330 core")
-    form = {"FORM": 2, "LINEAR": 0, "CURVE": 1, "CAM": 2, "SAME_SURROUND": 0}
+    form = {"FORM": 2, "LINEAR": 0, "CURVE": 1, "CAM": 2, "TABLE": 3, "SAME_SURROUND": 0}
+    form |= {"REDUCE": 0, "MARK": 0}
     constants = {"LAYERS": 2, "FIRST_ROW_AT_BOTTOM": 1, "IMAGE_HEIGHT": 4, **form}
     lines = prelude({**constants, **shader_constants()}, "glsl")
     fragment = assemble("shaders/relight.frag", lines, glsl_version="330 core")

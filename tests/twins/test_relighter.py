@@ -23,6 +23,7 @@ from volspec.errors import (
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module
+from volspec.relight import programs as programs_module
 from volspec.relight.reference import relight_reference
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.observer import color_matching_functions
@@ -173,7 +174,7 @@ def test_light_change_uploads_nothing(monkeypatch):
 
         monkeypatch.setattr(gpu_module.GLEngine, "upload", refuse)
         monkeypatch.setattr(gpu_module, "pack_layers", refuse)
-        monkeypatch.setattr(gpu_module, "compile_program", refuse)
+        monkeypatch.setattr(programs_module, "compile_program", refuse)
         assert not np.array_equal(first, relighter.frame(light("D65")))
         assert np.array_equal(first, relighter.frame(light("A")))
 

@@ -218,7 +218,7 @@ def reduce_chroma_opponent(
     steps : int
         Halvings; the chroma left out is 2^-steps of the way at most.
     slack : float
-        So far outside of 0…1 counts as inside; a float32 shader wants 1e-5.
+        So far outside of 0…1 counts as inside; frames take `volspec.appearance.screen.SLACK`.
 
     Returns
     -------

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
+from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Display, Triple, ViewingConditions
 from volspec.errors import ViewingError, nearest
 
@@ -54,9 +55,16 @@ class Preset:
     """The display that usually stands there, a name of `SPACES`; ``""`` where it is no display."""
     sources: Sources
 
-    def display(self) -> Display:
-        """A display seen so."""
-        return Display(L_A=self.L_A, Y_b=self.Y_b, surround=self.surround)
+    def display(self, space: str | ColourSpace = "sRGB", gamut: str = "clip") -> Display:
+        """A display seen so; ``space`` is that of the picture, which may not be the preset's."""
+        return Display(
+            L_A=self.L_A,
+            Y_b=self.Y_b,
+            surround=self.surround,
+            space=space,
+            gamut=gamut,
+            white_cd_m2=self.white_luminance,
+        )
 
     def conditions(self, white_XYZ: Triple) -> ViewingConditions:
         """A scene seen so, under a white with Y = 100."""

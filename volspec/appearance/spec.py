@@ -1,27 +1,44 @@
-"""Viewing conditions: what surrounds the eye in the scene and at the display.
+"""How a scene is looked at: model, viewing conditions and the display.
 
     raycast -> relight -> [appearance] -> frame
 
-References
-----------
-[1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity",
-    table 5 and section 7.1, with the errata of CIE 159:2004 (dim: N_c = 0.9).
-[2] IEC 61966-2-1:1999 (sRGB: 64 lx ambient light, background of reflectance 0.2).
+Surrounds and conditions stand in `volspec.appearance.surround`, displays in
+`volspec.appearance.display`; both can be had from here.
 """
 
 from __future__ import annotations
 
 import math
-import numbers
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec.appearance import constants as k
-from volspec.errors import ViewingError, nearest
+from volspec.appearance.display import Display
+from volspec.appearance.surround import (
+    SURROUND_RATIOS,
+    SURROUNDS,
+    Surround,
+    Triple,
+    ViewingConditions,
+    require_known,
+    require_not_negative,
+    require_positive,
+    surround_at,
+)
+from volspec.errors import ViewingError
+
+__all__ = [
+    "MODELS",
+    "SURROUNDS",
+    "SURROUND_RATIOS",
+    "Display",
+    "Surround",
+    "Triple",
+    "Viewing",
+    "ViewingConditions",
+    "surround_at",
+]
 
 MODELS = (
     *("CIECAM02", "CAM16", "CIELAB", "RLAB", "Hunt", "Nayatani95"),
@@ -29,201 +46,6 @@ MODELS = (
     *("none", "von Kries", "Bradford", "Sharp", "CAT02", "CAT16"),
     *("Nayatani", "CIE 1994", "Guth", "Fairchild 1990"),
 )
-Triple = tuple[float, float, float]
-
-
-class Surround(NamedTuple):
-    """CIECAM02's three factors of a surround; unitless."""
-
-    F: float
-    """Largest degree of adaptation."""
-    c: float
-    """Impact of the surround on lightness."""
-    N_c: float
-    """Chromatic induction."""
-
-
-SURROUNDS = MappingProxyType(
-    {
-        "average": Surround(F=1.0, c=0.69, N_c=1.0),
-        "dim": Surround(F=0.9, c=0.59, N_c=0.9),
-        "dark": Surround(F=0.8, c=0.525, N_c=0.8),
-    }
-)
-
-
-# Luminance of a surround's white over that of the picture's white (CIE 159: dim is below 0.2).
-SURROUND_RATIOS = MappingProxyType({"dark": 0.0, "dim": 0.1, "average": 0.2})
-
-
-def surround_at(surround: str | float) -> Surround:
-    """A surround by name or by its ratio, linear between dark, dim and average.
-
-    Parameters
-    ----------
-    surround : str or float
-        One of `SURROUNDS`, or S_R = L_surround / L_white, 0 to 1: dark at 0, dim at 0.1,
-        average from 0.2 on [1, section 7.1; CIE 159].
-
-    Raises
-    ------
-    ViewingError
-        If the name is unknown or the ratio outside 0…1.
-
-    Examples
-    --------
-    >>> surround_at(0.15)
-    Surround(F=0.95, c=0.64, N_c=0.95)
-    """
-    if isinstance(surround, str):
-        _require_known("surround", surround, tuple(SURROUNDS))
-        return SURROUNDS[surround]
-    if not (_is_finite(surround) and 0.0 <= surround <= 1.0):
-        raise ViewingError(
-            f"surround is {surround!r}; expected 0 (dark) to 1, or one of {', '.join(SURROUNDS)}"
-        )
-    names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
-    ratios = [SURROUND_RATIOS[name] for name in names]
-    factors = np.array([SURROUNDS[name] for name in names])
-    return Surround(*(round(float(np.interp(surround, ratios, f)), 12) for f in factors.T))
-
-
-def _require_known(name: str, value: object, known: tuple[str, ...]) -> None:
-    if value in known:
-        return
-    raise ViewingError(
-        f"{name} is {value!r}; {nearest(str(value), known)}known: {', '.join(known)}"
-    )
-
-
-def _is_finite(value: object) -> bool:
-    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    return real and math.isfinite(value)  # type: ignore[arg-type]
-
-
-def _require_not_negative(name: str, value: float, remedy: str) -> None:
-    if not (_is_finite(value) and value >= 0.0):
-        raise ViewingError(f"{name} is {value!r}; expected a finite number, 0 or above ({remedy})")
-
-
-def _require_positive(name: str, value: float, remedy: str) -> None:
-    if not (_is_finite(value) and value > 0.0):
-        raise ViewingError(f"{name} is {value!r}; expected a finite number above 0 ({remedy})")
-
-
-@dataclass(frozen=True, slots=True)
-class ViewingConditions:
-    """What an eye is adapted to: all that an adaptation or an appearance model asks.
-
-    Parameters
-    ----------
-    white_XYZ : (X, Y, Z)
-        The adopted white; Y = 100 for a perfect diffuser.
-    L_A : float
-        Luminance of the adapting field, cd/m². At 0 models take the limit from above.
-    Y_b : float
-        Luminance factor of the background, on the white's scale. 0 likewise.
-    surround : str or float
-        As `surround_at`.
-    D : float, optional
-        Degree of adaptation, 0 to 1; None is the model's own.
-    discount : bool
-        The eye takes the light's colour off whole, as it does with things it knows to be lit.
-
-    Raises
-    ------
-    ViewingError
-        If the white has a channel that is not above 0, or a number is out of range.
-
-    Examples
-    --------
-    >>> round(ViewingConditions.of_lux((95.05, 100, 108.88), 1000).L_A, 2)
-    63.66
-    """
-
-    white_XYZ: Triple
-    L_A: float = 64.0 / math.pi * 0.2
-    Y_b: float = 20.0
-    surround: str | float = "average"
-    D: float | None = None
-    discount: bool = False
-
-    def __post_init__(self) -> None:
-        white = tuple(float(value) for value in self.white_XYZ)
-        if len(white) != 3 or not all(math.isfinite(value) and value > 0 for value in white):
-            raise ViewingError(
-                f"ViewingConditions.white_XYZ is {self.white_XYZ}; expected three finite numbers "
-                "above 0, as (95.05, 100, 108.88)"
-            )
-        object.__setattr__(self, "white_XYZ", white)
-        _require_not_negative("ViewingConditions.L_A", self.L_A, "cd/m²")
-        _require_not_negative("ViewingConditions.Y_b", self.Y_b, "percent of white; grey is 20")
-        surround_at(self.surround)
-        if self.D is not None and not 0.0 <= self.D <= 1.0:
-            raise ViewingError(
-                f"ViewingConditions.D is {self.D!r}; expected 0 (no adaptation) to 1 (complete), "
-                "or None for the model's own"
-            )
-
-    @classmethod
-    def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **others: Any) -> ViewingConditions:
-        """Conditions under a light of E_v lux: L_A = E_v/π · Y_b/Y_w.
-
-        Parameters
-        ----------
-        white_XYZ : (X, Y, Z)
-        illuminance_lux : float
-        **others
-            As the constructor's, but L_A.
-        """
-        _require_not_negative("illuminance_lux", illuminance_lux, "an office has 500")
-        dark = cls(white_XYZ, 0.0, **others)
-        return replace(dark, L_A=illuminance_lux / math.pi * dark.Y_b / dark.white_XYZ[1])
-
-    @property
-    def factors(self) -> Surround:
-        """F, c and N_c of the surround."""
-        return surround_at(self.surround)
-
-
-@dataclass(frozen=True, slots=True)
-class Display:
-    """An sRGB display and the room it stands in.
-
-    Parameters
-    ----------
-    L_A : float
-        Luminance of the adapting field, cd/m². The default is sRGB's: a diffuser of
-        reflectance 0.2 under 64 lx.
-    Y_b : float
-        Luminance factor of the background, percent of the display's white.
-    surround : str or float
-        As `surround_at`.
-
-    Raises
-    ------
-    ViewingError
-        If a number is not positive or the surround is unknown.
-
-    Notes
-    -----
-    Primaries, white (D65, x = 0.3127, y = 0.3290) and transfer function are sRGB's [2].
-    """
-
-    L_A: float = 64.0 / math.pi * 0.2
-    Y_b: float = 20.0
-    surround: str | float = "average"
-
-    def __post_init__(self) -> None:
-        _require_not_negative("Display.L_A", self.L_A, "cd/m²; sRGB's is 4.07")
-        _require_not_negative("Display.Y_b", self.Y_b, "percent of white; grey is 20")
-        surround_at(self.surround)
-
-    @property
-    def conditions(self) -> ViewingConditions:
-        """What the eye before it is adapted to; Y = 100 for its white."""
-        X, Y, Z = k.DISPLAY_WHITE_XYZ.tolist()
-        return ViewingConditions((X, Y, Z), self.L_A, self.Y_b, self.surround)
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,18 +105,18 @@ class Viewing:
     display: Display = field(default_factory=Display)
 
     def __post_init__(self) -> None:
-        _require_known("Viewing.model", self.model, MODELS)
-        _require_positive("Viewing.illuminance_lux", self.illuminance_lux, "an office has 500")
+        require_known("Viewing.model", self.model, MODELS)
+        require_positive("Viewing.illuminance_lux", self.illuminance_lux, "an office has 500")
         if self.L_A is not None:
-            _require_not_negative("Viewing.L_A", self.L_A, "cd/m²; None takes it from the light")
-        _require_not_negative("Viewing.Y_b", self.Y_b, "percent of white; grey is 20")
+            require_not_negative("Viewing.L_A", self.L_A, "cd/m²; None takes it from the light")
+        require_not_negative("Viewing.Y_b", self.Y_b, "percent of white; grey is 20")
         surround_at(self.surround)
         if self.D is not None and not 0.0 <= self.D <= 1.0:
             raise ViewingError(
                 f"Viewing.D is {self.D!r}; expected 0 (no adaptation) to 1 (complete), "
                 "or None for CIECAM02's own"
             )
-        _require_positive("Viewing.exposure", self.exposure, "1 changes nothing")
+        require_positive("Viewing.exposure", self.exposure, "1 changes nothing")
         if not isinstance(self.display, Display):
             raise ViewingError(f"Viewing.display is {self.display!r}; expected a Display")
 

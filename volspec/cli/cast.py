@@ -168,7 +168,8 @@ def relight(
             relighter.set_reflectances(changes)
         for text, lamp, path, beside in zip(light, lamps, paths, maps, strict=True):
             frame = relighter.frame(lamp, spec.viewing, spec.mode, spec.backdrop, spec.level)
-            write_frame(path, frame, {"light": text, "Software": f"volspec {__version__}"})
+            notes = {"light": text, "Software": f"volspec {__version__}"}
+            write_frame(path, frame, notes, spec.viewing.display.space)
             Console().print(f"{path}", highlight=False, soft_wrap=True)
             # For the warning alone some of a large picture's pixels are enough.
             every = 1 if errors else max(1, min(stored.size) // _SAMPLED)

@@ -136,9 +136,10 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
     sheet = contact_sheet(title, _ROWS, columns)
     # Everything is made; now write it, so that an interruption before leaves nothing behind.
     image.save(out / f"{Path(volume.name).stem}.exr")
+    space = scene.relight.viewing.display.space
     for name, frame in frames.items():
         text = {"light": name, "Software": f"volspec {__version__}"}
-        write_frame(out / "frames" / f"{file_stem(name)}.png", frame, text)
+        write_frame(out / "frames" / f"{file_stem(name)}.png", frame, text, space)
     write_frame(out / "sheet.png", sheet)
     top = max(found.top for found in maps)  # one scale, so that lights can be compared
     write_frame(out / "errors.png", np.hstack([found.image(top) for found in maps]))

@@ -1,22 +1,28 @@
-"""Frames as PNG files: sRGB chunk, what made them as text, whole or not at all."""
+"""Frames as PNG files: their colour space, what made them as text, whole or not at all."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import write_whole
+from volspec.appearance.spaces import SPACES, ColourSpace, space_of
 from volspec.errors import ImageError
+from volspec.export.icc import icc_profile
 
 
 def write_frame(
-    path: str | os.PathLike[str], frame: NDArray[np.uint8], text: Mapping[str, str] | None = None
+    path: str | os.PathLike[str],
+    frame: NDArray[np.uint8],
+    text: Mapping[str, str] | None = None,
+    space: str | ColourSpace = "sRGB",
 ) -> None:
-    """Write an 8-bit sRGB frame.
+    """Write an 8-bit frame.
 
     Parameters
     ----------
@@ -25,6 +31,9 @@ def write_frame(
     frame : (H, W, 3) uint8
     text : {keyword: text}, optional
         Kept in the file (light, scene, software).
+    space : str or ColourSpace
+        What its codes are of: ``viewing.display.space``. sRGB is told by PNG's own chunk, any
+        other by an ICC profile.
 
     Raises
     ------
@@ -32,6 +41,8 @@ def write_frame(
         If the name does not end in ``.png``.
     InputError
         If the folder cannot be written to.
+    ViewingError
+        If the space is unknown.
     """
     import imageio.v3 as iio
     from PIL.PngImagePlugin import PngInfo
@@ -49,12 +60,17 @@ def write_frame(
             f"{os.fspath(path)}: the frame is {what:.60}; give (H, W, 3) uint8, as "
             "Relighter.frame makes it"
         )
+    colours = space_of(space)
     info = PngInfo()
-    info.add(b"sRGB", b"\0")  # perceptual intent, IEC 61966-2-1
+    profile: dict[str, Any] = {}
+    if colours == SPACES["sRGB"]:
+        info.add(b"sRGB", b"\0")  # perceptual intent, IEC 61966-2-1
+    else:
+        profile = {"icc_profile": icc_profile(colours)}
     for keyword, value in (text or {}).items():
         info.add_itxt(keyword, value)
     with write_whole(path) as temporary:
-        iio.imwrite(temporary, frame, plugin="pillow", extension=".png", pnginfo=info)
+        iio.imwrite(temporary, frame, plugin="pillow", extension=".png", pnginfo=info, **profile)
 
 
 def read_frame_text(path: str | os.PathLike[str]) -> dict[str, str]:

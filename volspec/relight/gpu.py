@@ -9,35 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._gpu.opengl import (
-    ContextLost,
-    compile_program,
-    describe,
-    egl_handle,
-    headless_context,
-    made_current,
-)
-from volspec._gpu.prelude import prelude
+from volspec._gpu.opengl import ContextLost, describe, egl_handle, headless_context, made_current
 from volspec._gpu.sharing import Sharing, current, named
-from volspec._gpu.sources import assemble
-from volspec.appearance.constants import shader_constants
 from volspec.appearance.live import passage_of
 from volspec.appearance.models.conditions import CamPassage
 from volspec.appearance.passages import CurvePassage, LinearPassage, Passage
+from volspec.appearance.screen import Screen, screen_of
 from volspec.appearance.spec import Viewing
 from volspec.appearance.table import NODES, TablePassage, TableSpace
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
 from volspec.relight.packed import layer_count, pack_layers
+from volspec.relight.programs import Programs
 from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import Pixels
 from volspec.relight.uniforms import (
-    FORM_NUMBERS,
     FORMS,
     Drawn,
     Uniforms,
@@ -45,12 +37,12 @@ from volspec.relight.uniforms import (
     light_uniforms,
     node_uniforms,
     passage_uniforms,
+    screen_uniforms,
 )
 
 if TYPE_CHECKING:
     import moderngl
 
-_GLSL = "330 core"
 # Components of textures.
 _COMPONENTS: dict[type, str] = {np.uint8: "f1", np.float32: "f4"}
 # Renderers that draw on the CPU.
@@ -93,7 +85,6 @@ class GLEngine:
         self._owned = context is None
         self._context = headless_context() if context is None else context
         self._resources: list[Any] = []
-        self._programs: dict[tuple[Any, ...], tuple[Any, Any]] = {}
         self._table: Any = None
         self._nodes: tuple[Any, Any] | None = None
         # The last viewing and white, their passage, and its table's space once that is filled.
@@ -140,7 +131,10 @@ class GLEngine:
                 f"OpenGL: {self.name} has no room for {size[0]} x {size[1]} pixels of "
                 f"{self._channels} channels ({error}); cast a smaller image"
             ) from error
-        self._program("relight", {"FORM": FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0})
+        form = {"FORM": FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0}
+        constants = {"LAYERS": layer_count(self._channels), "IMAGE_HEIGHT": self._height}
+        self._programs = Programs(self._context, constants, self._keep)
+        self._programs.of("relight", form, screen_of(Viewing()))
 
     def _keep(self, resource: Any) -> Any:
         self._resources.append(resource)
@@ -179,27 +173,8 @@ class GLEngine:
         with self._current():
             self._texture.write(place.buffer)
 
-    def _program(self, name: str, form: Mapping[str, int]) -> tuple[Any, Any]:
-        key = (name, *form.values())
-        if key not in self._programs:
-            constants = {
-                "LAYERS": layer_count(self._channels),
-                **form,
-                **FORM_NUMBERS,
-                "NODES": NODES,
-                "FIRST_ROW_AT_BOTTOM": 1,
-                "IMAGE_HEIGHT": self._height,
-                **shader_constants(),
-            }
-            lines = prelude(constants, "glsl")
-            vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
-            fragment = assemble(f"shaders/{name}.frag", lines, glsl_version=_GLSL)
-            program = self._keep(compile_program(self._context, vertex, fragment))
-            self._programs[key] = program, self._keep(self._context.vertex_array(program, []))
-        return self._programs[key]
-
-    def _draw(self, name: str, form: Mapping[str, int], values: Uniforms) -> None:
-        program, triangle = self._program(name, form)
+    def _draw(self, name: str, form: Mapping[str, int], values: Uniforms, screen: Screen) -> None:
+        program, triangle = self._programs.of(name, form, screen)
         if form["FORM"] == FORMS[TableSpace]:
             program["table"].value = 1
         for uniform, value in values.items():
@@ -218,7 +193,7 @@ class GLEngine:
     def render(
         self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
     ) -> Pixels:
-        """(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding.
+        """(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding.
 
         Raises
         ------
@@ -251,12 +226,13 @@ class GLEngine:
                 "were both made with the same basis and light groups?"
             )
         with self._current():
+            screen = screen_of(viewing)
             drawn = self._drawn(light.viewed(viewing), light, dtype)
             target = self._target(_COMPONENTS[dtype])
             target.use()
             self._texture.use(0)
-            values = light_uniforms(light, drawn) | passage_uniforms(drawn)
-            self._draw("relight", form_of(drawn), values)
+            values = light_uniforms(light, drawn) | passage_uniforms(drawn, screen)
+            self._draw("relight", form_of(drawn), values | screen_uniforms(screen), screen)
         return target
 
     def _drawn(
@@ -268,7 +244,9 @@ class GLEngine:
         opponent models, where a picture has many more pixels than the table nodes; frames of
         floats, which are measured, stay exact.
         """
-        key = viewing, tuple(light.white_XYZ)
+        # What becomes of the passage's colours at the display does not change it.
+        display = replace(viewing.display, gamut="clip", mark=False)
+        key = replace(viewing, display=display), tuple(light.white_XYZ)
         if self._passed is None or self._passed[0] != key:
             self._passed = key, passage_of(viewing, light.white_XYZ), None
         passage, space = self._passed[1:]
@@ -280,14 +258,13 @@ class GLEngine:
             if not (quicker if self._by_table is None else self._by_table):
                 return passage
         if space is None:
-            display_white = viewing.display.conditions.white_XYZ
-            space = TableSpace.between(light.white_XYZ, display_white)
-            self._fill_table(passage, space)
+            space = TableSpace.between(light.white_XYZ, display.conditions.white_XYZ)
+            self._fill_table(passage, space, screen_of(viewing))
             self._passed = key, passage, space
         self._table.use(1)
         return space
 
-    def _fill_table(self, passage: Passage, space: TableSpace) -> None:
+    def _fill_table(self, passage: Passage, space: TableSpace, screen: Screen) -> None:
         if self._table is None:
             self._table = self._keep(self._context.texture3d((NODES,) * 3, 4, dtype="f4"))
             self._table.filter = self._context.LINEAR, self._context.LINEAR
@@ -303,7 +280,7 @@ class GLEngine:
             self._nodes = self._keep(self._context.framebuffer([texture])), buffer
         nodes, buffer = self._nodes
         nodes.use()
-        self._draw("nodes", form_of(passage), node_uniforms(passage, space))
+        self._draw("nodes", form_of(passage), node_uniforms(passage, space, screen), screen)
         nodes.read_into(buffer, components=4, dtype="f4")
         self._table.write(buffer)
 

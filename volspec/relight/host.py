@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.live import passage_of
+from volspec.appearance.screen import screen_of
 from volspec.appearance.spec import Viewing
-from volspec.appearance.srgb import encode, linear_from_XYZ, to_uint8
+from volspec.appearance.srgb import to_uint8
 from volspec.relight.illumination import Illumination
 from volspec.relight.packed import bounded
 from volspec.relight.spec import Pixels
@@ -36,14 +37,15 @@ class HostEngine:
     def render(
         self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
     ) -> Pixels:
-        """(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding."""
+        """(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding."""
         height, width = self._alpha.shape
         passage = passage_of(light.viewed(viewing), light.white_XYZ)
+        screen = screen_of(viewing)
         frame = np.empty((height, width, 3), dtype=dtype)
         for row in range(0, height, _ROWS):
             rows = slice(row, row + _ROWS)
             XYZ = light.scene_XYZ(self._coefficients[rows], self._alpha[rows])
-            encoded = encode(linear_from_XYZ(passage.apply(XYZ)))
+            encoded = screen.codes(passage.apply(XYZ), row)
             frame[rows] = to_uint8(encoded) if dtype is np.uint8 else encoded
         return frame
 

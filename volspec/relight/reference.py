@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.spec import Viewing, surround_at
+from volspec.errors import ViewingError
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra._colour import colour_science
@@ -75,23 +76,47 @@ def display_XYZ(XYZ: ArrayLike, white_XYZ: ArrayLike, viewing: Viewing) -> Array
             colour.CAM_Specification_CIECAM02(
                 J=np.where(lit, J, 1.0), C=np.where(lit, seen.C, 0.0), h=seen.h
             ),
-            _sRGB().whitepoint_XYZ,
-            display.L_A,
+            _Space(display.colours.name).whitepoint_XYZ,
+            display.adapting_luminance,
             display.Y_b,
             InductionFactors(*surround_at(display.surround)),
         )
     return np.where(lit[..., None], shown, 0.0)
 
 
-class _sRGB:
-    """colour-science's sRGB with the matrix derived from its primaries in double precision."""
+# colour-science's name of a space, and the γ of its curve; sRGB's is none. (What colour-science has
+# as BT.709's and BT.2020's own curve is a camera's.)
+_SPACES = {
+    "sRGB": ("sRGB", None),
+    "Display P3": ("Display P3", None),
+    "DCI-P3": ("DCI-P3", 2.6),
+    "Rec. 709": ("ITU-R BT.709", 2.4),
+    "Rec. 2020": ("ITU-R BT.2020", 2.4),
+    "Adobe RGB (1998)": ("Adobe RGB (1998)", 563 / 256),
+}
 
-    def __init__(self) -> None:
+
+class _Space:
+    """colour-science's space with the matrix derived from its primaries in double precision."""
+
+    def __init__(self, name: str) -> None:
+        if name not in _SPACES:
+            raise ViewingError(
+                f"reference: colour-science has no space {name!r}; known: {', '.join(_SPACES)}"
+            )
         colour = colour_science()
-        space = colour.RGB_COLOURSPACES["sRGB"].copy()
+        theirs, self._gamma = _SPACES[name]
+        space = colour.RGB_COLOURSPACES[theirs].copy()
         space.use_derived_transformation_matrices(True)
         self.matrix: Array = np.asarray(space.matrix_XYZ_to_RGB) / 100.0
         self.whitepoint_XYZ: Array = 100.0 * np.asarray(colour.xy_to_XYZ(space.whitepoint))
+
+    def encode(self, linear: Array) -> Array:
+        """Code values of linear RGB, 0 to 1."""
+        colour = colour_science()
+        if self._gamma is None:
+            return np.asarray(colour.models.eotf_inverse_sRGB(linear), dtype=np.float64)
+        return np.asarray(colour.gamma_function(linear, 1.0 / self._gamma), dtype=np.float64)
 
 
 def encoded_frame(
@@ -113,12 +138,24 @@ def encoded_frame(
     Returns
     -------
     (H, W, 3) float64
-        Encoded sRGB, 0 to 1, before rounding; row 0 is the top.
+        Codes of the display, 0 to 1, before rounding; row 0 is the top.
+
+    Raises
+    ------
+    ViewingError
+        If the display reduces chroma or marks, which nothing independent does here, or its space
+        is unknown to colour-science.
     """
+    display = viewing.display
+    if display.gamut != "clip" or display.mark:
+        raise ViewingError(
+            f"reference: Display(gamut={display.gamut!r}, mark={display.mark}) has no reference; "
+            "expected gamut='clip' and mark=False"
+        )
     scene = light.scene_XYZ(coefficients, alpha)
     XYZ = display_XYZ(scene, light.white_XYZ, light.viewed(viewing))
-    linear = np.clip(XYZ @ _sRGB().matrix.T, 0.0, 1.0)
-    return np.asarray(colour_science().models.eotf_inverse_sRGB(linear), dtype=np.float64)
+    space = _Space(display.colours.name)
+    return space.encode(np.clip(XYZ @ space.matrix.T, 0.0, 1.0))
 
 
 def relight_reference(
@@ -138,12 +175,12 @@ def relight_reference(
     Returns
     -------
     (H, W, 3) float64
-        Encoded sRGB, 0 to 1, before rounding (`volspec.appearance.srgb.to_uint8` rounds).
+        Codes of the display, 0 to 1, before rounding (`volspec.appearance.srgb.to_uint8` rounds).
 
     Raises
     ------
     ViewingError, SpectrumError
-        As `Illumination.of`.
+        As `Illumination.of` and `encoded_frame`.
     """
     spec = spec or RelightSpec()
     lit = Illumination.of(image.basis, light, spec, image.groups)

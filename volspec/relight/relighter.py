@@ -196,7 +196,7 @@ class Relighter:
         Returns
         -------
         (H, W, 3) uint8 or float32
-            sRGB, row 0 at the top.
+            Codes of the viewing's display, sRGB by default; row 0 at the top.
 
         Raises
         ------
@@ -326,7 +326,7 @@ def relight(
     Returns
     -------
     (H, W, 3) uint8 or float32
-        sRGB, row 0 at the top.
+        Codes of the viewing's display, sRGB by default; row 0 at the top.
     """
     with Relighter(image, backend) as relighter:
         return relighter.frame(light, viewing, mode, backdrop, level, dtype)

@@ -10,9 +10,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.constants import sRGB_FROM_XYZ
+from volspec.appearance.gamut import SHADER_STEPS
 from volspec.appearance.models.conditions import CamPassage
 from volspec.appearance.passages import CurvePassage, LinearPassage
+from volspec.appearance.screen import Screen
 from volspec.appearance.table import TableSpace
 from volspec.relight.illumination import Illumination
 from volspec.relight.packed import layer_count
@@ -64,7 +65,7 @@ def light_uniforms(light: Illumination, passage: Drawn) -> Uniforms:
     return _flat({"XYZ_from_layer": columns @ first.T, "backdrop_XYZ": first @ light.backdrop_XYZ})
 
 
-def passage_uniforms(passage: Drawn) -> Uniforms:
+def passage_uniforms(passage: Drawn, screen: Screen) -> Uniforms:
     """What a passage sends, by GLSL name: of ``passage.*`` what `form_of` asks for.
 
     Returns
@@ -75,7 +76,7 @@ def passage_uniforms(passage: Drawn) -> Uniforms:
     if isinstance(passage, LinearPassage):
         return {}
     values: dict[str, ArrayLike] = {
-        "linear_from_response": (sRGB_FROM_XYZ @ passage.XYZ_from_response).T
+        "linear_from_response": (screen.RGB_from_XYZ @ passage.XYZ_from_response).T
     }
     if isinstance(passage, CurvePassage | CamPassage):
         values["response_from_XYZ"] = passage.response_from_XYZ.T
@@ -90,10 +91,34 @@ def passage_uniforms(passage: Drawn) -> Uniforms:
     return _flat({f"passage.{name}": value for name, value in values.items()})
 
 
-def node_uniforms(passage: Drawn, space: TableSpace) -> Uniforms:
+def screen_form(screen: Screen) -> dict[str, int]:
+    """What ``shaders/include/gamut.glsl`` is compiled with."""
+    return {"REDUCE": int(screen.gamut is not None), "MARK": int(screen.mark)}
+
+
+def screen_uniforms(screen: Screen) -> Uniforms:
+    """What a display sends, by GLSL name: of ``gamut.*`` what `screen_form` asks for."""
+    gamut = screen.gamut
+    if gamut is None:
+        return {}
+    # XYZ cancel: what the shader has is the display's linear RGB.
+    response_from_linear = gamut.conditions.response_from_XYZ() @ np.linalg.inv(gamut.RGB_from_XYZ)
+    return _flat(
+        {
+            "gamut.response_from_linear": response_from_linear.T,
+            "gamut.linear_from_response": gamut.linear_from_response.T,
+            "gamut.top": gamut.top,
+            "gamut.knee": gamut.knee,
+            "gamut.knee_slope": gamut.knee_slope,
+            "gamut.last_step": 0.5**SHADER_STEPS,
+        }
+    )
+
+
+def node_uniforms(passage: Drawn, space: TableSpace, screen: Screen) -> Uniforms:
     """What ``shaders/nodes.frag`` is sent to fill a table with a passage."""
-    response_from_linear = np.linalg.inv(sRGB_FROM_XYZ @ space.XYZ_from_response)
-    return passage_uniforms(passage) | _flat(
+    response_from_linear = np.linalg.inv(screen.RGB_from_XYZ @ space.XYZ_from_response)
+    return passage_uniforms(passage, screen) | _flat(
         {
             "XYZ_from_response": np.linalg.inv(space.response_from_XYZ).T,
             "response_from_linear": response_from_linear.T,

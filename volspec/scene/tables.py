@@ -9,11 +9,13 @@ in docs/scenes.md.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from volspec.appearance import Viewing
+from volspec.appearance import Display, Viewing
+from volspec.appearance.presets import preset
 from volspec.raycast import ClipPlane, LightGroup, RaycastSpec
 from volspec.relight import RelightSpec
 
@@ -139,6 +141,35 @@ class RaycastTable(Table):
         return RaycastSpec(**settings, clip_planes=planes, groups=groups)
 
 
+class DisplayTable(Table):
+    """``[viewing.display]``: see `volspec.Display`; what is left out is the preset's."""
+
+    preset: str = "sRGB"
+    space: str = "sRGB"
+    gamut: str = "clip"
+    mark: bool = False
+    white_cd_m2: float | None = None
+    L_A: float | None = None
+    Y_b: float | None = None
+    surround: str | float | None = None
+
+    def display(self) -> Display:
+        """The display that is meant.
+
+        Where the white's luminance is given and ``L_A`` is not, that is ``Y_b`` percent of it.
+
+        Raises
+        ------
+        ViewingError
+            If a name is unknown or a number out of range.
+        """
+        seen = preset(self.preset).display(self.space, self.gamut)
+        given = self.model_dump(exclude={"preset", "space", "gamut"}, exclude_none=True)
+        if self.white_cd_m2 is not None and self.L_A is None:
+            given["L_A"] = None
+        return replace(seen, **given)
+
+
 class ViewingTable(Table):
     """``[viewing]``: see `volspec.Viewing`; and the backdrop's reflectance."""
 
@@ -153,6 +184,7 @@ class ViewingTable(Table):
     backdrop: float = 0.2
     mode: str = _SEEN.mode
     level: str = _SEEN.level
+    display: DisplayTable = Field(default_factory=DisplayTable)
 
     def spec(self) -> RelightSpec:
         """The settings as `volspec.relight` takes them.
@@ -162,9 +194,9 @@ class ViewingTable(Table):
         ViewingError
             If one is out of range.
         """
-        settings = self.model_dump()
+        settings = self.model_dump(exclude={"display"})
         relit = {key: settings.pop(key) for key in ("backdrop", "mode", "level")}
-        return RelightSpec(viewing=Viewing(**settings), **relit)
+        return RelightSpec(viewing=Viewing(**settings, display=self.display.display()), **relit)
 
 
 class OutputTable(Table):

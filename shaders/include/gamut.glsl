@@ -1,0 +1,68 @@
+// Colours that a display cannot show: paled at equal lightness and hue, or hatched.
+//
+//     x, a, b = opponent signals of the compressed responses to the colour
+//     x  = clamp(x, 0, top),  (a_g, b_g) = max(x - knee, 0) knee_slope     the grey to pale to
+//     R0 = RESPONSE_FROM_OPPONENT (x, a_g, b_g)
+//     R1 = RESPONSE_FROM_OPPONENT (0, a - a_g, b - b_g)
+//     s  : the largest multiple of last_step, by halving, for which linear(R0 + s R1) is shown
+//
+// The same for every form of passage: signals are formed anew from the linear RGB, which only
+// pixels outside of the display's cube pay for.
+//
+// NumPy twin: volspec/appearance/screen.py; the derivation: volspec/appearance/gamut.py. Total:
+// finite input gives finite output.
+//
+// Reads   gamut  in double precision on the host whenever the display or the model changes; where
+//                REDUCE
+// Host sets REDUCE, MARK, and the numbers of volspec.appearance.screen.SHADER_CONSTANTS.
+
+#if REDUCE || MARK
+bool is_shown(vec3 linear) {
+    return all(greaterThanEqual(linear, vec3(-GAMUT_SLACK)))
+        && all(lessThanEqual(linear, vec3(1.0 + GAMUT_SLACK)));
+}
+#endif
+
+#if REDUCE
+struct Gamut {
+    mat3 response_from_linear;
+    mat3 linear_from_response;
+    float top;        // the display white's x
+    float knee;       // up to here grey has no chroma
+    vec2 knee_slope;
+    float last_step;  // of the halvings
+};
+uniform Gamut gamut;
+
+vec3 linear_from_compressed(vec3 R) {
+    vec3 size = min(abs(R), vec3(RESPONSE_LIMIT));
+    vec3 r = sign(R) * pow(size / (RESPONSE_POLE - size), vec3(1.0 / RESPONSE_POWER));
+    return gamut.linear_from_response * r;
+}
+
+vec3 paled(vec3 linear) {
+    vec3 r = gamut.response_from_linear * linear;
+    vec3 f = pow(abs(r), vec3(RESPONSE_POWER));
+    vec3 R = sign(r) * (RESPONSE_POLE * f / (RESPONSE_HALF + f));
+    float x = min(dot(ACHROMATIC, R), gamut.top);
+    if (x <= 0.0) return vec3(0.0);
+    vec2 grey = max(x - gamut.knee, 0.0) * gamut.knee_slope;
+    vec2 way = vec2(dot(OPPONENT_A, R), dot(OPPONENT_B, R)) - grey;
+    vec3 R0 = RESPONSE_FROM_OPPONENT * vec3(x, grey);
+    vec3 R1 = RESPONSE_FROM_OPPONENT * vec3(0.0, way);
+    float share = 0.0;
+    // No constant ends the loop: unrolled, it would be run on software GL by all pixels.
+    for (float step = 0.5; step >= gamut.last_step; step *= 0.5) {
+        if (is_shown(linear_from_compressed(R0 + (share + step) * R1))) share += step;
+    }
+    return linear_from_compressed(R0 + share * R1);
+}
+#endif
+
+#if MARK
+// Diagonal bands over the colour's own grey, so that form stays and hue cannot be mistaken.
+vec3 marked(vec3 code, ivec2 pixel) {
+    bool band = (pixel.x + pixel.y) % HATCH_PERIOD < HATCH_WIDTH;
+    return band ? HATCH_CODE : vec3(dot(code, vec3(1.0 / 3.0)));
+}
+#endif

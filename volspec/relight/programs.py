@@ -1,0 +1,80 @@
+"""The shaders of one engine, compiled as they are first asked for.
+
+    uniforms (forms), screen -> [programs] -> gpu
+
+What a form of passage and a display are made of is compiled in, so that a pixel pays for no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from volspec._gpu.opengl import compile_program
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sources import assemble
+from volspec.appearance.constants import shader_constants
+from volspec.appearance.screen import SHADER_CONSTANTS, Screen
+from volspec.appearance.table import NODES
+from volspec.relight.uniforms import FORM_NUMBERS, screen_form
+
+_GLSL = "330 core"
+
+
+class Programs:
+    """Programs by what is compiled into them, each with the triangle that it draws.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    constants : {name: int}
+        What is the same in all: LAYERS and IMAGE_HEIGHT.
+    keep : callable
+        Takes a resource that its engine shall release, and gives it back.
+    """
+
+    def __init__(
+        self, context: Any, constants: Mapping[str, int], keep: Callable[[Any], Any]
+    ) -> None:
+        self._context, self._constants, self._keep = context, constants, keep
+        self._made: dict[tuple[Any, ...], tuple[Any, Any]] = {}
+
+    def of(self, name: str, form: Mapping[str, int], screen: Screen) -> tuple[Any, Any]:
+        """A program and its vertex array.
+
+        Parameters
+        ----------
+        name : {"relight", "nodes"}
+            Of the fragment shader.
+        form : {name: int}
+            As `volspec.relight.uniforms.form_of`.
+        screen : Screen
+            Its space's matrix and curve are compiled in, and whether it reduces or marks.
+
+        Raises
+        ------
+        OpenGLError
+            If the driver refuses the shader.
+        """
+        ends = screen_form(screen)
+        key = (name, *form.values(), *ends.values(), screen.space)
+        if key not in self._made:
+            constants: dict[str, ArrayLike] = {
+                **self._constants,
+                **form,
+                **ends,
+                **FORM_NUMBERS,
+                "NODES": NODES,
+                "FIRST_ROW_AT_BOTTOM": 1,
+                **shader_constants(),
+                **screen.space.shader_constants(),
+                **SHADER_CONSTANTS,
+            }
+            lines = prelude(constants, "glsl")
+            vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
+            fragment = assemble(f"shaders/{name}.frag", lines, glsl_version=_GLSL)
+            program = self._keep(compile_program(self._context, vertex, fragment))
+            self._made[key] = program, self._keep(self._context.vertex_array(program, []))
+        return self._made[key]
