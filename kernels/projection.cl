@@ -7,7 +7,7 @@
 //
 // Launch and what is read and written: as raycast.cl, but
 //         codes    VOXEL per brick: the greatest value in it, which the maximum leaps by
-//         opacity  of the reference step, not of a step
+//         opacity  of the reference step, not of a step, and no logs
 // The host sets MAXIMUM (1, or 0 for the mean) beside what raycast.cl wants.
 
 #include "casts.clh"

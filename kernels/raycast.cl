@@ -13,8 +13,9 @@
 //
 // Reads   voxels   VOXEL[nz][ny][nx] (include/voxels.clh)
 //         codes    uchar per brick of BRICK³ cells: what may be seen (include/rays.clh)
-//         opacity  float2[rows][last_entry + 2]: opacity of one whole step, difference to the
-//                  next entry; rows by gradient where TABLE_ROWS > 1
+//         opacity  float2[2][rows][last_entry + 2]: opacity of one whole step, difference to the
+//                  next entry; then the log of what one lets through (finite, also where that
+//                  is nothing), that of the next entry; rows by gradient where TABLE_ROWS > 1
 //         shares   floatP[rows][last_entry + 2][2][PARTS], what is reflected, and its difference
 //         channels float[SHARES + 1][CHANNELS], what shares mix, and white
 //         filters  floatP[last_entry + 2][2][PARTS], with FILTERED: transmittance of one whole
@@ -81,9 +82,10 @@ CASTS(raycast, uchar) {
 #endif
             share[s] = entry[s].opacity;
 #if ADAPTIVE
-            const floatN once = 1.0f - share[s], twice = once * once;
-            share[s] = PICK(MASK(taken[s] == 2.0f), 1.0f - twice, share[s]);
-            share[s] = PICK(MASK(taken[s] == 4.0f), 1.0f - twice * twice, share[s]);
+            // Not by way of 1 − share, where faint media have no digits left.
+            const floatN two = share[s] * (2.0f - share[s]), four = two * (2.0f - two);
+            share[s] = PICK(MASK(taken[s] == 2.0f), two, share[s]);
+            share[s] = PICK(MASK(taken[s] == 4.0f), four, share[s]);
 #endif
             share[s] = PICK(marched[s], share[s], (floatN)(0.0f));
             blank &= !ANY(MASK(share[s] > 0.0f));
@@ -105,8 +107,11 @@ CASTS(raycast, uchar) {
             if (!ANY(seen)) continue;
             // The first and the last step of a ray are clipped.
             const intN clipped = seen & MASK(whole[s] < taken[s] - 1e-5f);
-            if (ANY(clipped))
-                share[s] = PICK(clipped, 1.0f - pow(1.0f - entry[s].opacity, whole[s]), share[s]);
+            if (ANY(clipped)) {
+                const floatN through = log_through(&cast, opacity, &f[s], &entry[s]);
+                const floatN along = opacity_along(entry[s].opacity, through, whole[s]);
+                share[s] = PICK(clipped, along, share[s]);
+            }
             floatN weight[GROUPS], gloss[GROUPS];
 #if FILTERED
             // Each channel is weighted by its own loss, in gather_filtered.

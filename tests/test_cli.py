@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -168,12 +169,17 @@ def test_doctor_lists_devices(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 BAD = {
+    "no light": (
+        ("relight", "DEMO", "--light", "nofile.csv", "-o", "f.png"),
+        1,
+        "nofile.csv: no such file; check the path",
+    ),
     "missing volume": (("info", "none.nrrd"), 1, "none.nrrd: no such file"),
     "missing image": (("relight", "n.exr", "--light", "A", "-o", "f.png"), 1, "n.exr: no such"),
     "unknown light": (("relight", "DEMO", "--light", "D56", "-o", "f.png"), 1, "'D65'"),
     "not a png": (("relight", "n.exr", "--light", "A", "-o", "f.jpg"), 1, "name it .png"),
     "not an exr": (("render", "s.toml", "-o", "f.png"), 1, "name it .exr"),
-    "missing scene": (("render", "s.toml", "-o", "f.exr"), 1, "s.toml"),
+    "missing scene": (("render", "s.toml", "-o", "f.exr"), 1, "s.toml: no such file; check the"),
     "unknown model": (
         ("relight", "DEMO", "--light", "A", "-o", "f.png", "--model", "CIECAM97"),
         1,
@@ -181,6 +187,8 @@ BAD = {
     ),
     "unknown device": (("demo", "--device", "nonsense"), 1, "no OpenCL device named 'nonsense'"),
     "unknown command": (("relit",), 2, "relight"),
+    "no full stop inside": (("foo",), 2, "doctor, info; see volspec --help"),
+    "nor after options": (("--bogus",), 2, "doctor, info; see volspec --help"),
     "missing option": (("render", "s.toml"), 2, "--output"),
     "unknown option": (("demo", "--colour", "red"), 2, "--colour"),
 }
@@ -201,6 +209,30 @@ def test_bad_input_gives_one_line_and_its_exit_code(
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("volspec: ")]
     assert len(lines) == 1 and message in lines[0]
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "latin-1", "utf-8"])
+@pytest.mark.parametrize(
+    ("words", "exotic"),
+    [
+        (("info", "data/engine.nrrd"), "█"),
+        (("basis", "general-7"), "Δ"),
+        (("relight", "--help"), "─"),
+    ],
+)
+def test_what_an_encoding_lacks_is_a_question_mark(
+    words: tuple[str, ...], exotic: str, encoding: str
+) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", "from volspec.cli import main; main()", *words],
+        capture_output=True,
+        check=False,
+        cwd=ROOT,
+        env=os.environ | {"PYTHONIOENCODING": encoding},
+    )
+    assert done.returncode == 0 and b"Traceback" not in done.stderr, done.stderr
+    said = done.stdout.decode(encoding)
+    assert (exotic in said) == (encoding == "utf-8")
 
 
 def test_bad_input_shows_no_traceback_unless_asked(tmp_path: Path) -> None:

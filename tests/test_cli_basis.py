@@ -220,7 +220,7 @@ BAD = {
     "unknown basis": (("general-8",), 1, "'general-7'"),
     "missing file": (("none.json",), 1, "none.json: no such file"),
     "missing image": (("none.exr",), 1, "none.exr: no such"),
-    "missing scene": (("none.toml",), 1, "none.toml: No such file"),
+    "missing scene": (("none.toml",), 1, "none.toml: no such file; check the path"),
     "unreadable scene": (("BROKEN",), 1, "not valid TOML"),
     "unknown method": (("--method", "virtual-sensor"), 1, "did you mean 'virtual-sensors'"),
     "scene's method": (("--method", "materials"), 1, "give the scene"),

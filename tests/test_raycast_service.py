@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -209,15 +210,78 @@ def test_labels_are_whole_numbers() -> None:
         ({"transfer": None}, "transfer is None"),
         ({"camera": (1, 2, 3)}, "camera is"),
         ({"spec": {}}, "spec is"),
-        ({"caster": 5}, "caster is 5"),
+        ({"caster": 5}, "caster is 5; give a Raycaster, or leave it out"),
+        ({"camera": 3}, "camera is 3; give a Camera"),
+        ({"transfer": 3}, "transfer is 3; give a TransferFunction, TransferFunction2D, LabelFunc"),
+        ({"into": np.eye(4)}, r"into is array\(\[\[1., 0., .*…; give a Relighter, or leave it out"),
+        ({"caster": np.eye(4)}, r"caster is array\(.*…; give a Raycaster, or leave it out"),
+        ({"spec": np.eye(4)}, r"spec is array\(.*…; give a RaycastSpec, or leave it out"),
+        ({"progress": 3}, "progress is 3; give a function, or leave it out"),
+        ({"cancel": 3}, "cancel is 3; give a function, or leave it out"),
+        ({"notes": 3}, "notes is 3; give a dict of text"),
+        ({"notes": {"dose": 3}}, "notes has 'dose': 3; both must be text"),
     ],
 )
 def test_arguments_of_another_type_are_named(given: dict[str, object], told: str) -> None:
     volume = phantom.ball(8)
     good = {"transfer": TRANSFER, "camera": vs.Camera.orbit(volume)}
-    with pytest.raises(RaycastError, match=f"raycast: {told}"):
+    with pytest.raises(RaycastError, match=f"^raycast: {told}") as refused:
         vs.raycast(volume, **(good | given))  # type: ignore[arg-type]
+    assert not set("|\n") & set(str(refused.value)) and "volspec." not in str(refused.value)
     with pytest.raises(vs.InputError, match="load_volume"):
         vs.raycast("engine.nrrd", TRANSFER, vs.Camera.orbit(volume))
-    with pytest.raises(RaycastError, match="coarsest is 0"):
-        next(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), coarsest=0))
+    for coarsest in (0, True, 2.0, "4"):
+        with pytest.raises(RaycastError, match=f"refine: coarsest is {coarsest!r}; give a whole"):
+            next(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), coarsest=coarsest))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["progress", "cancel"])
+def test_a_caster_refuses_what_it_cannot_call(engine_table: TransferTable, name: str) -> None:
+    volume = phantom.ball(8)
+    given = engine_table, vs.Camera.orbit(volume), (8, 8), vs.RaycastSpec()
+    with pytest.raises(RaycastError, match=f"raycast: {name} is 3; give a function"):
+        Raycaster(volume).cast(*given, **{name: 3})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("size", [5, None, (40,), (40, 40, 3), (40, "a"), (40.5, 40)])
+def test_pictures_that_come_coarse_first_name_the_size_that_was_given(size: object) -> None:
+    volume = phantom.ball(8)
+    said = re.escape(f"refine: size is {size!r}; give (width, height) in whole pixels")
+    with pytest.raises(RaycastError, match=said):
+        list(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), size))  # type: ignore[arg-type]
+    with pytest.raises(RaycastError, match="refine: the picture is 0x40; give 1x1 to"):
+        list(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), (0, 40)))
+
+
+def test_a_setting_that_is_none_of_refine_s_is_named_as_such() -> None:
+    volume = phantom.ball(8)
+    with pytest.raises(TypeError, match=r"refine\(\) got an unexpected keyword argument 'bogus'"):
+        vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), bogus=1)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"lanes": [8]}, r"lanes is \[8\]; give one of \[1, 4, 8\]"),
+        ({"lanes": 0}, "lanes is 0; give one of"),
+        ({"lanes": True}, "lanes is True; give one of"),
+        ({"lanes": 8.0}, "lanes is 8.0; give one of"),
+        ({"lanes": "8"}, "lanes is '8'; give one of"),
+        ({"volume": np.eye(4)}, r"volume is array\(.*…; give a volspec.Volume"),
+        ({"context": np.eye(4)}, r"context is array\(.*…; give a moderngl.Context"),
+    ],
+)
+def test_a_caster_names_what_it_cannot_be_made_of(given: dict[str, object], told: str) -> None:
+    with pytest.raises(RaycastError, match=f"^Raycaster: {told}") as refused:
+        Raycaster(**({"volume": phantom.ball(8)} | given))  # type: ignore[arg-type]
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("device", [3, b"cpu", ["cpu"]])
+def test_a_device_that_is_no_name_is_refused(device: object) -> None:
+    volume = phantom.ball(8)
+    said = re.escape(f"device is {device!r}; give part of a device's name")
+    camera = vs.Camera.orbit(volume)
+    for cast in (vs.raycast, lambda *a, **k: list(vs.refine(*a, **k))):
+        with pytest.raises(OpenCLError, match=said):
+            cast(volume, TRANSFER, camera, (8, 8), device=device)  # type: ignore[arg-type]

@@ -248,8 +248,8 @@ CHANGES = {
     **{
         row: ("[output]", f"[raycast]\n{row}\n[output]", message)
         for row, message in (
-            ('mode = "maximun"', r"\[raycast\] raycast: mode is 'maximun'; did you mean 'maximum'"),
-            ("jitter = 2", r"\[raycast\] raycast: jitter is 2"),
+            ('mode = "maximun"', r"\[raycast\] mode is 'maximun'; did you mean 'maximum'"),
+            ("jitter = 2", r"\[raycast\] jitter is 2"),
             ("half = 1", r"raycast\.half: .*boolean \(it is 1\)"),
             ("light_cell = 40", r"raycast\.light_cell: unknown key; did you mean 'light_cells'"),
             ("crop_voxels = [[9, 2], [0, 9], [0, 9]]", r"\[raycast\] .*along x is 9 to 2"),
@@ -278,7 +278,7 @@ def test_mistakes_are_named_in_one_line(folder: Path, change: str) -> None:
 
 
 def test_a_missing_scene_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"none\.toml: No such file"):
+    with pytest.raises(SceneError, match=r"none\.toml: no such file; check"):
         Scene.load(tmp_path / "none.toml")
 
 

@@ -161,7 +161,7 @@ WRONG = {
     "no source": (group("") + DAY, r"group\.1\.sources: .*at least 1"),
     "nine groups": (
         "".join(group(KEY, str(i)) for i in range(9)) + DAY,
-        r"\[raycast\] raycast: 9 light groups with 9 sources; at most 8",
+        r"\[raycast\] 9 light groups with 9 sources; at most 8",
     ),
     "an unknown kind": (
         group('{ kind = "spot" }') + DAY,

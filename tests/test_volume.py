@@ -94,6 +94,16 @@ def test_wide_integers_become_the_smallest_that_holds_them(
     assert np.array_equal(volume.values, values)
 
 
+def test_an_array_that_is_kept_is_shared_and_read_only_here() -> None:
+    given = np.arange(27, dtype=np.float32).reshape(3, 3, 3)
+    volume = Volume(given)
+    assert np.shares_memory(given, volume.values) and given.flags.writeable
+    with pytest.raises(ValueError, match="read-only"):
+        volume.values[0, 0, 0] = 1
+    volume.to_pyvista().point_data["values"][:] = 99  # VTK knows no read-only arrays
+    assert volume.values.max() == given.max() == 26
+
+
 def test_minus_infinity_and_nan_become_the_minimum_and_infinity_the_maximum() -> None:
     values = np.linspace(2, 9, 27, dtype=np.float32).reshape(3, 3, 3)
     values[0, 0, 1], values[0, 1, 1], values[1, 1, 1] = np.nan, -np.inf, np.inf

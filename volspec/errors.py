@@ -83,6 +83,16 @@ class OpenGLError(DeviceError):
     """No GL context could be made; see ``volspec doctor``."""
 
 
+def quoted(given: object, most: int = 40) -> str:
+    """What was given, to stand inside a message: its ``repr`` in one line, cut where it is long.
+
+    >>> quoted("8"), quoted(["a\\n", 1.0]), quoted("x" * 99, 9)
+    ("'8'", "['a\\\\n', 1.0]", "'xxxxxxx…")
+    """
+    text = " ".join(line.strip() for line in repr(given).splitlines())
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
 def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     """A guess at what a misspelt name meant, to stand inside a message.
 
@@ -114,8 +124,8 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     folded |= {word.casefold(): word for word in reversed(words)}
     # Twice as many: a word may be hit whole and by its last part.
     hits = difflib.get_close_matches(str(name).casefold(), folded, n=2 * count, cutoff=0.5)
-    quoted = [repr(word) for word in dict.fromkeys(folded[hit] for hit in hits)][:count]
-    if not quoted:
+    guesses = tuple(repr(word) for word in dict.fromkeys(folded[hit] for hit in hits))[:count]
+    if not guesses:
         return ""
-    rest = ", ".join(quoted[:-1])
-    return f"did you mean {rest} or {quoted[-1]}? " if rest else f"did you mean {quoted[-1]}? "
+    rest = ", ".join(guesses[:-1])
+    return f"did you mean {rest} or {guesses[-1]}? " if rest else f"did you mean {guesses[-1]}? "

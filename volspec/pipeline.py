@@ -14,10 +14,10 @@ from dataclasses import replace
 from typing import Any
 
 from volspec.basis import SpectralBasis
-from volspec.errors import RaycastError, VolspecWarning
+from volspec.errors import RaycastError, VolspecWarning, quoted
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.bands import Cancel, Progress
-from volspec.raycast.checks import checked_size
+from volspec.raycast.checks import MAX_SIDE, check_callable, checked_size, whole
 from volspec.raycast.gpu import Raycaster
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
 from volspec.spectra import Spectrum
@@ -107,17 +107,9 @@ def raycast(
     """
     volume = Volume.of(volume)
     spec = RaycastSpec() if spec is None else spec
-    for what, given, kind in (
-        ("transfer", transfer, Transfer),
-        ("camera", camera, Camera),
-        ("spec", spec, RaycastSpec),
-        ("caster", caster, Raycaster | None),
-        ("into", into, Relighter | None),
-    ):
-        if not isinstance(given, kind):
-            raise RaycastError(
-                f"raycast: {what} is {given!r:.40}; give a {getattr(kind, '__name__', kind)}"
-            )
+    _check_kinds(transfer, camera, spec, caster, into, notes)
+    check_callable("raycast: progress", progress)
+    check_callable("raycast: cancel", cancel)
     if caster is None:
         caster = Raycaster(volume, device=device)
     elif caster.volume is not volume:
@@ -159,7 +151,12 @@ def refine(
     spec: RaycastSpec | None = None,
     *,
     coarsest: int = 4,
-    **settings: Any,
+    device: str | None = None,
+    progress: Progress | None = None,
+    cancel: Cancel | None = None,
+    caster: Raycaster | None = None,
+    into: Relighter | None = None,
+    notes: Mapping[str, str] | None = None,
 ) -> Iterator[CoefficientImage]:
     """Cast coarse first: pictures of a 1/4, a 1/2 and all of the size, each when it is done.
 
@@ -172,28 +169,44 @@ def refine(
     coarsest : int
         The first picture's sides are divided by this; halved until 1. Pictures of fewer than
         8 pixels across are left out.
-    **settings
-        As `raycast`; ``into`` takes the last picture, whose size it has.
+    device, progress, cancel, caster, notes
+        As `raycast`.
+    into : Relighter, optional
+        Takes the last picture, whose size it has.
 
     Yields
     ------
     CoefficientImage
         The last has the whole size.
+
+    Raises
+    ------
+    RaycastError
+        If ``size`` or ``coarsest`` are no such numbers; and as `raycast`.
     """
-    if isinstance(coarsest, bool) or not isinstance(coarsest, int) or coarsest < 1:
-        raise RaycastError(f"refine: coarsest is {coarsest!r}; give a whole number of 1 or more")
+    whole("refine: coarsest", coarsest, 1, MAX_SIDE)
+    whole_size = checked_size(size, "refine")
     volume = Volume.of(volume)
-    caster = settings.pop("caster", None) or Raycaster(volume, device=settings.pop("device", None))
-    into = settings.pop("into", None)
+    if caster is None:
+        caster = Raycaster(volume, device=device)
+
+    def cast(size: tuple[int, int], into: Relighter | None = None) -> CoefficientImage:
+        return raycast(
+            *(volume, transfer, camera, size, spec),
+            progress=progress,
+            cancel=cancel,
+            caster=caster,
+            into=into,
+            notes=notes,
+        )
+
     divisor = coarsest
     while divisor > 1:
-        width, height = (-(-side // divisor) for side in size)
+        width, height = (-(-side // divisor) for side in whole_size)
         if min(width, height) >= LEAST_SIDE:
-            yield raycast(
-                *(volume, transfer, camera, (width, height), spec), caster=caster, **settings
-            )
+            yield cast((width, height))
         divisor = -(-divisor // 2)
-    yield raycast(volume, transfer, camera, size, spec, caster=caster, into=into, **settings)
+    yield cast(whole_size, into)
 
 
 def absorption_error(
@@ -242,6 +255,26 @@ def absorption_error(
         for each in (transfer, replace(transfer, basis=bands))
     ]
     return difference_map(images[0], images[1], light, backdrop=0.0)
+
+
+def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, notes: Any) -> None:
+    """Refuse arguments of another type, by the names that users know."""
+    transfers = "TransferFunction, TransferFunction2D, LabelFunction or Isosurfaces"
+    for what, given, kinds, wanted in (
+        ("transfer", transfer, Transfer, f"a {transfers}"),
+        ("camera", camera, Camera, "a Camera"),
+        ("spec", spec, RaycastSpec, "a RaycastSpec, or leave it out"),
+        ("caster", caster, Raycaster | None, "a Raycaster, or leave it out"),
+        ("into", into, Relighter | None, "a Relighter, or leave it out"),
+        ("notes", notes, Mapping | None, "a dict of text, or leave it out"),
+    ):
+        if not isinstance(given, kinds):
+            raise RaycastError(f"raycast: {what} is {quoted(given)}; give {wanted}")
+    for name, note in (notes or {}).items():
+        if not (isinstance(name, str) and isinstance(note, str)):
+            raise RaycastError(
+                f"raycast: notes has {quoted(name)}: {quoted(note)}; both must be text"
+            )
 
 
 def _empty(volume: Volume, table: TransferTable | SurfaceTable) -> str:

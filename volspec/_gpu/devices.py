@@ -17,7 +17,7 @@ from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from volspec.errors import OpenCLError, nearest
+from volspec.errors import OpenCLError, nearest, quoted
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -75,8 +75,13 @@ def chosen_device(name: str | None = None) -> int:
     Raises
     ------
     OpenCLError
-        If there is no device, or none of that name; the message lists those there are.
+        If it is no text, there is no device, or none of that name; the message lists those
+        there are.
     """
+    if name is not None and not isinstance(name, str):
+        raise OpenCLError(
+            f"device is {quoted(name)}; give part of a device's name, or its number as text, '0'"
+        )
     found = devices()
     if not found:
         raise OpenCLError(f"no OpenCL device found; {_remedy()}")

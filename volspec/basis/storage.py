@@ -164,7 +164,7 @@ def _json(path: Path) -> Any:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise BasisError(f"{label}: no such file") from None
+        raise BasisError(f"{label}: no such file; check the path") from None
     except IsADirectoryError:
         raise BasisError(f"{label}: is a folder; give a .json file") from None
     except OSError as error:

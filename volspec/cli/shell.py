@@ -6,6 +6,8 @@ traceback), 2 usage, 130 interrupted.
 
 from __future__ import annotations
 
+import codecs
+import io
 import json
 import os
 import sys
@@ -98,16 +100,25 @@ def _show_warning(
         print(f"volspec: warning: {message}", file=sys.stderr)
 
 
+def _print_what_can_be() -> None:
+    """Let a terminal or file of another encoding than UTF-8 show ? for what it has not."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and codecs.lookup(stream.encoding).name != "utf-8":
+            stream.reconfigure(errors="replace")
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the ``volspec`` command."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
+    _print_what_can_be()
     words = [word for word in words if word != "--debug"]
     warnings.showwarning = _show_warning
     try:
         app(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        print(f"volspec: {' '.join(str(error).split())}; see volspec --help", file=sys.stderr)
+        said = " ".join(str(error).split()).rstrip(".")
+        print(f"volspec: {said}; see volspec --help", file=sys.stderr)
         raise SystemExit(2) from error
     except VolspecError as error:
         if debug:

@@ -15,6 +15,9 @@ from volspec.errors import CameraError
 from volspec.raycast.checks import Vector, number, positive, unit, unit_vector, vector
 from volspec.volume import Volume
 
+# Components of a direction so near to 0 or ±1 are rounding.
+_ASKEW = 1e-15
+
 
 @dataclass(frozen=True, slots=True)
 class Camera:
@@ -102,10 +105,12 @@ class Camera:
             front = np.array([-1.0, 0.0, 0.0])
         front /= np.linalg.norm(front)
         side = np.cross(axis, front)
-        azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+        azimuth, elevation = (
+            math.radians(math.fmod(angle, 360)) for angle in (azimuth_deg, elevation_deg)
+        )
         around = math.cos(azimuth) * front + math.sin(azimuth) * side
-        direction = math.cos(elevation) * around + math.sin(elevation) * axis
-        top = math.cos(elevation) * axis - math.sin(elevation) * around
+        direction = _snapped(math.cos(elevation) * around + math.sin(elevation) * axis)
+        top = _snapped(math.cos(elevation) * axis - math.sin(elevation) * around)
         distance = radius / math.sin(math.radians(fov_deg) / 2) / zoom
         if not math.isfinite(distance):
             raise CameraError(
@@ -162,6 +167,15 @@ class Camera:
             distance=self.distance_mm,
             perspective=self.height_mm is None,
         )
+
+
+def _snapped(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A unit vector without the 6e-17 that π/2 leaves of a cosine.
+
+    A ray askew by so little leaves a face that one along it would see whole.
+    """
+    near = np.rint(direction)
+    return np.where(np.abs(direction - near) < _ASKEW, near, direction)
 
 
 def _check_fov(degrees: float) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from volspec.errors import InputError, RaycastError
+from volspec.errors import InputError, RaycastError, quoted
 
 Vector = tuple[float, float, float]
 # Products of weights and intensities stay far within float32.
@@ -24,7 +24,7 @@ def number(what: str, given: Any, error: type[InputError] = RaycastError) -> flo
     volspec.errors.RaycastError: raycast: jitter is 'much'; give a number
     """
     if isinstance(given, bool) or not isinstance(given, int | float | np.integer | np.floating):
-        raise error(f"{what} is {given!r:.40}; give a number")
+        raise error(f"{what} is {quoted(given)}; give a number")
     if not math.isfinite(given):
         raise error(f"{what} is {given}; give a finite number")
     return float(given)
@@ -40,7 +40,7 @@ def weight(what: str, given: Any) -> float:
 def whole(what: str, given: Any, low: int, high: int) -> int:
     """A whole number of low to high."""
     if isinstance(given, bool) or not isinstance(given, int | np.integer):
-        raise RaycastError(f"{what} is {given!r:.40}; give a whole number of {low} to {high}")
+        raise RaycastError(f"{what} is {quoted(given)}; give a whole number of {low} to {high}")
     if not low <= given <= high:
         raise RaycastError(f"{what} is {given}; give a whole number of {low} to {high}")
     return int(given)
@@ -58,7 +58,7 @@ def vector(what: str, given: Any, error: type[InputError] = RaycastError) -> Vec
     try:
         x, y, z = (number(what, each) for each in given)
     except (TypeError, ValueError):
-        raise error(f"{what} is {given!r:.60}; give three finite numbers") from None
+        raise error(f"{what} is {quoted(given, 60)}; give three finite numbers") from None
     return x, y, z
 
 
@@ -92,16 +92,22 @@ def unit(towards: Any) -> Vector:
     return x / length, y / length, z / length
 
 
-def checked_size(size: Any) -> tuple[int, int]:
+def check_callable(what: str, given: Any) -> None:
+    """Refuse what cannot be called; None, for nothing to call, may stay."""
+    if given is not None and not callable(given):
+        raise RaycastError(f"{what} is {quoted(given)}; give a function, or leave it out")
+
+
+def checked_size(size: Any, who: str = "raycast") -> tuple[int, int]:
     """A picture's width and height in pixels, 1 to `MAX_SIDE`."""
     try:
         width, height = (operator.index(n) for n in size)
     except (TypeError, ValueError):
         raise RaycastError(
-            f"raycast: size is {size!r:.40}; give (width, height) in whole pixels"
+            f"{who}: size is {quoted(size)}; give (width, height) in whole pixels"
         ) from None
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise RaycastError(
-            f"raycast: the picture is {width}x{height}; give 1x1 to {MAX_SIDE}x{MAX_SIDE}"
+            f"{who}: the picture is {width}x{height}; give 1x1 to {MAX_SIDE}x{MAX_SIDE}"
         )
     return width, height

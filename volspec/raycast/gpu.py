@@ -18,11 +18,11 @@ from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import assemble
-from volspec.errors import OpenCLError, RaycastError
+from volspec.errors import OpenCLError, RaycastError, quoted
 from volspec.raycast import packed
 from volspec.raycast.bands import Bands, Cancel, Progress, Receiver, Result
 from volspec.raycast.camera import Camera
-from volspec.raycast.checks import checked_size
+from volspec.raycast.checks import check_callable, checked_size
 from volspec.raycast.light_volume.gpu import LightVolume
 from volspec.raycast.reach import check_reach
 from volspec.raycast.spec import RaycastSpec
@@ -61,6 +61,8 @@ class Raycaster:
 
     Raises
     ------
+    RaycastError
+        If an argument is of another type.
     OpenCLError
         If there is no device, the volume does not fit it, or it does not share the context.
     """
@@ -74,14 +76,15 @@ class Raycaster:
         context: Any = None,
     ) -> None:
         if not isinstance(volume, Volume):
-            raise RaycastError(f"Raycaster: volume is {volume!r:.40}; give a volspec.Volume")
+            raise RaycastError(f"Raycaster: volume is {quoted(volume)}; give a volspec.Volume")
         if context is not None and not hasattr(context, "buffer"):
-            raise RaycastError(f"Raycaster: context is {context!r:.40}; give a moderngl.Context")
+            raise RaycastError(f"Raycaster: context is {quoted(context)}; give a moderngl.Context")
+        # True and 8.0 are equal to numbers of rays, and are none.
+        if lanes is not None and (type(lanes) is not int or lanes not in TILES):
+            raise RaycastError(f"Raycaster: lanes is {quoted(lanes)}; give one of {sorted(TILES)}")
         self.volume = volume
         self._compute = Compute.open(device, context)
         self.lanes = lanes or (8 if self._compute.info.is_cpu else 1)
-        if self.lanes not in TILES:
-            raise RaycastError(f"raycast: lanes is {lanes}; give one of {sorted(TILES)}")
         values = volume.values
         if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
             values = np.pad(values, ((0, 0), (0, 0), (0, 4 - values.shape[2])), mode="edge")
@@ -159,12 +162,15 @@ class Raycaster:
         Raises
         ------
         RaycastError
-            If the size is not positive, or nothing is left to see by crop or table.
+            If the size is not positive, progress or cancel cannot be called, or nothing is left
+            to see by crop or table.
         CastCancelled
             If ``cancel`` said so.
         OpenCLError
             If memory does not suffice.
         """
+        check_callable("raycast: progress", progress)
+        check_callable("raycast: cancel", cancel)
         with self._lock:
             if self._casting:
                 raise RaycastError(

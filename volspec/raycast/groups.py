@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from volspec.errors import ImageError
+from volspec.errors import ImageError, quoted
 
 ONE_GROUP: Mapping[str, float] = MappingProxyType({"light": 1.0})
 """The light groups and shares of an image whose lights are not steered apart."""
@@ -21,7 +21,7 @@ def checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
     """Light groups as a dictionary of their own, each named and with its share."""
     if not (isinstance(groups, Mapping) and groups):
         raise ImageError(
-            f"coefficient image: groups is {groups!r:.60}; give {{name: share}}, at least one"
+            f"coefficient image: groups is {quoted(groups, 60)}; give {{name: share}}, at least one"
         )
     shares = {}
     for name, share in groups.items():
@@ -36,7 +36,7 @@ def checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
             share = math.nan
         if not 0 <= share <= 1 + _SUM_ERROR:
             raise ImageError(
-                f"coefficient image: light group {name!r} has share {groups[name]!r:.40}; "
+                f"coefficient image: light group {name!r} has share {quoted(groups[name])}; "
                 "give a number of 0…1"
             )
         shares[name] = float(share)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from volspec._exr import read_exr, write_exr
 from volspec.basis import Basis, SpectralBasis, basis_from_dict
-from volspec.errors import BasisError, ImageError, ShapeError, nearest
+from volspec.errors import BasisError, ImageError, ShapeError, nearest, quoted
 from volspec.raycast.groups import ONE_GROUP, channel_names, checked_groups
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.values import light_power
@@ -161,7 +161,7 @@ class CoefficientImage:
         """
         if not (isinstance(image, SpectralImage) and isinstance(basis, SpectralBasis)):
             raise ImageError(
-                f"from_spectral_image: got {image!r:.40} and {basis!r:.40}; expected a "
+                f"from_spectral_image: got {quoted(image)} and {quoted(basis)}; expected a "
                 "SpectralImage and a SpectralBasis"
             )
         grid = basis.grid

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from volspec.errors import RaycastError
+from volspec.errors import RaycastError, quoted
 from volspec.raycast.checks import Vector, positive, unit_vector, vector, weight
 
 Frame = Literal["world", "camera"]
@@ -152,7 +152,7 @@ class LightGroup:
         plain = self.name.isprintable() and not {"=", ";"} & {*self.name}
         if not plain or self.name != self.name.strip():
             raise RaycastError(
-                f"light group: name is {self.name!r:.40}; leave out =, ; and blanks around it"
+                f"light group: name is {quoted(self.name)}; leave out =, ; and blanks around it"
             )
         if len(self.name) > MAX_NAME:
             raise RaycastError(
@@ -166,7 +166,7 @@ class LightGroup:
         for source in sources:
             if not isinstance(source, Source):
                 raise RaycastError(
-                    f"light group {self.name!r}: {source!r:.60} is no source; give Ambient, "
+                    f"light group {self.name!r}: {quoted(source, 60)} is no source; give Ambient, "
                     "Headlight, Directional or Point"
                 )
         object.__setattr__(self, "sources", sources)
@@ -178,13 +178,15 @@ def _check_intensity(source: Source) -> None:
 
 def _check_flag(source: Source, name: str) -> None:
     if not isinstance(getattr(source, name), bool):
-        raise RaycastError(f"{_who(source)}: {name} is {getattr(source, name)!r:.40}; give a bool")
+        raise RaycastError(
+            f"{_who(source)}: {name} is {quoted(getattr(source, name))}; give a bool"
+        )
 
 
 def _check_frame(source: Directional | Point) -> None:
     if source.frame not in ("world", "camera"):
         raise RaycastError(
-            f"{_who(source)}: frame is {source.frame!r:.40}; give 'world' or 'camera'"
+            f"{_who(source)}: frame is {quoted(source.frame)}; give 'world' or 'camera'"
         )
 
 

@@ -51,6 +51,8 @@ CAST = np.dtype(
 SHININESS_BITS = 6, 11
 # Numbers of the sources' kinds, which shade.clh knows by the names in capitals.
 KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
+# The log of what an opaque step lets through, finite so that a chord of no length stays clear.
+LOG_OPAQUE = -1e30
 # Rounds of false position that place an isosurface within its step.
 ROUNDS = 2
 
@@ -179,12 +181,13 @@ class Program:
             opacity = np.zeros((1, 2), np.float32)
             mixed = np.insert(mixed, len(mixed) - 1, 0.0, axis=0)
         else:
-            of_step = table.step_opacity(step_mm)
-            if spec.mode != "composite":
+            if spec.mode == "composite":
+                entries = np.stack([_rising(table.step_opacity(step_mm)), _logs(table, step_mm)])
+            else:
                 name, extra = "projection", {"MAXIMUM": int(spec.mode == "maximum")}
-                of_step = table.opacity
+                entries = _rising(table.opacity)
             rows = 1 if table.gradient_top is None else len(table.opacity)
-            opacity = with_rises(of_step[..., None])[..., 0].astype(np.float32)
+            opacity = entries.astype(np.float32)
             shares = _padded(with_rises(table.shares))
             if table.filters is not None:
                 # Every channel has a transmittance: shares must be the channels themselves.
@@ -233,6 +236,21 @@ def with_rises(entries: NDArray[np.float64]) -> NDArray[np.float64]:
     rows = np.zeros((*others, count + 1, 2, width))
     rows[..., :-1, 0, :] = entries
     rows[..., :-2, 1, :] = np.diff(entries, axis=-2)
+    return rows
+
+
+def _rising(entries: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(…, N) -> (…, N + 1, 2): `with_rises` of entries that are one number each."""
+    return with_rises(entries[..., None])[..., 0]
+
+
+def _logs(table: TransferTable, step_mm: float) -> NDArray[np.float64]:
+    """(…, N + 1, 2) log of what a step lets through, by entry and by the next; then nothing."""
+    with np.errstate(divide="ignore"):
+        logs = np.log1p(-table.opacity) * (step_mm / table.reference_step_mm)
+    logs = np.maximum(logs, LOG_OPAQUE)
+    rows = np.zeros((*logs.shape[:-1], logs.shape[-1] + 1, 2))
+    rows[..., :-1, 0], rows[..., :-2, 1] = logs, logs[..., 1:]
     return rows
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import RaycastError, nearest
+from volspec.errors import RaycastError, nearest, quoted
 from volspec.raycast.checks import Vector, number, positive, unit_vector, vector, weight, whole
 from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup
 from volspec.volume import Volume
@@ -120,7 +120,7 @@ class RaycastSpec:
     def __post_init__(self) -> None:
         for name in ("preintegrated", "half"):
             if not isinstance(getattr(self, name), bool | np.bool_):
-                raise RaycastError(f"raycast: {name} is {getattr(self, name)!r:.40}; give a bool")
+                raise RaycastError(f"raycast: {name} is {quoted(getattr(self, name))}; give a bool")
         for name in ("ambient", "diffuse", "specular", "flat_gradient", "adaptive"):
             weight(f"raycast: {name}", getattr(self, name))
         whole("raycast: shininess", self.shininess, 1, 1024)
@@ -137,7 +137,7 @@ class RaycastSpec:
             raise RaycastError(f"raycast: jitter is {self.jitter}; give 0 to 1 step")
         if self.mode not in MODES:
             raise RaycastError(
-                f"raycast: mode is {self.mode!r:.40}; {nearest(str(self.mode), MODES)}"
+                f"raycast: mode is {quoted(self.mode)}; {nearest(str(self.mode), MODES)}"
                 f"give {', '.join(MODES)}"
             )
         if self.preintegrated and self.mode != "composite":
@@ -149,7 +149,9 @@ class RaycastSpec:
         given = self.groups
         groups = tuple(given) if isinstance(given, list | tuple) else (given,)
         if not groups or not all(isinstance(group, LightGroup) for group in groups):
-            raise RaycastError(f"raycast: groups is {groups!r:.60}; give LightGroups, at least one")
+            raise RaycastError(
+                f"raycast: groups is {quoted(groups, 60)}; give LightGroups, at least one"
+            )
         names = [group.name for group in groups]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise RaycastError(f"raycast: two light groups are named {twice!r}; rename one")
@@ -166,7 +168,7 @@ class RaycastSpec:
         planes = tuple(given) if isinstance(given, list | tuple) else (given,)
         if len(planes) > MAX_PLANES or not all(isinstance(p, ClipPlane) for p in planes):
             raise RaycastError(
-                f"raycast: clip_planes is {planes!r:.60}; give up to {MAX_PLANES} ClipPlanes"
+                f"raycast: clip_planes is {quoted(planes, 60)}; give up to {MAX_PLANES} ClipPlanes"
             )
         object.__setattr__(self, "clip_planes", planes)
         if self.crop_voxels is None:
@@ -177,7 +179,7 @@ class RaycastSpec:
             crop = np.empty(0)
         if crop.shape != (3, 2) or not np.isfinite(crop).all():
             raise RaycastError(
-                f"raycast: crop_voxels is {self.crop_voxels!r:.80}; "
+                f"raycast: crop_voxels is {quoted(self.crop_voxels, 80)}; "
                 "give ((x0, x1), (y0, y1), (z0, z1))"
             )
         for axis, (low, high) in zip("xyz", crop, strict=True):

@@ -127,8 +127,15 @@ class Scene:
         name = os.fspath(path)
         try:
             data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise SceneError(f"{name}: no such file; check the path") from None
+        except IsADirectoryError:
+            raise SceneError(f"{name}: is a folder; give a scene file") from None
         except OSError as error:
-            raise SceneError(f"{name}: {error.strerror or 'cannot be read'}") from error
+            raise SceneError(
+                f"{name}: cannot be read: {error.strerror or error}; check the path and its "
+                "permissions"
+            ) from error
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SceneError(f"{name}: not valid TOML: {error}") from error
         try:
@@ -211,7 +218,9 @@ class Scene:
             yield
         except InputError as error:
             where = f"{self.path}: {table} " if table else f"{self.path}: "
-            raise SceneError(f"{where}{error}") from error
+            # "[raycast] raycast: shininess is …" would say it twice.
+            said = str(error).removeprefix(f"{table.strip('[]')}: ")
+            raise SceneError(f"{where}{said}") from error
 
     def _reflectances(self, key: str, grid: SpectralGrid) -> dict[str, Spectrum]:
         """What the materials have under a key, by name."""

@@ -166,9 +166,11 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
     try:
         return Path(path_text(path)).read_bytes()
     except FileNotFoundError:
-        raise SpectrumError(f"{path}: no such file") from None
+        raise SpectrumError(f"{path}: no such file; check the path") from None
     except OSError as error:
-        raise SpectrumError(f"{path}: cannot be read: {error.strerror}") from None
+        raise SpectrumError(
+            f"{path}: cannot be read: {error.strerror}; check the path and its permissions"
+        ) from None
 
 
 def read_number(text: str) -> float:

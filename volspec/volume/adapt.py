@@ -105,7 +105,7 @@ def volume_from_pyvista(
 
 
 def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:
-    """A pyvista ``ImageData`` with the values as point scalars ``"values"``."""
+    """A pyvista ``ImageData`` with a copy of the values as point scalars ``"values"``."""
     import pyvista
 
     world = volume.world_from_index
@@ -114,5 +114,6 @@ def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:
         dimensions=volume.shape_xyz, spacing=volume.spacing_mm, origin=world[:3, 3]
     )
     grid.direction_matrix = world[:3, :3] / np.asarray(volume.spacing_mm)
-    grid.point_data["values"] = volume.values.ravel()
+    # A copy: VTK writes where NumPy says read-only.
+    grid.point_data["values"] = volume.values.flatten()
     return grid

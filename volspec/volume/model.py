@@ -34,7 +34,8 @@ class Volume:
         NumPy, xarray or Zarr; uint8, uint16, int16 and float32 are kept. Wider integers
         become the smallest of these integers that holds them all, other types float32 (int8
         becomes int16). NaN and infinities are counted and warned about: +inf becomes the
-        greatest finite value, NaN and -inf the least.
+        greatest finite value, NaN and -inf the least. An array that is kept as it is stays shared
+        and is read-only here: do not change it while the volume is in use, or give a copy.
     spacing_mm : (x, y, z), optional
         Distance of neighbouring voxel centres; positive. Read from ``world_from_index``
         where that is given, else 1 mm.
@@ -173,7 +174,7 @@ class Volume:
         return volume_from_pyvista(grid, scalars)
 
     def to_pyvista(self) -> pyvista.ImageData:
-        """A pyvista ``ImageData`` with the values as point scalars ``"values"``."""
+        """A pyvista ``ImageData`` with a copy of the values as point scalars ``"values"``."""
         from volspec.volume.adapt import volume_to_pyvista
 
         return volume_to_pyvista(self)
