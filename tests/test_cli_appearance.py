@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -79,11 +80,21 @@ def test_tables_are_read_by_their_columns(
     assert len(run(capsys, "appearance", "--table", str(table))) == 2
 
 
+def test_digits_are_never_cut_and_standard_input_is_read(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("40,35,10\n50,50,40\n"))
+    done("appearance", "--white", "A", "--table", "-")
+    out = capsys.readouterr().out
+    assert "\N{HORIZONTAL ELLIPSIS}" not in out and "40.00" in out and "162.96" in out
+
+
 @pytest.mark.parametrize(
     "words, message",
     [
         (("adapt", "40", "35", "--from", "A"), "2 numbers"),
-        (("adapt", "40", "35", "nan", "--from", "A"), "nan"),
+        (("adapt", "40", "35", "nan", "--from", "A"), "nan is no colour"),
+        (("adapt", "40", "35", "1e308", "--from", "A"), "1e+308 is no colour"),
         (("adapt", "40", "35", "10", "--from", "A", "--method", "CAT2"), "did you mean 'CAT02'"),
         (("adapt", "40", "35", "10", "--from", "0,100,50"), "above 0"),
         (("adapt", "40", "35", "10", "--from", "0,0,0"), "above 0"),

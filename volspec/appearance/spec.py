@@ -21,6 +21,7 @@ from volspec.appearance.surround import (
     Surround,
     Triple,
     ViewingConditions,
+    require_adaptation,
     require_known,
     require_not_negative,
     require_positive,
@@ -111,11 +112,7 @@ class Viewing:
             require_not_negative("Viewing.L_A", self.L_A, "cd/m²; None takes it from the light")
         require_not_negative("Viewing.Y_b", self.Y_b, "percent of white; grey is 20")
         surround_at(self.surround)
-        if self.D is not None and not 0.0 <= self.D <= 1.0:
-            raise ViewingError(
-                f"Viewing.D is {self.D!r}; expected 0 (no adaptation) to 1 (complete), "
-                "or None for CIECAM02's own"
-            )
+        require_adaptation("Viewing", self.D, self.discount)
         require_positive("Viewing.exposure", self.exposure, "1 changes nothing")
         if not isinstance(self.display, Display):
             raise ViewingError(f"Viewing.display is {self.display!r}; expected a Display")

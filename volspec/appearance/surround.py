@@ -94,6 +94,17 @@ def is_finite(value: object) -> bool:
     return real and math.isfinite(value)  # type: ignore[arg-type]
 
 
+def require_adaptation(name: str, D: object, discount: object) -> None:
+    """A degree of adaptation and whether the light is discounted."""
+    if D is not None and not (is_finite(D) and 0.0 <= D <= 1.0):  # type: ignore[operator]
+        raise ViewingError(
+            f"{name}.D is {D!r}; expected 0 (no adaptation) to 1 (complete), or None for the "
+            "model's own"
+        )
+    if not isinstance(discount, bool):
+        raise ViewingError(f"{name}.discount is {discount!r}; expected True or False")
+
+
 def require_not_negative(name: str, value: float, remedy: str) -> None:
     """Refuse what is no finite number of 0 or above."""
     if not (is_finite(value) and value >= 0.0):
@@ -154,11 +165,7 @@ class ViewingConditions:
         require_not_negative("ViewingConditions.L_A", self.L_A, "cd/m²")
         require_not_negative("ViewingConditions.Y_b", self.Y_b, "percent of white; grey is 20")
         surround_at(self.surround)
-        if self.D is not None and not 0.0 <= self.D <= 1.0:
-            raise ViewingError(
-                f"ViewingConditions.D is {self.D!r}; expected 0 (no adaptation) to 1 (complete), "
-                "or None for the model's own"
-            )
+        require_adaptation("ViewingConditions", self.D, self.discount)
 
     @classmethod
     def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **others: Any) -> ViewingConditions:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +17,10 @@ if TYPE_CHECKING:
     from volspec.appearance import ViewingConditions
 
 XYZ = ("X", "Y", "Z")
-Table = Annotated[Path | None, Parameter(help="A CSV table of triples; - is standard input.")]
+Table = Annotated[
+    Path | None,
+    Parameter(allow_leading_hyphen=True, help="A CSV table of triples; - is standard input."),
+]
 Values = Annotated[list[float] | None, Parameter(negative="", allow_leading_hyphen=True)]
 Lux = Annotated[float, Parameter(help="Illuminance; L_A is that of the background under it.")]
 Background = Annotated[float, Parameter(name="--Y_b", help="The background, percent of white.")]
@@ -182,12 +186,17 @@ def _correlates(look: Any, count: int) -> list[dict[str, Any]]:
     return rows
 
 
+def _finite(value: Any) -> Any:
+    """JSON has no word for what is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def _show(title: str, rows: list[dict[str, Any]], as_json: bool) -> None:
-    """Print rows as JSON, NaN as null, or as a table."""
+    """Print rows as JSON or as a table."""
     from rich.table import Table as Rich
 
     if as_json:
-        print_json([{k: None if v != v else v for k, v in row.items()} for row in rows])
+        print_json([{k: _finite(v) for k, v in row.items()} for row in rows])
         return
     names = list(dict.fromkeys(name for row in rows for name in row))
     # What is the same for all is told once, or not at all.
@@ -196,7 +205,7 @@ def _show(title: str, rows: list[dict[str, Any]], as_json: bool) -> None:
     plain = all(row["defined"] for row in rows if "defined" in row)
     hidden = {"L_A", "Y_b", *(["defined"] if plain else [])}
     alike = [name for name in names[:4] if "model" in names and len({r[name] for r in rows}) == 1]
-    for name in alike if len(rows) > 1 else ():
+    for name in alike:
         title += f", {name} {rows[0][name]}"
         hidden.add(name)
     table = Rich(title=title, title_justify="left", box=None, pad_edge=False)
@@ -206,7 +215,9 @@ def _show(title: str, rows: list[dict[str, Any]], as_json: bool) -> None:
     for row in rows:
         cells = [row.get(name, "") for name in shown]
         table.add_row(*(f"{cell:.2f}" if isinstance(cell, float) else str(cell) for cell in cells))
-    Console().print(table)
+    # A narrow screen wraps lines; digits are never cut.
+    console = Console()
+    Console(width=max(console.width, 110)).print(table)
 
 
 def _picture(

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+# Of a colour whose white is 100.
+LARGEST = 1e9
+
+
 def read_triples(
     values: Sequence[float], table: Path | None, names: Sequence[str]
 ) -> NDArray[np.float64]:
@@ -38,7 +42,7 @@ def read_triples(
     Raises
     ------
     InputError
-        If there is none, their number is no multiple of three, or a cell is no finite number.
+        If there is none, their number is no multiple of three, or one is beyond 1e9 or no number.
     """
     import numpy as np
 
@@ -47,8 +51,10 @@ def read_triples(
         if not values or len(values) % 3:
             raise InputError(f"{len(values)} numbers; give {kind}, three a colour, or --table FILE")
         rows = np.array(values, dtype=np.float64).reshape(-1, 3)
-        if not np.isfinite(rows).all():
-            raise InputError(f"{kind}: {rows[~np.isfinite(rows)][0]} is no number of a colour")
+        if not (fits := np.abs(rows) <= LARGEST).all():
+            raise InputError(
+                f"{kind}: {rows[~fits][0]} is no colour; give numbers within {LARGEST:g}"
+            )
         return rows
     if values:
         raise InputError(f"{kind} both as words and in {table}; give one of them")
@@ -66,6 +72,8 @@ def read_triples(
         if missing:
             raise InputError(f"{table}: no column {missing[0]}; its first line is {','.join(head)}")
         columns, lines = [head.index(name) for name in names], lines[1:]
+        if not lines:
+            raise InputError(f"{table}: no rows below its first line; give one a colour")
     return np.array([_row(table, i, line, columns) for i, line in enumerate(lines, 1)])
 
 
@@ -79,6 +87,6 @@ def _row(table: Path, number: int, line: Sequence[str], columns: Sequence[int]) 
 
 def _is_number(cell: str) -> bool:
     try:
-        return abs(float(cell)) < float("inf")
+        return abs(float(cell)) <= LARGEST
     except ValueError:
         return False

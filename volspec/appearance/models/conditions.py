@@ -31,8 +31,9 @@ _RESPONSES = {
     "CIECAM02": (k.CAT02_FROM_XYZ, k.HPE_FROM_CAT02),
     "CAM16": (k.CAT16_FROM_XYZ, np.eye(3)),
 }
-# Below these the limits are reached to float32's digits.
+# Below these the limits are reached to float32's digits; above is brighter than the sun's disc.
 _LEAST_L_A, _LEAST_N = 1e-6, 1e-4
+_MOST_L_A = 1e9
 
 
 def compress(responses: Matrix) -> Matrix:
@@ -123,7 +124,8 @@ class Conditions:
     ) -> Conditions:
         """Compute the scalars (eq. 18-26).
 
-        At an L_A or Y_b of 0 they are those of 1e-6 cd/m² and of a background of 1e-4 Y_w.
+        At an L_A or Y_b of 0 they are those of 1e-6 cd/m² and of a background of 1e-4 Y_w; above
+        1e9 cd/m² those of that.
 
         Parameters
         ----------
@@ -156,7 +158,7 @@ class Conditions:
                 f"viewing conditions: the white XYZ = {_triple(white)} is not a colour; "
                 "expected finite numbers and Y above 0. Is the light black?"
             )
-        five_L_A = 5.0 * max(L_A, _LEAST_L_A)
+        five_L_A = 5.0 * min(max(L_A, _LEAST_L_A), _MOST_L_A)
         k4 = (five_L_A + 1.0) ** -4
         F_L = 0.1 * (2.0 * k4 * five_L_A + (1.0 - k4) ** 2 * np.cbrt(five_L_A))
         n = max(Y_b / white[1], _LEAST_N)
