@@ -123,7 +123,8 @@ CASTS(raycast, uchar) {
             cover(&cast, &g, g.through - passing(&g), middle[s]);
 #else
             const floatN visible = g.through * share[s];
-            shade(&cast, sources, layers, &r, middle[s], nx[s], ny[s], nz[s], visible, weight, gloss);
+            shade(&cast, sources, layers, &r, middle[s], nx[s], ny[s], nz[s], visible, weight,
+                  gloss);
             reflect(&g, shares, &cast, &f[s], &entry[s], weight);
             EACH(group, GROUPS) g.gloss[group] += gloss[group];
             cover(&cast, &g, visible, middle[s]);

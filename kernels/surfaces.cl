@@ -9,7 +9,8 @@
 // Launch and what is read and written: as raycast.cl, but
 //         opacity  float2[SURFACES]: a surface's level and opacity, by rising level
 //         shares   floatP[SURFACES][PARTS]
-// The host sets SURFACES and ROUNDS beside what raycast.cl wants; TABLE_ROWS and LABELS have no meaning.
+// The host sets SURFACES and ROUNDS beside what raycast.cl wants; TABLE_ROWS and LABELS have no
+// meaning.
 
 #include "casts.clh"
 #include "ends.clh"

@@ -28,6 +28,7 @@ out vec4 root;
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec3 node = vec3(pixel.x, pixel.y % NODES, pixel.y / NODES) / float(NODES - 1);
-    vec3 shown = response_from_linear * displayed_from_scene(XYZ_from_response * pow(node, vec3(8.0 / 3.0)));
+    vec3 XYZ = XYZ_from_response * pow(node, vec3(8.0 / 3.0));
+    vec3 shown = response_from_linear * displayed_from_scene(XYZ);
     root = vec4(sign(shown) * pow(abs(shown), vec3(1.0 / 3.0)), 1.0);
 }

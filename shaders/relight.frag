@@ -19,8 +19,9 @@
 //                        XYZ_from_layer and backdrop_XYZ.
 //         gamut          what the display cannot show, see include/gamut.glsl; where REDUCE.
 // Writes  frame          code values of the display, 0 to 1, alpha 1.
-// Host    LAYERS, FORM (LINEAR, CURVE, CAM or TABLE), what the forms want, FIRST_ROW_AT_BOTTOM (1 where what is
-//         drawn will be read back, GL's rows running up; 0 for a canvas or window), IMAGE_HEIGHT
+// Host    LAYERS, FORM (LINEAR, CURVE, CAM or TABLE), what the forms want, FIRST_ROW_AT_BOTTOM (1
+//         where what is drawn will be read back, GL's rows running up; 0 for a canvas or window),
+//         IMAGE_HEIGHT
 //         (pixels, used if 0), REDUCE and MARK (1 where the display does so), and the numbers of
 //         volspec.appearance.constants.shader_constants(), of the display's
 //         ColourSpace.shader_constants() and of volspec.appearance.screen.SHADER_CONSTANTS.

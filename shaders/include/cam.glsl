@@ -1,4 +1,4 @@
-// CIECAM02 or CAM16 forward under the scene's conditions and inverse under the display's, in one step.
+// CIECAM02 or CAM16 forward under the scene's conditions and inverse under the display's, in one.
 //
 //     R  = sign(r) 400 f / (27.13 + f), f = |r|^0.42, r = response_from_XYZ XYZ
 //     x  = 2R + G + B/20 (p2 - 0.305),  a = R - 12G/11 + B/11,  b = (R + G - 2B) / 9
@@ -18,7 +18,8 @@
 //
 // Reads   passage, computed by the host in double precision whenever the white changes.
 // Host sets SAME_SURROUND where γ = κ = 1 (equal Y_b and surround, the default): a power and the
-// skew less, a tenth of the frame; and the numbers of volspec.appearance.constants.shader_constants().
+// skew less, a tenth of the frame; and the numbers of
+// volspec.appearance.constants.shader_constants().
 
 struct Passage {
     mat3 response_from_XYZ;    // the scene's F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, or

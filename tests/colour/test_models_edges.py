@@ -9,9 +9,12 @@ import pytest
 
 from tests.colour._models import CONDITIONS, D65, A, colours
 from volspec.appearance import ViewingConditions
+from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.models import MODELS, hunt, model, nayatani95, rlab
 from volspec.appearance.models.hunt_eye import Eye
 from volspec.appearance.models.numeric import invert
+from volspec.appearance.spec import MODELS as VIEWED
+from volspec.cli.appearance import NOTES
 from volspec.errors import ViewingError
 
 ENDS = {
@@ -137,6 +140,8 @@ def test_example_of_the_docs_runs_as_written():
 def test_unknown_model_is_refused_with_a_guess():
     assert model("Nayatani95") is nayatani95
     assert {each.NAME for each in MODELS.values()} == set(MODELS)
+    # What a viewing may ask for is told, and has a note in the picture of all.
+    assert sorted(VIEWED) == sorted([*MODELS, *ADAPTATIONS]) == sorted(NOTES)
     with pytest.raises(ViewingError, match="did you mean 'Nayatani95'") as caught:
         model("nayatani")
     assert "\n" not in str(caught.value)

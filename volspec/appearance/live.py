@@ -6,16 +6,19 @@ Viewing, white -> [live] -> Passage -> host | shaders/relight.frag
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec.appearance.adaptation import ADAPTATIONS
-from volspec.appearance.models import MODELS, Model, rlab
+from volspec.appearance.models import MODELS, Model, cam16, ciecam02, cielab, rlab
 from volspec.appearance.models.base import Array
-from volspec.appearance.models.conditions import CamPassage, Conditions
-from volspec.appearance.passages import LinearPassage, Passage
+from volspec.appearance.passages import Passage
 from volspec.appearance.spec import Viewing, ViewingConditions
+
+# Models of which inverse after forward is a passage in closed form.
+CLOSED = MappingProxyType({each.NAME: each.passage for each in (ciecam02, cam16, cielab, rlab)})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,9 +39,8 @@ class ModelPassage:
         """(..., 3) to those of equal J, C and h; CIECAM02's where the model knows none."""
         seen = self.model.forward(XYZ, self.scene)
         shown = self.model.inverse(seen.J, seen.C, seen.h, self.display)
-        ends = (Conditions.of_viewing(each) for each in (self.scene, self.display))
         known = np.isfinite(shown).all(axis=-1, keepdims=True)
-        return np.where(known, shown, CamPassage.between(*ends).apply(XYZ))
+        return np.where(known, shown, ciecam02.passage(self.scene, self.display).apply(XYZ))
 
 
 def passage_of(viewing: Viewing, white_XYZ: ArrayLike) -> Passage:
@@ -65,11 +67,6 @@ def passage_of(viewing: Viewing, white_XYZ: ArrayLike) -> Passage:
         # The white moves, tones stay: the models that carry level are given one for both.
         level = {name: getattr(scene, name) for name in ("L_A", "Y_b", "surround")}
         return ADAPTATIONS[viewing.model](scene, replace(display, **level))
-    if viewing.model in ("CIECAM02", "CAM16"):
-        ends = (Conditions.of_viewing(each, viewing.model) for each in (scene, display))
-        return CamPassage.between(*ends)
-    if viewing.model == "CIELAB":  # divides by the white; what follows is the same on both sides
-        return LinearPassage(np.diag(np.divide(display.white_XYZ, scene.white_XYZ)))
-    if viewing.model == "RLAB":
-        return rlab.passage(scene, display)
+    if closed := CLOSED.get(viewing.model):
+        return closed(scene, display)
     return ModelPassage(MODELS[viewing.model], scene, display)

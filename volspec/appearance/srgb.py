@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
+from volspec.appearance.curves import sRGB_CURVE
 
 Array = NDArray[np.float64]
 
@@ -50,9 +51,7 @@ def encode(linear: ArrayLike) -> Array:
     >>> encode([0.0, 0.5, 2.0]).round(4).tolist()
     [0.0, 0.7354, 1.0]
     """
-    x = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0)
-    toe = k.OETF_SLOPE * x
-    return np.where(x <= k.OETF_TOE, toe, k.OETF_GAIN * x**k.OETF_POWER - (k.OETF_GAIN - 1.0))
+    return sRGB_CURVE.encode(np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0))
 
 
 def decode(encoded: ArrayLike) -> Array:
@@ -67,9 +66,7 @@ def decode(encoded: ArrayLike) -> Array:
     -------
     (..., 3) float64
     """
-    x = np.asarray(encoded, dtype=np.float64)
-    power = ((x + k.OETF_GAIN - 1.0) / k.OETF_GAIN) ** (1.0 / k.OETF_POWER)
-    return np.where(x <= k.OETF_SLOPE * k.OETF_TOE, x / k.OETF_SLOPE, power)
+    return sRGB_CURVE.decode(encoded)
 
 
 def to_uint8(encoded: ArrayLike) -> NDArray[np.uint8]:

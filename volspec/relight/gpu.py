@@ -47,8 +47,9 @@ if TYPE_CHECKING:
 _COMPONENTS: dict[type, str] = {np.uint8: "f1", np.float32: "f4"}
 # Renderers that draw on the CPU.
 SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
-# Pixels from which a table pays there although it must be filled for the frame.
-TABLE_PIXELS = 2**19
+# Pixels from which a table pays there although it must be filled for the frame: by 2 % at 1024²,
+# by 9 % at 2048², read back.
+TABLE_PIXELS = 2**20
 Closed = CurvePassage | CamPassage
 # Components of uniforms: a mat4x3 takes four vectors of four, and this much is for all the others.
 _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
@@ -201,7 +202,7 @@ class GLEngine:
             As `draw`.
         """
         with self._current():
-            target = self.draw(light, viewing, dtype)
+            target = self._framed(light, viewing, dtype)
             # The driver drops alpha while copying, five times faster than NumPy would.
             pixels = np.empty((self._height, self._width, 3), dtype=dtype)
             target.read_into(pixels, components=3, dtype=_COMPONENTS[dtype])
@@ -219,20 +220,25 @@ class GLEngine:
         ContextLost
             If another library ended the context.
         """
+        with self._current():
+            return self._framed(light, viewing, dtype)
+
+    def _framed(
+        self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
+    ) -> moderngl.Framebuffer:
         channels = light.XYZ_from_channels.shape[1]
         if channels != self._channels:
             raise ShapeError(
                 f"relight: the light has {channels} channels, the image {self._channels}; "
                 "were both made with the same basis and light groups?"
             )
-        with self._current():
-            screen = screen_of(viewing)
-            drawn = self._drawn(light.viewed(viewing), light, dtype)
-            target = self._target(_COMPONENTS[dtype])
-            target.use()
-            self._texture.use(0)
-            values = light_uniforms(light, drawn) | passage_uniforms(drawn, screen)
-            self._draw("relight", form_of(drawn), values | screen_uniforms(screen), screen)
+        screen = screen_of(viewing)
+        drawn = self._drawn(light.viewed(viewing), light, dtype)
+        target = self._target(_COMPONENTS[dtype])
+        target.use()
+        self._texture.use(0)
+        values = light_uniforms(light, drawn) | passage_uniforms(drawn, screen)
+        self._draw("relight", form_of(drawn), values | screen_uniforms(screen), screen)
         return target
 
     def _drawn(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.spec import ViewingConditions
+from volspec.errors import ShapeError
 
 Array = NDArray[np.float64]
 
@@ -53,3 +54,33 @@ class Model(Protocol):
 
         NaN where no XYZ does.
         """
+
+
+def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Array, Array, Array]:
+    """J, C and h as float64 of one shape.
+
+    Raises
+    ------
+    ShapeError
+        If they do not broadcast together.
+    """
+    values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
+    try:
+        J, C, h = np.broadcast_arrays(*values)
+    except ValueError as error:
+        shapes = ", ".join(str(each.shape) for each in values)
+        raise ShapeError(f"{name}: J, C, h have shapes {shapes}; expected equal ones") from error
+    return J, C, h
+
+
+def opponents(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> Array:
+    """J, C cos h and C sin h of broadcast J, C and h, (..., 3); chroma below 0 counts as 0.
+
+    Raises
+    ------
+    ShapeError
+        If they do not broadcast together.
+    """
+    J, C, h = broadcast(name, J, C, h)
+    C, angle = np.maximum(C, 0.0), np.radians(h)
+    return np.stack([J, C * np.cos(angle), C * np.sin(angle)], axis=-1)

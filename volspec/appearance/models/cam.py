@@ -23,10 +23,9 @@ from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
 from volspec.appearance.hue import quadrature
-from volspec.appearance.models.base import Appearance, Array
+from volspec.appearance.models.base import Appearance, Array, broadcast
 from volspec.appearance.models.conditions import Conditions, compress, expand
 from volspec.appearance.passages import triples
-from volspec.errors import ShapeError
 
 
 def _eccentricity(cos_h: Array, sin_h: Array) -> Array:
@@ -104,13 +103,7 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: Conditions) ->
     ShapeError
         If the three do not broadcast together.
     """
-    try:
-        J, C, h = np.broadcast_arrays(
-            np.asarray(J, np.float64), np.asarray(C, np.float64), np.asarray(h, np.float64)
-        )
-    except ValueError as error:
-        shapes = ", ".join(str(np.shape(v)) for v in (J, C, h))
-        raise ShapeError(f"CIECAM02: J, C, h have shapes {shapes}; expected equal ones") from error
+    J, C, h = broadcast(conditions.model, J, C, h)
     lit = J > 0.0
     level = np.where(lit, J, 1.0) / 100.0
     cos_h, sin_h = np.cos(np.radians(h)), np.sin(np.radians(h))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from volspec.appearance.models import cam
 from volspec.appearance.models.base import Appearance, Array
-from volspec.appearance.models.conditions import Conditions
+from volspec.appearance.models.conditions import CamPassage, Conditions
 from volspec.appearance.spec import ViewingConditions
 
 NAME = "CAM16"
@@ -26,3 +26,8 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """See `volspec.appearance.models.base.Model.inverse`."""
     return cam.inverse(J, C, h, Conditions.of_viewing(conditions, NAME))
+
+
+def passage(source: ViewingConditions, target: ViewingConditions) -> CamPassage:
+    """XYZ under one condition to those of equal J, C and h under another, in closed form."""
+    return CamPassage.seen_by(NAME, source, target)

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.hue import CIELAB_HUES, quadrature
-from volspec.appearance.models.base import Appearance
-from volspec.appearance.models.cones import broadcast
-from volspec.appearance.passages import triples
+from volspec.appearance.models.base import Appearance, opponents
+from volspec.appearance.passages import LinearPassage, triples
 from volspec.appearance.spec import ViewingConditions
 from volspec.errors import ViewingError
 from volspec.spectra._colour import colour_science
@@ -179,7 +178,12 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
     ShapeError
         If the three do not broadcast together.
     """
-    J, C, h = broadcast(NAME, J, C, h)
-    C, angle = np.maximum(C, 0.0), np.radians(h)
-    Lab = np.stack([J, C * np.cos(angle), C * np.sin(angle)], axis=-1)
-    return XYZ_from_cielab(Lab, conditions.white_XYZ)
+    return XYZ_from_cielab(opponents(NAME, J, C, h), conditions.white_XYZ)
+
+
+def passage(source: ViewingConditions, target: ViewingConditions) -> LinearPassage:
+    """XYZ under one condition to those of equal J, C and h under another.
+
+    CIELAB divides by the white, and what follows is the same on both sides.
+    """
+    return LinearPassage(np.diag(np.divide(target.white_XYZ, source.white_XYZ)))

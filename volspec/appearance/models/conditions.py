@@ -289,6 +289,13 @@ class CamPassage:
             chroma_gain=chroma * scene.eccentricity_scale / display.eccentricity_scale,
         )
 
+    @classmethod
+    def seen_by(
+        cls, model: str, source: ViewingConditions, target: ViewingConditions
+    ) -> CamPassage:
+        """The passage between viewing conditions, by ``"CIECAM02"`` or ``"CAM16"``."""
+        return cls.between(*(Conditions.of_viewing(each, model) for each in (source, target)))
+
     def apply(self, XYZ: ArrayLike) -> Matrix:
         """Scene XYZ to the display XYZ of equal J, C and h: the models' inverse after forward.
 

@@ -10,12 +10,11 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
 from volspec.appearance.models.base import Array
 from volspec.appearance.spec import SURROUND_RATIOS, ViewingConditions
-from volspec.errors import ShapeError, ViewingError
+from volspec.errors import ViewingError
 
 
 def cones_of_white(name: str, conditions: ViewingConditions) -> Array:
@@ -68,20 +67,3 @@ def at_surround(surround: str | float, dark: float, dim: float, average: float) 
     ratio = SURROUND_RATIOS[surround] if isinstance(surround, str) else float(surround)
     ratios = [SURROUND_RATIOS[name] for name in ("dark", "dim", "average")]
     return float(np.interp(ratio, ratios, (dark, dim, average)))
-
-
-def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Array, Array, Array]:
-    """J, C and h as float64 of one shape.
-
-    Raises
-    ------
-    ShapeError
-        If they do not broadcast together.
-    """
-    values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
-    try:
-        J, C, h = np.broadcast_arrays(*values)
-    except ValueError as error:
-        shapes = ", ".join(str(each.shape) for each in values)
-        raise ShapeError(f"{name}: J, C, h have shapes {shapes}; expected equal ones") from error
-    return J, C, h

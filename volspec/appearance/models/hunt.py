@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
 from volspec.appearance.hue import HUNT_HUES, quadrature
-from volspec.appearance.models.base import Appearance, Array
-from volspec.appearance.models.cones import broadcast
+from volspec.appearance.models.base import Appearance, Array, broadcast
 from volspec.appearance.models.hunt_eye import (
     NOISE_SUM,
     ROD_NOISE,

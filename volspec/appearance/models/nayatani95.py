@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec.appearance.hue import NAYATANI_HUES, quadrature
-from volspec.appearance.models.base import Appearance, Array
-from volspec.appearance.models.cones import broadcast
+from volspec.appearance.models.base import Appearance, Array, broadcast
 from volspec.appearance.passages import triples
 from volspec.appearance.spec import ViewingConditions
 from volspec.errors import ViewingError

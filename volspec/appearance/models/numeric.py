@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.models import ciecam02
-from volspec.appearance.models.base import Appearance, Array
-from volspec.appearance.models.cones import broadcast
+from volspec.appearance.models.base import Appearance, Array, broadcast
 from volspec.appearance.spec import ViewingConditions
 
 _EPSILON = float(np.finfo(np.float64).eps)

@@ -18,11 +18,10 @@ from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
 from volspec.appearance.hue import CIELAB_HUES, quadrature
-from volspec.appearance.models.base import Appearance, Array
+from volspec.appearance.models.base import Appearance, Array, opponents
 from volspec.appearance.models.cones import (
     adaptation,
     at_surround,
-    broadcast,
     cones_of_white,
     discounting,
 )
@@ -115,10 +114,7 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
     ShapeError
         If the three do not broadcast together.
     """
-    J, C, h = broadcast(NAME, J, C, h)
-    C, angle = np.maximum(C, 0.0), np.radians(h)
-    Lab = np.stack([J, C * np.cos(angle), C * np.sin(angle)], axis=-1)
-    powers = Lab @ np.linalg.inv(LAB_FROM_POWERS).T
+    powers = opponents(NAME, J, C, h) @ np.linalg.inv(LAB_FROM_POWERS).T
     reference = signed_power(powers, 1.0 / exponent(conditions.surround))
     return np.asarray(reference @ np.linalg.inv(reference_from_XYZ(conditions)).T)
 
