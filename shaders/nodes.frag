@@ -1,12 +1,13 @@
 // Fill the table of include/table.glsl with a passage that has a closed form.
 //
-//     root = (response_from_linear displayed_from_scene(XYZ_from_response u^(8/3)))^(1/3)
+//     code = encode_beyond(displayed_from_scene(XYZ_from_adapted (sign(u) |u|^(16/5))))
 //
 // NumPy twin: volspec/appearance/table.py, TablePassage.of.
 //
-// Writes  root  RGBA float, one pixel a node: NODES wide, NODES² high, slice below slice, which is
+// Writes  code  RGBA float, one pixel a node: NODES wide, NODES² high, slice below slice, which is
 //               the order of a texture of three dimensions.
-// Host    FORM (CURVE or CAM) and what it wants, NODES.
+// Host    FORM (CURVE or CAM) and what it wants, the display's curve, and
+//         volspec.appearance.table.SHADER_CONSTANTS.
 //
 // Valid for `330 core` and `300 es`; the host writes the version line.
 #ifdef GL_ES
@@ -14,21 +15,21 @@ precision highp float;
 precision highp int;
 #endif
 
+#include "display.glsl"
 #if FORM == CURVE
 #include "curve.glsl"
 #elif FORM == CAM
 #include "cam.glsl"
 #endif
 
-uniform mat3 XYZ_from_response;     // the scene's, of which TOP whites are 1
-uniform mat3 response_from_linear;  // the display's
+uniform mat3 XYZ_from_adapted;
 
-out vec4 root;
+out vec4 code;
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec3 node = vec3(pixel.x, pixel.y % NODES, pixel.y / NODES) / float(NODES - 1);
-    vec3 XYZ = XYZ_from_response * pow(node, vec3(8.0 / 3.0));
-    vec3 shown = response_from_linear * displayed_from_scene(XYZ);
-    root = vec4(sign(shown) * pow(abs(shown), vec3(1.0 / 3.0)), 1.0);
+    ivec3 node = ivec3(pixel.x, pixel.y % NODES, pixel.y / NODES) - NODES_BELOW;
+    vec3 u = NODE_STEP * vec3(node);
+    vec3 XYZ = XYZ_from_adapted * (sign(u) * pow(abs(u), vec3(16.0 / 5.0)));
+    code = vec4(encode_beyond(displayed_from_scene(XYZ)), 1.0);
 }

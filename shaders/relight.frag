@@ -63,6 +63,9 @@ void main() {
     pixel.y = IMAGE_HEIGHT - 1 - pixel.y;
 #endif
     vec3 XYZ = scene_XYZ(pixel);
+#if FORM == TABLE && !(REDUCE || MARK)
+    vec3 code = clamp(code_from_scene(XYZ), 0.0, 1.0);
+#else
 #if FORM == LINEAR
     vec3 linear = RGB_FROM_XYZ * XYZ;
 #else
@@ -75,6 +78,7 @@ void main() {
     if (outside) linear = paled(linear);
 #endif
     vec3 code = encode(linear);
+#endif
 #if MARK
     if (outside) code = marked(code, pixel);
 #endif

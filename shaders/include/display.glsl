@@ -1,10 +1,22 @@
-// The display's encoding: clip to the gamut, then its transfer function, a power with a toe.
+// The display's code values: its transfer function, a power with a toe, odd about 0.
 //
-// NumPy twin: volspec/appearance/curves.py, Transfer.encode, after the clip.
+// NumPy twin: volspec/appearance/curves.py, Transfer.encode and decode.
 // Host sets OETF_TOE (0 without a toe), OETF_SLOPE, OETF_GAIN, OETF_POWER.
 
-vec3 encode(vec3 linear) {
-    vec3 x = clamp(linear, 0.0, 1.0);
-    vec3 curve = OETF_GAIN * pow(x, vec3(OETF_POWER)) - (OETF_GAIN - 1.0);
-    return mix(curve, OETF_SLOPE * x, lessThanEqual(x, vec3(OETF_TOE)));
+vec3 curve(vec3 x) {
+    vec3 power = OETF_GAIN * pow(x, vec3(OETF_POWER)) - (OETF_GAIN - 1.0);
+    return mix(power, OETF_SLOPE * x, lessThanEqual(x, vec3(OETF_TOE)));
+}
+
+// What the display shows of a colour: clipped to its gamut.
+vec3 encode(vec3 linear) { return curve(clamp(linear, 0.0, 1.0)); }
+
+// Codes of any linear light, and back.
+vec3 encode_beyond(vec3 linear) { return sign(linear) * curve(abs(linear)); }
+
+vec3 decode(vec3 code) {
+    vec3 x = abs(code);
+    vec3 power = pow((x + OETF_GAIN - 1.0) / OETF_GAIN, vec3(1.0 / OETF_POWER));
+    vec3 linear = mix(power, x / OETF_SLOPE, lessThanEqual(x, vec3(OETF_SLOPE * OETF_TOE)));
+    return sign(code) * linear;
 }

@@ -1,29 +1,26 @@
-// A passage looked up in a table: axes and values are roots of responses relative to a white.
+// A passage looked up in a table: axes are powers of adapted linear RGB, values the display's codes.
 //
-//     u = (response_from_XYZ XYZ)^(3/8)                 0 to 1; the host has put the matrix, which
-//                                                      takes TOP whites to 1, into XYZ_from_layer
-//                                                      and backdrop_XYZ
-//     linear = linear_from_response table(u)^3
+//     u    = sign(r) |r|^(5/16)     r: linear RGB of the display, adapted to the scene's white; the
+//                                   host has put its matrix into XYZ_from_layer and backdrop_XYZ
+//     code = table(u)               linear between NODES nodes, NODE_STEP apart, along each axis;
+//                                   NODES_BELOW of them lie below 0
 //
-// Linear between NODES nodes along each axis.
 // NumPy twin: volspec/appearance/table.py, TablePassage.apply.
 //
-// Reads   table    RGBA float: red runs fastest, blue slowest (shaders/nodes.frag or the host
-//                  fills it); filtered linearly
-//         passage  linear_from_response, in double precision on the host whenever the white changes
-// Host sets NODES.
+// Reads   table  RGBA float: red runs fastest, blue slowest (shaders/nodes.frag or the host fills
+//                it); filtered linearly, clamped at its edges
+// Host sets volspec.appearance.table.SHADER_CONSTANTS.
 
-struct Passage {
-    mat3 linear_from_response;
-};
-uniform Passage passage;
 uniform highp sampler3D table;
 
-vec3 displayed_from_scene(vec3 responses) {
-    // x^(3/8) by roots alone, which cost less than a power.
-    vec3 fourth = sqrt(sqrt(clamp(responses, 0.0, 1.0))), u = fourth * sqrt(fourth);
+// Not clipped.
+vec3 code_from_scene(vec3 adapted) {
+    // |r|^(1/4) · |r|^(1/16): on software GL four roots cost half of a power.
+    vec3 fourth = sqrt(sqrt(abs(adapted)));
+    vec3 u = sign(adapted) * (fourth * sqrt(sqrt(fourth)));
     // The first and last nodes lie in the middles of their texels.
-    u = u * (float(NODES - 1) / float(NODES)) + 0.5 / float(NODES);
-    vec3 root = textureLod(table, u, 0.0).rgb;
-    return passage.linear_from_response * (root * root * root);
+    vec3 at = u / (NODE_STEP * float(NODES)) + (float(NODES_BELOW) + 0.5) / float(NODES);
+    return textureLod(table, at, 0.0).rgb;
 }
+
+vec3 displayed_from_scene(vec3 adapted) { return decode(code_from_scene(adapted)); }

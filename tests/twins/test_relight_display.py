@@ -73,7 +73,7 @@ def test_the_shader_shows_a_model_on_every_display_as_numpy_does(model: str, nam
     gl.close()
     if model in TABLES:
         # The table's own error is not the display's (test_a_table_is_near_the_closed_form).
-        space = TableSpace.between(white, viewing.display.conditions.white_XYZ)
+        space = TableSpace.between(white, viewing.display.colours)
         passage = TablePassage.of(passage_of(viewing, white), space)
         truth = screen_of(viewing).codes(passage.apply(coefficients.astype(np.float64)))
     else:

@@ -7,7 +7,7 @@ import pytest
 
 from tests.twins.test_relight import ciede2000, needs_gl, opaque, surfaces  # noqa: F401
 from volspec.appearance import Viewing, passage_of
-from volspec.appearance.constants import DISPLAY_WHITE_XYZ
+from volspec.appearance.spaces import space_of
 from volspec.appearance.spec import MODELS
 from volspec.appearance.table import TablePassage, TableSpace
 from volspec.relight.gpu import GLEngine
@@ -33,14 +33,14 @@ def test_the_shader_draws_a_model_as_numpy_does(model: str, name: str) -> None:
     error = ciede2000(frame, truth)
     print(f"{model} under {name}: CIEDE2000 mean {error.mean():.5f}, max {error.max():.5f}")
     if model in TABLED:
-        # Nayatani's turns within a node's width of black: the worst is a purple of Y = 2.3, 11.
-        assert error.mean() <= 0.10 and np.percentile(error, 95) <= 0.3
+        # Nayatani's turns sharply next to black: the worst is a purple of Y = 2.3.
+        assert error.mean() <= 0.10 and np.percentile(error, 99) <= 0.8 and error.max() <= 2.5
     else:  # off by float32 alone
         assert error.mean() <= 0.001 and error.max() <= 0.02
 
 
 @pytest.mark.parametrize("model", ["CIECAM02", "CAM16", "Nayatani", "Guth"])
-@pytest.mark.parametrize("name", LIGHTS)
+@pytest.mark.parametrize("name", [*LIGHTS, "HP1"])
 def test_a_table_is_near_the_closed_form(model: str, name: str) -> None:
     white = white_XYZ(light(name))
     coefficients, alpha, lit = opaque(surfaces(white), white)
@@ -51,8 +51,8 @@ def test_a_table_is_near_the_closed_form(model: str, name: str) -> None:
         gl.close()
     error = ciede2000(*frames)
     print(f"{model} under {name}: CIEDE2000 mean {error.mean():.4f}, max {error.max():.4f}")
-    # (Under sodium lamps this gamut holds colours that no surface has, and CIECAM02 a kink: 1.3.)
-    assert error.mean() <= 0.10 and error.max() <= 0.8
+    # Under sodium lamps this gamut holds colours that no surface has.
+    assert error.mean() <= 0.10 and error.max() <= (0.9 if name == "HP1" else 0.8)
 
 
 @pytest.mark.parametrize("model", ["CIECAM02", "Guth"])
@@ -64,7 +64,7 @@ def test_a_table_filled_on_the_device_is_numpys(model: str) -> None:
     gl = GLEngine(coefficients, alpha, table=True)
     frame = gl.render(lit, viewing, np.float32)
     gl.close()
-    space = TableSpace.between(white, DISPLAY_WHITE_XYZ)
+    space = TableSpace.between(white, space_of("sRGB"))
     looked_up = TablePassage.of(passage_of(viewing, white), space).apply(XYZ)
     from volspec.appearance.srgb import encode, linear_from_XYZ
 

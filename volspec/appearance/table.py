@@ -2,10 +2,10 @@
 
     Passage -> [table] -> host | shaders/include/table.glsl
 
-Values are the cube roots of CAT16 responses relative to the display's white, axes the 3/8th powers
-of those relative to the scene's: nearly even in lightness, and black is a node. (Cube roots along
-the axes are as good, and dearer.) XYZ as values are some ten times as far off, by the toe that
-models have near black.
+Axes are the signed 5/16th powers of linear RGB in the display's primaries, adapted to the scene's
+white; values are the display's codes, which go on below 0 and above 1. An eye that is adapted sees
+nearly those colours, so a table bends little; black is a node; and what comes out of it needs no
+further arithmetic (docs/decisions/0011-tables-in-the-displays-own-codes.md).
 """
 
 from __future__ import annotations
@@ -17,15 +17,20 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates
 
 from volspec.appearance import constants as k
-from volspec.appearance.passages import Passage, triples
+from volspec.appearance.passages import Passage, signed_power, triples
+from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ViewingError
 
 Array = NDArray[np.float64]
 
-# Nodes along each axis, from nothing to TOP times the white.
-NODES = 41
-TOP = 1.3
-AXIS_POWER = 3.0 / 8.0
+# Along each axis: how many nodes, how many of them below 0, and the linear light of the last.
+# The first is at -0.25: smooth reflectances under tungsten reach -0.22 in sRGB's primaries.
+NODES, NODES_BELOW, TOP = 41, 15, 1.3
+# A fourth root has too many nodes near black, 3/8 too few.
+AXIS_POWER = 5.0 / 16.0
+# Between nodes, of the power.
+STEP = TOP**AXIS_POWER / (NODES - 1 - NODES_BELOW)
+SHADER_CONSTANTS = {"NODES": NODES, "NODES_BELOW": NODES_BELOW, "NODE_STEP": STEP}
 
 
 def response_matrix(white_XYZ: ArrayLike) -> Array:
@@ -38,9 +43,9 @@ def response_matrix(white_XYZ: ArrayLike) -> Array:
     return k.CAT16_FROM_XYZ / np.maximum(responses, 1e-3 * white[1])[:, None]
 
 
-def node_responses() -> Array:
-    """(NODES, NODES, NODES, 3): the scene's responses at the nodes, 0 to 1, red the fastest."""
-    axis = np.linspace(0.0, 1.0, NODES) ** (1.0 / AXIS_POWER)
+def nodes() -> Array:
+    """(NODES, NODES, NODES, 3): the adapted linear RGB at the nodes, red the fastest."""
+    axis = signed_power(np.arange(-NODES_BELOW, NODES - NODES_BELOW) * STEP, 1.0 / AXIS_POWER)
     blue, green, red = np.meshgrid(axis, axis, axis, indexing="ij")
     return np.stack([red, green, blue], axis=-1)
 
@@ -51,20 +56,22 @@ class TableSpace:
 
     Parameters
     ----------
-    response_from_XYZ : (3, 3)
-        The scene's `response_matrix` over TOP.
-    XYZ_from_response : (3, 3)
-        The inverse of the display's.
+    adapted_from_XYZ : (3, 3)
+        Scene XYZ to linear RGB of the display, white to white, by CAT16's responses.
+    space : ColourSpace
+        The display's.
     """
 
-    response_from_XYZ: Array
-    XYZ_from_response: Array
+    adapted_from_XYZ: Array
+    space: ColourSpace
 
     @classmethod
-    def between(cls, scene_white_XYZ: ArrayLike, display_white_XYZ: ArrayLike) -> TableSpace:
-        """The space of tables from one white to another."""
-        shown: Array = np.asarray(np.linalg.inv(response_matrix(display_white_XYZ)), np.float64)
-        return cls(response_matrix(scene_white_XYZ) / TOP, shown)
+    def between(cls, scene_white_XYZ: ArrayLike, space: ColourSpace) -> TableSpace:
+        """The space of tables from a scene's white to a display."""
+        adapted = np.linalg.solve(
+            response_matrix(space.white_XYZ), response_matrix(scene_white_XYZ)
+        )
+        return cls(space.RGB_from_XYZ @ adapted, space)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,12 +81,12 @@ class TablePassage:
     Parameters
     ----------
     space : TableSpace
-    roots : (NODES, NODES, NODES, 3) float32
-        Cube roots of the display's relative responses; blue, green, red, and which of them.
+    codes : (NODES, NODES, NODES, 3) float32
+        The display's, not clipped; blue, green, red, and which of them.
     """
 
     space: TableSpace
-    roots: NDArray[np.float32]
+    codes: NDArray[np.float32]
 
     @classmethod
     def of(cls, passage: Passage, space: TableSpace) -> TablePassage:
@@ -90,16 +97,17 @@ class TablePassage:
         ViewingError
             If the passage is not finite at a node.
         """
-        XYZ = node_responses() @ np.linalg.inv(space.response_from_XYZ).T
-        roots = np.cbrt(passage.apply(XYZ) @ np.linalg.inv(space.XYZ_from_response).T)
-        if not np.isfinite(roots).all():
+        XYZ = passage.apply(nodes() @ np.linalg.inv(space.adapted_from_XYZ).T)
+        codes = space.space.encode(XYZ @ space.space.RGB_from_XYZ.T)
+        if not np.isfinite(codes).all():
             raise ViewingError("appearance table: the model gives no colour at some node")
-        return cls(space, roots.astype(np.float32))
+        return cls(space, codes.astype(np.float32))
 
     def apply(self, XYZ: ArrayLike) -> Array:
         """(..., 3) scene XYZ to display XYZ."""
-        responses = triples("appearance table: XYZ", XYZ) @ self.space.response_from_XYZ.T
-        at = np.clip(responses, 0.0, 1.0) ** AXIS_POWER * (NODES - 1)
+        adapted = triples("appearance table: XYZ", XYZ) @ self.space.adapted_from_XYZ.T
+        at = np.clip(signed_power(adapted, AXIS_POWER) / STEP + NODES_BELOW, 0.0, NODES - 1.0)
         places = np.moveaxis(at[..., ::-1], -1, 0)
-        roots = [map_coordinates(self.roots[..., i], places, order=1) for i in range(3)]
-        return np.stack(roots, axis=-1).astype(np.float64) ** 3 @ self.space.XYZ_from_response.T
+        codes = [map_coordinates(self.codes[..., i], places, order=1) for i in range(3)]
+        linear = self.space.space.decode(np.stack(codes, axis=-1))
+        return linear @ np.linalg.inv(self.space.space.RGB_from_XYZ).T

@@ -47,9 +47,9 @@ if TYPE_CHECKING:
 _COMPONENTS: dict[type, str] = {np.uint8: "f1", np.float32: "f4"}
 # Renderers that draw on the CPU.
 SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
-# Pixels from which a table pays there although it must be filled for the frame: by 2 % at 1024²,
-# by 9 % at 2048², read back.
-TABLE_PIXELS = 2**20
+# Pixels from which a table pays there although it must be filled for the frame: 512² break even,
+# 1024² gain a quarter, 2048² a third, read back.
+TABLE_PIXELS = 2**18
 Closed = CurvePassage | CamPassage
 # Components of uniforms: a mat4x3 takes four vectors of four, and this much is for all the others.
 _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
@@ -246,9 +246,9 @@ class GLEngine:
     ) -> Drawn:
         """The passage itself, or the space of the table that it has been put into.
 
-        A table is for what has no closed form. On software GL it is also the quicker way for the
-        opponent models, where a picture has many more pixels than the table nodes; frames of
-        floats, which are measured, stay exact.
+        A table is for what has no closed form. On software GL it is also the quicker way where a
+        picture has many more pixels than the table nodes; frames of floats, which are measured,
+        stay exact.
         """
         # What becomes of the passage's colours at the display does not change it.
         display = replace(viewing.display, gamut="clip", mark=False)
@@ -260,11 +260,10 @@ class GLEngine:
             return passage
         if isinstance(passage, Closed):
             many = self._height * self._width >= TABLE_PIXELS and dtype is np.uint8
-            quicker = isinstance(passage, CamPassage) and self._software and many
-            if not (quicker if self._by_table is None else self._by_table):
+            if not (self._software and many if self._by_table is None else self._by_table):
                 return passage
         if space is None:
-            space = TableSpace.between(light.white_XYZ, display.conditions.white_XYZ)
+            space = TableSpace.between(light.white_XYZ, display.colours)
             self._fill_table(passage, space, screen_of(viewing))
             self._passed = key, passage, space
         self._table.use(1)
@@ -277,7 +276,7 @@ class GLEngine:
             self._table.repeat_x = self._table.repeat_y = self._table.repeat_z = False
         if not isinstance(passage, Closed):
             texels = np.ones((NODES, NODES, NODES, 4), np.float32)
-            texels[..., :3] = TablePassage.of(passage, space).roots
+            texels[..., :3] = TablePassage.of(passage, space).codes
             self._table.write(texels)
             return
         if self._nodes is None:

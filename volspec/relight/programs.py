@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from volspec._gpu.opengl import compile_program
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
+from volspec.appearance import screen as screens
+from volspec.appearance import table
 from volspec.appearance.constants import shader_constants
-from volspec.appearance.screen import SHADER_CONSTANTS, Screen
-from volspec.appearance.table import NODES
 from volspec.relight.uniforms import FORM_NUMBERS, screen_form
 
 _GLSL = "330 core"
@@ -41,7 +41,7 @@ class Programs:
         self._context, self._constants, self._keep = context, constants, keep
         self._made: dict[tuple[Any, ...], tuple[Any, Any]] = {}
 
-    def of(self, name: str, form: Mapping[str, int], screen: Screen) -> tuple[Any, Any]:
+    def of(self, name: str, form: Mapping[str, int], screen: screens.Screen) -> tuple[Any, Any]:
         """A program and its vertex array.
 
         Parameters
@@ -66,11 +66,11 @@ class Programs:
                 **form,
                 **ends,
                 **FORM_NUMBERS,
-                "NODES": NODES,
                 "FIRST_ROW_AT_BOTTOM": 1,
                 **shader_constants(),
                 **screen.space.shader_constants(),
-                **SHADER_CONSTANTS,
+                **screens.SHADER_CONSTANTS,
+                **table.SHADER_CONSTANTS,
             }
             lines = prelude(constants, "glsl")
             vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)

@@ -47,9 +47,9 @@ class Relighter:
     context : moderngl.Context, optional
         A current context to draw in, as a viewer's; None makes a headless one.
     table : bool, optional
-        Whether GL looks appearance up in a table (`volspec.appearance.table`; CIEDE2000 .04 from
-        the closed forms under tungsten, .4 at most). None: where a model has no closed form, and
-        for 8-bit frames of a million pixels and more on software GL, where it is quicker.
+        Whether GL looks appearance up in a table (`volspec.appearance.table`; CIEDE2000 .03 from
+        the closed forms under tungsten, .2 at most). None: where a model has no closed form, and
+        for 8-bit frames of 512² pixels and more on software GL, where it is quicker.
 
     Raises
     ------

@@ -61,7 +61,7 @@ def light_uniforms(light: Illumination, passage: Drawn) -> Uniforms:
     if isinstance(passage, LinearPassage):
         first = passage.matrix
     elif isinstance(passage, TableSpace):
-        first = passage.response_from_XYZ
+        first = passage.adapted_from_XYZ
     return _flat({"XYZ_from_layer": columns @ first.T, "backdrop_XYZ": first @ light.backdrop_XYZ})
 
 
@@ -73,18 +73,17 @@ def passage_uniforms(passage: Drawn, screen: Screen) -> Uniforms:
     dict
         Flat float32 arrays; matrices column by column.
     """
-    if isinstance(passage, LinearPassage):
+    if isinstance(passage, LinearPassage | TableSpace):
         return {}
     values: dict[str, ArrayLike] = {
-        "linear_from_response": (screen.RGB_from_XYZ @ passage.XYZ_from_response).T
+        "linear_from_response": (screen.RGB_from_XYZ @ passage.XYZ_from_response).T,
+        "response_from_XYZ": passage.response_from_XYZ.T,
     }
-    if isinstance(passage, CurvePassage | CamPassage):
-        values["response_from_XYZ"] = passage.response_from_XYZ.T
     form = form_of(passage)
     if isinstance(passage, CurvePassage):
         names = ["gain", "power", "shift", "offset", *(["outer"] if form["OUTER"] else [])]
         values |= {name: getattr(passage, name) for name in names}
-    elif isinstance(passage, CamPassage):
+    else:
         names = ["scene_achromatic", "display_achromatic"]
         names += [] if form["SAME_SURROUND"] else ["lightness_power", "chroma_gain"]
         values |= {name: getattr(passage, name) for name in names}
@@ -117,13 +116,8 @@ def screen_uniforms(screen: Screen) -> Uniforms:
 
 def node_uniforms(passage: Drawn, space: TableSpace, screen: Screen) -> Uniforms:
     """What ``shaders/nodes.frag`` is sent to fill a table with a passage."""
-    response_from_linear = np.linalg.inv(screen.RGB_from_XYZ @ space.XYZ_from_response)
-    return passage_uniforms(passage, screen) | _flat(
-        {
-            "XYZ_from_response": np.linalg.inv(space.response_from_XYZ).T,
-            "response_from_linear": response_from_linear.T,
-        }
-    )
+    XYZ_from_adapted = np.linalg.inv(space.adapted_from_XYZ)
+    return passage_uniforms(passage, screen) | _flat({"XYZ_from_adapted": XYZ_from_adapted.T})
 
 
 def _flat(values: Mapping[str, ArrayLike]) -> Uniforms:
