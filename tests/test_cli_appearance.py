@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adapt
 from volspec.appearance.models import MODELS
+from volspec.appearance.presets import preset
+from volspec.appearance.spaces import SPACES
+from volspec.basis import SpectralBasis
 from volspec.cli import main
+from volspec.export.icc import icc_profile
+from volspec.raycast import CoefficientImage
+from volspec.spectra import reflectance_set
 
 A = "109.85,100,35.58"
 
@@ -89,6 +97,103 @@ def test_digits_are_never_cut_and_standard_input_is_read(
     assert "\N{HORIZONTAL ELLIPSIS}" not in out and "40.00" in out and "162.96" in out
 
 
+def test_a_preset_is_the_room_of_numbers_and_options_win(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ("appearance", "40", "35", "10", "--white", A, "--preset", "cinema")
+    white = (109.85, 100.0, 35.58)
+    cinema = preset("cinema").conditions(white)
+    for more, seen in {
+        (): cinema,
+        ("--surround", "dim", "--Y_b", "10"): replace(cinema, surround="dim", Y_b=10.0),
+        ("--L_A", "3"): replace(cinema, L_A=3.0),
+        ("--lux", "50"): ViewingConditions.of_lux(white, 50.0, surround="dark"),
+        ("--discount",): replace(cinema, discount=True),
+    }.items():
+        (row,) = run(capsys, *words, *more)
+        look = MODELS["CIECAM02"].forward([40, 35, 10], seen)
+        assert [row["J"], row["C"], row["h"]] == pytest.approx([look.J, look.C, look.h]), more
+        assert (row["L_A"], row["Y_b"]) == (seen.L_A, seen.Y_b)
+
+
+def test_a_preset_is_both_rooms_of_an_adaptation(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("adapt", "40", "35", "10", "--from", A, "--to", "95.05,100,108.88", "--method", "Guth")
+    (row,) = run(capsys, *words, "--preset", "light booth")
+    booth = preset("light booth").conditions
+    expected = adapt([40, 35, 10], booth((109.85, 100, 35.58)), booth((95.05, 100, 108.88)), "Guth")
+    assert [row[name] for name in "XYZ"] == pytest.approx(expected)
+
+
+def test_colours_outside_of_a_method_are_marked_and_counted(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ("90", "5", "0", "20", "20", "20", "40", "35", "10")
+    done("adapt", *words, "--from", "A", "--method", "Nayatani", "--json")
+    said = capsys.readouterr()
+    marks = [row["defined"] for row in json.loads(said.out)]
+    assert marks == [False, True, True]
+    assert said.err == (
+        "volspec: note: 1 of 3 colours lies outside the domain of Nayatani; "
+        "marked defined = false\n"
+    )
+    done("adapt", *words, "--from", "A", "--method", "CAT02")
+    assert capsys.readouterr().err == ""
+
+
+def test_colours_outside_of_models_are_counted_by_model_in_one_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ("90", "5", "0", "20", "20", "20", "0", "0", "50", "--white", A)
+    done("appearance", *words, "--model", "Hunt", "--model", "Nayatani95", "--json")
+    said = capsys.readouterr()
+    rows = json.loads(said.out)
+    missed = {n: sum(not r["defined"] for r in rows if r["model"] == n) for n in MODELS}
+    assert missed["Hunt"] == 2 and missed["Nayatani95"] > 0
+    assert said.err == (
+        "volspec: note: 2 of 3 colours lie outside the domain of Hunt, "
+        f"{missed['Nayatani95']} outside that of Nayatani95; marked defined = false\n"
+    )
+    done("appearance", *words, "--model", "Hunt")
+    table = capsys.readouterr().out
+    assert table.count("false") == 2 and table.count("true") == 1
+
+
+def test_looks_that_nothing_has_are_marked_and_counted(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def inverse(J: object, *_: object) -> np.ndarray:
+        return np.array([[1.0, 2.0, 3.0], [np.nan] * 3])
+
+    monkeypatch.setattr("volspec.appearance.models.rlab.inverse", inverse)
+    done("appearance", "--inverse", "60", "40", "90", "60", "400", "90", *RLAB, "--json")
+    said = capsys.readouterr()
+    here, nowhere = json.loads(said.out)
+    assert here["defined"] is True and (here["X"], here["Z"]) == (1.0, 3.0)
+    assert nowhere["defined"] is False and nowhere["Y"] is None
+    assert "1 of 2 colours lies outside the domain of RLAB" in said.err
+
+
+def test_models_side_by_side_are_made_for_the_display_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    basis = SpectralBasis.load("general-7")
+    chart = (0.8 * basis.analyze(reflectance_set("test")[:12].reshape(3, 4, 31))).astype(np.float32)
+    alpha = np.ones((3, 4), np.float32)
+    CoefficientImage(chart, alpha, alpha, basis).save(tmp_path / "i.exr")
+    words = ("appearance", "--image", str(tmp_path / "i.exr"), "--white", "A", "--model", "CAT02")
+    done(*words, "-o", str(tmp_path / "plain.png"))
+    room = ("--space", "Display P3", "--gamut", "reduce", "--preset", "cinema", "--lux", "50")
+    done(*words, *RLAB, *room, "-o", str(tmp_path / "p3.png"))
+    with Image.open(tmp_path / "plain.png") as plain, Image.open(tmp_path / "p3.png") as shown:
+        assert "icc_profile" not in plain.info
+        assert shown.info["icc_profile"] == icc_profile(SPACES["Display P3"])
+        assert shown.width > plain.width
+
+
+RLAB = ("--model", "RLAB")
+PICTURE = ("appearance", "--image", "x.exr", "-o", "x.png")
+
+
 @pytest.mark.parametrize(
     "words, message",
     [
@@ -103,6 +208,31 @@ def test_digits_are_never_cut_and_standard_input_is_read(
         (("adapt", "40", "35", "10", "--from", "A", "--D", "2"), "D is 2.0"),
         (("adapt", "--table", "none.csv", "--from", "A"), "none.csv"),
         (("appearance", "1", "2", "3", "--model", "hunt"), "did you mean 'Hunt'"),
+        (("appearance", "1", "2", "3", "--model", "Nonsense"), "appearance model is 'Nonsense'"),
+        (
+            ("appearance", "1", "2", "3", "--model", "CAT02"),
+            "CAT02 is an adaptation; use volspec adapt --method CAT02",
+        ),
+        (("appearance", "1", "2", "3", "--model", "cie 194"), "volspec adapt --method 'CIE 1994'"),
+        (
+            ("adapt", "1", "2", "3", "--from", "A", "--method", "Hunt"),
+            "Hunt is an appearance model; use volspec appearance --model Hunt",
+        ),
+        (("adapt", "1", "2", "3", "--from", "A", "--method", "CIECAM2"), "--model CIECAM02"),
+        (("adapt", "1", "2", "3", "--from", "A", "--D", ".5", "--discount"), "which is D = 1"),
+        (("appearance", "1", "2", "3", "--D", ".5", "--discount"), "which is D = 1"),
+        (("appearance", "1", "2", "3", "--lux", "5", "--L_A", "4"), "give one of them"),
+        (("appearance", "1", "2", "3", "--L_A", "-1"), "L_A is -1.0"),
+        (("appearance", "1", "2", "3", "--preset", "cinma"), "did you mean 'cinema'"),
+        (("appearance", "1", "2", "3", "--mark"), "--mark: only a picture has it; add --image"),
+        (("appearance", "1", "2", "3", "--space", "sRGB"), "--space: only a picture has it"),
+        ((*PICTURE, "--white", "95,100,108"), "a picture needs the light's spectrum"),
+        ((*PICTURE, "--json"), "--json with --image"),
+        ((*PICTURE, "--inverse", "1", "2", "3"), "--inverse and colours with --image"),
+        ((*PICTURE, "--table", "x.csv"), "--table with --image"),
+        ((*PICTURE, "--D", ".5", "--discount"), "which is D = 1"),
+        ((*PICTURE, "--lux", "5", "--L_A", "4"), "give one of them"),
+        ((*PICTURE, "--gamut", "reduc"), "did you mean 'reduce'"),
         (("appearance", "1", "2", "3", "-o", "x.png"), "only --image"),
         (("appearance", "--image", "x.exr"), "give -o FILE.png"),
         (("appearance", "--image", "x.exr", "-o", "x.jpg"), "PNG"),
@@ -113,6 +243,15 @@ def test_bad_words_are_named_in_one_line(
     words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert message in refused(capsys, *words)
+
+
+@pytest.mark.parametrize("option", ["--lux", "--L_A", "--Y_b", "--D"])
+def test_what_is_no_number_is_a_usage_error(
+    option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for word in ("none", "much"):
+        line = refused(capsys, "appearance", "1", "2", "3", option, word, code=2)
+        assert f"{option}: {word!r} is no number" in line
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,9 @@ from volspec.raycast import (
     RaycastSpec,
 )
 from volspec.relight import LightRig
-from volspec.scene import Scene
+from volspec.scene import Scene, SceneFile
 from volspec.spectra import light
+from volspec.spectra.lamps import lamp_illuminance_lux
 from volspec.volume import phantom
 
 HEAD = """
@@ -120,6 +121,32 @@ def test_the_lux_of_a_setting_is_that_of_its_rows(tmp_path: Path) -> None:
     assert load(tmp_path, GROUPS + "".join(rows)).lights[0].rig.illuminance_lux == (300, 9)
 
 
+LAMP = "lamp:tungsten-2850"
+
+
+def test_a_lamp_s_lux_are_counted_from_watts_and_metres(tmp_path: Path) -> None:
+    more = "power_W = 100\ndistance_m = 1.5"
+    rows = (
+        row("bulb", LAMP, more=more),
+        row("spot", LAMP, more=f"{more}\nbeam_deg = 40"),
+        row("both", LAMP, "key", more),
+        row("both", "D65", "fill", "illuminance_lux = 300"),
+    )
+    scene = load(tmp_path, GROUPS + "".join(rows))
+    bulb = lamp_illuminance_lux("tungsten-2850", 100, 1.5)
+    spot = lamp_illuminance_lux("tungsten-2850", 100, 1.5, 40)
+    assert [light.rig.illuminance_lux for light in scene.lights] == [(bulb,), (spot,), (bulb, 300)]
+
+
+def test_a_scene_keeps_the_watts_that_were_written(tmp_path: Path) -> None:
+    scene = load(tmp_path, row("bulb", LAMP, more="power_W = 60\ndistance_m = 2"))
+    written = {"name": "bulb", "spectrum": LAMP, "power_W": 60, "distance_m": 2}
+    (kept,) = scene.file.light
+    assert kept.model_dump(exclude_unset=True) == written
+    again = SceneFile.model_validate(scene.file.model_dump(exclude_unset=True))
+    assert again == scene.file
+
+
 def test_a_basis_is_chosen_by_the_lights_of_every_row(tmp_path: Path) -> None:
     (tmp_path / "led.csv").write_text("# designed: yes\n380,1\n500,2\n780,1\n")
     rows = row("x", "A", "key") + row("x", "led.csv", "fill")
@@ -144,7 +171,43 @@ WRONG = {
     "one name twice": (DAY + DAY, r"two \[\[light\]\] are named 'day' and shine from all groups"),
     "some lux": (
         GROUPS + row("x", "A", "key", "illuminance_lux = 5") + row("x"),
-        "light 'x': 1 of 2 rows have illuminance_lux; give it to all of them or none",
+        "light 'x': 1 of 2 rows have illuminance_lux or power_W; give one of them to all rows",
+    ),
+    "lux twice": (
+        row("x", LAMP, more="illuminance_lux = 5\npower_W = 60\ndistance_m = 1"),
+        r"light\.1: illuminance_lux and power_W and distance_m both say how bright it is",
+    ),
+    "watts without metres": (
+        row("x", LAMP, more="power_W = 60"),
+        r"light\.1: power_W without distance_m; a lamp's lux",
+    ),
+    "metres without watts": (
+        row("x", LAMP, more="distance_m = 1"),
+        r"light\.1: distance_m without power_W; a lamp's lux",
+    ),
+    "a beam alone": (
+        row("x", LAMP, more="beam_deg = 60"),
+        r"light\.1: beam_deg without power_W and distance_m; a lamp's lux",
+    ),
+    "watts of daylight": (
+        row("x", "D65", more="power_W = 60\ndistance_m = 1"),
+        r"\[\[light\]\] x: light 'D65': only a lamp's light is counted from its watts; take one",
+    ),
+    "watts of a mix": (
+        row("x", f"{LAMP}+A", more="power_W = 60\ndistance_m = 1"),
+        r"\[\[light\]\] x: light 'lamp:tungsten-2850\+A': only a lamp's light is counted",
+    ),
+    "watts of a candle": (
+        row("x", "lamp:candle-1900", more="power_W = 60\ndistance_m = 1"),
+        r"\[\[light\]\] x: lamp 'candle-1900': the table has no lumens per watt",
+    ),
+    "a lamp at no distance": (
+        row("x", LAMP, more="power_W = 60\ndistance_m = 0"),
+        r"\[\[light\]\] x: lamp: distance_m is 0\.0; expected a finite number above 0",
+    ),
+    "some watts": (
+        GROUPS + row("x", LAMP, "key", "power_W = 60\ndistance_m = 1") + row("x"),
+        "light 'x': 1 of 2 rows have illuminance_lux or power_W",
     ),
     "no light": (
         GROUPS + row("x", "A", "key", "weight = 0"),

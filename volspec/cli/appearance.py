@@ -3,55 +3,35 @@
 from __future__ import annotations
 
 import math
+import shlex
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 
-from volspec.cli.shell import Json, app, print_json
+from volspec.cli.comparison import write_comparison
+from volspec.cli.rows import Row, show_rows, tell_undefined
+from volspec.cli.shell import Json, app
 from volspec.cli.triples import read_triples
+from volspec.cli.viewing import PictureOptions, SceneOptions
 from volspec.errors import InputError
 
 if TYPE_CHECKING:
-    from volspec.appearance import ViewingConditions
+    import numpy as np
+    from numpy.typing import NDArray
 
-XYZ = ("X", "Y", "Z")
+    from volspec.appearance import ViewingConditions
+    from volspec.appearance.models import Appearance, Model
+
+XYZ, JCH = ("X", "Y", "Z"), ("J", "C", "h")
 Table = Annotated[
     Path | None,
     Parameter(allow_leading_hyphen=True, help="A CSV table of triples; - is standard input."),
 ]
 Values = Annotated[list[float] | None, Parameter(negative="", allow_leading_hyphen=True)]
-Lux = Annotated[float, Parameter(help="Illuminance; L_A is that of the background under it.")]
-Background = Annotated[float, Parameter(name="--Y_b", help="The background, percent of white.")]
-Round = Annotated[str, Parameter(name="--surround", help="average, dim, dark, or 0 to 1.")]
-Degree = Annotated[float | None, Parameter(name="--D", help="Degree of adaptation, 0 to 1.")]
-Discount = Annotated[bool, Parameter(negative="", help="Take the light's colour off whole.")]
-
-
-def _conditions(
-    white: str, lux: float, Y_b: float, surround: str, D: float | None, discount: bool
-) -> ViewingConditions:
-    """Conditions under a light, or under a white given as ``X,Y,Z``."""
-    from volspec.appearance import ViewingConditions
-    from volspec.spectra import light
-    from volspec.spectra.photometry import white_XYZ
-
-    numbers = white.split(",")
-    try:
-        given = [float(number) for number in numbers] if len(numbers) == 3 else None
-    except ValueError:
-        given = None
-    X, Y, Z = white_XYZ(light(white)).tolist() if given is None else given
-    others = {"Y_b": Y_b, "surround": _surround(surround), "D": D, "discount": discount}
-    return ViewingConditions.of_lux((X, Y, Z), lux, **others)
-
-
-def _surround(text: str) -> str | float:
-    try:
-        return float(text)
-    except ValueError:
-        return text
+_SCENE, _PICTURE = SceneOptions(), PictureOptions()
 
 
 @app.command
@@ -64,15 +44,15 @@ def adapt(
         str, Parameter(name="--to", help="Light to be seen under, or X,Y,Z.")
     ] = "D65",
     method: str = "CAT02",
-    lux: Lux = 1000.0,
-    Y_b: Background = 20.0,
-    surround: Round = "average",
-    D: Degree = None,
-    discount: Discount = False,
     table: Table = None,
+    viewing: SceneOptions = _SCENE,
     json: Json = False,
 ) -> None:
     """Corresponding colours: the XYZ that look under one light as these do under another.
+
+    Viewing options, `--preset` too, hold under both lights; left out they are 1000 lx, a background
+    of 20 % and an average surround. A colour for which a method has no equations is counted, and
+    its row says `defined` false.
 
     Example: `volspec adapt 40 35 10 --from A --to D65`
 
@@ -85,21 +65,31 @@ def adapt(
     method
         none, von Kries, Bradford, Sharp, CAT02, CAT16, Nayatani, CIE 1994, Guth or Fairchild 1990.
     """
-    from volspec.appearance.adaptation import adaptation, outside
+    import numpy as np
 
-    conditions = [_conditions(white, lux, Y_b, surround, D, discount) for white in (source, target)]
-    passage = adaptation(method)(*conditions)
+    from volspec.appearance.adaptation import ADAPTATIONS, adaptation, outside
+    from volspec.appearance.models import MODELS
+
+    _require_kind(
+        method, ADAPTATIONS, MODELS, "an appearance model; use volspec appearance --model"
+    )
+    passage = adaptation(method)(viewing.conditions(source), viewing.conditions(target))
     colours = read_triples(values or (), table, XYZ)
-    beyond = outside(colours, passage)
-    rows = [
+    adapted = passage.apply(colours)
+    defined = ~outside(colours, passage) & np.isfinite(adapted).all(axis=-1)
+    rows: list[Row] = [
         {
-            **dict(zip(XYZ, adapted.tolist(), strict=True)),
-            **{f"{name}_from": value for name, value in zip(XYZ, seen.tolist(), strict=True)},
-            "defined": not out,
+            **dict(zip(XYZ, to, strict=True)),
+            **{f"{name}_from": value for name, value in zip(XYZ, seen, strict=True)},
+            "defined": inside,
         }
-        for seen, adapted, out in zip(colours, passage.apply(colours), beyond, strict=True)
+        for seen, to, inside in zip(
+            colours.tolist(), adapted.tolist(), defined.tolist(), strict=True
+        )
     ]
-    _show(f"{method}, {source} to {target}", rows, json)
+    said = f", {viewing.said}" if viewing.preset else ""
+    show_rows(f"{method}, {source} to {target}{said}", rows, json)
+    tell_undefined({method: rows})
 
 
 @app.command
@@ -110,21 +100,21 @@ def appearance(
     white: Annotated[str, Parameter(help="The adopted white: a light, or X,Y,Z.")] = "D65",
     model: Annotated[list[str] | None, Parameter(negative="", help="Repeatable; all: all.")] = None,
     inverse: Annotated[bool, Parameter(negative="", help="From J C h to X Y Z.")] = False,
-    lux: Lux = 1000.0,
-    Y_b: Background = 20.0,
-    surround: Round = "average",
-    D: Degree = None,
-    discount: Discount = False,
     table: Table = None,
     image: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    viewing: PictureOptions = _PICTURE,
     json: Json = False,
 ) -> None:
     """What colours look like: lightness, chroma, hue and the rest; or a picture by every model.
 
+    A colour outside of what a model was made for is counted, and its row says `defined` false;
+    with `--inverse` a look that nothing has. Viewing options that are left out are 1000 lx, a
+    background of 20 % and an average surround.
+
     Example: `volspec appearance 40 35 10 --white A --model CIECAM02 --json`
 
-    Example: `volspec appearance --inverse 60 40 90 --white A`
+    Example: `volspec appearance --inverse 60 40 90 --white A --preset cinema`
 
     Example: `volspec appearance --image engine.exr --white A -o models.png`
 
@@ -139,130 +129,89 @@ def appearance(
     output
         The picture's PNG file.
     """
+    from volspec.appearance.adaptation import ADAPTATIONS
     from volspec.appearance.models import MODELS
     from volspec.appearance.models import model as find
 
     if image is not None:
-        if output is None or values or table:
-            raise InputError(f"{image}: a picture of models goes to a file; give -o FILE.png alone")
-        viewing = {"illuminance_lux": lux, "Y_b": Y_b, "surround": _surround(surround)}
-        models = None if model == ["all"] else model
-        _picture(image, white, models, viewing | {"D": D, "discount": discount}, output)
+        given = {"--table": table, "--inverse": inverse, "--json": json, "colours": values}
+        if others := [name for name, value in given.items() if value]:
+            raise InputError(
+                f"{' and '.join(others)} with --image: that makes a picture, and prints no "
+                "figures; leave one of them out"
+            )
+        if output is None:
+            raise InputError(f"{image}: a picture of models goes to a file; give -o FILE.png")
+        write_comparison(image, white, None if model == ["all"] else model, viewing, output)
         return
     if output is not None:
         raise InputError(f"{output}: only --image makes a picture; numbers are printed")
-    seen = _conditions(white, lux, Y_b, surround, D, discount)
-    names = ("J", "C", "h") if inverse else XYZ
-    colours = read_triples(values or (), table, names)
+    viewing.require_no_picture()
+    seen = viewing.conditions(white)
     asked = list(MODELS) if model == ["all"] else model or ["CIECAM02"]
-    rows = []
     for name in asked:
-        chosen = find(name)
-        if inverse:
-            J, C, h = colours.T
-            back = chosen.inverse(J, C, h, seen)
-            found = [dict(zip(XYZ, row.tolist(), strict=True)) for row in back]
-        else:
-            found = _correlates(chosen.forward(colours, seen), len(colours))
-        for colour, each in zip(colours, found, strict=True):
-            given = dict(zip(names, colour.tolist(), strict=True))
-            rows.append({"model": name, **given, **each, "L_A": seen.L_A, "Y_b": seen.Y_b})
-    _show(f"under {white}, {lux:g} lx", rows, json)
+        _require_kind(name, MODELS, ADAPTATIONS, "an adaptation; use volspec adapt --method")
+    models = {name: find(name) for name in asked}
+    names = JCH if inverse else XYZ
+    colours = read_triples(values or (), table, names)
+    found = {}
+    for name, chosen in models.items():
+        look = _colours(chosen, colours, seen) if inverse else _correlates(chosen, colours, seen)
+        shared = {"L_A": seen.L_A, "Y_b": seen.Y_b}
+        found[name] = [
+            {"model": name, **dict(zip(names, colour, strict=True)), **row, **shared}
+            for colour, row in zip(colours.tolist(), look, strict=True)
+        ]
+    under = f", {viewing.said}" if viewing.said else ""
+    show_rows(f"under {white}{under}", [row for rows in found.values() for row in rows], json)
+    tell_undefined(found)
 
 
-def _correlates(look: Any, count: int) -> list[dict[str, Any]]:
-    """A row of what a model gives for each colour."""
+def _require_kind(name: str, own: Iterable[str], others: Iterable[str], theirs: str) -> None:
+    """Refuse a name that is the other command's, or nearest to one of its.
+
+    Parameters
+    ----------
+    name : str
+    own, others : iterable of str
+        The names of both commands.
+    theirs : str
+        What the other's are, and the words that call them.
+    """
+    foreign = {other.casefold(): other for other in others}
+    known = [*(each.casefold() for each in own), *foreign]
+    folded = " ".join(name.split()).casefold()
+    if folded not in known:
+        folded = next(iter(get_close_matches(folded, known, n=1, cutoff=0.7)), folded)
+    if folded in foreign:
+        meant = foreign[folded]
+        raise InputError(f"{name!r}: {meant} is {theirs} {shlex.quote(meant)}")
+
+
+def _correlates(model: Model, colours: NDArray[np.float64], seen: ViewingConditions) -> list[Row]:
+    """A row of what a model gives for each XYZ."""
     import numpy as np
 
     from volspec.appearance.hue import composition
 
+    look: Appearance = model.forward(colours, seen)
     given = {name: getattr(look, name) for name in "JChHQMs"}
     columns = {name: np.asarray(v).tolist() for name, v in given.items() if v is not None}
-    rows = [{name: column[i] for name, column in columns.items()} for i in range(count)]
+    rows: list[Row] = [
+        {name: column[i] for name, column in columns.items()} for i in range(len(colours))
+    ]
     for i, row in enumerate(rows):
         if "H" in row:
-            row["composition"] = str(composition(row["H"]))
+            row["composition"] = str(composition(row["H"])) if math.isfinite(row["H"]) else ""
         row["defined"] = look.defined is None or bool(np.asarray(look.defined)[i])
     return rows
 
 
-def _finite(value: Any) -> Any:
-    """JSON has no word for what is not finite."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _show(title: str, rows: list[dict[str, Any]], as_json: bool) -> None:
-    """Print rows as JSON or as a table."""
-    from rich.table import Table as Rich
-
-    if as_json:
-        print_json([{k: _finite(v) for k, v in row.items()} for row in rows])
-        return
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    # What is the same for all is told once, or not at all.
-    if "L_A" in names:
-        title += f", L_A {rows[0]['L_A']:.4g} cd/m², Y_b {rows[0]['Y_b']:g}"
-    plain = all(row["defined"] for row in rows if "defined" in row)
-    hidden = {"L_A", "Y_b", *(["defined"] if plain else [])}
-    alike = [name for name in names[:4] if "model" in names and len({r[name] for r in rows}) == 1]
-    for name in alike:
-        title += f", {name} {rows[0][name]}"
-        hidden.add(name)
-    table = Rich(title=title, title_justify="left", box=None, pad_edge=False)
-    shown = [name for name in names if name not in hidden]
-    for name in shown:
-        table.add_column(name, justify="left" if name == "model" else "right", no_wrap=True)
-    for row in rows:
-        cells = [row.get(name, "") for name in shown]
-        table.add_row(*(f"{cell:.2f}" if isinstance(cell, float) else str(cell) for cell in cells))
-    # A narrow screen wraps lines; digits are never cut.
-    console = Console()
-    Console(width=max(console.width, 110)).print(table)
-
-
-def _picture(
-    image: Path, white: str, models: list[str] | None, viewing: dict[str, Any], output: Path
-) -> None:
-    """A stored image under a light, by every model."""
-    from volspec import __version__
-    from volspec._files import require_writable
-    from volspec.appearance.spec import MODELS, Viewing
-    from volspec.export.comparison import Seen, comparison_sheet
-    from volspec.export.frames import write_frame
-    from volspec.pipeline import Relighter
-    from volspec.raycast import CoefficientImage
-    from volspec.spectra import light
-
-    require_writable(output)
-    if output.suffix.lower() != ".png":
-        raise InputError(f"{output}: the picture is a PNG file; name it .png")
-    looks = [Viewing(name, **viewing) for name in models or MODELS]
-    stored = CoefficientImage.load(image)
-    lamp = light(white, stored.basis.grid)
-    with Relighter(stored) as relighter:
-        seen = [Seen(look.model, NOTES[look.model], relighter.frame(lamp, look)) for look in looks]
-    lux = viewing["illuminance_lux"]
-    sheet = comparison_sheet(f"{image.stem} under {white}, {lux:g} lx", seen, columns=4)
-    write_frame(output, sheet, {"light": white, "Software": f"volspec {__version__}"})
-    Console().print(f"{output}", highlight=False, soft_wrap=True)
-
-
-# What a reader of the picture should know of each.
-NOTES = {
-    "CIECAM02": "appearance, CIE 159:2004",
-    "CAM16": "CIECAM02 mended for saturated lights",
-    "CIELAB": "von Kries on XYZ",
-    "RLAB": "for pictures on other media",
-    "Hunt": "the most complete, 1995",
-    "Nayatani95": "for judging lights",
-    "none": "the light's colour as it is",
-    "von Kries": "adaptation on cones",
-    "Bradford": "as ICC profiles adapt",
-    "Sharp": "on sharpened responses",
-    "CAT02": "CIECAM02's adaptation alone",
-    "CAT16": "CAM16's adaptation alone",
-    "Nayatani": "nonlinear, 1982",
-    "CIE 1994": "Nayatani's with a factor",
-    "Guth": "by gains of trolands, ATD",
-    "Fairchild 1990": "incomplete, with cross terms",
-}
+def _colours(model: Model, looks: NDArray[np.float64], seen: ViewingConditions) -> list[Row]:
+    """A row of the XYZ that look as each J, C, h."""
+    J, C, h = looks.T
+    back = model.inverse(J, C, h, seen).tolist()
+    return [
+        {**dict(zip(XYZ, row, strict=True)), "defined": all(map(math.isfinite, row))}
+        for row in back
+    ]

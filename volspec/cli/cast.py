@@ -15,6 +15,7 @@ from volspec import __version__
 from volspec._files import require_writable
 from volspec.cli.setting import read_setting
 from volspec.cli.shell import Device, app, bar
+from volspec.cli.viewing import PictureOptions
 from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 AT_A_GLANCE = 3.0
 # Rows and columns of a picture that are looked at for that warning, at least.
 _SAMPLED = 64
+_VIEWING = PictureOptions()
 
 
 def _pixels(size: str) -> tuple[int, int]:
@@ -105,6 +107,7 @@ def relight(
     ],
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     model: str | None = None,
+    viewing: PictureOptions = _VIEWING,
     mode: str | None = None,
     backdrop: float | None = None,
     errors: Annotated[bool, Parameter(negative="")] = False,
@@ -114,9 +117,14 @@ def relight(
 ) -> None:
     """Relight a stored coefficient image, or a measured spectral picture.
 
+    Viewing and picture are as in the scene where they are left out. `--L_A`, `--Y_b` and
+    `--surround` are those of the scene; `--preset` is the room of the display.
+
     Example: `volspec relight engine.exr --light A --light FL2 -o engine.png`
 
     Example: `volspec relight engine.exr --light "key=A; sky=D65*0.3" -o engine.png`
+
+    Example: `volspec relight engine.exr --light A --space "Display P3" --gamut reduce -o p3.png`
 
     Example: `volspec relight painting.exr --basis general-9 --light A -o painting.png`
 
@@ -159,8 +167,8 @@ def relight(
         require_writable(path)
     stored = _picture(image, basis, taken_under)
     given = {"model": model, "mode": mode, "backdrop": backdrop}
-    table = viewing_of(stored).model_copy(update={k: v for k, v in given.items() if v is not None})
-    spec = table.spec()
+    table = viewing.onto(viewing_of(stored))
+    spec = table.model_copy(update={k: v for k, v in given.items() if v is not None}).spec()
     lamps = [read_setting(text, stored.groups, stored.basis.grid) for text in light]
     changes = _reflectances(reflectance or (), stored.basis.grid)
     with Relighter(stored) as relighter:

@@ -42,16 +42,17 @@ Json = Annotated[bool, Parameter(name="--json", negative="", help="Print figures
 
 
 def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
-    """A cyclopts converter for a whole number or a `Literal`.
+    """A cyclopts converter for a number, a whole number or a `Literal`.
 
     Nothing is rounded, and ``none`` is no way to leave an option out.
     """
     word = tokens[0].value
-    if kind is int:
+    if kind in (int, float):
         try:
-            return int(word)
+            return kind(word)
         except ValueError:
-            raise ValueError(f"{word!r} is no whole number") from None
+            what = "whole number" if kind is int else "number"
+            raise ValueError(f"{word!r} is no {what}") from None
     choices = {str(choice): choice for choice in get_args(kind)}
     if word not in choices:
         raise ValueError(f"{word!r} is none of {', '.join(choices)}")
@@ -93,6 +94,11 @@ def print_json(data: dict[str, Any] | list[dict[str, Any]]) -> None:
     print(json.dumps(data, indent=2))
 
 
+def note(text: str) -> None:
+    """Say something beside the figures, which it leaves alone: a line on stderr."""
+    print(f"volspec: note: {text}", file=sys.stderr)
+
+
 def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
 ) -> None:
@@ -117,7 +123,8 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         app(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        said = " ".join(str(error).split()).rstrip(".")
+        # Of many commands cyclopts lists the first, and ends in "info, ...".
+        said = " ".join(str(error).split()).replace(", ...", " and more").rstrip(".")
         print(f"volspec: {said}; see volspec --help", file=sys.stderr)
         raise SystemExit(2) from error
     except VolspecError as error:

@@ -66,11 +66,11 @@ class SceneFile(Table):
                     f"two [[light]] are named {name!r} and shine from {where}; rename one, or "
                     "give them different groups"
                 )
-            lit = sum(row.illuminance_lux is not None for row in rows)
+            lit = sum(row.has_lux for row in rows)
             if 0 < lit < len(rows):
                 raise ValueError(
-                    f"light {name!r}: {lit} of {len(rows)} rows have illuminance_lux; give it to "
-                    "all of them or none"
+                    f"light {name!r}: {lit} of {len(rows)} rows have illuminance_lux or power_W; "
+                    "give one of them to all rows or to none"
                 )
         return self
 

@@ -12,18 +12,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point
 from volspec.raycast.lights import Source
 from volspec.relight import LightRig
 from volspec.scene.tables import Name, Table, Vector
 from volspec.spectra import SpectralGrid, Spectrum, light
+from volspec.spectra.lamps import lamp_illuminance_lux, lamp_of
 
 _AMBIENT, _HEAD = Ambient(), Headlight()
 _FAR, _NEAR = Directional((0, 0, 1)), Point((0, 0, 0))
 # What parts the groups of a setting on the command line.
 PARTING = "=;"
+# What a lamp's lux are counted from; the last may be left out.
+_COUNTED = ("power_W", "distance_m", "beam_deg")
 
 
 class _SourceTable(Table):
@@ -117,7 +120,8 @@ class LightTable(Table):
     """``[[light]]``: a name, a spectrum in `volspec.light`'s notation, and what it shines from.
 
     ``illuminance_lux`` sets the eye's adapting luminance; ``weight`` multiplies it, which
-    shows at ``level = "absolute"``, and is a row's share among those of one setting.
+    shows at ``level = "absolute"``, and is a row's share among those of one setting. In its
+    place a lamp's may be counted, from the watts that it takes and how far away it is.
     """
 
     name: Name
@@ -126,6 +130,44 @@ class LightTable(Table):
     group: Name | None = None
     weight: float = 1.0
     illuminance_lux: float | None = None
+    power_W: float | None = None
+    distance_m: float | None = None
+    beam_deg: float | None = None
+
+    @model_validator(mode="after")
+    def _one_measure(self) -> LightTable:
+        counted = [key for key in _COUNTED if getattr(self, key) is not None]
+        if not counted:
+            return self
+        if self.illuminance_lux is not None:
+            raise ValueError(
+                f"illuminance_lux and {' and '.join(counted)} both say how bright it is; give one"
+            )
+        if missing := [key for key in _COUNTED[:2] if key not in counted]:
+            raise ValueError(
+                f"{' and '.join(counted)} without {' and '.join(missing)}; a lamp's lux are "
+                "counted from power_W and distance_m"
+            )
+        return self
+
+    @property
+    def has_lux(self) -> bool:
+        """Whether it says how bright the light is."""
+        return self.illuminance_lux is not None or self.power_W is not None
+
+    def lux(self) -> float | None:
+        """Its illuminance as given or as counted; None where neither is.
+
+        Raises
+        ------
+        SpectrumError
+            If it is to be counted, and the spectrum is no lamp, has no known lumens per watt,
+            or a number is out of range.
+        """
+        if self.power_W is None or self.distance_m is None:
+            return self.illuminance_lux
+        source = lamp_of(self.spectrum)
+        return lamp_illuminance_lux(source, self.power_W, self.distance_m, self.beam_deg)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,10 +221,10 @@ def named_light(
     Raises
     ------
     SpectrumError, ViewingError
-        If a spectrum is unknown, or the rows give no light.
+        If a spectrum is unknown, a lamp's light cannot be counted, or the rows give no light.
     """
     spectra = tuple(light(row.spectrum, grid, folder=folder) for row in rows)
-    lux = tuple(row.illuminance_lux for row in rows if row.illuminance_lux is not None)
+    lux = tuple(lux for row in rows if (lux := row.lux()) is not None)
     weights, groups = tuple(row.weight for row in rows), tuple(row.group or "" for row in rows)
     rig = LightRig(spectra, weights, lux or None, groups)
     label = next((row.label for row in rows if row.label), rows[0].name)

@@ -82,6 +82,28 @@ def lamp(name: str) -> Lamp:
     )
 
 
+def lamp_of(light: str) -> Lamp:
+    """The lamp that a light's text names: what watts and metres can be counted for.
+
+    Raises
+    ------
+    SpectrumError
+        If it is a mix, or a light of another kind.
+
+    Examples
+    --------
+    >>> lamp_of("lamp:halogen-3000").efficacy_lm_per_W
+    21.0
+    """
+    prefix, _, name = str(light).strip().casefold().partition(":")
+    if prefix == PREFIX and name.strip() in LAMPS:
+        return LAMPS[name.strip()]
+    raise SpectrumError(
+        f"light {light!r}: only a lamp's light is counted from its watts; take one, as "
+        "lamp:tungsten-2850, or give lux"
+    )
+
+
 def flux_lm(of: str | Lamp, power_W: float) -> float:
     """Luminous flux of a lamp, lm: power times efficacy.
 
@@ -142,7 +164,14 @@ def lamp_illuminance_lux(
     if not 0.0 < beam <= 360.0:
         raise SpectrumError(f"lamp: beam_deg is {beam_deg!r}; expected above 0, 360 at most")
     solid_angle = 4.0 * math.pi * math.sin(math.radians(beam) / 4.0) ** 2
-    return flux_lm(of, power_W) / (solid_angle * distance_m**2)
+    lit_m2 = solid_angle * distance_m * distance_m
+    lux = flux_lm(of, power_W) / lit_m2 if lit_m2 > 0.0 else math.inf
+    if not math.isfinite(lux):
+        raise SpectrumError(
+            f"lamp: {power_W:g} W within {beam:g}° at {distance_m:g} m is no finite illuminance; "
+            "give less power, a wider beam or more distance"
+        )
+    return lux
 
 
 def lumens_per_watt(radiation: Spectrum) -> float:

@@ -1,0 +1,36 @@
+"""What the guide shows a command print is what it prints."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from volspec.cli import main
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+SHOWN = {
+    command: printed.splitlines()
+    for page in ("appearance.md", "viewing.md")
+    for command, printed in re.findall(
+        r"```\n\$ volspec (.*?)\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL
+    )
+}
+
+
+@pytest.mark.parametrize("command", SHOWN)
+def test_commands_print_what_the_guide_shows(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(shlex.split(command))
+    assert caught.value.code == 0
+    said = capsys.readouterr()
+    printed = [line.rstrip() for line in (said.out + said.err).splitlines()]
+    assert printed == SHOWN[command]
+
+
+def test_each_page_shows_one() -> None:
+    assert {command.split()[0] for command in SHOWN} == {"appearance", "light"}

@@ -1,0 +1,103 @@
+"""``volspec light``: a light in figures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from volspec.cli import main
+from volspec.spectra.temperature import correlated_temperature
+
+LAMP = "lamp:tungsten-2850"
+
+
+def figures(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, float | None]:
+    with pytest.raises(SystemExit) as caught:
+        main(["light", *words, "--json"])
+    assert caught.value.code == 0
+    return dict(json.loads(capsys.readouterr().out))
+
+
+# x, y of CIE 15; the temperatures of D65 and FL2 (6500 and 4230 K) are given there to ten kelvin.
+@pytest.mark.parametrize(
+    ("name", "x", "y", "kelvin", "Duv"),
+    [
+        ("D65", 0.31272, 0.32903, 6503, 0.0032),
+        ("A", 0.44758, 0.40745, 2856, 0.0),
+        ("FL2", 0.3721, 0.3751, 4225, 0.0018),
+    ],
+)
+def test_illuminants_have_their_colour_and_temperature(
+    name: str, x: float, y: float, kelvin: float, Duv: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = figures(capsys, name)
+    # Bands of 5 nm move x and y of the spiky FL2 by 1.1e-4.
+    assert [found["x"], found["y"]] == pytest.approx([x, y], abs=1.5e-4)
+    assert found["kelvin"] == pytest.approx(kelvin, abs=3)
+    assert found["Duv"] == pytest.approx(Duv, abs=2e-4)
+    assert found["Y"] == pytest.approx(100) and found["lamp_lm_per_W"] is None
+
+
+def test_a_lamp_is_counted_from_its_watts(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--power-W", "100", "--distance-m", "1")
+    found = figures(capsys, LAMP, *words)
+    assert found["lamp_lm_per_W"] == 15 and found["flux_lm"] == 1500
+    assert found["illuminance_lux"] == pytest.approx(119.366, abs=1e-3), "1500 lm over 4π"
+    half = figures(capsys, LAMP, *words, "--beam-deg", "180")
+    assert half["illuminance_lux"] == pytest.approx(2 * 119.366, abs=2e-3)
+    assert "illuminance_lux" not in figures(capsys, LAMP, "--power-W", "100")
+
+
+def test_black_bodies_lie_on_their_locus_and_saturated_lights_have_no_temperature(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for kelvin in (1200, 5000, 20_000):
+        found = figures(capsys, f"planck:{kelvin}")
+        # Bands of 5 nm end at 380 and 780: 0.01 % at 5000 K, 0.2 % at 20 000 K.
+        assert found["kelvin"] == pytest.approx(kelvin, rel=3e-3)
+        assert found["Duv"] == pytest.approx(0, abs=1e-4)
+    assert figures(capsys, "planck:700")["kelvin"] is None, "colder than 1000 K"
+    (tmp_path / "green.csv").write_text("380,0\n510,0\n520,1\n530,0\n780,0\n")
+    assert figures(capsys, str(tmp_path / "green.csv"))["Duv"] is None
+    assert correlated_temperature([1, 1, 1]) is not None
+
+
+def test_people_read_a_line_a_figure(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["light", LAMP, "--power-W", "100", "--distance-m", "2", "--beam-deg", "60"])
+    out = " ".join(capsys.readouterr().out.split())
+    for words in (
+        f"{LAMP} chromaticity x, y 0.4480, 0.4076",
+        "correlated temperature 2850 K, Duv +0.0000",
+        "efficacy of the lamp 15 lm/W flux at 100 W 1500 lm at 2 m, within 60° 445.5 lx",
+    ):
+        assert words in out
+    with pytest.raises(SystemExit):
+        main(["light", "planck:700"])
+    assert "none between 1000 and 100 000 K" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("HP9",), "'HPS'"),
+        (("D65", "--power-W", "5"), "light 'D65': only a lamp's light is counted"),
+        ((f"{LAMP}*0.5+A", "--power-W", "5"), "only a lamp's light is counted"),
+        (("lamp:candle-1900", "--power-W", "5"), "no lumens per watt for candle flame"),
+        ((LAMP, "--distance-m", "2"), "--distance-m 2 without --power-W"),
+        ((LAMP, "--power-W", "5", "--beam-deg", "60"), "--beam-deg 60 without --distance-m"),
+        ((LAMP, "--power-W", "-1"), "power_W is -1.0"),
+        ((LAMP, "--power-W", "1", "--distance-m", "0"), "distance_m is 0.0"),
+        ((LAMP, "--power-W", "1", "--distance-m", "1e-200"), "at 1e-200 m is no finite"),
+    ],
+)
+def test_a_light_that_cannot_be_counted_is_refused_in_one_line(
+    words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["light", *words])
+    assert caught.value.code == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("volspec: ") and message in line

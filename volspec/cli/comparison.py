@@ -1,0 +1,90 @@
+"""A stored image under one light, by every model side by side: ``volspec appearance --image``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from volspec.cli.viewing import PictureOptions, white_triple
+from volspec.errors import InputError
+
+
+def write_comparison(
+    image: Path, white: str, models: Sequence[str] | None, options: PictureOptions, output: Path
+) -> None:
+    """Write the sheet.
+
+    Parameters
+    ----------
+    image : Path
+        A coefficient image.
+    white : str
+        The light.
+    models : sequence of str, optional
+        None is every model and adaptation.
+    options : PictureOptions
+        What is left out is as `volspec.Viewing` has it, not as in the image's scene.
+    output : Path
+        A PNG file.
+
+    Raises
+    ------
+    InputError
+        If something given cannot be used.
+    """
+    from volspec import __version__
+    from volspec._files import require_writable
+    from volspec.appearance.spec import MODELS
+    from volspec.export.comparison import Seen, comparison_sheet
+    from volspec.export.frames import write_frame
+    from volspec.pipeline import Relighter
+    from volspec.raycast import CoefficientImage
+    from volspec.scene.tables import ViewingTable
+    from volspec.spectra import light
+
+    require_writable(output)
+    if output.suffix.lower() != ".png":
+        raise InputError(f"{output}: the picture is a PNG file; name it .png")
+    if white_triple(white) is not None:
+        raise InputError(
+            f"--white {white} with --image: a picture needs the light's spectrum; name a light, "
+            "as A, planck:3200 or FILE.csv"
+        )
+    table = options.onto(ViewingTable())
+    looks = [table.model_copy(update={"model": name}).spec().viewing for name in models or MODELS]
+    stored = CoefficientImage.load(image)
+    lamp = light(white, stored.basis.grid)
+    with Relighter(stored) as relighter:
+        seen = [Seen(look.model, NOTES[look.model], relighter.frame(lamp, look)) for look in looks]
+    words = [f"{image.stem} under {white}", f"{table.illuminance_lux:g} lx"]
+    if table.L_A is not None:
+        words[1] = f"L_A {table.L_A:g} cd/m²"
+    display = table.display
+    words += [each for each in (display.preset, display.space) if each != "sRGB"]
+    sheet = comparison_sheet(", ".join(words), seen, columns=4)
+    notes = {"light": white, "Software": f"volspec {__version__}"}
+    write_frame(output, sheet, notes, display.space)
+    Console().print(f"{output}", highlight=False, soft_wrap=True)
+
+
+# What a reader of the picture should know of each.
+NOTES = {
+    "CIECAM02": "appearance, CIE 159:2004",
+    "CAM16": "CIECAM02 mended for saturated lights",
+    "CIELAB": "von Kries on XYZ",
+    "RLAB": "for pictures on other media",
+    "Hunt": "the most complete, 1995",
+    "Nayatani95": "for judging lights",
+    "none": "the light's colour as it is",
+    "von Kries": "adaptation on cones",
+    "Bradford": "as ICC profiles adapt",
+    "Sharp": "on sharpened responses",
+    "CAT02": "CIECAM02's adaptation alone",
+    "CAT16": "CAM16's adaptation alone",
+    "Nayatani": "nonlinear, 1982",
+    "CIE 1994": "Nayatani's with a factor",
+    "Guth": "by gains of trolands, ATD",
+    "Fairchild 1990": "incomplete, with cross terms",
+}

@@ -1,0 +1,118 @@
+"""``volspec light``: a light in figures: colour, temperature, lumens, and a lamp's lux."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.table import Table
+
+from volspec.cli.rows import Row
+from volspec.cli.shell import Json, app, as_written, print_json
+from volspec.errors import InputError
+
+# nm; as lights are counted, and as far as most lamps are measured.
+RANGE_NM = (380.0, 780.0, 5.0)
+
+
+@app.command
+def light(
+    spectrum: str,
+    /,
+    *,
+    power_W: Annotated[
+        float | None, Parameter(name="--power-W", converter=as_written, help="Of a lamp: watts.")
+    ] = None,
+    distance_m: Annotated[
+        float | None, Parameter(converter=as_written, help="How far away it is, metres.")
+    ] = None,
+    beam_deg: Annotated[
+        float | None,
+        Parameter(converter=as_written, help="Full angle of a spotlight; left out, all around."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """A light's colour, temperature and lumens; of a lamp the lux at a distance.
+
+    Figures are of 380 to 780 nm and the 2 degree observer.
+
+    Example: `volspec light D65*0.7+A*0.3`
+
+    Example: `volspec light lamp:tungsten-2850 --power-W 100 --distance-m 2 --beam-deg 60`
+
+    Parameters
+    ----------
+    spectrum
+        A LIGHT: D65, planck:3200, lamp:halogen-3000, FILE.csv, a mix, …
+    """
+    from volspec.spectra import SpectralGrid
+    from volspec.spectra import light as find
+    from volspec.spectra.lamps import (
+        LAMPS,
+        PREFIX,
+        flux_lm,
+        lamp_illuminance_lux,
+        lamp_of,
+        lumens_per_watt,
+    )
+    from volspec.spectra.photometry import white_XYZ
+    from volspec.spectra.temperature import correlated_temperature
+
+    for name, value, other, its in (
+        ("--beam-deg", beam_deg, "--distance-m", distance_m),
+        ("--distance-m", distance_m, "--power-W", power_W),
+    ):
+        if value is not None and its is None:
+            raise InputError(f"{name} {value:g} without {other}; give both, to count a lamp's lux")
+    found = find(spectrum, SpectralGrid(*RANGE_NM))
+    X, Y, Z = white_XYZ(found).tolist()
+    near = correlated_temperature((X, Y, Z))
+    lamp = LAMPS.get(found.name.removeprefix(f"{PREFIX}:"))
+    row: Row = {
+        "light": found.name,
+        "x": X / (X + Y + Z),
+        "y": Y / (X + Y + Z),
+        "X": X,
+        "Y": Y,
+        "Z": Z,
+        "kelvin": near and near.kelvin,
+        "Duv": near and near.Duv,
+        "radiation_lm_per_W": lumens_per_watt(found),
+        "lamp_lm_per_W": lamp and lamp.efficacy_lm_per_W,
+    }
+    if power_W is not None:
+        row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_of(spectrum), power_W)}
+    if power_W is not None and distance_m is not None:
+        lux = lamp_illuminance_lux(lamp_of(spectrum), power_W, distance_m, beam_deg)
+        row |= {"distance_m": distance_m, "beam_deg": beam_deg, "illuminance_lux": lux}
+    if json:
+        print_json(row)
+    else:
+        Console().print(_table(row))
+
+
+def _table(row: Row) -> Table:
+    """The figures, a line each; what is not known has none."""
+    table = Table(title=row["light"], title_justify="left", box=None, show_header=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column()
+    near = "none between 1000 and 100 000 K"
+    if row["kelvin"] is not None:
+        near = f"{row['kelvin']:.0f} K, Duv {round(row['Duv'], 4) + 0.0:+.4f}"  # never -0
+    lines = {
+        "chromaticity x, y": f"{row['x']:.4f}, {row['y']:.4f}",
+        "white X, Y, Z": f"{row['X']:.2f}, {row['Y']:.2f}, {row['Z']:.2f}",
+        "correlated temperature": near,
+        "efficacy of radiation": f"{row['radiation_lm_per_W']:.1f} lm/W",
+    }
+    if row["lamp_lm_per_W"] is not None:
+        lines["efficacy of the lamp"] = f"{row['lamp_lm_per_W']:g} lm/W"
+    if "flux_lm" in row:
+        lines[f"flux at {row['power_W']:g} W"] = f"{row['flux_lm']:.4g} lm"
+    if "illuminance_lux" in row:
+        beam = "" if row["beam_deg"] is None else f", within {row['beam_deg']:g}°"
+        lines[f"at {row['distance_m']:g} m{beam}"] = f"{row['illuminance_lux']:.4g} lx"
+    for label, words in lines.items():
+        table.add_row(label, words)
+    return table

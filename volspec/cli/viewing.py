@@ -1,0 +1,202 @@
+"""How colours and pictures are looked at: the options that commands share, each written once.
+
+    words -> [viewing] -> ViewingConditions | the scene's ViewingTable -> models, frames
+
+`SceneOptions` are for triples, `PictureOptions` add the display that a picture is made for. A
+command takes either whole: its fields become options of their own. None is what was left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Group, Parameter
+
+from volspec.cli.shell import as_written
+from volspec.errors import InputError
+
+if TYPE_CHECKING:
+    from volspec.appearance import ViewingConditions
+    from volspec.scene.tables import ViewingTable
+
+_EYE, _PICTURE = Group("Viewing", sort_key=2), Group("Picture", sort_key=3)
+# What models take where nothing is said, as `volspec.Viewing` has it.
+_LUX, _Y_b, _SURROUND = 1000.0, 20.0, "average"
+
+# What of `[viewing.display]` a preset says.
+_ROOM = ("white_cd_m2", "L_A", "Y_b", "surround")
+
+
+def _number(help: str, name: str | None = None, group: Group = _EYE) -> Parameter:
+    return Parameter(name, converter=as_written, help=help, group=group)
+
+
+@Parameter(name="*", group=_EYE)
+@dataclass(frozen=True, kw_only=True)
+class SceneOptions:
+    """What the eye is adapted to where the colours are."""
+
+    lux: Annotated[
+        float | None, _number("Illuminance; L_A is that of the background under it.")
+    ] = None
+    L_A: Annotated[float | None, _number("Adapting luminance, cd/m².", "--L_A")] = None
+    Y_b: Annotated[float | None, _number("The background, percent of white.", "--Y_b")] = None
+    surround: Annotated[
+        float | str | None, Parameter(help="average, dim, dark, or its ratio to white, 0 to 1.")
+    ] = None
+    D: Annotated[float | None, _number("Degree of adaptation, 0 to 1.", "--D")] = None
+    discount: Annotated[
+        bool | None, Parameter(help="Take the light's colour off whole: D is 1.")
+    ] = None
+    preset: Annotated[
+        str | None,
+        Parameter(
+            help="A room by name, as cinema: for numbers L_A, Y_b and surround where these are "
+            "left out; for a picture the room that its display stands in."
+        ),
+    ] = None
+
+    def conditions(self, white: str) -> ViewingConditions:
+        """What an eye is adapted to under a light, or under a white given as ``X,Y,Z``.
+
+        Raises
+        ------
+        InputError
+            If two options say the same, a name is unknown or a number out of range.
+        """
+        from volspec.appearance import ViewingConditions
+        from volspec.appearance.presets import preset
+
+        self.require_one_degree()
+        self.require_one_level()
+        room = None if self.preset is None else preset(self.preset)
+        others: dict[str, Any] = {
+            "Y_b": room.Y_b if room else _Y_b,
+            "surround": room.surround if room else _SURROUND,
+            **_given({"Y_b": self.Y_b, "surround": self.surround}),
+            "D": self.D,
+            "discount": bool(self.discount),
+        }
+        L_A = room.L_A if room and self.L_A is None and self.lux is None else self.L_A
+        if L_A is not None:
+            return ViewingConditions(_white_of(white), L_A, **others)
+        lux = _LUX if self.lux is None else self.lux
+        return ViewingConditions.of_lux(_white_of(white), lux, **others)
+
+    @property
+    def said(self) -> str:
+        """What the light and the room are called in a title."""
+        lux = _LUX if self.lux is None and self.L_A is None and self.preset is None else self.lux
+        words = [self.preset, None if lux is None else f"{lux:g} lx"]
+        return ", ".join(word for word in words if word)
+
+    def require_one_degree(self) -> None:
+        """Refuse a degree of adaptation that is given twice."""
+        if self.D is not None and self.discount:
+            raise InputError(f"--D {self.D:g} with --discount, which is D = 1; give one of them")
+
+    def require_one_level(self) -> None:
+        """Refuse an adapting luminance that is given twice."""
+        if self.lux is not None and self.L_A is not None:
+            raise InputError(
+                f"--lux {self.lux:g} with --L_A {self.L_A:g}: both say what the eye is adapted "
+                "to; give one of them"
+            )
+
+
+@Parameter(name="*", group=_EYE)
+@dataclass(frozen=True, kw_only=True)
+class PictureOptions(SceneOptions):
+    """The same for a picture, and the display that it is made for."""
+
+    exposure: Annotated[
+        float | None,
+        _number("Factor on the scene's light.", group=_PICTURE),
+    ] = None
+    space: Annotated[
+        str | None,
+        Parameter(
+            group=_PICTURE,
+            help="The display's colours: sRGB, Display P3, DCI-P3, Rec. 709, Rec. 2020 or "
+            "Adobe RGB (1998).",
+        ),
+    ] = None
+    gamut: Annotated[
+        str | None,
+        Parameter(
+            group=_PICTURE,
+            help="Colours that it cannot show: clip, or reduce (paler, at one lightness and hue).",
+        ),
+    ] = None
+    mark: Annotated[bool | None, Parameter(group=_PICTURE, help="Hatch these colours.")] = None
+
+    def onto(self, table: ViewingTable) -> ViewingTable:
+        """A scene's ``[viewing]`` with what is given here in place of its own.
+
+        What says the same in the scene gives way: its L_A to ``--lux``, its ``discount`` to
+        ``--D`` and the other way round, its display's room to ``--preset``.
+
+        Raises
+        ------
+        InputError
+            If two options say the same.
+        """
+        self.require_one_degree()
+        if table.level == "relative":  # at "absolute" the lux are also what lights are held against
+            self.require_one_level()
+        eye: dict[str, Any] = {
+            "illuminance_lux": self.lux,
+            "L_A": self.L_A,
+            "Y_b": self.Y_b,
+            "surround": self.surround,
+            "D": self.D,
+            "discount": self.discount,
+            "exposure": self.exposure,
+        }
+        gives_way: dict[str, Any] = {}
+        if self.lux is not None:
+            gives_way["L_A"] = None
+        if self.D is not None:
+            gives_way["discount"] = False
+        if self.discount:
+            gives_way["D"] = None
+        room = {"preset": self.preset} | dict.fromkeys(_ROOM) if self.preset is not None else {}
+        seen = _given({name: getattr(self, name) for name in ("space", "gamut", "mark")})
+        display = table.display.model_copy(update=room | seen)
+        return table.model_copy(update=gives_way | _given(eye) | {"display": display})
+
+    def require_no_picture(self) -> None:
+        """Refuse what only a picture has."""
+        for name in ("exposure", "space", "gamut", "mark"):
+            if getattr(self, name) is not None:
+                raise InputError(f"--{name}: only a picture has it; add --image, or leave it out")
+
+
+def white_triple(white: str) -> tuple[float, float, float] | None:
+    """A white written as ``X,Y,Z``; None for any other text.
+
+    >>> white_triple("95.05,100,108.88"), white_triple("D65")
+    ((95.05, 100.0, 108.88), None)
+    """
+    words = white.split(",")
+    try:
+        X, Y, Z = (float(word) for word in words)
+    except ValueError:  # no numbers, or not three
+        return None
+    return X, Y, Z
+
+
+def _white_of(white: str) -> tuple[float, float, float]:
+    from volspec.spectra import light
+    from volspec.spectra.photometry import white_XYZ
+
+    if (given := white_triple(white)) is not None:
+        return given
+    X, Y, Z = white_XYZ(light(white)).tolist()
+    return X, Y, Z
+
+
+def _given(options: dict[str, Any]) -> dict[str, Any]:
+    """Those that were not left out."""
+    return {name: value for name, value in options.items() if value is not None}
