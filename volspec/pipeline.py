@@ -137,6 +137,7 @@ def raycast(
         *(cast.coefficients, cast.alpha, cast.depth_mm, transfer.basis, kept),
         groups=spec.shares(),
         first_mm=cast.first_mm,
+        fov_deg=None if camera.height_mm is not None else camera.fov_deg,
     )
     if into is not None:
         into.update(image, place)

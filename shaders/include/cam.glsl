@@ -17,6 +17,11 @@
 // of the pole at 400; the fraction's denominator stays above CHROMA_FLOOR (x + 0.305).
 //
 // Reads   passage, computed by the host in double precision whenever the white changes.
+//         field     where FIELD: what of the passage is the scene's, at the nodes of a net from
+//                   edge to edge of the picture, and straight between. Texture array, 3 layers
+//                   of RGBA float: a column of response_from_XYZ each, and in alpha
+//                   scene_achromatic, lightness_power, chroma_gain. NumPy twin:
+//                   volspec/appearance/field.py.
 // Host sets SAME_SURROUND where γ = κ = 1 (equal Y_b and surround, the default): a power and the
 // skew less, a tenth of the frame; and the numbers of
 // volspec.appearance.constants.shader_constants().
@@ -34,7 +39,7 @@ struct Passage {
 };
 uniform Passage passage;
 
-vec3 displayed_from_scene(vec3 XYZ) {
+vec3 carried(Passage passage, vec3 XYZ) {
     vec3 r = passage.response_from_XYZ * XYZ;
     vec3 f = pow(abs(r), vec3(RESPONSE_POWER));
     vec3 R = sign(r) * (RESPONSE_POLE * f / (RESPONSE_HALF + f));
@@ -60,3 +65,23 @@ vec3 displayed_from_scene(vec3 XYZ) {
         sign(R_display) * pow(size / (RESPONSE_POLE - size), vec3(1.0 / RESPONSE_POWER));
     return passage.linear_from_response * r_display;
 }
+
+#if FIELD
+uniform sampler2DArray field;
+
+vec3 displayed_from_scene(vec3 XYZ, vec2 place) {  // 0 to 1 across the picture and down
+    vec2 nodes = vec2(textureSize(field, 0).xy);
+    vec2 at = (place * (nodes - 1.0) + 0.5) / nodes;
+    vec4 x = textureLod(field, vec3(at, 0.0), 0.0);
+    vec4 y = textureLod(field, vec3(at, 1.0), 0.0);
+    vec4 z = textureLod(field, vec3(at, 2.0), 0.0);
+    Passage here = passage;
+    here.response_from_XYZ = mat3(x.rgb, y.rgb, z.rgb);
+    here.scene_achromatic = x.a;
+    here.lightness_power = y.a;
+    here.chroma_gain = z.a;
+    return carried(here, XYZ);
+}
+#else
+vec3 displayed_from_scene(vec3 XYZ) { return carried(passage, XYZ); }
+#endif

@@ -2,6 +2,8 @@
 
     relight -> [measured] -> ViewingConditions -> appearance
 
+For frames, `Viewing.adapting` has it done (`volspec.relight.adapted`).
+
 The background is what lies 1° to 11° from the line of sight, the adapting field what lies 11° to
 90° from it, each averaged over solid angle:
 
@@ -25,12 +27,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.appearance.net import AdaptingNet, between, pitch, sphere, weights
 from volspec.appearance.spec import ViewingConditions
 from volspec.errors import ShapeError, ViewingError
 
 Array = NDArray[np.float64]
 
-INNER_DEG, OUTER_DEG = 1.0, 11.0
 # Cells along a picture's longer side, for the maps.
 _CELLS = 48
 
@@ -89,18 +91,22 @@ def measured_conditions(
     if not white[1] > 0.0:
         raise ViewingError(f"measured: the white's Y is {white[1]}; expected above 0, as 100")
     _require_luminance(luminance_of_white)
-    directions, spans = _sphere(picture.shape, fov_deg)
-    elsewhere = _outside(outside, picture, spans)
     height, width = picture.shape
     x, y = ((width - 1) / 2, (height - 1) / 2) if at is None else at
+    scale = pitch((height, width), fov_deg)
     if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
         raise ViewingError(
             f"measured: at is ({x}, {y}), outside of the picture's {width} × {height} pixels"
         )
-    scale = 2.0 * math.tan(math.radians(fov_deg) / 2.0) / height
+    across = (np.arange(width) - (width - 1) / 2) * scale
+    down = (np.arange(height) - (height - 1) / 2) * scale
+    directions, density = sphere(*np.meshgrid(across, down))
+    spans = (density * scale**2).ravel()
+    elsewhere = _outside(outside, picture.ravel(), spans)
     line = np.array([(x - (width - 1) / 2) * scale, (y - (height - 1) / 2) * scale, 1.0])
     cos = directions @ (line / np.linalg.norm(line))
-    Y_b, Y_A = _fields(cos.reshape(1, -1), picture.ravel(), spans.ravel(), elsewhere)
+    parts, rest = weights(cos.reshape(1, -1), spans)
+    Y_b, Y_A = parts @ picture.ravel() + rest * elsewhere
     L_A = float(Y_A[0]) / float(white[1]) * luminance_of_white
     if surround is None:
         surround = min(L_A / luminance_of_white, 1.0)
@@ -148,78 +154,12 @@ def adapting_fields(
     if not (math.isfinite(Y_w) and Y_w > 0.0):
         raise ViewingError(f"measured: Y_w is {Y_w!r}; expected the white's Y, as 100")
     height, width = picture.shape
-    directions, spans = _sphere(picture.shape, fov_deg)
-    elsewhere = _outside(outside, picture, spans)
-    share = min(_CELLS / max(height, width), 1.0)
-    counts = (max(round(size * share), 1) for size in (height, width))
-    rows, columns = (
-        np.rint(np.linspace(0, size, count + 1)).astype(np.intp)
-        for size, count in zip((height, width), counts, strict=True)
-    )
-
-    def cells(values: Array) -> Array:
-        return np.add.reduceat(np.add.reduceat(values, rows[:-1], 0), columns[:-1], 1)
-
-    weight = cells(spans).ravel()
-    mean_Y = cells(spans * picture).ravel() / weight
-    centre = np.stack([cells(spans * directions[..., i]).ravel() for i in range(3)], axis=-1)
-    centre /= np.linalg.norm(centre, axis=-1, keepdims=True)
-    scale = 2.0 * math.tan(math.radians(fov_deg) / 2.0) / height
-    u, v = np.meshgrid((columns - width / 2) * scale, (rows - height / 2) * scale)
-    lines = np.stack([u.ravel(), v.ravel(), np.ones(u.size)], axis=-1)
-    lines /= np.linalg.norm(lines, axis=-1, keepdims=True)
-    net = np.empty((2, lines.shape[0]))
-    for start in range(0, lines.shape[0], 512):
-        part = slice(start, start + 512)
-        net[:, part] = _fields(lines[part] @ centre.T, mean_Y, weight, elsewhere)
-    down, across = _between(rows, height), _between(columns, width)
-    Y_b, Y_A = (down @ field.reshape(u.shape) @ across.T for field in net)
+    net = AdaptingNet.of((height, width), fov_deg, _CELLS)
+    cells = net.of_picture(picture)
+    fields = net.measured(cells, _outside(outside, cells, net.spans))
+    down, across = between(net.nodes[0], height), between(net.nodes[1], width)
+    Y_b, Y_A = (down @ field @ across.T for field in fields)
     return Y_b, Y_A / Y_w * luminance_of_white
-
-
-def _fields(cos: Array, Y: Array, spans: Array, outside: float) -> tuple[Array, Array]:
-    """Mean Y of background and adapting field for (K, N) cosines between lines and parts."""
-
-    both = np.stack([spans, spans * Y], axis=-1)
-
-    def within(degrees: float) -> tuple[Array, Array]:
-        # What the rim of the cone crosses counts by its share inside, across its width √dω.
-        edge = math.radians(degrees)
-        steep = 1.0 / (math.sin(edge) * np.sqrt(spans))
-        share = cos * steep
-        share += 0.5 - math.cos(edge) * steep
-        sums = np.clip(share, 0.0, 1.0, out=share) @ both
-        return sums[:, 0], sums[:, 1]
-
-    inner, outer, half = (within(degrees) for degrees in (INNER_DEG, OUTER_DEG, 90.0))
-
-    def mean(big: tuple[Array, Array], small: tuple[Array, Array], low: float, up: float) -> Array:
-        whole = 2.0 * math.pi * (math.cos(math.radians(low)) - math.cos(math.radians(up)))
-        seen = big[0] - small[0]
-        filled = big[1] - small[1] + np.maximum(whole - seen, 0.0) * outside
-        return filled / np.maximum(whole, seen)
-
-    return mean(outer, inner, INNER_DEG, OUTER_DEG), mean(half, outer, OUTER_DEG, 90.0)
-
-
-def _sphere(shape: tuple[int, ...], fov_deg: float) -> tuple[Array, Array]:
-    """Unit directions (H, W, 3) of pixels as right, down, forward, and their solid angles."""
-    if not (math.isfinite(fov_deg) and 0.0 < fov_deg < 180.0):
-        raise ViewingError(f"measured: fov_deg is {fov_deg!r}; expected above 0 and below 180")
-    height, width = shape
-    scale = 2.0 * math.tan(math.radians(fov_deg) / 2.0) / height
-    u, v = np.meshgrid(
-        (np.arange(width) - (width - 1) / 2) * scale, (np.arange(height) - (height - 1) / 2) * scale
-    )
-    directions = np.stack([u, v, np.ones_like(u)], axis=-1)
-    length = np.linalg.norm(directions, axis=-1)
-    return directions / length[..., None], scale**2 / length**3
-
-
-def _between(edges: NDArray[np.intp], size: int) -> Array:
-    """(size, len(edges)): linear interpolation from edges to the middles of pixels."""
-    middles = np.arange(size) + 0.5
-    return np.stack([np.interp(middles, edges, one) for one in np.eye(len(edges))], axis=-1)
 
 
 def _factors(Y: ArrayLike) -> Array:

@@ -21,6 +21,7 @@ from volspec.appearance.surround import (
     Surround,
     Triple,
     ViewingConditions,
+    is_finite,
     require_adaptation,
     require_known,
     require_not_negative,
@@ -30,7 +31,9 @@ from volspec.appearance.surround import (
 from volspec.errors import ViewingError
 
 __all__ = [
+    "ADAPTING",
     "MODELS",
+    "PER_PIXEL",
     "SURROUNDS",
     "SURROUND_RATIOS",
     "Display",
@@ -47,6 +50,10 @@ MODELS = (
     *("none", "von Kries", "Bradford", "Sharp", "CAT02", "CAT16"),
     *("Nayatani", "CIE 1994", "Guth", "Fairchild 1990"),
 )
+# Where Y_b and L_A come from: as given, or measured in the picture, at its middle or per pixel.
+ADAPTING = ("given", "picture", "pixel")
+# Models whose conditions may change from pixel to pixel.
+PER_PIXEL = ("CIECAM02", "CAM16")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +86,19 @@ class Viewing:
         Linear factor on scene XYZ, as a camera's.
     display : Display
         Where the picture is shown.
+    adapting : {"given", "picture", "pixel"}
+        ``"given"``: Y_b and L_A are those above. ``"picture"``: both are measured in each relit
+        picture, by an eye that looks at its middle (`volspec.appearance.measured`); ``"pixel"``:
+        by one that looks at each pixel in turn, with CIECAM02 or CAM16. What is measured replaces
+        ``Y_b``; an ``L_A`` that is given stays.
+    fov_deg : float, optional
+        The picture's height as an angle, to measure with; None is that of the camera that cast it.
 
     Raises
     ------
     ViewingError
-        If the model or surround is unknown, or a number is out of range.
+        If the model, surround or ``adapting`` is unknown, a number is out of range, or the model
+        cannot adapt to each pixel.
 
     Examples
     --------
@@ -104,6 +119,8 @@ class Viewing:
     discount: bool = False
     exposure: float = 1.0
     display: Display = field(default_factory=Display)
+    adapting: str = "given"
+    fov_deg: float | None = None
 
     def __post_init__(self) -> None:
         require_known("Viewing.model", self.model, MODELS)
@@ -116,12 +133,27 @@ class Viewing:
         require_positive("Viewing.exposure", self.exposure, "1 changes nothing")
         if not isinstance(self.display, Display):
             raise ViewingError(f"Viewing.display is {self.display!r}; expected a Display")
+        require_known("Viewing.adapting", self.adapting, ADAPTING)
+        if self.adapting == "pixel" and self.model not in PER_PIXEL:
+            raise ViewingError(
+                f"Viewing.adapting is 'pixel', which model {self.model!r} cannot; take "
+                f"{' or '.join(PER_PIXEL)}, or adapting='picture'"
+            )
+        if self.fov_deg is not None:
+            require_angle("Viewing.fov_deg", self.fov_deg)
 
     @property
     def adapting_luminance(self) -> float:
-        """L_A of the scene, cd/m²: ``L_A``, or that of a background under ``illuminance_lux``."""
+        """L_A of the scene, cd/m²: ``L_A``, or that of a background under ``illuminance_lux``.
+
+        Raises
+        ------
+        ViewingError
+            If it is to be measured.
+        """
         if self.L_A is not None:
             return self.L_A
+        self._require_given()
         return self.illuminance_lux / math.pi * self.Y_b / 100.0
 
     def conditions(self, white_XYZ: ArrayLike) -> ViewingConditions:
@@ -132,9 +164,31 @@ class Viewing:
         white_XYZ : (3,) array_like
             Of a perfect diffuser, Y = 100. A channel that a narrow light leaves without power
             counts as 1e-6 of Y.
+
+        Raises
+        ------
+        ViewingError
+            If they are to be measured.
         """
+        self._require_given()
         X, Y, Z = np.maximum(white_XYZ, 1e-6 * np.asarray(white_XYZ)[1]).tolist()
         luminance = self.adapting_luminance
         return ViewingConditions(
             (X, Y, Z), luminance, self.Y_b, self.surround, self.D, self.discount
+        )
+
+    def _require_given(self) -> None:
+        if self.adapting != "given":
+            raise ViewingError(
+                f"Viewing.adapting is {self.adapting!r}, so there are no conditions without a "
+                "picture; relight one, or take adapting='given'"
+            )
+
+
+def require_angle(name: str, value: object) -> None:
+    """Refuse what is no field of view."""
+    if not (is_finite(value) and 0.0 < value < 180.0):  # type: ignore[operator]
+        raise ViewingError(
+            f"{name} is {value!r}; expected degrees above 0 and below 180, the picture's height as "
+            "an angle"
         )

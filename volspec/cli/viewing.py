@@ -130,6 +130,17 @@ class PictureOptions(SceneOptions):
         ),
     ] = None
     mark: Annotated[bool | None, Parameter(group=_PICTURE, help="Hatch these colours.")] = None
+    adapting: Annotated[
+        str | None,
+        Parameter(
+            group=_PICTURE,
+            help="Y_b and L_A: given, or measured around the middle of the picture or around each "
+            "pixel.",
+        ),
+    ] = None
+    fov_deg: Annotated[
+        float | None, _number("The picture's height as an angle, to measure in.", group=_PICTURE)
+    ] = None
 
     def onto(self, table: ViewingTable) -> ViewingTable:
         """A scene's ``[viewing]`` with what is given here in place of its own.
@@ -153,6 +164,8 @@ class PictureOptions(SceneOptions):
             "D": self.D,
             "discount": self.discount,
             "exposure": self.exposure,
+            "adapting": self.adapting,
+            "fov_deg": self.fov_deg,
         }
         gives_way: dict[str, Any] = {}
         if self.lux is not None:
@@ -168,9 +181,10 @@ class PictureOptions(SceneOptions):
 
     def require_no_picture(self) -> None:
         """Refuse what only a picture has."""
-        for name in ("exposure", "space", "gamut", "mark"):
+        for name in ("exposure", "space", "gamut", "mark", "adapting", "fov_deg"):
             if getattr(self, name) is not None:
-                raise InputError(f"--{name}: only a picture has it; add --image, or leave it out")
+                option = name.replace("_", "-")
+                raise InputError(f"--{option}: only a picture has it; add --image, or leave it out")
 
 
 def white_triple(white: str) -> tuple[float, float, float] | None:

@@ -6,7 +6,8 @@ In the file every channel of the basis is one float or half channel ``coefficien
 ``coefficients.01``, …; several light groups are layers, ``key.coefficients.00``. ``A`` is the
 opacity, ``Z`` the depth and ``ZFirst`` the first hit, both in millimetres. The header's
 ``volspec:groups`` holds the groups' shares and ``volspec:basis`` the whole basis (JSON), so that an
-image can be relit without the scene that made it, and one of another basis version is refused.
+image can be relit without the scene that made it, and one of another basis version is refused;
+``volspec:fov_deg`` the camera's vertical field of view, where it has one.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from volspec._exr import read_exr, write_exr
 from volspec.basis import Basis, SpectralBasis, basis_from_dict
 from volspec.errors import BasisError, ImageError, ShapeError, nearest, quoted
+from volspec.raycast.checks import number
 from volspec.raycast.groups import ONE_GROUP, channel_names, checked_groups
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.values import light_power
@@ -57,13 +59,17 @@ class CoefficientImage:
         surface that faces every source (`RaycastSpec.shares`): 0 or more, together 1.
     first_mm : (H, W) float32, optional
         Distance of the first hit, where the opacity passes a threshold; inf where nothing is.
+    fov_deg : float, optional
+        The picture's height as an angle, `Camera.fov_deg`; None where it was cast without
+        perspective or nobody knows.
 
     Raises
     ------
     ShapeError
         If the arrays do not belong together.
     ImageError
-        If the coefficients are of another type, or the groups have no names or wrong shares.
+        If the coefficients are of another type, the groups have no names or wrong shares, or the
+        field of view is no angle above 0 and below 180.
 
     Examples
     --------
@@ -83,6 +89,7 @@ class CoefficientImage:
     notes: Mapping[str, str] = field(default_factory=dict)
     groups: Mapping[str, float] = field(default_factory=lambda: dict(ONE_GROUP))
     first_mm: NDArray[np.float32] | None = None
+    fov_deg: float | None = None
 
     def __repr__(self) -> str:
         width, height = self.size
@@ -111,6 +118,13 @@ class CoefficientImage:
             if np.shape(array) != shape[:2] and not (name == "first_mm" and array is None):
                 raise ShapeError(
                     f"coefficient image: {name} has shape {np.shape(array)}; expected {shape[:2]}"
+                )
+        if self.fov_deg is not None:
+            fov_deg = number("coefficient image: fov_deg", self.fov_deg, ImageError)
+            if not 0.0 < fov_deg < 180.0:
+                raise ImageError(
+                    f"coefficient image: fov_deg is {fov_deg:g}; expected degrees above 0 and "
+                    "below 180, or None where it has no perspective"
                 )
 
     def layer(self, group: str) -> NDArray[Any]:
@@ -203,6 +217,8 @@ class CoefficientImage:
             "volspec:groups": json.dumps(self.groups),
             "volspec:notes": json.dumps(dict(self.notes)),
         }
+        if self.fov_deg is not None:
+            header["volspec:fov_deg"] = json.dumps(float(self.fov_deg))
         names = channel_names(self.groups, self.basis.size)
         channels = {name: self.coefficients[..., k] for k, name in enumerate(names)}
         channels |= {
@@ -263,8 +279,9 @@ class CoefficientImage:
             )
         first = pixels["ZFirst"].astype(np.float32) if "ZFirst" in pixels else None
         try:
-            return cls(coefficients, alpha.clip(0, 1), depth, basis, notes, groups, first)
-        except (ImageError, ShapeError) as error:
+            fov_deg = json.loads(header.get("volspec:fov_deg", "null"))
+            return cls(coefficients, alpha.clip(0, 1), depth, basis, notes, groups, first, fov_deg)
+        except (ImageError, ShapeError, ValueError, TypeError) as error:
             raise ImageError(f"{name}: {error}") from error
 
 

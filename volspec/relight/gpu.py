@@ -17,25 +17,27 @@ from numpy.typing import NDArray
 
 from volspec._gpu.opengl import ContextLost, describe, egl_handle, headless_context, made_current
 from volspec._gpu.sharing import Sharing, current, named
+from volspec.appearance.field import PassageField
 from volspec.appearance.live import passage_of
 from volspec.appearance.models.conditions import CamPassage
-from volspec.appearance.passages import CurvePassage, LinearPassage, Passage
+from volspec.appearance.passages import LinearPassage, Passage
 from volspec.appearance.screen import Screen, screen_of
 from volspec.appearance.spec import Viewing
-from volspec.appearance.table import NODES, TablePassage, TableSpace
+from volspec.appearance.table import TableSpace
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
+from volspec.relight.lookups import FIELD_UNIT, TABLE_UNIT, Lookups
 from volspec.relight.packed import layer_count, pack_layers
 from volspec.relight.programs import Programs
 from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import Pixels
 from volspec.relight.uniforms import (
+    CLOSED_FORMS,
     FORMS,
     Drawn,
     Uniforms,
     form_of,
     light_uniforms,
-    node_uniforms,
     passage_uniforms,
     screen_uniforms,
 )
@@ -50,7 +52,6 @@ SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
 # Pixels from which a table pays there although it must be filled for the frame: 512² break even,
 # 1024² gain a quarter, 2048² a third, read back.
 TABLE_PIXELS = 2**18
-Closed = CurvePassage | CamPassage
 # Components of uniforms: a mat4x3 takes four vectors of four, and this much is for all the others.
 _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
 
@@ -86,8 +87,6 @@ class GLEngine:
         self._owned = context is None
         self._context = headless_context() if context is None else context
         self._resources: list[Any] = []
-        self._table: Any = None
-        self._nodes: tuple[Any, Any] | None = None
         # The last viewing and white, their passage, and its table's space once that is filled.
         self._passed: tuple[Any, Passage, TableSpace | None] | None = None
         self._by_table = table
@@ -132,9 +131,10 @@ class GLEngine:
                 f"OpenGL: {self.name} has no room for {size[0]} x {size[1]} pixels of "
                 f"{self._channels} channels ({error}); cast a smaller image"
             ) from error
-        form = {"FORM": FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0}
+        form = {"FORM": FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0, "FIELD": 0}
         constants = {"LAYERS": layer_count(self._channels), "IMAGE_HEIGHT": self._height}
         self._programs = Programs(self._context, constants, self._keep)
+        self._lookups = Lookups(self._context, self._keep)
         self._programs.of("relight", form, screen_of(Viewing()))
 
     def _keep(self, resource: Any) -> Any:
@@ -177,7 +177,9 @@ class GLEngine:
     def _draw(self, name: str, form: Mapping[str, int], values: Uniforms, screen: Screen) -> None:
         program, triangle = self._programs.of(name, form, screen)
         if form["FORM"] == FORMS[TableSpace]:
-            program["table"].value = 1
+            program["table"].value = TABLE_UNIT
+        if form["FIELD"]:
+            program["field"].value = FIELD_UNIT
         for uniform, value in values.items():
             program[uniform].write(value.tobytes())
         # An owner's context may come with blending or a depth test switched on.
@@ -192,9 +194,15 @@ class GLEngine:
         return self._targets[dtype]
 
     def render(
-        self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
+        self,
+        light: Illumination,
+        viewing: Viewing,
+        dtype: type[np.uint8] | type[np.float32],
+        field: PassageField | None = None,
     ) -> Pixels:
         """(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding.
+
+        A ``field`` of passages over the picture is drawn in place of the viewing's one.
 
         Raises
         ------
@@ -202,14 +210,18 @@ class GLEngine:
             As `draw`.
         """
         with self._current():
-            target = self._framed(light, viewing, dtype)
+            target = self._framed(light, viewing, dtype, field)
             # The driver drops alpha while copying, five times faster than NumPy would.
             pixels = np.empty((self._height, self._width, 3), dtype=dtype)
             target.read_into(pixels, components=3, dtype=_COMPONENTS[dtype])
         return pixels
 
     def draw(
-        self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
+        self,
+        light: Illumination,
+        viewing: Viewing,
+        dtype: type[np.uint8] | type[np.float32],
+        field: PassageField | None = None,
     ) -> moderngl.Framebuffer:
         """Draw a frame, which stays on the device; in its context.
 
@@ -221,10 +233,14 @@ class GLEngine:
             If another library ended the context.
         """
         with self._current():
-            return self._framed(light, viewing, dtype)
+            return self._framed(light, viewing, dtype, field)
 
     def _framed(
-        self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
+        self,
+        light: Illumination,
+        viewing: Viewing,
+        dtype: type[np.uint8] | type[np.float32],
+        field: PassageField | None,
     ) -> moderngl.Framebuffer:
         channels = light.XYZ_from_channels.shape[1]
         if channels != self._channels:
@@ -233,7 +249,12 @@ class GLEngine:
                 "were both made with the same basis and light groups?"
             )
         screen = screen_of(viewing)
-        drawn = self._drawn(light.viewed(viewing), light, dtype)
+        drawn: Drawn
+        if field is None:
+            drawn = self._drawn(light.viewed(viewing), light, dtype)
+        else:
+            drawn = field
+            self._lookups.load(field)
         target = self._target(_COMPONENTS[dtype])
         target.use()
         self._texture.use(0)
@@ -258,36 +279,16 @@ class GLEngine:
         passage, space = self._passed[1:]
         if isinstance(passage, LinearPassage):
             return passage
-        if isinstance(passage, Closed):
+        if isinstance(passage, CLOSED_FORMS):
             many = self._height * self._width >= TABLE_PIXELS and dtype is np.uint8
             if not (self._software and many if self._by_table is None else self._by_table):
                 return passage
         if space is None:
             space = TableSpace.between(light.white_XYZ, display.colours)
-            self._fill_table(passage, space, screen_of(viewing))
+            self._lookups.fill(passage, space, screen_of(viewing), self._draw)
             self._passed = key, passage, space
-        self._table.use(1)
+        self._lookups.use_table()
         return space
-
-    def _fill_table(self, passage: Passage, space: TableSpace, screen: Screen) -> None:
-        if self._table is None:
-            self._table = self._keep(self._context.texture3d((NODES,) * 3, 4, dtype="f4"))
-            self._table.filter = self._context.LINEAR, self._context.LINEAR
-            self._table.repeat_x = self._table.repeat_y = self._table.repeat_z = False
-        if not isinstance(passage, Closed):
-            texels = np.ones((NODES, NODES, NODES, 4), np.float32)
-            texels[..., :3] = TablePassage.of(passage, space).codes
-            self._table.write(texels)
-            return
-        if self._nodes is None:
-            texture = self._keep(self._context.texture((NODES, NODES * NODES), 4, dtype="f4"))
-            buffer = self._keep(self._context.buffer(reserve=16 * NODES**3))
-            self._nodes = self._keep(self._context.framebuffer([texture])), buffer
-        nodes, buffer = self._nodes
-        nodes.use()
-        self._draw("nodes", form_of(passage), node_uniforms(passage, space, screen), screen)
-        nodes.read_into(buffer, components=4, dtype="f4")
-        self._table.write(buffer)
 
     def close(self) -> None:
         """Release everything made here."""

@@ -10,7 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.appearance.field import PassageField
 from volspec.appearance.live import passage_of
+from volspec.appearance.passages import Passage
 from volspec.appearance.screen import screen_of
 from volspec.appearance.spec import Viewing
 from volspec.appearance.srgb import to_uint8
@@ -35,16 +37,26 @@ class HostEngine:
         self._coefficients, self._alpha = bounded(coefficients), bounded(alpha)
 
     def render(
-        self, light: Illumination, viewing: Viewing, dtype: type[np.uint8] | type[np.float32]
+        self,
+        light: Illumination,
+        viewing: Viewing,
+        dtype: type[np.uint8] | type[np.float32],
+        field: PassageField | None = None,
     ) -> Pixels:
-        """(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding."""
+        """(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding.
+
+        A ``field`` of passages over the picture is taken in place of the viewing's one.
+        """
         height, width = self._alpha.shape
-        passage = passage_of(light.viewed(viewing), light.white_XYZ)
+        if field is None:
+            passage: Passage = passage_of(light.viewed(viewing), light.white_XYZ)
         screen = screen_of(viewing)
         frame = np.empty((height, width, 3), dtype=dtype)
         for row in range(0, height, _ROWS):
             rows = slice(row, row + _ROWS)
             XYZ = light.scene_XYZ(self._coefficients[rows], self._alpha[rows])
+            if field is not None:
+                passage = field.within((height, width), rows)
             encoded = screen.codes(passage.apply(XYZ), row)
             frame[rows] = to_uint8(encoded) if dtype is np.uint8 else encoded
         return frame

@@ -61,6 +61,8 @@ class Illumination:
     """(3,): the lit backdrop, gain included."""
     illuminance_lux: float | None = None
     """E_v on what faces every source, lux; None where it carries none and the viewing's counts."""
+    gain: float = 1.0
+    """What level and exposure have multiplied matrix and backdrop with."""
 
     def __post_init__(self) -> None:
         for name in ("XYZ_from_channels", "white_XYZ", "backdrop_XYZ"):
@@ -126,7 +128,7 @@ class Illumination:
             backdrop = XYZ_of(mixed, spec.backdrop, basis.observer_deg)
         else:
             backdrop = spec.backdrop * white
-        return cls(gain * matrix, white, gain * backdrop, facing.total_lux)
+        return cls(gain * matrix, white, gain * backdrop, facing.total_lux, gain)
 
     def viewed(self, viewing: Viewing) -> Viewing:
         """A viewing under this light: its E_v, where it carries one, gives the scene's L_A.
@@ -166,6 +168,20 @@ class Illumination:
                 "Were they made with the same basis and light groups?"
             )
         return C @ self.XYZ_from_channels.T + (1.0 - opacity)[..., None] * self.backdrop_XYZ
+
+    def luminance_factors(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
+        """Y of each pixel in the scene, 100 for a perfect diffuser whatever the gain.
+
+        Parameters
+        ----------
+        coefficients : (..., L·M) array_like
+            Premultiplied by alpha.
+        alpha : (...) array_like
+            Opacity, 0 to 1.
+        """
+        covered = np.asarray(coefficients, dtype=np.float64) @ self.XYZ_from_channels[1]
+        bare = (1.0 - np.asarray(alpha, dtype=np.float64)) * self.backdrop_XYZ[1]
+        return np.asarray((covered + bare) / self.gain)
 
 
 def _groups_matrix(

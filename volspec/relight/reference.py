@@ -14,7 +14,6 @@ References
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.spec import Viewing, surround_at
 from volspec.errors import ViewingError
+from volspec.relight.adapted import Adapting
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra._colour import colour_science
@@ -33,7 +33,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def display_XYZ(XYZ: ArrayLike, white_XYZ: ArrayLike, viewing: Viewing) -> Array:
+def display_XYZ(
+    XYZ: ArrayLike,
+    white_XYZ: ArrayLike,
+    viewing: Viewing,
+    adapted: tuple[Array, Array] | None = None,
+) -> Array:
     """Scene XYZ to the display XYZ of equal appearance, by colour-science.
 
     Parameters
@@ -44,6 +49,8 @@ def display_XYZ(XYZ: ArrayLike, white_XYZ: ArrayLike, viewing: Viewing) -> Array
         The scene's adopted white.
     viewing : Viewing
         Scene and display conditions.
+    adapted : (Y_b, L_A), optional
+        Those of each colour, (...) each, in place of the viewing's.
 
     Returns
     -------
@@ -55,18 +62,19 @@ def display_XYZ(XYZ: ArrayLike, white_XYZ: ArrayLike, viewing: Viewing) -> Array
         return scene
     colour = colour_science()
     InductionFactors = colour.appearance.InductionFactors_CIECAM02
+    F: float | Array
     F, c, N_c = surround_at(viewing.surround)
-    L_A = viewing.adapting_luminance
+    Y_b, L_A = adapted or (viewing.Y_b, viewing.adapting_luminance)
     if viewing.D is not None:
         # colour-science takes no D; F serves D alone, so this F gives the D asked for.
-        F = viewing.D / (1.0 - math.exp(-(L_A + 42.0) / 92.0) / 3.6)
+        F = viewing.D / (1.0 - np.exp(-(L_A + 42.0) / 92.0) / 3.6)
     display = viewing.display
     with np.errstate(all="ignore"):
         seen = colour.XYZ_to_CIECAM02(
             scene,
             np.asarray(white_XYZ, dtype=np.float64),
             L_A,
-            viewing.Y_b,
+            Y_b,
             InductionFactors(F, c, N_c),
             compute_H=False,
         )
@@ -120,7 +128,11 @@ class _Space:
 
 
 def encoded_frame(
-    coefficients: ArrayLike, alpha: ArrayLike, light: Illumination, viewing: Viewing
+    coefficients: ArrayLike,
+    alpha: ArrayLike,
+    light: Illumination,
+    viewing: Viewing,
+    adapted: tuple[Array, Array] | None = None,
 ) -> Array:
     """Relight coefficients in float64.
 
@@ -134,6 +146,8 @@ def encoded_frame(
         What the light does to the channels.
     viewing : Viewing
         Scene and display conditions.
+    adapted : (Y_b, L_A), optional
+        Those of each pixel, (H, W) each, in place of the viewing's.
 
     Returns
     -------
@@ -153,7 +167,7 @@ def encoded_frame(
             "expected gamut='clip' and mark=False"
         )
     scene = light.scene_XYZ(coefficients, alpha)
-    XYZ = display_XYZ(scene, light.white_XYZ, light.viewed(viewing))
+    XYZ = display_XYZ(scene, light.white_XYZ, light.viewed(viewing), adapted)
     space = _Space(display.colours.name)
     return space.encode(np.clip(XYZ @ space.matrix.T, 0.0, 1.0))
 
@@ -184,4 +198,9 @@ def relight_reference(
     """
     spec = spec or RelightSpec()
     lit = Illumination.of(image.basis, light, spec, image.groups)
-    return encoded_frame(image.coefficients, image.alpha, lit, spec.viewing)
+    adapting, viewing, adapted = Adapting(), spec.viewing, None
+    if viewing.adapting == "pixel":
+        adapted = adapting.maps(image, lit, viewing)
+    else:
+        viewing, _ = adapting.seen(image, lit, viewing)
+    return encoded_frame(image.coefficients, image.alpha, lit, viewing, adapted)

@@ -20,6 +20,7 @@ from volspec._gpu.sharing import Sharing
 from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
+from volspec.relight.adapted import Adapting
 from volspec.relight.checks import Shape, arrays_of, require_fit, shape_of
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
@@ -91,6 +92,7 @@ class Relighter:
         coefficients, alpha = arrays_of(image)
         self._image = image
         self._edits: dict[str, Spectrum] = {}
+        self._adapting = Adapting()
         self._closed = False
         self._table = table
         self._lent = context is not None
@@ -187,7 +189,8 @@ class Relighter:
         light : Spectrum or LightRig
             What lights the scene.
         viewing : Viewing, optional
-            The eye's and the display's conditions; CIECAM02 to an sRGB display by default.
+            The eye's and the display's conditions; CIECAM02 to an sRGB display by default. What
+            its ``adapting`` asks to be measured is measured in this picture.
         mode, backdrop, level
             As `RelightSpec`.
         dtype : numpy.uint8 or numpy.float32
@@ -203,7 +206,8 @@ class Relighter:
         RelightError
             If it is closed or the dtype is another.
         ViewingError
-            If an argument is out of range, or a light shines from a group the image lacks.
+            If an argument is out of range, a light shines from a group the image lacks, or the
+            field of view to measure with is not known.
         SpectrumError
             If a light is black, has negative power or does not cover the grid.
         """
@@ -218,7 +222,8 @@ class Relighter:
             )
         spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
-        return self._on_engine(lambda engine: engine.render(lit, spec.viewing, kind))
+        seen, field = self._adapting.seen(self._image, lit, spec.viewing)
+        return self._on_engine(lambda engine: engine.render(lit, seen, kind, field))
 
     def error_map(
         self,

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.appearance.field import PassageField
 from volspec.appearance.gamut import SHADER_STEPS
 from volspec.appearance.models.conditions import CamPassage
 from volspec.appearance.passages import CurvePassage, LinearPassage
@@ -23,17 +24,22 @@ FORM_NUMBERS = {"LINEAR": 0, "CURVE": 1, "CAM": 2, "TABLE": 3}
 FORMS: dict[type, int] = dict(
     zip((LinearPassage, CurvePassage, CamPassage, TableSpace), FORM_NUMBERS.values(), strict=True)
 )
-Drawn = LinearPassage | CurvePassage | CamPassage | TableSpace
+FORMS[PassageField] = FORMS[CamPassage]
+# Those that the shader can work out colour by colour, and fill a table with.
+CLOSED_FORMS = (CurvePassage, CamPassage)
+Drawn = LinearPassage | CurvePassage | CamPassage | TableSpace | PassageField
 Uniforms = dict[str, NDArray[np.float32]]
 
 
 def form_of(passage: Drawn) -> dict[str, int]:
     """What ``shaders/relight.frag`` is compiled with to draw a passage."""
     same = isinstance(passage, CamPassage) and all(
-        abs(value - 1) < 1e-7 for value in (passage.lightness_power, passage.chroma_gain)
+        bool(np.all(np.abs(np.asarray(value) - 1.0) < 1e-7))
+        for value in (passage.lightness_power, passage.chroma_gain)
     )
     outer = isinstance(passage, CurvePassage) and bool(np.any(passage.outer != 1))
-    return {"FORM": FORMS[type(passage)], "SAME_SURROUND": int(same), "OUTER": int(outer)}
+    form = {"FORM": FORMS[type(passage)], "SAME_SURROUND": int(same), "OUTER": int(outer)}
+    return form | {"FIELD": int(isinstance(passage, PassageField))}
 
 
 def light_uniforms(light: Illumination, passage: Drawn) -> Uniforms:
@@ -75,18 +81,22 @@ def passage_uniforms(passage: Drawn, screen: Screen) -> Uniforms:
     """
     if isinstance(passage, LinearPassage | TableSpace):
         return {}
-    values: dict[str, ArrayLike] = {
-        "linear_from_response": (screen.RGB_from_XYZ @ passage.XYZ_from_response).T,
-        "response_from_XYZ": passage.response_from_XYZ.T,
-    }
     form = form_of(passage)
+    if isinstance(passage, PassageField):  # whose scenes are in its texture
+        passage = passage.passage
+    values: dict[str, ArrayLike] = {
+        "linear_from_response": (screen.RGB_from_XYZ @ passage.XYZ_from_response).T
+    }
+    if not form["FIELD"]:
+        values["response_from_XYZ"] = passage.response_from_XYZ.T
     if isinstance(passage, CurvePassage):
         names = ["gain", "power", "shift", "offset", *(["outer"] if form["OUTER"] else [])]
-        values |= {name: getattr(passage, name) for name in names}
     else:
-        names = ["scene_achromatic", "display_achromatic"]
-        names += [] if form["SAME_SURROUND"] else ["lightness_power", "chroma_gain"]
-        values |= {name: getattr(passage, name) for name in names}
+        names = ["display_achromatic"]
+        if not form["FIELD"]:
+            names += ["scene_achromatic"]
+            names += [] if form["SAME_SURROUND"] else ["lightness_power", "chroma_gain"]
+    values |= {name: getattr(passage, name) for name in names}
     return _flat({f"passage.{name}": value for name, value in values.items()})
 
 

@@ -181,6 +181,8 @@ class ViewingTable(Table):
     D: float | None = _VIEW.D
     discount: bool = _VIEW.discount
     exposure: float = _VIEW.exposure
+    adapting: str = _VIEW.adapting
+    fov_deg: float | None = _VIEW.fov_deg
     backdrop: float = 0.2
     mode: str = _SEEN.mode
     level: str = _SEEN.level

@@ -249,16 +249,16 @@ class CamPassage:
     display: Conditions
     """Where they shall look the same."""
     response_from_XYZ: Matrix
-    """(3, 3): scene XYZ -> linear responses."""
+    """(3, 3): scene XYZ -> linear responses; (..., 3, 3) where each colour has its own scene."""
     XYZ_from_response: Matrix
     """(3, 3): x / (400 - x) raised to 1/0.42 -> display XYZ."""
-    scene_achromatic: float
-    """w: p2 - 0.305 of the scene's white."""
+    scene_achromatic: float | Matrix
+    """w: p2 - 0.305 of the scene's white; an array (...), as the two below, where each has one."""
     display_achromatic: float
     """w': p2 - 0.305 of the display's white."""
-    lightness_power: float
+    lightness_power: float | Matrix
     """γ = cz / (c'z')."""
-    chroma_gain: float
+    chroma_gain: float | Matrix
     """κ = (chroma scale / chroma scale')^(1/0.9) · N_c N_cb / (N_c' N_cb')."""
 
     @classmethod
@@ -316,7 +316,11 @@ class CamPassage:
         ShapeError
             If the last axis is not 3.
         """
-        responses = compress(triples(f"{self.scene.model}: XYZ", XYZ) @ self.response_from_XYZ.T)
+        XYZ = triples(f"{self.scene.model}: XYZ", XYZ)
+        if self.response_from_XYZ.ndim == 2:
+            responses = compress(XYZ @ self.response_from_XYZ.T)
+        else:
+            responses = compress(np.einsum("...ij,...j", self.response_from_XYZ, XYZ))
         achromatic = responses @ k.ACHROMATIC
         lit = achromatic > 0.0
         achromatic = np.maximum(achromatic, 0.0)
