@@ -43,6 +43,10 @@ class TransferError(InputError):
     """A transfer function is empty, out of range or names an unknown material."""
 
 
+class PaletteError(InputError):
+    """A palette is empty, contradicts itself, or asks for what no spectrum can do."""
+
+
 class CameraError(InputError):
     """A camera is degenerate."""
 

@@ -30,6 +30,14 @@ _LAB_FROM_F = np.array([[0.0, 116.0, 0.0], [500.0, -500.0, 0.0], [0.0, 200.0, -2
 _LAB_AT_0 = np.array([-16.0, 0.0, 0.0])
 
 
+def _f(ratio: Array) -> Array:
+    return np.where(ratio > _KNEE, np.cbrt(ratio), _SLOPE * ratio + _OFFSET)
+
+
+def _f_slope(ratio: Array) -> Array:
+    return np.where(ratio > _KNEE, np.maximum(ratio, _KNEE) ** (-2.0 / 3.0) / 3.0, _SLOPE)
+
+
 def _white(white_XYZ: ArrayLike) -> Array:
     white = np.asarray(white_XYZ, dtype=np.float64)
     if white.shape != (3,) or not np.all(np.isfinite(white)) or not np.all(white > 0.0):
@@ -63,8 +71,7 @@ def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
     [71.6, 44.22, 18.11]
     """
     ratio = np.asarray(XYZ, dtype=np.float64) / _white(white_XYZ)
-    f = np.where(ratio > _KNEE, np.cbrt(ratio), _SLOPE * ratio + _OFFSET)
-    return f @ _LAB_FROM_F.T + _LAB_AT_0
+    return _f(ratio) @ _LAB_FROM_F.T + _LAB_AT_0
 
 
 def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
@@ -102,8 +109,35 @@ def cielab_derivative(ratio: ArrayLike) -> Array:
     (..., 3, 3) float64
         Row L*, a* or b*, column X, Y or Z.
     """
-    t = np.asarray(ratio, dtype=np.float64)
-    slope = np.where(t > _KNEE, np.maximum(t, _KNEE) ** (-2.0 / 3.0) / 3.0, _SLOPE)
+    slope = _f_slope(np.asarray(ratio, dtype=np.float64))
+    return _LAB_FROM_F * slope[..., None, :]
+
+
+def cielab_chord(one: ArrayLike, other: ArrayLike) -> Array:
+    """Slope of the chord between two colours: Lab(one) - Lab(other) = chord · (one - other).
+
+    Parameters
+    ----------
+    one, other : (..., 3) array_like
+        XYZ over the white's; where they are equal the chord is the tangent.
+
+    Returns
+    -------
+    (..., 3, 3) float64
+        Row L*, a* or b*, column X, Y or Z.
+
+    Examples
+    --------
+    >>> one, other = np.array([0.3, 0.4, 0.5]), np.array([0.001, 0.2, 0.6])
+    >>> difference = cielab(one, [1, 1, 1]) - cielab(other, [1, 1, 1])
+    >>> bool(np.allclose(cielab_chord(one, other) @ (one - other), difference))
+    True
+    """
+    a, b = np.broadcast_arrays(np.asarray(one, np.float64), np.asarray(other, np.float64))
+    rise, run = _f(a) - _f(b), a - b
+    # Of so short a chord digits would be lost.
+    short = np.abs(run) < 1e-7
+    slope = np.where(short, _f_slope((a + b) / 2.0), rise / np.where(short, 1.0, run))
     return _LAB_FROM_F * slope[..., None, :]
 
 

@@ -1,0 +1,94 @@
+"""What an eye sees of a palette's colours, and how that changes with them: straight pieces.
+
+    appearance -> [eye] -> criteria, report
+
+Everything here is linear RGB of the display, 1 for its white: there wanted colours are given, and
+there an optimum of squares is looked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance.live import passage_of
+from volspec.appearance.models.cielab import cielab, cielab_chord
+from volspec.appearance.passages import LinearPassage, Passage
+from volspec.appearance.spaces import ColourSpace
+from volspec.appearance.spec import Viewing
+from volspec.errors import PaletteError
+
+Array = NDArray[np.float64]
+
+# Half the step of a difference quotient, in units of Y = 100 for white.
+_STEP = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Eye:
+    """An eye under one light, in front of its display.
+
+    Parameters
+    ----------
+    passage : Passage
+        Scene XYZ to the display's.
+    exposure : float
+        `Viewing.exposure`.
+    space : ColourSpace
+        The display's.
+    """
+
+    passage: Passage
+    exposure: float
+    space: ColourSpace
+
+    @classmethod
+    def of(cls, viewing: Viewing, white_XYZ: ArrayLike) -> Eye:
+        """The eye of a viewing, adapted to a light's white.
+
+        Raises
+        ------
+        PaletteError
+            If the viewing's model has no inverse in closed form.
+        """
+        passage = passage_of(viewing, white_XYZ)
+        if not hasattr(passage, "undo"):
+            raise PaletteError(
+                f"palette: viewing model {viewing.model!r} has no inverse in closed form to design "
+                "with; use CIECAM02, CAM16, CIELAB, RLAB, an adaptation as CAT02, or none"
+            )
+        return cls(passage, viewing.exposure, viewing.display.colours)
+
+    def linear(self, XYZ: ArrayLike) -> Array:
+        """(..., 3) scene XYZ, Y = 100 for a perfect diffuser, to linear RGB of the display."""
+        scene = self.exposure * np.asarray(XYZ, dtype=np.float64)
+        return self.passage.apply(scene) @ self.space.RGB_from_XYZ.T
+
+    def XYZ(self, linear: ArrayLike) -> Array:
+        """`linear` undone."""
+        display = np.linalg.solve(self.space.RGB_from_XYZ, np.asarray(linear)[..., None])[..., 0]
+        undone: Array = self.passage.undo(display)  # type: ignore[attr-defined]
+        return undone / self.exposure
+
+    def slopes(self, XYZ: ArrayLike) -> Array:
+        """(..., 3, 3): change of linear RGB with scene XYZ."""
+        scene = np.asarray(XYZ, dtype=np.float64)
+        if isinstance(self.passage, LinearPassage):
+            slope = self.exposure * self.space.RGB_from_XYZ @ self.passage.matrix
+            return np.broadcast_to(slope, (*scene.shape, 3))
+        around = scene[..., None, None, :] + _STEP * np.stack([np.eye(3), -np.eye(3)])
+        seen = self.linear(around)
+        return np.swapaxes((seen[..., 0, :, :] - seen[..., 1, :, :]) / (2.0 * _STEP), -1, -2)
+
+    def Lab(self, linear: ArrayLike) -> Array:
+        """(..., 3) linear RGB to CIELAB before the display's white."""
+        XYZ = np.linalg.solve(self.space.RGB_from_XYZ, np.asarray(linear)[..., None])[..., 0]
+        return cielab(XYZ, self.space.white_XYZ)
+
+    def Lab_slopes(self, one: ArrayLike, other: ArrayLike) -> Array:
+        """(..., 3, 3) W of the chord: Lab(one) - Lab(other) = W (one - other), of linear RGB."""
+        ratio_from_RGB = np.linalg.inv(self.space.RGB_from_XYZ) / self.space.white_XYZ[:, None]
+        one, other = np.asarray(one) @ ratio_from_RGB.T, np.asarray(other) @ ratio_from_RGB.T
+        return cielab_chord(one, other) @ ratio_from_RGB
