@@ -14,7 +14,7 @@ from volspec.appearance.models import MODELS, hunt, model, nayatani95, rlab
 from volspec.appearance.models.hunt_eye import Eye
 from volspec.appearance.models.numeric import invert
 from volspec.appearance.spec import MODELS as VIEWED
-from volspec.cli.appearance import NOTES
+from volspec.cli.comparison import NOTES
 from volspec.errors import ViewingError
 
 ENDS = {
@@ -51,7 +51,7 @@ def test_inverse_gives_numbers_or_nan_and_no_warning(name, where):
     back = MODELS[name].inverse(J, C, h, ENDS[where])
     assert not np.isinf(back).any()
     assert (np.isnan(back).all(axis=-1) == np.isnan(back).any(axis=-1)).all()
-    if name not in ("Hunt", "Nayatani95"):
+    if name in ("CIELAB", "RLAB"):
         assert np.isfinite(back).all()
 
 

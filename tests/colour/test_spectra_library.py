@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import colour
 import numpy as np
 import pytest
 
@@ -75,8 +76,6 @@ def test_lux_and_luminance_follow_683_lumens_per_watt() -> None:
 def test_every_named_light_has_the_flat_lights_luminous_energy() -> None:
     V = color_matching_functions(DEFAULT_GRID)[1]
     for name in light_names():
-        if name == "ISO 7589 Sensitometric Printer":
-            continue
         assert V @ light(name).values == pytest.approx(V.sum()), name
     assert light("E").values == pytest.approx(1.0)
 
@@ -84,6 +83,16 @@ def test_every_named_light_has_the_flat_lights_luminous_energy() -> None:
 def test_a_light_that_ends_in_the_visible_is_refused() -> None:
     with pytest.raises(SpectrumError, match=r"Sensitometric Printer.*560-700 nm missing"):
         light("ISO 7589 Sensitometric Printer")
+
+
+def test_what_is_listed_loads_and_what_is_not_listed_does_not() -> None:
+    known = {*colour.SDS_ILLUMINANTS, *colour.SDS_LIGHT_SOURCES}
+    assert set(light_names()) < known and len(light_names()) == len(set(light_names())) == 114
+    for name in light_names():
+        assert light(name).values.min() >= 0.0, name
+    for name in known - set(light_names()):
+        with pytest.raises(SpectrumError, match=r"cover|missing"):
+            light(name)
 
 
 def test_names_with_operators_work_alone_and_in_mixes() -> None:

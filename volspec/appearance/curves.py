@@ -11,14 +11,14 @@ References
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
-from volspec.errors import ViewingError
+from volspec.appearance.surround import is_finite
+from volspec.errors import ShapeError, ViewingError, quoted
 
 Array = NDArray[np.float64]
 
@@ -56,10 +56,10 @@ class Transfer:
     def __post_init__(self) -> None:
         for name in ("power", "gain", "slope"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ViewingError(f"Transfer.{name} is {value!r}; expected a number above 0")
-        if not 0.0 <= self.toe < 1.0:
-            raise ViewingError(f"Transfer.toe is {self.toe!r}; expected 0 to below 1")
+            if not (is_finite(value) and value > 0.0):
+                raise ViewingError(f"Transfer.{name} is {quoted(value)}; expected a number above 0")
+        if not (is_finite(self.toe) and 0.0 <= self.toe < 1.0):
+            raise ViewingError(f"Transfer.toe is {quoted(self.toe)}; expected 0 to below 1")
         jump = self.slope * self.toe - self.gain * self.toe**self.power + self.gain - 1.0
         if not abs(jump) <= _ROUNDING:
             raise ViewingError(
@@ -76,8 +76,10 @@ class Transfer:
         ViewingError
             If γ is not above 0.
         """
-        if not (math.isfinite(exponent) and exponent > 0.0):
-            raise ViewingError(f"Transfer: gamma is {exponent!r}; expected above 0, as 2.2")
+        if not (is_finite(exponent) and exponent > 0.0):
+            raise ViewingError(
+                f"Transfer: gamma is {quoted(exponent)}; expected a number above 0, as 2.2"
+            )
         return cls(power=1.0 / exponent)
 
     @classmethod
@@ -106,6 +108,11 @@ class Transfer:
         >>> round(float(Transfer.icc(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045).gain), 6)
         1.055
         """
+        for name, value in {"g": g, "a": a, "b": b, "c": c, "d": d, "e": e, "f": f}.items():
+            if not is_finite(value):
+                raise ViewingError(
+                    f"Transfer: the ICC curve's {name} is {quoted(value)}; expected a finite number"
+                )
         if not g > 0.0:
             raise ViewingError(f"Transfer: the ICC curve's g is {g!r}; expected above 0, as 2.2")
         if e or f:
@@ -125,18 +132,39 @@ class Transfer:
         return cls(1.0 / g, 1.0 / a, slope, toe)
 
     def encode(self, linear: ArrayLike) -> Array:
-        """Code values of linear light, (...) float64; negative light gives negative codes."""
-        signed = np.asarray(linear, dtype=np.float64)
+        """Code values of linear light, (...) float64; negative light gives negative codes.
+
+        Raises
+        ------
+        ShapeError
+            If they are no numbers.
+        """
+        signed = _numbers("linear light", linear)
         x = np.abs(signed)
         curve = self.gain * x**self.power - (self.gain - 1.0)
         return np.copysign(np.where(x <= self.toe, self.slope * x, curve), signed)
 
     def decode(self, encoded: ArrayLike) -> Array:
-        """`encode` undone, (...) float64."""
-        signed = np.asarray(encoded, dtype=np.float64)
+        """`encode` undone, (...) float64.
+
+        Raises
+        ------
+        ShapeError
+            If they are no numbers.
+        """
+        signed = _numbers("code values", encoded)
         x = np.abs(signed)
         curve = ((x + self.gain - 1.0) / self.gain) ** (1.0 / self.power)
         return np.copysign(np.where(x <= self.slope * self.toe, x / self.slope, curve), signed)
+
+
+def _numbers(what: str, values: ArrayLike) -> Array:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError(
+            f"Transfer: {what} are {quoted(values)}; expected a number or an array of numbers"
+        ) from None
 
 
 sRGB_CURVE = Transfer(k.OETF_POWER, k.OETF_GAIN, k.OETF_SLOPE, k.OETF_TOE)

@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.models import MODELS, Model, cam16, ciecam02, cielab, rlab
 from volspec.appearance.models.base import Array
+from volspec.appearance.models.numeric import nearest_inverse
 from volspec.appearance.passages import Passage
 from volspec.appearance.spec import Viewing, ViewingConditions
 
@@ -36,11 +36,9 @@ class ModelPassage:
     display: ViewingConditions
 
     def apply(self, XYZ: ArrayLike) -> Array:
-        """(..., 3) to those of equal J, C and h; CIECAM02's where the model knows none."""
+        """(..., 3) to those of equal J, C and h; where there are none, to the nearest."""
         seen = self.model.forward(XYZ, self.scene)
-        shown = self.model.inverse(seen.J, seen.C, seen.h, self.display)
-        known = np.isfinite(shown).all(axis=-1, keepdims=True)
-        return np.where(known, shown, ciecam02.passage(self.scene, self.display).apply(XYZ))
+        return nearest_inverse(self.model, seen.J, seen.C, seen.h, self.display)
 
 
 def passage_of(viewing: Viewing, white_XYZ: ArrayLike) -> Passage:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec.appearance.curves import BT_1886, Array, Transfer, sRGB_CURVE
-from volspec.errors import ViewingError, nearest
+from volspec.errors import ViewingError, nearest, quoted
 
 XY = tuple[float, float]
 
@@ -66,8 +66,19 @@ class ColourSpace:
     transfer: Transfer
 
     def __post_init__(self) -> None:
-        primaries = np.asarray(self.primaries_xy, dtype=np.float64)
-        white = np.asarray(self.white_xy, dtype=np.float64)
+        try:
+            primaries = np.asarray(self.primaries_xy, dtype=np.float64)
+            white = np.asarray(self.white_xy, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise ViewingError(
+                f"space {self.name!r}: primaries are {quoted(self.primaries_xy)}, the white "
+                f"{quoted(self.white_xy)}; expected numbers, (3, 2) and (2,)"
+            ) from None
+        if not isinstance(self.transfer, Transfer):
+            raise ViewingError(
+                f"space {self.name!r}: transfer is {quoted(self.transfer)}; expected a Transfer, "
+                "as Transfer.gamma(2.2)"
+            )
         if primaries.shape != (3, 2) or white.shape != (2,):
             raise ViewingError(
                 f"space {self.name!r}: primaries have shape {primaries.shape}, the white "
@@ -160,9 +171,9 @@ def space_of(space: str | ColourSpace) -> ColourSpace:
     """
     if isinstance(space, ColourSpace):
         return space
-    if space in SPACES:
+    if isinstance(space, str) and space in SPACES:
         return SPACES[space]
     raise ViewingError(
-        f"colour space {space!r} is unknown; {nearest(str(space), SPACES)}known: "
+        f"colour space {quoted(space)} is unknown; {nearest(str(space), SPACES)}known: "
         f"{', '.join(SPACES)}; any other as a ColourSpace"
     )

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from volspec.errors import ViewingError, nearest
+from volspec.errors import ViewingError, nearest, quoted
 
 Triple = tuple[float, float, float]
 
@@ -94,6 +94,26 @@ def is_finite(value: object) -> bool:
     return real and math.isfinite(value)  # type: ignore[arg-type]
 
 
+def as_triple(value: object) -> Triple | None:
+    """Three finite numbers as floats; None where they are anything else, text among it."""
+    try:
+        x, y, z = tuple(value)  # type: ignore[arg-type, var-annotated]
+    except (TypeError, ValueError):
+        return None
+    if not (is_finite(x) and is_finite(y) and is_finite(z)):
+        return None
+    return float(x), float(y), float(z)
+
+
+def require_conditions(name: str, value: object) -> None:
+    """Refuse what are no `ViewingConditions`."""
+    if not isinstance(value, ViewingConditions):
+        raise ViewingError(
+            f"{name} is {quoted(value)}; expected viewing conditions, as "
+            "ViewingConditions((95.05, 100, 108.88))"
+        )
+
+
 def require_adaptation(name: str, D: object, discount: object) -> None:
     """A degree of adaptation and whether the light is discounted."""
     if D is not None and not (is_finite(D) and 0.0 <= D <= 1.0):  # type: ignore[operator]
@@ -155,11 +175,11 @@ class ViewingConditions:
     discount: bool = False
 
     def __post_init__(self) -> None:
-        white = tuple(float(value) for value in self.white_XYZ)
-        if len(white) != 3 or not all(math.isfinite(value) and value > 0 for value in white):
+        white = as_triple(self.white_XYZ)
+        if white is None or min(white) <= 0.0:
             raise ViewingError(
-                f"ViewingConditions.white_XYZ is {self.white_XYZ}; expected three finite numbers "
-                "above 0, as (95.05, 100, 108.88)"
+                f"ViewingConditions.white_XYZ is {quoted(self.white_XYZ)}; expected three finite "
+                "numbers above 0, as (95.05, 100, 108.88)"
             )
         object.__setattr__(self, "white_XYZ", white)
         require_not_negative("ViewingConditions.L_A", self.L_A, "cd/m²")

@@ -33,14 +33,28 @@ STEP = TOP**AXIS_POWER / (NODES - 1 - NODES_BELOW)
 SHADER_CONSTANTS = {"NODES": NODES, "NODES_BELOW": NODES_BELOW, "NODE_STEP": STEP}
 
 
-def response_matrix(white_XYZ: ArrayLike) -> Array:
-    """(3, 3): XYZ to CAT16 responses, 1 for the white.
+# From this ratio of CAT16's gains on a light is narrow: high-pressure sodium has 8, low-pressure
+# sodium 28.
+_NARROW = 15.0
+# Of the white's Y: a response that a narrow light's white lacks is counted on this much.
+_LEAST_RESPONSE = 1e-6
 
-    A response that a narrow light's white lacks is counted on a thousandth of its Y instead.
-    """
+
+def _relative(cones: Array, white_XYZ: ArrayLike) -> Array:
+    """(3, 3): XYZ to responses, 1 for the white."""
     white = np.asarray(white_XYZ, dtype=np.float64)
-    responses = k.CAT16_FROM_XYZ @ white
-    return k.CAT16_FROM_XYZ / np.maximum(responses, 1e-3 * white[1])[:, None]
+    return cones / np.maximum(cones @ white, _LEAST_RESPONSE * white[1])[:, None]
+
+
+def is_narrow(scene_white_XYZ: ArrayLike, space: ColourSpace) -> bool:
+    """Whether a light is so far from the display's white that CAT16's responses adapt badly.
+
+    Tables are then made over cone responses, as Hunt and Nayatani adapt, and what has a closed form
+    is better drawn by it: under single bands tables are off by up to CIEDE2000 3.
+    """
+    scene, display = (_relative(k.CAT16_FROM_XYZ, w) for w in (scene_white_XYZ, space.white_XYZ))
+    gains = (scene / display)[:, 0]
+    return bool(gains.max() > _NARROW * gains.min())
 
 
 def nodes() -> Array:
@@ -57,7 +71,7 @@ class TableSpace:
     Parameters
     ----------
     adapted_from_XYZ : (3, 3)
-        Scene XYZ to linear RGB of the display, white to white, by CAT16's responses.
+        Scene XYZ to linear RGB of the display, white to white, by CAT16's responses or by cones.
     space : ColourSpace
         The display's.
     """
@@ -68,9 +82,10 @@ class TableSpace:
     @classmethod
     def between(cls, scene_white_XYZ: ArrayLike, space: ColourSpace) -> TableSpace:
         """The space of tables from a scene's white to a display."""
-        adapted = np.linalg.solve(
-            response_matrix(space.white_XYZ), response_matrix(scene_white_XYZ)
-        )
+        narrow = is_narrow(scene_white_XYZ, space)
+        cones = k.HPE_FROM_XYZ if narrow else k.CAT16_FROM_XYZ
+        scene, display = (_relative(cones, w) for w in (scene_white_XYZ, space.white_XYZ))
+        adapted = np.linalg.solve(display, scene)
         return cls(space.RGB_from_XYZ @ adapted, space)
 
 

@@ -109,7 +109,10 @@ def _luminous_share(luminous: Array, channels: Array, Y: float) -> Array:
     """
     total = float(luminous @ channels)
     scale = max(total, Y)
-    return luminous / scale + channels * ((1 - total / scale) / float(channels @ channels))
+    # Of channels near the least float the squares would vanish.
+    unit = channels / float(np.abs(channels).max())
+    missing = (1 - total / scale) / float(unit @ channels)
+    return luminous / scale + unit * missing
 
 
 def visible_white(white: Array) -> Array:

@@ -195,7 +195,7 @@ def _correlates(model: Model, colours: NDArray[np.float64], seen: ViewingConditi
     from volspec.appearance.hue import composition
 
     look: Appearance = model.forward(colours, seen)
-    given = {name: getattr(look, name) for name in "JChHQMs"}
+    given = {name: getattr(look, name) for name in (*"JChHQMs", "Q_WB", "L_N")}
     columns = {name: np.asarray(v).tolist() for name, v in given.items() if v is not None}
     rows: list[Row] = [
         {name: column[i] for name, column in columns.items()} for i in range(len(colours))
@@ -203,7 +203,7 @@ def _correlates(model: Model, colours: NDArray[np.float64], seen: ViewingConditi
     for i, row in enumerate(rows):
         if "H" in row:
             row["composition"] = str(composition(row["H"])) if math.isfinite(row["H"]) else ""
-        row["defined"] = look.defined is None or bool(np.asarray(look.defined)[i])
+        row["defined"] = bool(look.defined[i])
     return rows
 
 

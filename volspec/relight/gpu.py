@@ -23,7 +23,7 @@ from volspec.appearance.models.conditions import CamPassage
 from volspec.appearance.passages import LinearPassage, Passage
 from volspec.appearance.screen import Screen, screen_of
 from volspec.appearance.spec import Viewing
-from volspec.appearance.table import TableSpace
+from volspec.appearance.table import TableSpace, is_narrow
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
 from volspec.relight.lookups import FIELD_UNIT, TABLE_UNIT, Lookups
@@ -269,7 +269,7 @@ class GLEngine:
 
         A table is for what has no closed form. On software GL it is also the quicker way where a
         picture has many more pixels than the table nodes; frames of floats, which are measured,
-        stay exact.
+        and those under narrow lights stay exact.
         """
         # What becomes of the passage's colours at the display does not change it.
         display = replace(viewing.display, gamut="clip", mark=False)
@@ -281,7 +281,8 @@ class GLEngine:
             return passage
         if isinstance(passage, CLOSED_FORMS):
             many = self._height * self._width >= TABLE_PIXELS and dtype is np.uint8
-            if not (self._software and many if self._by_table is None else self._by_table):
+            quicker = self._software and many and not is_narrow(light.white_XYZ, display.colours)
+            if not (quicker if self._by_table is None else self._by_table):
                 return passage
         if space is None:
             space = TableSpace.between(light.white_XYZ, display.colours)

@@ -46,6 +46,9 @@ _NOT_SPIKY = {
     "Natural",
     "F40/N (Natural FL)",
 }
+# Ends at 560 nm, at its peak, as the paper it exposes does: no grid that covers the eye takes it,
+# and to go on by that value would be to make it up. `light` says what is missing.
+_UNUSABLE = {"ISO 7589 Sensitometric Printer"}
 Folder = str | os.PathLike[str]
 _SMOOTH = ("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E")
 
@@ -121,8 +124,8 @@ class _Term:
 
 
 def light_names() -> tuple[str, ...]:
-    """Every name `light` knows by itself: CIE and ISO illuminants, then measured lamps."""
-    return tuple(_tables())
+    """Every name `light` takes by itself: CIE and ISO illuminants, then measured lamps."""
+    return tuple(name for name in _tables() if name not in _UNUSABLE)
 
 
 def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:

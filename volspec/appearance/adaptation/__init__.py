@@ -10,20 +10,36 @@ measured errors: docs/adaptation.md.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import wraps
 from types import MappingProxyType
 
 from numpy.typing import ArrayLike
 
 from volspec.appearance.adaptation import fairchild, guth, nayatani, none, von_kries
 from volspec.appearance.adaptation.base import Adaptation, Array, outside
+from volspec.appearance.passages import Passage
 from volspec.appearance.spec import ViewingConditions
-from volspec.errors import ViewingError, nearest
+from volspec.appearance.surround import require_conditions
+from volspec.errors import ViewingError, nearest, quoted
 
 __all__ = ["ADAPTATIONS", "Adaptation", "adapt", "adaptation", "outside"]
 
+
+def _checked(name: str, passage: Adaptation) -> Adaptation:
+    """The passage, which says what it got where it got no conditions."""
+
+    @wraps(passage, assigned=("__doc__",))
+    def between(source: ViewingConditions, target: ViewingConditions) -> Passage:
+        require_conditions(f"{name}: source", source)
+        require_conditions(f"{name}: target", target)
+        return passage(source, target)
+
+    return between
+
+
 ADAPTATIONS: Mapping[str, Adaptation] = MappingProxyType(
     {
-        name: passage
+        name: _checked(name, passage)
         for family in (none, von_kries, nayatani, guth, fairchild)
         for name, passage in family.PASSAGES.items()
     }
@@ -41,7 +57,8 @@ def adaptation(name: str) -> Adaptation:
     Returns
     -------
     function
-        Of source and target `ViewingConditions`; gives a `Passage`.
+        Of source and target `ViewingConditions`, which it refuses to be anything else; gives a
+        `Passage`.
 
     Raises
     ------
@@ -55,9 +72,10 @@ def adaptation(name: str) -> Adaptation:
     ...
     volspec.errors.ViewingError: adaptation is 'CAT2'; did you mean 'CAT02'...
     """
-    if name not in ADAPTATIONS:
+    if not (isinstance(name, str) and name in ADAPTATIONS):
         raise ViewingError(
-            f"adaptation is {name!r}; {nearest(name, ADAPTATIONS)}known: {', '.join(ADAPTATIONS)}"
+            f"adaptation is {quoted(name)}; {nearest(str(name), ADAPTATIONS)}known: "
+            f"{', '.join(ADAPTATIONS)}"
         )
     return ADAPTATIONS[name]
 
@@ -86,9 +104,9 @@ def adapt(
     Raises
     ------
     ViewingError
-        If the method is unknown.
+        If the method is unknown, or these are no `ViewingConditions`.
     ShapeError
-        If the last axis is not 3.
+        If they are no numbers, or the last axis is not 3.
 
     Examples
     --------

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.passages import CurvePassage, Passage, triples
 from volspec.appearance.spec import ViewingConditions
+from volspec.errors import ViewingError, quoted
 
 Array = NDArray[np.float64]
 Adaptation = Callable[[ViewingConditions, ViewingConditions], Passage]
@@ -92,7 +93,9 @@ def outside(XYZ: ArrayLike, passage: Passage) -> NDArray[np.bool_]:
     Raises
     ------
     ShapeError
-        If the last axis is not 3.
+        If they are no numbers, or the last axis is not 3.
+    ViewingError
+        If ``passage`` is none.
 
     Examples
     --------
@@ -102,6 +105,11 @@ def outside(XYZ: ArrayLike, passage: Passage) -> NDArray[np.bool_]:
     >>> outside([[20, 20, 20], [90, 5, 0]], adaptation("Nayatani")(sun, sky)).tolist()
     [False, True]
     """
+    if not isinstance(passage, Passage):
+        raise ViewingError(
+            f"adaptation: passage is {quoted(passage)}; expected one of `adaptation`, as "
+            "adaptation('CAT02')(source, target)"
+        )
     colours = triples("adaptation: XYZ", XYZ)
     lost = ~np.isfinite(colours).all(axis=-1)
     if isinstance(passage, CurvePassage):

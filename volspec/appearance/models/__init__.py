@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from volspec.appearance.models import cam16, ciecam02, cielab, hunt, nayatani95, rlab
 from volspec.appearance.models.base import Appearance, Model
-from volspec.errors import ViewingError, nearest
+from volspec.errors import ViewingError, nearest, quoted
 
 __all__ = ["MODELS", "Appearance", "Model", "model"]
 
@@ -37,8 +37,9 @@ def model(name: str) -> Model:
     ...
     volspec.errors.ViewingError: appearance model is 'hunt'; did you mean 'Hunt'? known: ...
     """
-    if name not in MODELS:
+    if not (isinstance(name, str) and name in MODELS):
         raise ViewingError(
-            f"appearance model is {name!r}; {nearest(str(name), MODELS)}known: {', '.join(MODELS)}"
+            f"appearance model is {quoted(name)}; {nearest(str(name), MODELS)}known: "
+            f"{', '.join(MODELS)}"
         )
     return MODELS[name]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.spec import ViewingConditions
-from volspec.errors import ShapeError
+from volspec.errors import ShapeError, quoted
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,8 @@ class Appearance:
     """Chroma."""
     h: Array
     """Hue angle, degrees within [0, 360)."""
+    defined: NDArray[np.bool_]
+    """True where the model says something; there the inverse comes back."""
     H: Array | None = None
     """Hue quadrature, 0 to 400: red 0, yellow 100, green 200, blue 300."""
     Q: Array | None = None
@@ -35,8 +37,10 @@ class Appearance:
     """Colourfulness."""
     s: Array | None = None
     """Saturation."""
-    defined: NDArray[np.bool_] | None = None
-    """False where the colour lies outside of what the model was made for; None: nowhere."""
+    Q_WB: Array | None = None
+    """Whiteness-blackness: above 0 what is brighter than the background, below 0 what is darker."""
+    L_N: Array | None = None
+    """Normalised lightness: brightness relative to the white's, 100 for the white."""
 
 
 class Model(Protocol):
@@ -62,9 +66,13 @@ def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Arra
     Raises
     ------
     ShapeError
-        If they do not broadcast together.
+        If they are no numbers, or do not broadcast together.
     """
-    values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
+    try:
+        values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
+    except (TypeError, ValueError):
+        given = ", ".join(quoted(each) for each in (J, C, h))
+        raise ShapeError(f"{name}: J, C, h are {given}; expected numbers") from None
     try:
         J, C, h = np.broadcast_arrays(*values)
     except ValueError as error:

@@ -16,7 +16,8 @@ from volspec.appearance.hue import CIELAB_HUES, quadrature
 from volspec.appearance.models.base import Appearance, opponents
 from volspec.appearance.passages import LinearPassage, triples
 from volspec.appearance.spec import ViewingConditions
-from volspec.errors import ViewingError
+from volspec.appearance.surround import as_triple, require_conditions
+from volspec.errors import ViewingError, quoted
 from volspec.spectra._colour import colour_science
 
 NAME = "CIELAB"
@@ -39,10 +40,12 @@ def _f_slope(ratio: Array) -> Array:
 
 
 def _white(white_XYZ: ArrayLike) -> Array:
-    white = np.asarray(white_XYZ, dtype=np.float64)
-    if white.shape != (3,) or not np.all(np.isfinite(white)) or not np.all(white > 0.0):
-        raise ViewingError(f"CIELAB: the white is {white}; expected three finite numbers above 0")
-    return white
+    white = as_triple(white_XYZ)
+    if white is None or min(white) <= 0.0:
+        raise ViewingError(
+            f"CIELAB: the white is {quoted(white_XYZ)}; expected three finite numbers above 0"
+        )
+    return np.array(white)
 
 
 def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
@@ -70,7 +73,7 @@ def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
     >>> cielab([57.06, 43.06, 31.96], [95.05, 100, 108.88]).round(2).tolist()
     [71.6, 44.22, 18.11]
     """
-    ratio = np.asarray(XYZ, dtype=np.float64) / _white(white_XYZ)
+    ratio = triples("CIELAB: XYZ", XYZ) / _white(white_XYZ)
     return _f(ratio) @ _LAB_FROM_F.T + _LAB_AT_0
 
 
@@ -160,7 +163,7 @@ def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:
     ViewingError
         If the white is not three numbers above 0.
     """
-    L, a, b = np.moveaxis(np.asarray(Lab, dtype=np.float64), -1, 0)
+    L, a, b = np.moveaxis(triples("CIELAB: L*, a*, b*", Lab), -1, 0)
     y = (L + 16.0) / 116.0
     f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
     ratio = np.where(f > 6.0 / 29.0, f**3, (f - _OFFSET) / _SLOPE)
@@ -181,6 +184,7 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
     Appearance
         With H between the unique hues of daylight; no Q, M, s.
     """
+    require_conditions("CIELAB: conditions", conditions)
     XYZ = triples("CIELAB: XYZ", XYZ)
     J, a, b = np.moveaxis(cielab(XYZ, conditions.white_XYZ), -1, 0)
     h = np.degrees(np.arctan2(b, a)) % 360.0
@@ -212,6 +216,7 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
     ShapeError
         If the three do not broadcast together.
     """
+    require_conditions("CIELAB: conditions", conditions)
     return XYZ_from_cielab(opponents(NAME, J, C, h), conditions.white_XYZ)
 
 

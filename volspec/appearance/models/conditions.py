@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.appearance import constants as k
 from volspec.appearance.passages import triples
 from volspec.appearance.spec import SURROUNDS, Surround, ViewingConditions
+from volspec.appearance.surround import require_conditions
 from volspec.errors import ShapeError, ViewingError
 
 Matrix = NDArray[np.float64]
@@ -148,7 +149,7 @@ class Conditions:
         ViewingError
             If the white is not finite or its Y is not positive.
         """
-        white = np.asarray(white_XYZ, dtype=np.float64)
+        white = triples("viewing conditions: the white", white_XYZ)
         if white.shape != (3,):
             raise ShapeError(
                 f"viewing conditions: the white has shape {white.shape}; expected (3,)"
@@ -189,6 +190,7 @@ class Conditions:
     @classmethod
     def of_viewing(cls, seen: ViewingConditions, model: str = "CIECAM02") -> Conditions:
         """The scalars of viewing conditions; discounting the illuminant is D = 1."""
+        require_conditions(f"{model}: conditions", seen)
         D = 1.0 if seen.discount else seen.D
         return cls.of(seen.white_XYZ, seen.L_A, seen.Y_b, seen.factors, D, model)
 

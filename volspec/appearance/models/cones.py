@@ -14,6 +14,7 @@ import numpy as np
 from volspec.appearance import constants as k
 from volspec.appearance.models.base import Array
 from volspec.appearance.spec import SURROUND_RATIOS, ViewingConditions
+from volspec.appearance.surround import require_conditions
 from volspec.errors import ViewingError
 
 
@@ -23,8 +24,9 @@ def cones_of_white(name: str, conditions: ViewingConditions) -> Array:
     Raises
     ------
     ViewingError
-        If one is not above 0, which no real light's is.
+        If one is not above 0, which no real light's is; or these are no `ViewingConditions`.
     """
+    require_conditions(f"{name}: conditions", conditions)
     cones = k.HPE_FROM_XYZ @ np.asarray(conditions.white_XYZ)
     if not np.all(cones > 0.0):
         raise ViewingError(

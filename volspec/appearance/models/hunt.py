@@ -34,6 +34,7 @@ from volspec.appearance.models.hunt_eye import (
 from volspec.appearance.models.numeric import root
 from volspec.appearance.passages import signed_power, triples
 from volspec.appearance.spec import ViewingConditions
+from volspec.errors import ShapeError, quoted
 
 __all__ = ["NAME", "HuntSettings", "forward", "inverse"]
 
@@ -55,20 +56,20 @@ def _chromatic(h: Array, eye: Eye) -> Array:
     return np.asarray(100.0 * e_s * (10.0 / 13.0) * eye.N_c * eye.N_bb * tritanopic)
 
 
-def _achromatic(A_c: Array, luminance: Array, eye: Eye) -> Array:
-    """A from 2 ρ_a + γ_a + β_a / 20 and Y / Y_w (eq. 36, 47-51)."""
+def _achromatic(A_c: Array, S: Array, eye: Eye) -> Array:
+    """A from 2 ρ_a + γ_a + β_a / 20 and S / S_w (eq. 36, 47-51)."""
     noise = np.hypot(1.0, ROD_NOISE) - NOISE_SUM
-    return np.asarray(eye.N_bb * (A_c + eye.rods(luminance) + noise))
+    return np.asarray(eye.N_bb * (A_c + eye.rods(S) + noise))
 
 
-def _signals(XYZ: Array, eye: Eye) -> tuple[Array, Array, Array, Array]:
+def _signals(XYZ: Array, S: Array, eye: Eye) -> tuple[Array, Array, Array, Array]:
     """Adapted cones (..., 3), hue, M and A (eq. 12-51)."""
     cones = XYZ @ k.HPE_FROM_XYZ.T
     adapted = eye.bleaching * (compress(eye.gain * cones) + eye.helson_judd) + 1.0
     a, b = adapted @ k.OPPONENT_A, adapted @ k.OPPONENT_B
     h = np.degrees(np.arctan2(b, a)) % 360.0
     M = _chromatic(h, eye) * np.hypot(a, b)
-    return adapted, h, M, _achromatic(adapted @ k.ACHROMATIC, XYZ[..., 1] / eye.Y_w, eye)
+    return adapted, h, M, _achromatic(adapted @ k.ACHROMATIC, S, eye)
 
 
 def _brightness(response: Array, A_w: Array, eye: Eye) -> Array:
@@ -79,12 +80,39 @@ def _brightness(response: Array, A_w: Array, eye: Eye) -> Array:
 
 def _white(eye: Eye) -> tuple[Array, Array]:
     """A_w and Q_w: the white goes through the whole model with its own hue."""
-    _, _, M_w, A_w = _signals(np.asarray(eye.white_XYZ), eye)
+    _, _, M_w, A_w = _signals(np.asarray(eye.white_XYZ), np.ones(()), eye)
     return A_w, eye.lit(_brightness(A_w + M_w / 100.0, A_w, eye))
 
 
+def _background(A_w: Array, eye: Eye, settings: HuntSettings) -> Array:
+    """Q_b: the background goes through the whole model, too."""
+    given = settings.background_XYZ
+    XYZ = np.asarray(eye.white_XYZ) * eye.n if given is None else np.asarray(given, np.float64)
+    _, _, M_b, A_b = _signals(XYZ, XYZ[1] / eye.Y_w, eye)
+    return _brightness(A_b + M_b / 100.0, A_w, eye)
+
+
+def _scotopic(S: ArrayLike, like: Array) -> Array:
+    """S / S_w, one for each colour.
+
+    Raises
+    ------
+    ShapeError
+        If there are not as many, or they are no numbers.
+    """
+    try:
+        return np.broadcast_to(np.asarray(S, dtype=np.float64), like.shape)
+    except (TypeError, ValueError):
+        raise ShapeError(
+            f"Hunt: S is {quoted(S)}; expected numbers, one or for each of the colours {like.shape}"
+        ) from None
+
+
 def forward(
-    XYZ: ArrayLike, conditions: ViewingConditions, settings: HuntSettings = NORMAL
+    XYZ: ArrayLike,
+    conditions: ViewingConditions,
+    settings: HuntSettings = NORMAL,
+    S: ArrayLike | None = None,
 ) -> Appearance:
     """XYZ to what the eye makes of them (eq. 8-59).
 
@@ -96,18 +124,23 @@ def forward(
         Discounting, or D = 1, makes adaptation complete; D below 1 does so in part, as in RLAB.
     settings : HuntSettings
         What else the model asks.
+    S : (...) array_like, optional
+        Scotopic response of each colour over the white's, S / S_w, for rods that see other than
+        cones. None: Y / Y_w.
 
     Returns
     -------
     Appearance
-        Each correlate of shape (...). Not `defined` where a cone's response or the brightness
+        Each correlate of shape (...). Not `defined` where a cone's response, S or the brightness
         falls below 0, as that of black does in bright light; J keeps the sign of Q
-        there, and C goes with its size.
+        there, and C goes with its size. Q_WB is eq. 55, with the sign of Q and Q_b in the powers.
 
     Raises
     ------
     ViewingError
         If the white excites a cone by nothing or less, or has no brightness.
+    ShapeError
+        If the last axis is not 3, or S has not the colours' shape.
 
     Examples
     --------
@@ -119,7 +152,8 @@ def forward(
     XYZ = triples("Hunt: XYZ", XYZ)
     eye = Eye.of(conditions, settings)
     A_w, Q_w = _white(eye)
-    adapted, h, M, A = _signals(XYZ, eye)
+    rods_see = XYZ[..., 1] / eye.Y_w if S is None else _scotopic(S, XYZ[..., 1])
+    adapted, h, M, A = _signals(XYZ, rods_see, eye)
     s = 50.0 * M / np.maximum(adapted.sum(axis=-1), _LEAST_SUM)
     Q = _brightness(A + M / 100.0, A_w, eye)
     C = 2.44 * s**0.69 * np.abs(Q / Q_w) ** eye.n * (1.64 - 0.29**eye.n)
@@ -132,7 +166,8 @@ def forward(
         Q=Q,
         M=C * eye.F_L**0.15,
         s=s,
-        defined=np.all(cones >= 0.0, axis=-1) & (XYZ[..., 1] >= 0.0) & (Q >= 0.0),
+        Q_WB=20.0 * (signed_power(Q, 0.7) - signed_power(_background(A_w, eye, settings), 0.7)),
+        defined=np.all(cones >= 0.0, axis=-1) & (rods_see >= 0.0) & (Q >= 0.0),
     )
 
 
@@ -142,6 +177,7 @@ def inverse(
     h: ArrayLike,
     conditions: ViewingConditions,
     settings: HuntSettings = NORMAL,
+    S: ArrayLike | None = None,
 ) -> Array:
     """Lightness, chroma and hue to the XYZ that look so.
 
@@ -153,6 +189,8 @@ def inverse(
         Where the colours shall be seen.
     settings : HuntSettings
         What else the model asks.
+    S : (...) array_like, optional
+        As in `forward`: what the rods see, whatever the XYZ. None: Y / Y_w.
 
     Returns
     -------
@@ -162,9 +200,10 @@ def inverse(
     Raises
     ------
     ShapeError
-        If the three do not broadcast together.
+        If the three do not broadcast together, or S has not their shape.
     """
     J, C, h = broadcast(NAME, J, C, h)
+    rods_see = None if S is None else _scotopic(S, J)
     eye = Eye.of(conditions, settings)
     A_w, Q_w = _white(eye)
     relative = signed_power(J / 100.0, 1.0 / eye.z)
@@ -191,7 +230,7 @@ def inverse(
         return np.asarray(cones @ XYZ_from_cones.T)
 
     def excess(A_c: Array) -> Array:
-        A = _achromatic(A_c, XYZ_at(A_c)[..., 1] / eye.Y_w, eye)
+        A = _achromatic(A_c, XYZ_at(A_c)[..., 1] / eye.Y_w if rods_see is None else rods_see, eye)
         return np.asarray(A + m * kappa * A_c / 100.0 - response)
 
     # The rods add to brightness: without them it takes more of the cones. (Rounded up for black.)

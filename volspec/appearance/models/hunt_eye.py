@@ -21,7 +21,8 @@ from volspec.appearance.models.base import Array
 from volspec.appearance.models.cones import adaptation, at_surround, cones_of_white, discounting
 from volspec.appearance.passages import signed_power
 from volspec.appearance.spec import Triple, ViewingConditions
-from volspec.errors import ViewingError
+from volspec.appearance.surround import as_triple, is_finite
+from volspec.errors import ViewingError, quoted
 
 POLE, HALF, POWER = 40.0, 2.0, 0.73
 # 2 ρ_a + γ_a + β_a / 20 of three noises of 1, and the rods' noise.
@@ -82,24 +83,31 @@ class HuntSettings:
     def __post_init__(self) -> None:
         for name in ("N_c", "N_b", "L_AS", "CCT_kelvin"):
             value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
+            if value is not None and not (is_finite(value) and value > 0.0):
                 raise ViewingError(
-                    f"HuntSettings.{name} is {value!r}; expected a finite number above 0, or None"
+                    f"HuntSettings.{name} is {quoted(value)}; expected a finite number above 0, or "
+                    "None"
                 )
-        if not -1.0 <= self.p <= 1.0:
+        if not (is_finite(self.p) and -1.0 <= self.p <= 1.0):
             raise ViewingError(
-                f"HuntSettings.p is {self.p!r}; expected -1 (contrast) to 1 (assimilation)"
+                f"HuntSettings.p is {quoted(self.p)}; expected -1 (contrast) to 1 (assimilation)"
             )
         for name in ("proximal_XYZ", "background_XYZ"):
             value = getattr(self, name)
             if value is not None and not _excites(value):
                 raise ViewingError(
-                    f"HuntSettings.{name} is {value!r}; expected the XYZ of a real colour, or None"
+                    f"HuntSettings.{name} is {quoted(value)}; expected the XYZ of a real colour, "
+                    "or None"
                 )
+        if not isinstance(self.helson_judd, bool):
+            raise ViewingError(
+                f"HuntSettings.helson_judd is {quoted(self.helson_judd)}; expected True or False"
+            )
 
 
-def _excites(XYZ: Triple) -> bool:
-    return len(XYZ) == 3 and bool(np.all(k.HPE_FROM_XYZ @ np.asarray(XYZ, np.float64) > 0.0))
+def _excites(value: object) -> bool:
+    XYZ = as_triple(value)
+    return XYZ is not None and bool(np.all(k.HPE_FROM_XYZ @ np.asarray(XYZ) > 0.0))
 
 
 def cct_mccamy(white_XYZ: Triple) -> float:
@@ -143,6 +151,8 @@ class Eye:
     @classmethod
     def of(cls, conditions: ViewingConditions, settings: HuntSettings) -> Eye:
         """Compute them; at an L_A or Y_b of 0 those of 1e-6 cd/m² and of 1e-4 Y_w."""
+        if not isinstance(settings, HuntSettings):
+            raise ViewingError(f"Hunt: settings are {quoted(settings)}; expected HuntSettings")
         white = cones_of_white("Hunt", conditions)
         L_A = max(conditions.L_A, _LEAST_L_A)
         n = max(conditions.Y_b / conditions.white_XYZ[1], _LEAST_N)
@@ -178,13 +188,13 @@ class Eye:
         """Exponent of lightness (eq. 57)."""
         return 1.0 + math.sqrt(self.n)
 
-    def rods(self, luminance: Array) -> Array:
-        """The rods' response to S / S_w without its noise, Y / Y_w standing in (eq. 47-50)."""
+    def rods(self, S: Array) -> Array:
+        """The rods' response to S / S_w, or Y / Y_w in its place, without its noise (eq. 47-50)."""
         L = self.scotopic
         j2 = (1e-5 / (L + 1e-5)) ** 2
         F_LS = 3800.0 * j2 * L + 0.2 * (1.0 - j2) ** 4 * L ** (1.0 / 6.0)
-        bleached = 0.5 / (1.0 + 0.3 * (L * np.maximum(luminance, 0.0)) ** 0.3)
-        return np.asarray(3.05 * (bleached + 0.5 / (1.0 + 5.0 * L)) * compress(F_LS * luminance))
+        bleached = 0.5 / (1.0 + 0.3 * (L * np.maximum(S, 0.0)) ** 0.3)
+        return np.asarray(3.05 * (bleached + 0.5 / (1.0 + 5.0 * L)) * compress(F_LS * S))
 
     def surround_terms(self, A_w: Array) -> tuple[Array, Array]:
         """N_1 and N_2 (eq. 53-54)."""

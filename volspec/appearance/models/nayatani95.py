@@ -2,9 +2,9 @@
 
     XYZ -> cones -> log over the background's -> Q, t, p -> L*_P, C, theta
 
-Its ``J, C, h, H, Q, M, s`` are L*_P, C, θ, H, B_r, M, S. Chroma is defined by L*_P, so lightness
-is L*_P too and not L*_N, from which it hardly differs. The surround, D and discounting have no
-influence.
+Its ``J, C, h, H, Q, M, s, Q_WB, L_N`` are L*_P, C, θ, H, B_r, M, S, Q, L*_N. Chroma is defined by
+L*_P, so lightness is L*_P too and not L*_N, from which it hardly differs. The surround, D and
+discounting have no influence.
 
 References
 ----------
@@ -15,7 +15,6 @@ References
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +24,8 @@ from volspec.appearance.hue import NAYATANI_HUES, quadrature
 from volspec.appearance.models.base import Appearance, Array, broadcast
 from volspec.appearance.passages import triples
 from volspec.appearance.spec import ViewingConditions
-from volspec.errors import ViewingError
+from volspec.appearance.surround import is_finite, require_conditions
+from volspec.errors import ViewingError, quoted
 
 NAME = "Nayatani95"
 
@@ -67,9 +67,9 @@ class NayataniSettings:
     def __post_init__(self) -> None:
         for name in ("E_or", "n"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
+            if not (is_finite(value) and value > 0.0):
                 raise ViewingError(
-                    f"NayataniSettings.{name} is {value!r}; expected a finite number above 0"
+                    f"NayataniSettings.{name} is {quoted(value)}; expected a finite number above 0"
                 )
 
 
@@ -97,6 +97,11 @@ class _Eye:
     """The numbers of one viewing condition (eq. 90-98, 102, 109-111)."""
 
     def __init__(self, conditions: ViewingConditions, settings: NayataniSettings) -> None:
+        require_conditions(f"{NAME}: conditions", conditions)
+        if not isinstance(settings, NayataniSettings):
+            raise ViewingError(
+                f"{NAME}: settings are {quoted(settings)}; expected NayataniSettings"
+            )
         white = np.asarray(conditions.white_XYZ)
         grey = CONES_FROM_XYZ @ (white / white[1])
         if not np.all(grey > 0.0):
@@ -165,7 +170,7 @@ def forward(
     t = x_R - 12.0 / 11.0 * x_G + x_B / 11.0
     p = (x_R + x_G - 2.0 * x_B) / 9.0
     h = np.degrees(np.arctan2(p, t)) % 360.0
-    J = achromatic + _MIDDLE
+    J, brightness = achromatic + _MIDDLE, achromatic + eye.raised
     s = _CHROMATIC / eye.beta_or * _strength(h) * np.hypot(t, p)
     C = np.abs(J / _MIDDLE) ** 0.7 * s
     return Appearance(
@@ -173,9 +178,11 @@ def forward(
         C=C,
         h=h,
         H=quadrature(h, NAYATANI_HUES),
-        Q=achromatic + eye.raised,
+        Q=brightness,
         M=C * eye.B_rw / 100.0,
         s=s,
+        Q_WB=achromatic,
+        L_N=100.0 * brightness / eye.B_rw,
         defined=np.all(noisy > least, axis=-1) & (J >= 0.0),
     )
 

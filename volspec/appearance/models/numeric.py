@@ -1,6 +1,7 @@
 """Inverses where there is no formula: a root in one unknown, and of any model in three.
 
     model.forward; J, C, h -> [invert] -> XYZ
+    model.inverse; J, C, h -> [nearest_inverse] -> XYZ
 
 References
 ----------
@@ -17,10 +18,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.models import ciecam02
-from volspec.appearance.models.base import Appearance, Array, broadcast
+from volspec.appearance.models.base import Appearance, Array, Model, broadcast
 from volspec.appearance.spec import ViewingConditions
 
 _EPSILON = float(np.finfo(np.float64).eps)
+# Next to what a model's responses can tell XYZ grow without bounds; a display shows 1.
+_WITHIN_WHITES = 1000.0
+# 2^-12 of the way in lightness, and likewise in chroma, is below what an eye tells apart.
+_HALVINGS = 12
+# In glare Hunt's eye bleaches until no light grey is without colour: then a darker one has to do.
+_GREYS = (0.2, 0.05, 0.01, 0.0)
 
 
 def root(function: Callable[[Array], Array], low: Array, high: Array, rounds: int = 100) -> Array:
@@ -73,6 +80,78 @@ def root(function: Callable[[Array], Array], low: Array, high: Array, rounds: in
             t = np.where(done, 0.0, np.clip(t, least, 1.0 - least))
     best = np.where(np.abs(f_a) < np.abs(f_b), a, b)
     return np.where(bracketed, best, np.nan)
+
+
+def nearest_inverse(
+    model: Model, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
+) -> Array:
+    """A model's inverse; where none looks so, of the nearest on the way to grey.
+
+    What the inverse does not know keeps its hue: lightness goes towards that of a grey of 20 %
+    until something colourless has it, then chroma towards 0 until it is known, and within 1000
+    times the white. So colours that a display shows go on without a jump, which tables need.
+
+    Parameters
+    ----------
+    model : Model
+    J, C, h : (...) array_like
+        Lightness, chroma, hue angle in degrees.
+    conditions : ViewingConditions
+        Where the colours shall be seen.
+
+    Returns
+    -------
+    (..., 3) float64
+        XYZ on the white's scale; NaN only for numbers that are not finite.
+
+    Raises
+    ------
+    ShapeError
+        If the three do not broadcast together.
+
+    Examples
+    --------
+    In Hunt's model black has some lightness, and nothing has less:
+
+    >>> from volspec.appearance.models import hunt
+    >>> dark = ViewingConditions((95.05, 100, 108.88), L_A=0.1)
+    >>> hunt.inverse(-5.0, 0.0, 0.0, dark)
+    array([nan, nan, nan])
+    >>> bool((nearest_inverse(hunt, -5.0, 0.0, 0.0, dark) < 0.01).all())
+    True
+    """
+    asked = broadcast(model.NAME, J, C, h)
+    white = np.asarray(conditions.white_XYZ)
+
+    def known(j: Array, c: Array, hue: Array) -> NDArray[np.bool_]:
+        XYZ = model.inverse(j, c, hue, conditions)
+        # NaN is not within.
+        return np.asarray(np.all(np.abs(XYZ) <= _WITHIN_WHITES * white, axis=-1))
+
+    XYZ = model.inverse(*asked, conditions)
+    lost = np.asarray(~np.isfinite(XYZ).all(axis=-1))
+    if lost.any():
+        j, c, hue = (each[lost] for each in asked)
+        greys = model.forward(np.outer(_GREYS, white), conditions).J
+        grey = greys[np.argmax(known(greys, 0.0 * greys, 0.0 * greys))]
+        way = j - grey
+        j = grey + way * _longest(lambda t, i: known(grey + t * way[i], 0.0 * t, hue[i]), len(j))
+        c = c * _longest(lambda t, i: known(j[i], t * c[i], hue[i]), len(j))
+        XYZ[lost] = model.inverse(j, c, hue, conditions)
+    return XYZ
+
+
+def _longest(known: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]], count: int) -> Array:
+    """The share of each way, (N,) from 0 to 1, up to which it is known; by halving."""
+    share = np.ones(count)
+    rows = np.flatnonzero(~known(share, np.arange(count)))
+    low, high = np.zeros(len(rows)), np.ones(len(rows))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        inside = known(middle, rows)
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    share[rows] = low
+    return share
 
 
 def _vector(seen: Appearance) -> Array:
@@ -144,8 +223,11 @@ def invert(
 
 def _starts(J: Array, C: Array, h: Array, conditions: ViewingConditions) -> Iterator[Array]:
     """Cube roots of XYZ / white to begin at: CIECAM02's, halfway to grey, grey."""
-    XYZ = ciecam02.inverse(np.clip(J, 1.0, 120.0), np.minimum(C, 120.0), h, conditions)
-    near = np.clip(np.cbrt(np.nan_to_num(XYZ) / conditions.white_XYZ), 0.01, 2.0)
+    J = np.clip(J, 1.0, 120.0)
+    XYZ = ciecam02.inverse(J, np.minimum(C, 120.0), h, conditions)
+    neutral = ciecam02.inverse(J, np.zeros_like(J), h, conditions)
+    XYZ = np.where(np.isfinite(XYZ), XYZ, neutral)
+    near = np.clip(np.cbrt(XYZ / conditions.white_XYZ), 0.01, 2.0)
     yield near
     grey = np.broadcast_to(near[..., 1:2], near.shape)
     yield 0.5 * (near + grey)
