@@ -15,14 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance import constants as k
+from volspec.appearance.models import level
 from volspec.appearance.models.conditions import CamPassage, Conditions, compress
 from volspec.appearance.net import between
 from volspec.appearance.spec import Viewing
 
 Array = NDArray[np.float64]
-
-# As `Conditions.of`.
-_LEAST_L_A, _LEAST_N, _MOST_L_A = 1e-6, 1e-4, 1e9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,17 +62,13 @@ class PassageField:
         given = replace(viewing, adapting="given")
         whole = Conditions.of_viewing(replace(given, D=1.0, L_A=0.0).conditions(white_XYZ), model)
         factors, white = whole.surround, np.array(whole.white_XYZ)
-        # Conditions' eq. 18-26, all nodes at once; a test holds the two together.
-        five_L_A = 5.0 * np.clip(L_A, _LEAST_L_A, _MOST_L_A)
-        k4 = (five_L_A + 1.0) ** -4
-        F_L = 0.1 * (2.0 * k4 * five_L_A + (1.0 - k4) ** 2 * np.cbrt(five_L_A))
-        n = np.maximum(Y_b / white[1], _LEAST_N)
+        F_L, n = level.level_factor(L_A), level.background_ratio(Y_b, white[1])
         if viewing.discount:
             D = np.ones_like(F_L)
         elif viewing.D is not None:
             D = np.full_like(F_L, viewing.D)
         else:
-            D = factors.F * (1.0 - np.exp(-(L_A + 42.0) / 92.0) / 3.6)
+            D = level.degree_of_adaptation(factors.F, L_A)
         # The gains, and so the matrix, are linear in D.
         wholly = replace(whole, F_L=1.0).response_from_XYZ()
         not_at_all = replace(whole, F_L=1.0, D_RGB=(1.0, 1.0, 1.0)).response_from_XYZ()
@@ -86,10 +80,10 @@ class PassageField:
         least = replace(given, L_A=float(L_A[node]), Y_b=float(Y_b[node]))
         passage = CamPassage.seen_by(model, least.conditions(white_XYZ), viewing.display.conditions)
         display = passage.display
-        power = factors.c * (1.48 + np.sqrt(n)) / display.lightness_power
-        scale = (1.64 - 0.29**n) ** 0.73 / display.chroma_scale
-        eccentricity = k.ECCENTRICITY_SCALE * factors.N_c * 0.725 * n**-0.2 / 4.0
-        gain = scale ** (1.0 / k.CHROMA_POWER) * eccentricity / display.eccentricity_scale
+        power = factors.c * level.lightness_exponent(n) / display.lightness_power
+        scale = level.chroma_scale(n) / display.chroma_scale
+        eccentricity = level.eccentricity_scale(factors.N_c, n) / display.eccentricity_scale
+        gain = scale ** (1.0 / k.CHROMA_POWER) * eccentricity
         fourth = np.stack([achromatic, power, gain], axis=-1)
         columns = np.swapaxes(matrix, -1, -2)
         numbers = np.concatenate([columns, fourth[..., None]], axis=-1)

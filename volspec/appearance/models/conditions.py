@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
+from volspec.appearance.models import level
 from volspec.appearance.passages import triples
 from volspec.appearance.spec import SURROUNDS, Surround, ViewingConditions
 from volspec.appearance.surround import require_conditions
@@ -32,9 +33,6 @@ _RESPONSES = {
     "CIECAM02": (k.CAT02_FROM_XYZ, k.HPE_FROM_CAT02),
     "CAM16": (k.CAT16_FROM_XYZ, np.eye(3)),
 }
-# Below these the limits are reached to float32's digits; above is brighter than the sun's disc.
-_LEAST_L_A, _LEAST_N = 1e-6, 1e-4
-_MOST_L_A = 1e9
 
 
 def compress(responses: Matrix) -> Matrix:
@@ -159,12 +157,10 @@ class Conditions:
                 f"viewing conditions: the white XYZ = {_triple(white)} is not a colour; "
                 "expected finite numbers and Y above 0. Is the light black?"
             )
-        five_L_A = 5.0 * min(max(L_A, _LEAST_L_A), _MOST_L_A)
-        k4 = (five_L_A + 1.0) ** -4
-        F_L = 0.1 * (2.0 * k4 * five_L_A + (1.0 - k4) ** 2 * np.cbrt(five_L_A))
-        n = max(Y_b / white[1], _LEAST_N)
+        F_L = float(level.level_factor(L_A))
+        n = float(level.background_ratio(Y_b, white[1]))
         if D is None:
-            D = float(surround.F * (1.0 - np.exp(-(L_A + 42.0) / 92.0) / 3.6))
+            D = float(level.degree_of_adaptation(surround.F, L_A))
         adapted_from_XYZ, compressed_from_adapted = _RESPONSES[model]
         RGB_w = adapted_from_XYZ @ white
         # A spectral light can have a zero response: keep its gain finite.
@@ -179,10 +175,10 @@ class Conditions:
             Y_b=float(Y_b),
             surround=surround,
             D=float(D),
-            F_L=float(F_L),
-            n=float(n),
-            N_bb=float(0.725 * n**-0.2),
-            z=float(1.48 + np.sqrt(n)),
+            F_L=F_L,
+            n=n,
+            N_bb=float(level.background_induction(n)),
+            z=float(level.lightness_exponent(n)),
             D_RGB=_triple(D_RGB),
             white_achromatic=float(k.ACHROMATIC @ compress(responses)),
         )
@@ -212,12 +208,12 @@ class Conditions:
     @property
     def chroma_scale(self) -> float:
         """(1.64 - 0.29^n)^0.73 of eq. 37."""
-        return float((1.64 - 0.29**self.n) ** 0.73)
+        return float(level.chroma_scale(self.n))
 
     @property
     def eccentricity_scale(self) -> float:
         """50000/13 N_c N_cb / 4, what stands before cos(h + 2) + 3.8 in t (eq. 33-34)."""
-        return k.ECCENTRICITY_SCALE * self.surround.N_c * self.N_cb / 4.0
+        return float(level.eccentricity_scale(self.surround.N_c, self.n))
 
     def response_from_XYZ(self) -> Matrix:
         """(3, 3): XYZ -> what `compress` takes (eq. 23, 25, 26, and F_L / 100 of eq. 27)."""
