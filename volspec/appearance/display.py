@@ -42,8 +42,8 @@ class Display:
         As `surround_at`.
     space : str or ColourSpace
         Primaries, white and curve: a name of `volspec.appearance.spaces.SPACES`, such as
-        ``"Display P3"``, or any other. White and primaries are where the picture's colours go,
-        and the white is what the eye before it adapts to.
+        ``"Display P3"``, a display's profile, ``FILE.icc``, or any other. White and primaries are
+        where the picture's colours go, and the white is what the eye before it adapts to.
     gamut : {"clip", "reduce"}
         What becomes of colours that it cannot show: each channel cut to 0…1, or chroma lowered at
         constant lightness and hue (`volspec.appearance.gamut`).
@@ -81,7 +81,9 @@ class Display:
             raise ViewingError(
                 f"Display.space is {self.space!r:.60}; expected a name, as 'sRGB', or a ColourSpace"
             )
-        space_of(self.space)
+        found = space_of(self.space)
+        if self.space != found.name:  # a profile is read once, now
+            object.__setattr__(self, "space", found)
         require_known("Display.gamut", self.gamut, GAMUTS)
         if not isinstance(self.mark, bool):
             raise ViewingError(f"Display.mark is {self.mark!r}; expected True or False")

@@ -162,18 +162,23 @@ SPACES: Mapping[str, ColourSpace] = MappingProxyType(
 
 
 def space_of(space: str | ColourSpace) -> ColourSpace:
-    """A space by name, or as it is.
+    """A space by name, as it is, or of a display's profile, ``FILE.icc``.
 
     Raises
     ------
     ViewingError
-        If there is none of that name.
+        If there is none of that name, or the profile cannot be used.
     """
     if isinstance(space, ColourSpace):
         return space
     if isinstance(space, str) and space in SPACES:
         return SPACES[space]
+    if space.lower().endswith((".icc", ".icm")):
+        # Late: a profile's white is adapted by what stands downstream of this module.
+        from volspec.appearance.profile import read_profile
+
+        return read_profile(space)
     raise ViewingError(
         f"colour space {quoted(space)} is unknown; {nearest(str(space), SPACES)}known: "
-        f"{', '.join(SPACES)}; any other as a ColourSpace"
+        f"{', '.join(SPACES)}; any other as FILE.icc or as a ColourSpace"
     )

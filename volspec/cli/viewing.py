@@ -118,8 +118,8 @@ class PictureOptions(SceneOptions):
         str | None,
         Parameter(
             group=_PICTURE,
-            help="The display's colours: sRGB, Display P3, DCI-P3, Rec. 709, Rec. 2020 or "
-            "Adobe RGB (1998).",
+            help="The display's colours: sRGB, Display P3, DCI-P3, Rec. 709, Rec. 2020, "
+            "Adobe RGB (1998), or its profile FILE.icc.",
         ),
     ] = None
     gamut: Annotated[

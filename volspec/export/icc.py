@@ -15,12 +15,8 @@ import struct
 import numpy as np
 from numpy.typing import ArrayLike
 
+from volspec.appearance.profile import D50_XYZ, D50_from_white
 from volspec.appearance.spaces import ColourSpace
-
-_D50_XYZ = np.array([0.9642, 1.0, 0.8249])
-_BRADFORD = np.array(
-    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
-)
 
 
 def _fixed(values: ArrayLike) -> bytes:
@@ -46,31 +42,30 @@ def _curve(space: ColourSpace) -> bytes:
 def icc_profile(space: ColourSpace) -> bytes:
     """A version 4 display profile of a space.
 
-    Parameters
-    ----------
-    space : ColourSpace
+        Parameters
+        ----------
+        space : ColourSpace
 
-    Returns
-    -------
-    bytes
-        To be written as it is, to a ``.icc`` file or into a picture.
+        Returns
+        -------
+        bytes
+            To be written as it is, to a ``.icc`` file or into a picture.
 
-    Examples
-    --------
-    >>> from volspec.appearance.spaces import SPACES
-    >>> icc_profile(SPACES["Display P3"])[36:40]
-    b'acsp'
+        Examples
+        --------
+        >>> from volspec.appearance.profile import D50_XYZ, D50_from_white
+    from volspec.appearance.spaces import SPACES
+        >>> icc_profile(SPACES["Display P3"])[36:40]
+        b'acsp'
     """
     matrix = space.XYZ_from_RGB / 100.0
-    white = matrix.sum(axis=1)
-    gains = (_BRADFORD @ _D50_XYZ) / (_BRADFORD @ white)
-    adapted = np.linalg.inv(_BRADFORD) @ (gains[:, None] * _BRADFORD)
+    adapted = D50_from_white(matrix.sum(axis=1))
     red, green, blue = (b"XYZ \0\0\0\0" + _fixed(column) for column in (adapted @ matrix).T)
     curve = _curve(space)
     tags = {
         b"desc": _text(space.name),
         b"cprt": _text("No copyright, use freely"),
-        b"wtpt": b"XYZ \0\0\0\0" + _fixed(_D50_XYZ),
+        b"wtpt": b"XYZ \0\0\0\0" + _fixed(D50_XYZ),
         b"chad": b"sf32\0\0\0\0" + _fixed(adapted),
         b"rXYZ": red,
         b"gXYZ": green,
@@ -89,6 +84,6 @@ def icc_profile(space: ColourSpace) -> bytes:
         ">II4s4s4s4s12s4s28s12s48s",
         *(start + len(data), 0, b"\x04\x40\0\0", b"mntr", b"RGB ", b"XYZ "),
         # A fixed date: the same space gives the same bytes.
-        *(struct.pack(">6H", 2026, 1, 1, 0, 0, 0), b"acsp", bytes(28), _fixed(_D50_XYZ), bytes(48)),
+        *(struct.pack(">6H", 2026, 1, 1, 0, 0, 0), b"acsp", bytes(28), _fixed(D50_XYZ), bytes(48)),
     )
     return header + table + data

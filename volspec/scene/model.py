@@ -105,7 +105,8 @@ class Scene:
         with _named("[transfer]"):
             self.transfer = file.transfer.function(self.materials, filters, self.basis)
         with _named("[viewing]"):
-            self.relight = file.viewing.spec()
+            self.viewing = file.viewing.beside(self.folder.absolute())
+            self.relight = self.viewing.spec()
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], basis: Mapping[str, object] | None = None) -> Scene:
@@ -208,7 +209,7 @@ class Scene:
                 progress=progress,
                 cancel=cancel,
                 caster=caster,
-                notes={"scene": self.file.title, "viewing": self.file.viewing.model_dump_json()},
+                notes={"scene": self.file.title, "viewing": self.viewing.model_dump_json()},
             )
 
     @contextmanager

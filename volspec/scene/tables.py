@@ -10,6 +10,7 @@ in docs/scenes.md.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -187,6 +188,13 @@ class ViewingTable(Table):
     mode: str = _SEEN.mode
     level: str = _SEEN.level
     display: DisplayTable = Field(default_factory=DisplayTable)
+
+    def beside(self, scene: Path) -> ViewingTable:
+        """The same, with a display's profile found beside the scene that names it."""
+        if not self.display.space.lower().endswith((".icc", ".icm")):
+            return self
+        display = self.display.model_copy(update={"space": str(scene / self.display.space)})
+        return self.model_copy(update={"display": display})
 
     def spec(self) -> RelightSpec:
         """The settings as `volspec.relight` takes them.
