@@ -35,7 +35,8 @@ _HOMES = {
     "volspec.scene": ("Scene",),
     "volspec.spectra": (
         *("SpectralGrid", "SpectralImage", "Spectrum", "light", "light_names"),
-        *("read_spectrum", "reflectance", "reflectance_names"),
+        *("read_spectrum", "reflectance", "reflectance_names", "reflectance_of"),
+        "reflectances_of",
     ),
     "volspec.transfer": (
         *("Isosurfaces", "LabelFunction", "Region", "TransferFunction", "TransferFunction2D"),

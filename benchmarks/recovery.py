@@ -1,0 +1,185 @@
+"""How true are reflectances made from colours? ``python -m benchmarks.recovery [--figures]``.
+
+A test reflectance's XYZ under D65 is given; the one made from it is seen under A and FL11 beside
+the true one. The ColorChecker, which the base spectra leave out; then Vrhel's natural things and
+the Academy's patches, with their own sets taken out of the base. Then what of sRGB is valid, and
+how much of the colours there are the base spectra span. ``--figures`` draws base-spectra.png and
+reflectance.png of docs/images again. Takes five minutes.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.spectra import (
+    BaseSpectra,
+    XYZ_of,
+    base_spectra,
+    light,
+    reflectance,
+    reflectance_names,
+    reflectance_set,
+    reflectances_of,
+    white_XYZ,
+)
+from volspec.spectra.construct import METHODS, ROUTES, XYZ_from_sRGB
+from volspec.spectra.construct.search import Mesh, distinct, edge
+
+Array = NDArray[np.float64]
+
+GIVEN, SEEN = "D65", ("A", "FL11")
+# Root mean square: a base spectrum this near to a test one is as good as a copy of it.
+NEAR_COPY = 0.02
+NO_COPIES = "no near copies"
+SLOW = ("meng-2015",)
+CUBE = 33
+
+
+def color_checker() -> Array:
+    """(24, 31) reflectances of the BabelColor average."""
+    names = [name for name in reflectance_names() if name.startswith("ColorChecker/")]
+    return np.array([reflectance(name).values for name in names])
+
+
+def without(base: BaseSpectra, keep: Callable[[str], bool]) -> BaseSpectra:
+    """A base without the measured spectra of some names, nor what Bouguer's law made of them."""
+    rows = [row for row, name in enumerate(base.names) if keep(name)]
+    return BaseSpectra(tuple(base.names[row] for row in rows), base.values[rows], base.grid)
+
+
+def without_near_copies(base: BaseSpectra, test: Array) -> BaseSpectra:
+    """A base without spectra that are nearly one of the tested."""
+    apart = np.sqrt(((base.values[:, None] - test[None]) ** 2).mean(-1)).min(1)
+    near = {base.names[row].split("^")[0] for row in np.flatnonzero(apart < NEAR_COPY)}
+    return without(base, lambda name: name.split("^")[0] not in near)
+
+
+def errors(made: Array, true: Array, lamp: str) -> Array:
+    """CIEDE2000 between reflectances under a light, which is white."""
+    E = light(lamp)
+    white = white_XYZ(E)
+    return delta_E_2000(*(cielab(XYZ_of(E, S), white) for S in (made, true)))
+
+
+@dataclass(frozen=True)
+class Test:
+    """Reflectances to find again, and what to mix them from."""
+
+    name: str
+    true: Array
+    base: BaseSpectra
+
+
+def tests() -> list[Test]:
+    base, checker = base_spectra(), color_checker()
+    return [
+        Test("ColorChecker", checker, base),
+        Test(NO_COPIES, checker, without_near_copies(base, checker)),
+        Test("natural", reflectance_set("natural"), without(base, lambda n: "Vrhel/" not in n)),
+        Test("patches", reflectance_set("patches"), without(base, lambda n: "ACES/" not in n)),
+    ]
+
+
+def print_table() -> None:
+    """Every method on every test: mean / 95 % / max."""
+    head = f"{'test':16s}{'method':14s}{'ms each':>8s}{'within 0-1':>11s}"
+    print(head + "".join(f"{f'under {lamp}':>22s}" for lamp in (GIVEN, *SEEN)) + "   routes")
+    for test in tests():
+        XYZ = XYZ_of(light(GIVEN), test.true)
+        for method in METHODS:
+            mixed = method in METHODS[:2]
+            # The others have no base to take near copies from, or no end.
+            if (test.name == NO_COPIES and not mixed) or (method in SLOW and len(XYZ) > 24):
+                continue
+            reflectances_of(XYZ[:1], method, GIVEN, base=test.base)  # tables read, mesh made
+            start = time.perf_counter()
+            made = reflectances_of(XYZ, method, GIVEN, base=test.base)
+            each = 1e3 * (time.perf_counter() - start) / len(XYZ)
+            valid = ((made.values >= 0) & (made.values <= 1)).all(-1).mean()
+            cells = [errors(made.values, test.true, lamp) for lamp in (GIVEN, *SEEN)]
+            texts = [f"{c.mean():.3f} / {np.percentile(c, 95):.2f} / {c.max():.2f}" for c in cells]
+            routes = ", ".join(f"{count} {name}" for name, count in made.counts().items())
+            print(
+                f"{test.name:16s}{method:14s}{each:8.2f}{valid:11.0%}"
+                + "".join(f"{text:>22s}" for text in texts)
+                + f"   {routes}",
+                flush=True,
+            )
+
+
+def print_sRGB() -> None:
+    """A dense cube of encoded sRGB: how its colours are made, and what is left of them."""
+    levels = np.linspace(0, 1, CUBE)
+    cube = np.stack(np.meshgrid(levels, levels, levels), axis=-1)
+    E = light(GIVEN)
+    XYZ = XYZ_from_sRGB(cube, white_XYZ(E))
+    start = time.perf_counter()
+    made = reflectances_of(XYZ)
+    taken = time.perf_counter() - start
+    valid = ((made.values >= 0) & (made.values <= 1)).all(-1).mean()
+    off = np.abs(XYZ_of(E, made.values) - XYZ).max()
+    print(
+        f"\nsRGB, {CUBE} levels a channel: {valid:.1%} within 0-1, off by {off:.1e} in XYZ at most;"
+    )
+    print(f"  {made.counts()} in {taken:.1f} s")
+
+
+def print_speed() -> None:
+    """A picture of 512 x 512 whose colours all lie inside the base spectra."""
+    grey = 0.5 + 0.1 * np.random.default_rng(4).standard_normal((512, 512, 3)).clip(-2, 2)
+    XYZ = XYZ_from_sRGB(grey, white_XYZ(light(GIVEN)))
+    start = time.perf_counter()
+    made = reflectances_of(XYZ)
+    print(f"512 x 512 colours: {time.perf_counter() - start:.2f} s, {made.counts()}")
+
+
+def print_seam() -> None:
+    """Colours just within and just beyond the hull of the base colours, seen under other lights."""
+    E = light(GIVEN)
+    white = white_XYZ(E)
+    cube = np.random.default_rng(1).uniform(0, 1, (500, 3))
+    colours = XYZ_from_sRGB(cube, white)
+    beyond = colours[reflectances_of(colours).route == ROUTES.index("extended")]
+    points = XYZ_of(E, base_spectra().values) / white
+    mesh = Mesh.of(points[distinct(points)])
+    on_edge = edge(mesh, beyond / white) * white
+    just = on_edge + 1e-4 * (beyond - on_edge)
+    inner = reflectances_of(on_edge).values
+    print("\nacross the edge of the base colours, mean / max:")
+    for method in ("delaunay", "smoothest"):
+        outer = reflectances_of(just, method).values
+        cells = [errors(inner, outer, lamp) for lamp in SEEN]
+        print(f"  {method:12s}" + "".join(f"{c.mean():9.3f} / {c.max():.2f}" for c in cells))
+
+
+def print_coverage() -> None:
+    from benchmarks.recovery_figure import STAGES, solid_share, xy_share
+
+    print("\nspan of the base spectra under D65: of the area within the spectral locus in xy,")
+    print("of the volume of the object-colour solid in XYZ")
+    for title, base in STAGES():
+        print(f"  {title:38s}{len(base):6d} spectra{xy_share(base):8.1%}{solid_share(base):8.1%}")
+
+
+def main() -> None:
+    """Print the table; with ``--figures`` draw the figures of docs/reflectance.md."""
+    if "--figures" in sys.argv[1:]:
+        from benchmarks.recovery_figure import draw
+
+        draw()
+    print_table()
+    print_sRGB()
+    print_speed()
+    print_seam()
+    print_coverage()
+
+
+if __name__ == "__main__":
+    main()

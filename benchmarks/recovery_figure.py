@@ -1,0 +1,152 @@
+"""The base spectra in one picture, after figure 1 of Wang, Xu & Sun (2004), and one mixture.
+
+``python -m benchmarks.recovery --figures`` draws it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from volspec._files import write_whole
+from volspec.appearance import srgb
+from volspec.basis.figure.reflectance import save_reflectance_figure
+from volspec.basis.figure.spectra import line_colour
+from volspec.basis.figure.style import FAINT, HAIR, INK, PAPER, inch_axes, plain, write
+from volspec.spectra import (
+    BaseSpectra,
+    SpectralGrid,
+    XYZ_of,
+    base_spectra,
+    color_matching_functions,
+    light,
+    reflectance_of,
+    white_XYZ,
+)
+from volspec.spectra.construct.colours import XYZ_from_linear_sRGB
+
+Array = NDArray[np.float64]
+
+IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
+EXAMPLE = "#c08040"
+_LOCUS = SpectralGrid(380, 700, 2)
+_WIDTH, _HEIGHT, _DPI = 10.0, 3.75, 120
+_MARK_NM = (480, 500, 520, 540, 560, 580, 600, 620)
+
+
+def STAGES() -> list[tuple[str, BaseSpectra]]:
+    """The base before and after Bouguer's law, and with the paper's eq. 6 as printed besides."""
+    return [
+        ("measured", base_spectra(powers=())),
+        ("with Bouguer's law", base_spectra()),
+        ("with the complementary ones besides", base_spectra(complementary=(1, 2, 4))),
+    ]
+
+
+def xy(XYZ: Array) -> Array:
+    """(n, 2) chromaticities; black has none and is left out."""
+    total = XYZ.sum(-1)
+    return XYZ[total > 1e-6, :2] / total[total > 1e-6, None]
+
+
+def locus() -> Array:
+    """(n, 2) chromaticities of monochromatic light."""
+    return xy(color_matching_functions(_LOCUS).T)
+
+
+def xy_share(base: BaseSpectra) -> float:
+    """Area of the chromaticities that mixtures have, of that within the spectral locus."""
+    return float(ConvexHull(_chromaticities(base)).volume / ConvexHull(locus()).volume)
+
+
+def solid_share(base: BaseSpectra) -> float:
+    """Volume of the colours that mixtures have, of that of all reflectances within 0 to 1."""
+    E, N = light("D65"), base.grid.size
+    # The solid's extreme points reflect all or nothing, with two changes at most.
+    starts, stops = np.triu_indices(N + 1, 1)
+    bands = np.arange(N)
+    blocks = (bands >= starts[:, None]) & (bands < stops[:, None])
+    extreme = XYZ_of(E, np.vstack([blocks, ~blocks]).astype(float))
+    return float(ConvexHull(XYZ_of(E, base.values)).volume / ConvexHull(extreme).volume)
+
+
+def _chromaticities(base: BaseSpectra) -> Array:
+    return xy(XYZ_of(light("D65"), base.values))
+
+
+def draw() -> None:
+    """Write base-spectra.png and reflectance.png into docs/images."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH, _HEIGHT), dpi=_DPI, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    (_, measured), (_, enlarged), _ = STAGES()
+    _draw_curves(figure, measured)
+    _draw_chromaticities(figure, 3.75, "their colours under D65", measured)
+    _draw_chromaticities(figure, 6.95, "and what Bouguer's law adds", enlarged)
+    with write_whole(IMAGES / "base-spectra.png") as temporary:
+        figure.savefig(temporary, format="png", dpi=_DPI)
+    made = reflectance_of(EXAMPLE)
+    base = base_spectra()
+    values = dict(zip(base.names, base.values, strict=True))
+    mix = (part.partition(" ") for part in made.notes["mixed from"].split(", "))
+    parts = {name: (float(share), values[name]) for share, _, name in mix}
+    lamps = [light("D65"), light("A")]
+    save_reflectance_figure(made, parts, lamps, IMAGES / "reflectance.png")
+
+
+def _draw_curves(figure: Any, measured: BaseSpectra) -> None:
+    axes = inch_axes(figure, 0.45, 0.5, 2.75, 2.7)
+    plain(axes)
+    w = measured.grid.wavelengths_nm
+    axes.set(xlim=(w[0], w[-1]), ylim=(0, 1), yticks=[0, 0.5, 1])
+    axes.set_xlabel("wavelength, nm", fontsize=8, color=FAINT, labelpad=3)
+    # Black and white come first; they are no measurements.
+    for values in measured.values[2:]:
+        axes.plot(w, values, color=line_colour(values, measured.grid), linewidth=0.45, alpha=0.55)
+    title = f"{len(measured) - 2} measured reflectances"
+    write(figure, 0.45 / _WIDTH, 1 - 0.3 / _HEIGHT, title, fontsize=9.5, color=INK)
+
+
+def _draw_chromaticities(figure: Any, left: float, title: str, base: BaseSpectra) -> None:
+    axes = inch_axes(figure, left, 0.5, 2.8, 2.7)
+    plain(axes)
+    # One unit is as long in y as in x.
+    axes.set(xlim=(0, 0.8 * 2.8 / 2.7 + 0.03), ylim=(0, 0.86), xticks=[0, 0.2, 0.4, 0.6],
+             yticks=[0.2, 0.4, 0.6, 0.8])  # fmt: skip
+    axes.set_aspect("equal", adjustable="box", anchor="SW")
+    axes.spines["bottom"].set_color(HAIR)
+    around = locus()
+    axes.fill(*around.T, facecolor="#f6f6f7", edgecolor=FAINT, linewidth=0.9)
+    for nm in _MARK_NM:
+        x, y = around[int((nm - _LOCUS.start_nm) / _LOCUS.step_nm)]
+        axes.plot(x, y, ".", color=FAINT, markersize=2.5)
+        # Away from the locus, whose left side rises to 520 nm.
+        side = {"ha": "right"} if nm < 520 else {"ha": "left", "va": "bottom"}
+        write(
+            axes, x + (0.012 if nm >= 520 else -0.015), y, str(nm), fontsize=6, color=FAINT, **side
+        )
+    E = light("D65")
+    white = white_XYZ(E)
+    XYZ = XYZ_of(E, base.values)
+    seen = XYZ.sum(1) > 1e-6
+    # As bright as the screen shows the chromaticity: dark base spectra are points too.
+    linear = XYZ[seen] @ np.linalg.inv(XYZ_from_linear_sRGB(white)).T
+    linear = np.maximum(linear, 0) / np.maximum(linear.max(1, keepdims=True), 1e-12)
+    points = xy(XYZ)
+    axes.scatter(*points.T, s=4.5, c=srgb.encode(0.8 * linear), linewidths=0, zorder=3)
+    hull = points[ConvexHull(points).vertices]
+    axes.plot(*np.vstack([hull, hull[:1]]).T, color=INK, linewidth=0.8, zorder=4)
+    screen = xy(XYZ_from_linear_sRGB(white).T)
+    axes.plot(*np.vstack([screen, screen[:1]]).T, color=FAINT, linewidth=0.7,
+              linestyle=(0, (3, 2)), zorder=2)  # fmt: skip
+    write(axes, 0.55, 0.06, "dashed: sRGB", fontsize=6.5, color=FAINT)
+    write(figure, left / _WIDTH, 1 - 0.3 / _HEIGHT, title, fontsize=9.5, color=INK)
+    share, solid = xy_share(base), solid_share(base)
+    facts = f"{share:.0%} of the locus, {solid:.0%} of the colour solid"
+    write(figure, left / _WIDTH, 1 - 0.47 / _HEIGHT, facts, fontsize=7.5, color=FAINT)

@@ -1,0 +1,258 @@
+"""``volspec reflectance``: a plausible reflectance for a colour, or for a photograph's."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.text import Text
+
+from volspec._files import require_writable
+from volspec.cli.shell import Json, app, as_written, bar, print_json
+from volspec.errors import ImageError, InputError, VolspecWarning
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from volspec.spectra import MadeReflectances, Spectrum
+
+_FIGURES = (".png", ".pdf", ".svg")
+# A share that is 0.0 % when printed.
+_SHOWN = 5e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Asked:
+    """Under which light colours are meant, how reflectances are made, what the eye is."""
+
+    light: str
+    method: str
+    observer: int
+
+
+@app.command
+def reflectance(
+    colour: Annotated[list[str] | None, Parameter(negative="", allow_leading_hyphen=True)] = None,
+    /,
+    *,
+    light: str = "D65",
+    method: str = "delaunay",
+    under: Annotated[list[str] | None, Parameter(negative="", help="Repeatable.")] = None,
+    observer: Annotated[Literal[2, 10], Parameter(converter=as_written)] = 2,
+    image: Path | None = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    figure: Path | None = None,
+    json: Json = False,
+) -> None:
+    """A plausible reflectance for a colour: measured spectra mixed, and extended beyond.
+
+    Example: `volspec reflectance "#c08040" -o paint.csv`, and in a scene
+    `[[material]] reflectance = "paint.csv"`
+
+    Example: `volspec reflectance 41 35 12 --light A --figure paint.png`
+
+    Example: `volspec reflectance --image photo.png -o photo.exr`, then
+    `volspec relight photo.exr --basis general-9 --light A -o photo-A.png`
+
+    JSON: `mix` holds the base spectra with their shares; `lights` a row for each light with
+    `X Y Z`, `L a b` (the light as white) and `delta_e`, CIEDE2000 from the colour asked for.
+
+    Parameters
+    ----------
+    colour
+        `#rrggbb`, a name of CSS Color 3, or X Y Z with Y = 100 for white.
+    light
+        The light that the colour is meant under.
+    method
+        delaunay, tetrahedron (Wang, Xu & Sun 2004), smoothest; otsu-2018, jakob-2019,
+        meng-2015, mallett-2019, smits-1999.
+    under
+        Lights to show the reflectance under besides; D65 and A when left out.
+    observer
+        Colour-matching functions of 2 or 10 degrees.
+    image
+        An sRGB picture in place of a colour, every pixel a surface in even light.
+    output
+        A .csv for the spectrum; with `--image` an .exr with a spectrum in every pixel.
+    figure
+        A .png, .pdf or .svg to draw the spectrum in.
+    """
+    asked = _Asked(light, method, observer)
+    if image is not None:
+        if colour or figure is not None or under or json:
+            raise InputError(f"{image}: --image takes --light, --method, --observer and -o only")
+        _convert(image, output, asked)
+        return
+    if not colour:
+        raise InputError("no colour; give #rrggbb, a CSS name or X Y Z, or --image FILE")
+    for path, kinds in ((output, (".csv",)), (figure, _FIGURES)):
+        if path is not None:
+            if path.suffix.lower() not in kinds:
+                raise InputError(f"{path}: written as {', '.join(kinds)}; name it {kinds[0]}")
+            require_writable(path)
+    _construct(" ".join(colour), asked, under or ["D65", "A"], output, figure, json)
+
+
+def _construct(
+    word: str,
+    asked: _Asked,
+    under: list[str],
+    output: Path | None,
+    figure: Path | None,
+    as_json: bool,
+) -> None:
+    from volspec.basis.figure.reflectance import save_reflectance_figure
+    from volspec.spectra import light as named_light
+    from volspec.spectra import reflectances_of, white_XYZ, write_spectrum
+    from volspec.spectra.construct import colour_XYZ
+    from volspec.spectra.construct.construct import spectrum_of
+
+    by_name: dict[str, Spectrum] = {}
+    for lamp in map(named_light, (asked.light, *under)):
+        by_name.setdefault(lamp.name, lamp)
+    lamps = list(by_name.values())
+    XYZ = colour_XYZ(word, white_XYZ(lamps[0], asked.observer))
+    made = reflectances_of(XYZ, asked.method, lamps[0], observer_deg=asked.observer)
+    paint = spectrum_of(made, word, XYZ, lamps[0], asked.method, asked.observer)
+    rows = _under(paint, lamps, XYZ, asked.observer)
+    if output is not None:
+        write_spectrum(paint, output)
+    if figure is not None:
+        values = dict(zip(made.base.names, made.base.values, strict=True))
+        parts = {name: (share, values[name]) for name, share in made.mix().items()}
+        save_reflectance_figure(paint, parts, lamps, figure, asked.observer)
+    if as_json:
+        print_json(
+            {
+                "colour": word,
+                **dict(zip("XYZ", XYZ.tolist(), strict=True)),
+                "light": asked.light,
+                "method": asked.method,
+                "constructed": paint.notes["constructed"],
+                "mix": [{"name": n, "share": share} for n, share in made.mix().items()],
+                "lights": rows,
+                "wavelengths_nm": paint.wavelengths_nm.tolist(),
+                "reflectance": paint.values.tolist(),
+            }
+        )
+        return
+    _print(paint, made, rows)
+    for path in (output, figure):
+        if path is not None:
+            Console().print(Text(str(path)), soft_wrap=True)
+
+
+def _under(
+    paint: Spectrum, lamps: list[Spectrum], XYZ: NDArray[np.float64], observer: int
+) -> list[dict[str, Any]]:
+    """The reflectance's colour under each light, and how far from what was asked for."""
+    from volspec.appearance.models.cielab import cielab, delta_E_2000
+    from volspec.spectra import XYZ_of, white_XYZ
+
+    wanted = cielab(XYZ, white_XYZ(lamps[0], observer))
+    rows = []
+    for lamp in lamps:
+        seen = XYZ_of(lamp, paint, observer)
+        Lab = cielab(seen, white_XYZ(lamp, observer))
+        numbers = dict(zip("XYZLab", [*seen.tolist(), *Lab.tolist()], strict=True))
+        rows.append({"light": lamp.name, **numbers, "delta_e": float(delta_E_2000(wanted, Lab))})
+    return rows
+
+
+def _print(paint: Spectrum, made: MadeReflectances, rows: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    console.print(Text.assemble((paint.name, "bold"), f": {paint.notes['colour']}"))
+    ways = {
+        "tetrahedron": "mixed from the paper's tetrahedron",
+        "delaunay": "mixed from the Delaunay tetrahedron",
+        "extended": "extended as smoothly as can be from the mixture at the measured ones' edge",
+        "smoothest": "the smoothest reflectance there is",
+        "nearest": "of the nearest colour that a reflectance has",
+    }
+    way = paint.notes["constructed"]
+    console.print(Text(ways.get(way, f"recovered by {way}")))
+    for name, share in made.mix().items():
+        if share >= _SHOWN:
+            console.print(Text(f"  {100 * share:5.1f} %  {name}"), soft_wrap=True)
+    table = Table(box=None, pad_edge=False, show_edge=False)
+    table.add_column("under")
+    for name in ("X", "Y", "Z", "L*", "a*", "b*", "ΔE00 from the colour asked"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for row in rows:
+        cells = [f"{row[key]:.2f}" for key in "XYZLab"]
+        table.add_row(Text(row["light"]), *cells, f"{row['delta_e']:.3f}")
+    console.print()
+    console.print(table)
+
+
+def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
+    """A photograph as a spectral picture of reflectances."""
+    import numpy as np
+
+    from volspec.spectra import DEFAULT_GRID, SpectralImage, reflectances_of, white_XYZ
+    from volspec.spectra import light as named_light
+    from volspec.spectra.construct import XYZ_from_sRGB
+
+    if output is None or output.suffix.lower() != ".exr":
+        raise ImageError(f"{image}: becomes a spectral picture; give -o FILE.exr")
+    require_writable(output)
+    pixels = _pixels(image)
+    lamp = named_light(asked.light)
+    codes = pixels.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], dtype=np.uint32)
+    unique, place = np.unique(codes, return_inverse=True)
+    triples = np.stack([unique >> 16, unique >> 8 & 255, unique & 255], axis=-1)
+    XYZ = XYZ_from_sRGB(triples / 255.0, white_XYZ(lamp, asked.observer))
+    with bar() as tell:
+        tell("reflectances", 0)
+        made = reflectances_of(
+            XYZ,
+            asked.method,
+            lamp,
+            observer_deg=asked.observer,
+            progress=lambda share: tell("reflectances", share),
+        )
+        tell("reflectances", 1)
+    notes = {
+        "spectral quantity": "reflectance",
+        "constructed": f"{asked.method}, from {image.name} under {lamp.name}",
+    }
+    values = made.values.astype(np.float32)[place.reshape(codes.shape)]
+    SpectralImage(values, DEFAULT_GRID.wavelengths_nm, "reflective", notes).save(output)
+    height, width = codes.shape
+    counts = ", ".join(f"{number} {name}" for name, number in made.counts().items())
+    said = f"{output}: {width}×{height}, {values.shape[-1]} bands; {len(unique)} colours: {counts}"
+    Console().print(said, highlight=False, markup=False, soft_wrap=True)
+
+
+def _pixels(path: Path) -> NDArray[np.uint8]:
+    """(H, W, 3) codes of an sRGB picture, upright."""
+    import numpy as np
+    from PIL import Image, ImageOps, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as stored:
+            upright = ImageOps.exif_transpose(stored)
+            if upright.has_transparency_data:
+                _warn(f"{path}: its transparency is left out")
+            if "icc_profile" in stored.info:
+                _warn(f"{path}: its colour profile is left out; it is read as sRGB")
+            return np.asarray(upright.convert("RGB"))
+    except FileNotFoundError:
+        raise ImageError(f"{path}: no such file; check the path") from None
+    except UnidentifiedImageError:
+        raise ImageError(
+            f"{path}: is no picture that can be read; give PNG, JPEG or TIFF"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise ImageError(f"{path}: cannot be read ({error}); export it again") from None
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, VolspecWarning, stacklevel=3)

@@ -1,0 +1,186 @@
+"""The spectra that reflectances are mixed from: measured ones, enlarged by Bouguer's law.
+
+    samples -> [base] -> search, construct
+
+References
+----------
+[1] Wang, Xu & Sun (2004), section 3. Eq. 5 is Bouguer's law for a transmittance,
+    T = 10^(-a l). With the absorptivity a = -log10 R a path of length l reflects R^l, which
+    keeps the hue; eq. 6 as printed, 10^(-R l), has the complementary hue.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.errors import SpectrumError
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
+from volspec.spectra.reflectances import reflectance
+from volspec.spectra.samples import sample_tables
+from volspec.spectra.values import real_array, reflectance_values
+
+Array = NDArray[np.float64]
+
+POWERS = (0.5, 2.0, 4.0, 8.0)
+"""Path lengths l beside the measured 1: half as thick (paler) to eight times (more saturated)."""
+# Every measured set but the ColorChecker in its three editions, which is what tests are made of,
+# and the metals, whose spectra are no paint's.
+_MEASURED = ("CES/", "TCS/", "TCS 1995/", "PMC/", "VS/", "VS 7.4/", "Vrhel/", "ACES/")
+_FLATS = ("black", "white")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BaseSpectra:
+    """Reflectances to mix others from.
+
+    Parameters
+    ----------
+    names : K strings
+        For messages and reports.
+    values : (K, N) array
+        Reflectances, 0 to 1; kept read-only.
+    grid : SpectralGrid
+        N bands.
+
+    Raises
+    ------
+    SpectrumError
+        If names and values do not fit together, there are fewer than four (a tetrahedron), or
+        a value leaves 0 to 1: a mixture would too.
+
+    Examples
+    --------
+    >>> greys = np.multiply.outer([0.0, 0.3, 0.6, 1.0], np.ones(31))
+    >>> len(BaseSpectra(("black", "dark", "light", "white"), greys))
+    4
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    grid: SpectralGrid = DEFAULT_GRID
+
+    def __post_init__(self) -> None:
+        require_grid(self.grid)
+        values = reflectance_values(real_array(self.values, "base spectra"), self.grid, "base")
+        if values.ndim != 2 or len(self.names) != len(values) or len(values) < 4:
+            raise SpectrumError(
+                f"base spectra: {len(self.names)} names, values of shape {values.shape}; give "
+                f"(K, {self.grid.size}) and K names, K at least 4"
+            )
+        if values.max() > 1:
+            row = int(values.max(1).argmax())
+            raise SpectrumError(
+                f"base spectrum {self.names[row]!r} reflects {values[row].max():.9g}; expected 0 "
+                "to 1, clip it"
+            )
+        values.flags.writeable = False
+        object.__setattr__(self, "names", tuple(map(str, self.names)))
+        object.__setattr__(self, "values", values)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __reduce__(self) -> tuple[type[BaseSpectra], tuple[object, ...]]:
+        return BaseSpectra, (self.names, self.values, self.grid)
+
+
+def bouguer(reflectances: ArrayLike, length: float, *, complementary: bool = False) -> Array:
+    """Reflectances over a longer path through the same matter (Bouguer's law) [1].
+
+    Parameters
+    ----------
+    reflectances : (..., N) array_like
+        R, 0 to 1.
+    length : float
+        l above 0; 1 is the path as measured.
+    complementary : bool
+        Take eq. 6 as printed, 10^(-R l): the complementary hue, and still a valid spectrum.
+
+    Returns
+    -------
+    (..., N) float64
+        R^l, or 10^(-R l).
+
+    Raises
+    ------
+    SpectrumError
+        If a reflectance leaves 0 to 1 or the length is not a positive number.
+
+    Examples
+    --------
+    >>> bouguer([0.9, 0.5], 2).round(2).tolist()
+    [0.81, 0.25]
+    >>> bouguer([1.0, 0.0], 2, complementary=True).round(2).tolist()
+    [0.01, 1.0]
+    """
+    R = real_array(reflectances, "reflectances")
+    if not (np.isfinite(R).all() and np.all((R >= 0) & (R <= 1))):
+        raise SpectrumError("Bouguer's law: a reflectance is outside 0 to 1; clip it first")
+    if not (np.isfinite(length) and length > 0):
+        raise SpectrumError(f"Bouguer's law: length {length!r}; give a number above 0")
+    return 10.0 ** (-R * length) if complementary else R**length
+
+
+def base_spectra(
+    grid: SpectralGrid = DEFAULT_GRID,
+    powers: Sequence[float] = POWERS,
+    *,
+    complementary: Sequence[float] = (),
+) -> BaseSpectra:
+    """The 533 measured reflectances of the library, enlarged by Bouguer's law, black and white.
+
+    Measured are the colour evaluation samples of CIE 224, the test colours of the CIE colour
+    rendering index, of CQS and the preferred memory colours, Vrhel's natural and man-made things
+    and the Academy's camera training patches (`reflectance_names`). The ColorChecker is left
+    out: it is what constructions are judged by.
+
+    Parameters
+    ----------
+    grid : SpectralGrid
+    powers : sequence of float
+        Lengths l of R^l (`bouguer`); none leaves the measured ones.
+    complementary : sequence of float
+        Lengths l of 10^(-R l), eq. 6 of [1] as printed.
+
+    Returns
+    -------
+    BaseSpectra
+        Black, white, the measured, then each length's; named ``CES/12``, ``CES/12^2`` and
+        ``10^(-2 CES/12)``.
+
+    Raises
+    ------
+    SpectrumError
+        If a length is not a positive number, or the tables do not cover the grid.
+
+    Examples
+    --------
+    >>> base = base_spectra(powers=(2,))
+    >>> len(base), base.names[2], base.names[-1]
+    (1068, 'PMC/Caucasian', 'Vrhel/170 cotton cloth light gray^2')
+    """
+    require_grid(grid)
+    return _base(grid, tuple(map(float, powers)), tuple(map(float, complementary)))
+
+
+@cache
+def _base(
+    grid: SpectralGrid, powers: tuple[float, ...], complementary: tuple[float, ...]
+) -> BaseSpectra:
+    measured = [name for name in sample_tables() if name.startswith(_MEASURED)]
+    # Noise of instruments and interpolation may leave 0 to 1 by a little.
+    R = np.clip([reflectance(name, grid).values for name in measured], 0.0, 1.0)
+    names = [*_FLATS, *measured]
+    rows = [np.array([reflectance(name, grid).values for name in _FLATS]), R]
+    for length in powers:
+        names += [f"{name}^{length:g}" for name in measured]
+        rows.append(bouguer(R, length))
+    for length in complementary:
+        names += [f"10^(-{length:g} {name})" for name in measured]
+        rows.append(bouguer(R, length, complementary=True))
+    return BaseSpectra(tuple(names), np.vstack(rows), grid)

@@ -1,0 +1,172 @@
+"""What people write for a colour, as XYZ of a surface under a light.
+
+[colours] -> construct, command line
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.errors import SpectrumError, nearest, quoted
+from volspec.spectra._colour import colour_science
+from volspec.spectra.tables import read_number
+from volspec.spectra.values import real_array
+
+Array = NDArray[np.float64]
+
+_HEX = re.compile(r"#(?:[0-9a-f]{3}|[0-9a-f]{6})")
+# No surface is this many times as bright as white: a number of another scale, such as 0-255.
+_MOST_OF_WHITE = 2.0
+
+
+def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
+    """The XYZ that a word or three numbers mean, as a surface's colour under a light.
+
+    Parameters
+    ----------
+    colour : str or (3,) array_like
+        X Y Z with Y = 100 for white; ``"#rrggbb"``, ``"#rgb"`` or a name of CSS Color 3, any
+        case; or a text of three numbers, X Y Z.
+    white_XYZ : (3,) array_like
+        The perfect diffuser under the light. The white of sRGB becomes this one
+        (`XYZ_from_sRGB`): ``"#ffffff"`` is the perfect diffuser under every light.
+
+    Returns
+    -------
+    (3,) float64
+
+    Raises
+    ------
+    SpectrumError
+        If the name is unknown (the nearest are given), or as `checked_XYZ` says.
+
+    Examples
+    --------
+    >>> colour_XYZ("20 19.5 8", [95, 100, 109]).tolist()
+    [20.0, 19.5, 8.0]
+    >>> colour_XYZ("white", [95, 100, 109]).round(6).tolist()
+    [95.0, 100.0, 109.0]
+    """
+    white = np.asarray(white_XYZ, dtype=np.float64)
+    if isinstance(colour, str):
+        numbers = _numbers(colour)
+        if numbers is None:
+            return XYZ_from_sRGB(_sRGB(colour), white)
+        colour = numbers
+    XYZ = checked_XYZ(colour, white)
+    if XYZ.shape != (3,):
+        raise SpectrumError(
+            f"colour: an array of shape {XYZ.shape}; give X Y Z, or all at once: reflectances_of"
+        )
+    return XYZ
+
+
+def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
+    """Colours of surfaces as float64, refused where they cannot be.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        Y = 100 for white.
+    white_XYZ : (3,) float64
+
+    Returns
+    -------
+    (..., 3) float64
+
+    Raises
+    ------
+    SpectrumError
+        If the last axis is not 3, or a number is not finite, negative, or more than twice
+        white's; the message names the first such colour.
+    """
+    array = real_array(XYZ, "colours")
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise SpectrumError(f"colours have shape {array.shape}; expected (..., 3), X Y Z")
+    rows = array.reshape(-1, 3)
+    for wrong, fault in (
+        (~np.isfinite(rows), "is not finite; put numbers there"),
+        (rows < 0, "is negative, which no surface is; clip it, or reduce its chroma first"),
+        (
+            rows > _MOST_OF_WHITE * white_XYZ,
+            "is over twice as bright as white, whose Y is 100; write codes of 0-255 as #rrggbb",
+        ),
+    ):
+        if wrong.any():
+            number = int(wrong.any(1).argmax())
+            which = "colour" if len(rows) == 1 else f"colour number {number + 1}:"
+            X, Y, Z = rows[number]
+            raise SpectrumError(f"{which} X Y Z {X:g} {Y:g} {Z:g} {fault}")
+    return array
+
+
+def XYZ_from_sRGB(encoded: ArrayLike, white_XYZ: ArrayLike) -> Array:
+    """XYZ under a light of surfaces that an sRGB picture shows.
+
+    Parameters
+    ----------
+    encoded : (..., 3) array_like
+        0 to 1, nonlinear.
+    white_XYZ : (3,) array_like
+        The perfect diffuser under the light; the picture's white is adapted to it (Bradford).
+
+    Returns
+    -------
+    (..., 3) float64
+        Y = 100 for white.
+
+    Examples
+    --------
+    >>> XYZ_from_sRGB([1, 1, 1], [110, 100, 35]).round(6).tolist()
+    [110.0, 100.0, 35.0]
+    """
+    linear = np.asarray(colour_science().models.eotf_sRGB(np.asarray(encoded, dtype=np.float64)))
+    # The adaptation to a very red light sends saturated blues below 0.
+    return np.maximum(linear @ XYZ_from_linear_sRGB(white_XYZ).T, 0.0)
+
+
+def XYZ_from_linear_sRGB(white_XYZ: ArrayLike) -> Array:
+    """(3, 3): linear sRGB of 0 to 1 to XYZ, adapted from its white to another (Bradford)."""
+    colour = colour_science()
+    matrix = 100.0 * np.asarray(colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ)
+    adapted = colour.adaptation.matrix_chromatic_adaptation_VonKries(
+        matrix.sum(1), np.asarray(white_XYZ, dtype=np.float64), transform="Bradford"
+    )
+    return np.asarray(adapted @ matrix, dtype=np.float64)
+
+
+def _numbers(text: str) -> list[float] | None:
+    words = text.replace(",", " ").split()
+    try:
+        numbers = [read_number(word) for word in words]
+    except ValueError:
+        return None
+    if len(numbers) != 3:
+        raise SpectrumError(f"colour {text!r}: {len(numbers)} numbers; give three, X Y Z")
+    return numbers
+
+
+def _sRGB(text: str) -> Array:
+    """The encoded sRGB of ``#rrggbb`` or a name."""
+    word = "".join(text.split()).casefold()
+    if word.startswith("#"):
+        if not _HEX.fullmatch(word):
+            raise SpectrumError(f"colour {quoted(text)}: expected #rrggbb or #rgb, in digits 0-f")
+    else:
+        names = {name.casefold(): code for name, code in _css_names().items()}
+        if word not in names:
+            raise SpectrumError(
+                f"colour {quoted(text)} is unknown; {nearest(word, names)}write a CSS name, "
+                "#rrggbb, or X Y Z with Y = 100 for white"
+            )
+        word = names[word].casefold()
+    digits = word[1:] if len(word) == 7 else "".join(2 * digit for digit in word[1:])
+    return np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0
+
+
+def _css_names() -> dict[str, str]:
+    table = colour_science().notation.CSS_COLOR_3
+    return {str(name): str(table[name]) for name in table}

@@ -1,0 +1,289 @@
+"""A plausible reflectance for a colour, or for every colour of a picture.
+
+    colours, base, search, outside, recovery -> [construct] -> scenes, command line
+
+References
+----------
+[1] Wang, Xu & Sun (2004), "Practical Construction of Reflectances for Spectral Rendering".
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.errors import SpectrumError, VolspecWarning, nearest
+from volspec.spectra.construct.base import BaseSpectra, base_spectra
+from volspec.spectra.construct.colours import checked_XYZ, colour_XYZ
+from volspec.spectra.construct.made import ROUTES, MadeReflectances
+from volspec.spectra.construct.outside import smoothest
+from volspec.spectra.construct.recovery import RECOVERIES, recover
+from volspec.spectra.construct.search import Mesh, distinct, edge, locate, octants
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
+from volspec.spectra.lights import light as named_light
+from volspec.spectra.photometry import XYZ_of, white_XYZ
+from volspec.spectra.spectrum import Spectrum
+
+Array = NDArray[np.float64]
+
+_ROUTE = {name: number for number, name in enumerate(ROUTES)}
+METHODS = ("delaunay", "tetrahedron", "smoothest", *RECOVERIES)
+"""What `reflectances_of` takes for a method."""
+
+
+def reflectance_of(
+    colour: str | ArrayLike,
+    method: str = "delaunay",
+    light: str | Spectrum = "D65",
+    *,
+    observer_deg: int = 2,
+    grid: SpectralGrid = DEFAULT_GRID,
+    base: BaseSpectra | None = None,
+) -> Spectrum:
+    """A plausible reflectance that has a colour under a light.
+
+    Parameters
+    ----------
+    colour : str or (3,) array_like
+        ``"#c08040"``, a name of CSS Color 3, or X Y Z with Y = 100 for white, as three numbers or
+        as text. What is written in sRGB is adapted from its white to the light's.
+    method, light, observer_deg, grid, base
+        As `reflectances_of`.
+
+    Returns
+    -------
+    Spectrum
+        0 to 1 on the grid. Its notes say how it was made: ``constructed`` (the route of
+        `ROUTES`), ``colour``, and ``mixed from`` or ``extended from``, the base spectra's shares.
+
+    Raises
+    ------
+    SpectrumError
+        If the colour is unknown or none (not three numbers, negative, not finite, over twice
+        as bright as white), or the method or the light is unknown.
+
+    Warns
+    -----
+    VolspecWarning
+        If no reflectance within 0 to 1 has the colour; that of the nearest one is given.
+
+    Examples
+    --------
+    >>> paint = reflectance_of("#c08040")
+    >>> paint.notes["constructed"]
+    'delaunay'
+    >>> reflectance_of("white", light="A").values.round(6).min().item()
+    1.0
+    """
+    lamp = _lamp(light, grid)
+    XYZ = colour_XYZ(colour, white_XYZ(lamp, observer_deg))
+    made = reflectances_of(XYZ, method, lamp, observer_deg=observer_deg, grid=grid, base=base)
+    name = colour.strip() if isinstance(colour, str) else f"X Y Z {_words(XYZ)}"
+    return spectrum_of(made, name, XYZ, lamp, method, observer_deg)
+
+
+def spectrum_of(
+    made: MadeReflectances,
+    name: str,
+    XYZ: Array,
+    light: Spectrum,
+    method: str,
+    observer_deg: int = 2,
+) -> Spectrum:
+    """One made reflectance with notes on its making; see `reflectance_of`, and for its warning.
+
+    Parameters
+    ----------
+    made : MadeReflectances
+        Of one colour, values (N,).
+    name : str
+        What the colour was called.
+    XYZ : (3,) float64
+    light : Spectrum
+    method : str
+    observer_deg : {2, 10}
+    """
+    route, lamp = ROUTES[int(made.route)], light.name or "a light"
+    notes = {
+        "spectral quantity": "reflectance",
+        "constructed": _method(method) if route == "recovered" else route,
+        "colour": f"X Y Z {_words(XYZ)} under {lamp}, {observer_deg} degrees",
+    }
+    if mix := made.mix():
+        how = "extended" if route == "extended" else "mixed"
+        notes[f"{how} from"] = ", ".join(f"{share:.4f} {part}" for part, share in mix.items())
+    if route == "nearest":
+        # The caller of `reflectance_of` is two calls up.
+        warnings.warn(
+            f"colour {name!r}: no reflectance within 0 to 1 is X Y Z {_words(XYZ)} under {lamp}; "
+            f"the nearest is taken, {_words(XYZ_of(light, made.values, observer_deg))}",
+            VolspecWarning,
+            stacklevel=3,
+        )
+    return Spectrum(light.wavelengths_nm, made.values, name, notes)
+
+
+def _words(XYZ: Array) -> str:
+    return " ".join(f"{number:.6g}" for number in XYZ)
+
+
+def reflectances_of(
+    XYZ: ArrayLike,
+    method: str = "delaunay",
+    light: str | Spectrum = "D65",
+    *,
+    observer_deg: int = 2,
+    grid: SpectralGrid = DEFAULT_GRID,
+    base: BaseSpectra | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> MadeReflectances:
+    """Plausible reflectances for a palette or a whole picture of colours at once.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        Colours of surfaces under the light, Y = 100 for white.
+    method : str
+        - ``delaunay``: mixed from the four base spectra whose Delaunay tetrahedron in XYZ holds
+          the colour (eq. 7, 8 of [1]). Outside of all of them the mixture is taken where the way
+          from grey to the colour leaves them, and what is added to it is as smooth as can be;
+          so the spectra of neighbouring colours are neighbours, across the hull too.
+        - ``tetrahedron``: the search of [1], the nearest base colour in each octant around the
+          colour; where the five tetrahedra miss it, as ``delaunay``.
+        - ``smoothest``: of all reflectances within 0 to 1 with the colour the one of least
+          second differences; where there is none, the nearest colour's.
+        - ``otsu-2018``, ``jakob-2019``, ``meng-2015``, ``mallett-2019``, ``smits-1999``: as
+          colour-science recovers it, clipped to 0 to 1; the colour may be off.
+    light : str or Spectrum
+        Under which the colours are meant; a name of `light`.
+    observer_deg : {2, 10}
+    grid : SpectralGrid
+        N bands. The light is put on it.
+    base : BaseSpectra, optional
+        What to mix from, on the same grid; `base_spectra` of the grid when left out.
+    progress : function of a share 0 to 1, optional
+        Called while colours outside the base spectra are solved, about 0.3 ms each; every
+        colour is solved once, however many pixels have it.
+
+    Returns
+    -------
+    MadeReflectances
+        Values (..., N) within 0 to 1, and how each came about.
+
+    Raises
+    ------
+    SpectrumError
+        If a colour is none (`checked_XYZ`), the method or light is unknown, or the base is on
+        another grid.
+
+    Examples
+    --------
+    >>> made = reflectances_of([[20, 21, 22], [41.2, 21.3, 2.0]])
+    >>> made.values.shape, made.counts()
+    ((2, 31), {'delaunay': 1, 'extended': 1})
+    """
+    wanted = _method(method)
+    lamp = _lamp(light, grid)
+    colours = checked_XYZ(XYZ, white_XYZ(lamp, observer_deg))
+    base = base_spectra(grid) if base is None else base
+    if base.grid != grid:
+        raise SpectrumError(f"base spectra are on {base.grid}, expected {grid}; make them there")
+    rows = colours.reshape(-1, 3)
+    route = np.full(len(rows), _ROUTE["smoothest"], dtype=np.uint8)
+    vertices = np.full((len(rows), 4), -1, dtype=np.intp)
+    shares = np.zeros((len(rows), 4))
+    if wanted in RECOVERIES:
+        values = recover(wanted, rows, lamp, observer_deg)
+        route[:] = _ROUTE["recovered"]
+    else:
+        if wanted != "smoothest" and len(rows):
+            white, kept, mesh = _mesh(base, lamp.values.tobytes(), observer_deg)
+            route, vertices, shares = _surround(rows / white, mesh, wanted == "tetrahedron")
+            vertices = np.where(vertices >= 0, kept[vertices], -1)
+        values = _mixed(base.values, vertices, shares)
+        outside = route >= _ROUTE["extended"]
+        if outside.any():
+            Q = XYZ_of(lamp, np.eye(grid.size), observer_deg).T
+            unique, first, inverse = np.unique(
+                rows[outside], axis=0, return_index=True, return_inverse=True
+            )
+            solved, reached = smoothest(unique, Q, values[outside][first], progress)
+            inverse = inverse.ravel()
+            values[outside] = solved[inverse]
+            missed = np.flatnonzero(outside)[~reached[inverse]]
+            route[missed], vertices[missed], shares[missed] = _ROUTE["nearest"], -1, 0.0
+    shape = colours.shape[:-1]
+    return MadeReflectances(
+        values.reshape(*shape, grid.size),
+        route.reshape(shape),
+        vertices.reshape(*shape, 4),
+        shares.reshape(*shape, 4),
+        base,
+    )
+
+
+def _method(method: object) -> str:
+    """A method's name, however it is spelt: ``Otsu 2018`` is ``otsu-2018``."""
+    word = "-".join(str(method).casefold().replace("_", "-").split())
+    if word not in METHODS:
+        raise SpectrumError(
+            f"reflectance method {method!r} is unknown; {nearest(word, METHODS)}"
+            f"choose {', '.join(METHODS)}"
+        )
+    return word
+
+
+def _lamp(light: str | Spectrum, grid: SpectralGrid) -> Spectrum:
+    require_grid(grid)
+    return light.on(grid) if isinstance(light, Spectrum) else named_light(light, grid)
+
+
+@lru_cache(maxsize=8)
+def _mesh(
+    base: BaseSpectra, power: bytes, observer_deg: int
+) -> tuple[Array, NDArray[np.intp], Mesh]:
+    """The light's white, which base spectra to search, and their colours relative to it.
+
+    Kept for palettes that are made colour by colour.
+    """
+    lamp = Spectrum(base.grid.wavelengths_nm, np.frombuffer(power))
+    # Nothing to divide by where a light has no such part: one millionth of white is nothing.
+    white = np.maximum(white_XYZ(lamp, observer_deg), 1e-4)
+    points = XYZ_of(lamp, base.values, observer_deg) / white
+    kept = distinct(points)
+    return white, kept, Mesh.of(points[kept])
+
+
+def _surround(
+    colours: Array, mesh: Mesh, octants_first: bool
+) -> tuple[NDArray[np.uint8], NDArray[np.intp], Array]:
+    """Route, vertices and shares of every colour's mixture, or of the one to extend."""
+    n = len(colours)
+    route = np.full(n, _ROUTE["tetrahedron"], dtype=np.uint8)
+    vertices, shares = np.full((n, 4), -1, dtype=np.intp), np.zeros((n, 4))
+    if octants_first:
+        vertices, shares = octants(mesh.points, colours)
+    rest = vertices[:, 0] < 0
+    vertices[rest], shares[rest] = locate(mesh, colours[rest])
+    route[rest] = _ROUTE["delaunay"]
+    rest = vertices[:, 0] < 0
+    vertices[rest], shares[rest] = locate(mesh, edge(mesh, colours[rest]))
+    route[rest] = _ROUTE["extended"]
+    # A base without greys has no way out to follow.
+    route[vertices[:, 0] < 0] = _ROUTE["smoothest"]
+    return route, vertices, shares
+
+
+def _mixed(base: Array, vertices: NDArray[np.intp], shares: Array) -> Array:
+    """(n, N) sum of shares times base spectra, eq. 8 of [1]; zeros where nothing is mixed."""
+    from scipy.sparse import csr_matrix
+
+    n = len(vertices)
+    starts = np.arange(0, 4 * n + 1, 4)
+    columns = np.maximum(vertices, 0).ravel()
+    weights = csr_matrix((shares.ravel(), columns, starts), shape=(n, len(base)))
+    return np.clip(weights @ base, 0.0, 1.0)

@@ -1,0 +1,211 @@
+"""Which base colours surround a colour: four of them, and their shares.
+
+    base -> [search] -> construct
+
+References
+----------
+[1] Wang, Xu & Sun (2004), section 4: P = sum k_i P_i with k_i >= 0 and sum k_i = 1 (eq. 7)
+    makes sum k_i I_i (eq. 8) a spectrum of the colour P.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Surrounded = tuple[Indices, Array]
+"""(n, 4) indices of base colours, -1 where none surround the colour, and (n, 4) shares."""
+
+# The paper's eight points by the octant they lie in, as bits x + 2y + 4z. Its figure 2 has
+# ABCD below and EFGH above, both in a ring: the five tetrahedra then fill a cube.
+_A, _B, _C, _D, _E, _F, _G, _H = 0, 1, 3, 2, 4, 5, 7, 6
+_TETRAHEDRA = ((_A, _B, _C, _F), (_A, _C, _D, _H), (_A, _E, _F, _H), (_C, _F, _G, _H),
+               (_A, _C, _F, _H))  # fmt: skip
+# Shares this far below zero are rounding.
+_ROUNDING = 1e-9
+# Of white: colours of one cell are the same for the search, far below what an eye tells apart.
+_CELL = 1e-3
+# A tetrahedron flatter than this, relative to its edges, holds nothing for sure.
+_FLATTEST = 1e-12
+# Greys that are safely between black and white.
+_GREYS = (1e-3, 0.98)
+# Distances held at once: 32 MB of them.
+_AT_ONCE = 4_000_000
+
+
+def distinct(points: Array) -> Indices:
+    """Which of the base colours to search among: the first in every cell of a fine lattice.
+
+    Crowds of nearly equal colours, such as the black that high powers of dark paints tend to,
+    make flat tetrahedra of unlike spectra, on which the triangulation breaks down.
+
+    Parameters
+    ----------
+    points : (K, 3) float64
+        Relative to white.
+
+    Returns
+    -------
+    (L,) int
+        Increasing.
+    """
+    _, first = np.unique(np.floor(points / _CELL), axis=0, return_index=True)
+    return np.sort(first)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Base colours filled with tetrahedra.
+
+    Parameters
+    ----------
+    points : (K, 3) float64
+        The colours.
+    delaunay : scipy.spatial.Delaunay or None
+        None where there are no tetrahedra: under light of one or two wavelengths all colours
+        lie in a plane.
+    planes : (F, 4) float64
+        Of the hull: n . P + d, above 0 outside.
+    """
+
+    points: Array
+    delaunay: Any | None
+    planes: Array
+
+    @classmethod
+    def of(cls, points: Array) -> Mesh:
+        """Triangulate base colours."""
+        from scipy.spatial import ConvexHull, Delaunay, QhullError
+
+        try:
+            delaunay, planes = Delaunay(points), ConvexHull(points).equations
+        except QhullError:
+            return cls(points, None, np.empty((0, 4)))
+        # Some 15,000 factorisations of 3 x 3: threads would wait for each other at every one,
+        # for seconds where the machine is busy.
+        with threadpool_limits(1):
+            _ = delaunay.transform  # computed once, on first use
+        return cls(points, delaunay, planes)
+
+
+def locate(mesh: Mesh, XYZ: Array) -> Surrounded:
+    """The Delaunay tetrahedron around every colour, in one walk through the mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    XYZ : (n, 3) float64
+        On the scale of the base colours.
+
+    Returns
+    -------
+    vertices : (n, 4) int
+        -1 outside of the hull of the base colours.
+    shares : (n, 4) float64
+        At least 0, summing to 1; 0 outside.
+    """
+    delaunay = mesh.delaunay
+    if delaunay is None:
+        return np.full((len(XYZ), 4), -1, dtype=np.intp), np.zeros((len(XYZ), 4))
+    found = delaunay.find_simplex(XYZ, tol=_ROUNDING)
+    affine = delaunay.transform[found]
+    three = np.einsum("nij,nj->ni", affine[:, :3], XYZ - affine[:, 3])
+    shares = np.concatenate([three, 1.0 - three.sum(1, keepdims=True)], axis=1)
+    # Tetrahedra without volume have no affine map.
+    inside = (found >= 0) & np.isfinite(shares).all(1)
+    vertices = np.where(inside[:, None], delaunay.simplices[found], -1).astype(np.intp)
+    return vertices, np.where(inside[:, None], np.maximum(shares, 0.0), 0.0)
+
+
+def edge(mesh: Mesh, XYZ: Array) -> Array:
+    """Where the lines from greys to colours outside leave the hull.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With black and white in it; relative to white.
+    XYZ : (n, 3) float64
+        Each is sought from the grey of its Y.
+
+    Returns
+    -------
+    (n, 3) float64
+        Just inside.
+    """
+    on_edge = np.empty_like(XYZ)
+    rows = max(1, _AT_ONCE // max(len(mesh.planes), 1))
+    for start in range(0, len(XYZ), rows):
+        part = slice(start, start + rows)
+        grey = np.repeat(np.clip(XYZ[part, 1:2], *_GREYS), 3, axis=1)
+        way = XYZ[part] - grey
+        room = -(grey @ mesh.planes[:, :3].T + mesh.planes[:, 3])
+        speed = way @ mesh.planes[:, :3].T
+        # Of all planes that the line runs towards the first one ends it.
+        reach = np.where(speed > 0, room / np.where(speed > 0, speed, 1.0), np.inf)
+        share = np.clip(reach.min(1, initial=1.0), 0.0, 1.0) * (1.0 - _ROUNDING)
+        on_edge[part] = grey + share[:, None] * way
+    return on_edge
+
+
+def octants(points: Array, XYZ: Array) -> Surrounded:
+    """The paper's search: nearest base colour in each octant, first tetrahedron that holds P.
+
+    Parameters
+    ----------
+    points : (K, 3) float64
+        Base colours.
+    XYZ : (n, 3) float64
+
+    Returns
+    -------
+    vertices, shares
+        As `locate`. -1 where the paper leaves it open: an octant that a tetrahedron needs is
+        empty, or none of the five holds P, which happens inside the hull too.
+    """
+    vertices = np.full((len(XYZ), 4), -1, dtype=np.intp)
+    shares = np.zeros((len(XYZ), 4))
+    rows = max(1, _AT_ONCE // len(points))
+    with threadpool_limits(1):
+        for start in range(0, len(XYZ), rows):
+            part = slice(start, start + rows)
+            vertices[part], shares[part] = _octants(points, XYZ[part])
+    return vertices, shares
+
+
+def _octants(points: Array, XYZ: Array) -> Surrounded:
+    away = points[None] - XYZ[:, None]
+    octant = ((away >= 0) * np.array([1, 2, 4])).sum(-1)
+    distance = np.einsum("nki,nki->nk", away, away)
+    near = np.empty((len(XYZ), 8), dtype=np.intp)
+    there = np.empty((len(XYZ), 8), dtype=bool)
+    for code in range(8):
+        own = np.where(octant == code, distance, np.inf)
+        near[:, code] = own.argmin(1)
+        there[:, code] = np.isfinite(own.min(1))
+    vertices = np.full((len(XYZ), 4), -1, dtype=np.intp)
+    shares = np.zeros((len(XYZ), 4))
+    open_ = np.ones(len(XYZ), dtype=bool)
+    for corners in _TETRAHEDRA:
+        candidates = near[:, corners]
+        inside, weights = _barycentric(points[candidates], XYZ)
+        hit = open_ & inside & there[:, corners].all(1)
+        vertices[hit], shares[hit] = candidates[hit], weights[hit]
+        open_ &= ~hit
+    return vertices, shares
+
+
+def _barycentric(corners: Array, XYZ: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Whether tetrahedra (n, 4, 3) hold points (n, 3), and the corners' shares."""
+    edges = np.swapaxes(corners[:, :3] - corners[:, 3:], 1, 2)
+    size = np.linalg.norm(edges, axis=1).prod(1)
+    solid = np.abs(np.linalg.det(edges)) > _FLATTEST * np.maximum(size, 1e-300)
+    edges = np.where(solid[:, None, None], edges, np.eye(3))
+    three = np.linalg.solve(edges, (XYZ - corners[:, 3])[..., None])[..., 0]
+    shares = np.concatenate([three, 1.0 - three.sum(1, keepdims=True)], axis=1)
+    return solid & (shares >= -_ROUNDING).all(1), np.maximum(shares, 0.0)
