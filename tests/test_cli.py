@@ -187,8 +187,8 @@ BAD = {
     ),
     "unknown device": (("demo", "--device", "nonsense"), 1, "no OpenCL device named 'nonsense'"),
     "unknown command": (("relit",), 2, "relight"),
-    "no full stop inside": (("foo",), 2, "doctor, info and more; see volspec --help"),
-    "nor after options": (("--bogus",), 2, "doctor, info and more; see volspec --help"),
+    "no full stop inside": (("foo",), 2, " and more; see volspec --help"),
+    "nor after options": (("--bogus",), 2, " and more; see volspec --help"),
     "missing option": (("render", "s.toml"), 2, "--output"),
     "unknown option": (("demo", "--colour", "red"), 2, "--colour"),
 }

@@ -19,6 +19,10 @@ _HOMES = {
     "volspec.errors": (
         *("CastCancelled", "DeviceError", "InputError", "VolspecError", "VolspecWarning"),
     ),
+    "volspec.palette": (
+        *("Cell", "Criteria", "Design", "DesignReport", "Palette", "PaletteSpectrum", "design"),
+        *("fitted_exposure", "load_palette", "save_palette"),
+    ),
     "volspec.pipeline": (
         "Raycaster",
         "Relighter",

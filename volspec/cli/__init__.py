@@ -4,7 +4,18 @@ One file a group of commands; importing them adds them to `volspec.cli.shell.app
 import waits inside the commands.
 """
 
-from volspec.cli import appearance, basis, cast, demo, inspect, light, reflectance
+from volspec.cli import appearance, basis, cast, demo, design, inspect, light, reflectance
 from volspec.cli.shell import app, main
 
-__all__ = ["app", "appearance", "basis", "cast", "demo", "inspect", "light", "main", "reflectance"]
+__all__ = [
+    "app",
+    "appearance",
+    "basis",
+    "cast",
+    "demo",
+    "design",
+    "inspect",
+    "light",
+    "main",
+    "reflectance",
+]

@@ -101,8 +101,8 @@ def relight(
         list[str],
         Parameter(
             negative="",
-            help=r"D65, planck:3200, D65\*0.7+A\*0.3, FILE.csv, FILE.spdx, FILE.exr; "
-            r"or a light for each group, 'key=D65; fill=A\*0.3'; repeatable.",
+            help=r"D65, planck:3200, D65\*0.7+A\*0.3, FILE.csv, FILE.spdx, FILE.exr, "
+            r"PALETTE.toml#name; or a light for each group, 'key=D65; fill=A\*0.3'; repeatable.",
         ),
     ],
     output: Annotated[Path, Parameter(name=["--output", "-o"])],

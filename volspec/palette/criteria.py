@@ -95,7 +95,7 @@ class Phase:
         current = state.linear(eyes)
         blocks = {self.block_name(n): self._block(n) for n in self.open}
         terms = list(self._own_terms())
-        for place, cell in self._with_constancy(cells).items():
+        for place, cell in self.with_constancy(cells).items():
             more, rows = self._cell_rows(place, cell, eyes, current)
             blocks |= more
             terms += [term for term in rows if term.parts.keys() & blocks.keys()]
@@ -124,7 +124,7 @@ class Phase:
                 label = f"the luminance of light {palette.lights[number].name!r}"
                 yield Term({name: luminance}, np.ones(1), math.inf, label)
 
-    def _with_constancy(self, cells: Mapping[Place, Cell]) -> dict[Place, Cell]:
+    def with_constancy(self, cells: Mapping[Place, Cell]) -> dict[Place, Cell]:
         """The cells, and those that a constant row stands for."""
         palette = self.state.palette
         every = dict(cells)

@@ -93,13 +93,19 @@ def _spectrum(member: PaletteSpectrum) -> Spectrum:
 
 
 def _filled(palette: Palette, state: State) -> Palette:
-    """The palette with what was designed in it; open spectra stay open."""
+    """The palette with what was designed in it; open spectra stay open.
+
+    Lights are as `volspec.light` gives them: 1 is the even light of Y = 100.
+    """
+    unit = 100.0 / float(state.Q[1].sum())
     rows = tuple(
         replace(row, spectrum=named(row, values, palette.grid)) if row.open else row
         for row, values in zip(palette.reflectances, state.S, strict=True)
     )
     columns = tuple(
-        replace(column, spectrum=named(column, values, palette.grid)) if column.open else column
+        replace(column, spectrum=named(column, values / unit, palette.grid))
+        if column.open
+        else column
         for column, values in zip(palette.lights, state.E, strict=True)
     )
     return replace(palette, reflectances=rows, lights=columns)

@@ -1,6 +1,6 @@
 """Measured spectra from files of any format: text tables, IES TM-27, spectral OpenEXR images.
 
-    tables, spectral_image, photometry -> [files] -> lights, reflectances
+    tables, spectral_image, palettes, photometry -> [files] -> lights, reflectances
 
 References
 ----------
@@ -24,16 +24,18 @@ from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra._colour import colour_science
 from volspec.spectra._paths import path_text
 from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.palettes import SUFFIX as PALETTE
+from volspec.spectra.palettes import named_spectrum, palette_spectrum
 from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.spectral_image import Kind, SpectralImage, require_kind
 from volspec.spectra.spectrum import Spectrum
 from volspec.spectra.tables import file_content, read_number, read_table, require_nanometres
 
 Address = str | os.PathLike[str]
-FILE_FORMS = "FILE.csv, FILE.csv#column, FILE.spdx, FILE.exr"
+FILE_FORMS = "FILE.csv, FILE.csv#column, FILE.spdx, FILE.exr, PALETTE.toml#name"
 """How messages show the forms of `read_spectrum`."""
 
-_ADDRESS = re.compile(r"(.*?\.(csv|txt|tsv|spdx|xml|exr))(?:#(.*))?", re.IGNORECASE)
+_ADDRESS = re.compile(r"(.*?\.(csv|txt|tsv|spdx|xml|exr|toml))(?:#(.*))?", re.IGNORECASE)
 # A gap at the end of a table that needs no word: frequencies round to such wavelengths.
 _NOTHING_NM = 1e-3
 # What TM-27 calls the values, by what they can serve as; `relative` and `other` serve as both.
@@ -60,6 +62,8 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
           ``manufacturer``, ``measurement equipment`` and ``bandwidth fwhm`` (nm).
         - ``.exr``: a `SpectralImage`; ``FILE.exr`` is its mean, ``FILE.exr#X,Y`` one pixel,
           ``FILE.exr#X0,Y0,X1,Y1`` the mean of a box, X1 and Y1 not included.
+        - ``.toml``: a palette that ``volspec design`` wrote; ``PALETTE.toml#name`` is the values
+          of its light or reflectance of that name, or number from 1.
     kind : "emissive" or "reflective", optional
         What it is to serve as, a light or a reflectance. Files that say they are the other, in
         TM-27's SpectralQuantity or the note ``spectral quantity``, are refused; of an image that
@@ -81,12 +85,14 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     if address is None:
         raise SpectrumError(
             f"{os.fspath(path)}: the suffix says no format; use .csv, .txt, .tsv (text), "
-            ".spdx, .xml (IES TM-27) or .exr (spectral image)"
+            ".spdx, .xml (IES TM-27), .exr (spectral image) or .toml (palette)"
         )
     file, selector = address
     suffix = Path(file).suffix.lower()
     if suffix == ".exr":
         return _pixels(file, selector, kind)
+    if suffix == PALETTE:
+        return palette_spectrum(file, selector, _ROLE[kind] if kind else None)
     if suffix not in (".spdx", ".xml"):
         spectrum = read_table(file).spectrum(selector)
     elif selector:
@@ -106,6 +112,37 @@ def split_address(text: Address) -> tuple[str, str] | None:
     """``FILE#selector`` as (FILE, selector), either may stand alone; None if no file is named."""
     match = _ADDRESS.fullmatch(path_text(text))
     return (match[1], (match[3] or "").strip()) if match else None
+
+
+def given_in_palette(
+    address: tuple[str, str], role: str, folder: Address
+) -> tuple[str, str] | None:
+    """What a palette's address stands for where it is no spectrum of the palette's own making.
+
+    Parameters
+    ----------
+    address : (FILE, selector)
+        As `split_address`.
+    role : "light" or "reflectance"
+    folder : path
+        What the file's relative name starts from.
+
+    Returns
+    -------
+    (name, folder) or None
+        Such as ``D65``, and what a file in it starts from. None for a spectrum with values, and
+        for any file that is no palette.
+
+    Raises
+    ------
+    SpectrumError
+        If the palette has none of that name.
+    """
+    path = Path(path_text(folder), address[0])
+    if path.suffix.lower() != PALETTE:
+        return None
+    given = named_spectrum(os.fspath(path), address[1], role)
+    return None if given is None else (given, os.fspath(path.parent))
 
 
 def on_grid(

@@ -22,7 +22,13 @@ from numpy.typing import NDArray
 from volspec.errors import SpectrumError, nearest
 from volspec.spectra._colour import colour_science
 from volspec.spectra._paths import path_text
-from volspec.spectra.files import FILE_FORMS, on_grid, read_spectrum, split_address
+from volspec.spectra.files import (
+    FILE_FORMS,
+    given_in_palette,
+    on_grid,
+    read_spectrum,
+    split_address,
+)
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.spectra.observer import color_matching_functions
@@ -61,8 +67,9 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     text : str
         A name of `light_names` (any case), ``planck:KELVIN`` (500-100000),
         ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), a file (``FILE.csv``,
-        ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``, …; see `read_spectrum`), or a mix
-        ``NAME*WEIGHT+NAME*WEIGHT`` whose weights are shares of illuminance (default 1).
+        ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``, ``PALETTE.toml#name``, …; see
+        `read_spectrum`), or a mix ``NAME*WEIGHT+NAME*WEIGHT`` whose weights are shares of
+        illuminance (default 1).
         The name ``3-LED-1 (457/540/605)`` and its like are taken whole; in a mix, address a
         column whose name holds ``+`` or ``*`` by its number.
     grid : SpectralGrid
@@ -255,7 +262,10 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
     if prefix == PREFIX and number.strip() in LAMPS:
         source = LAMPS[number.strip()]
         return _normalised(_planck(source.kelvin, grid), grid, f"{PREFIX}:{source.name}")
-    if split_address(name):
+    if address := split_address(name):
+        if given := given_in_palette(address, "light", folder):
+            text, its_folder = given
+            return _normalised(light(text, grid, folder=its_folder).values, grid, text)
         return _from_file(os.fspath(Path(folder, name)), grid)
     raise _unknown(name)
 

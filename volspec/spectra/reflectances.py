@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, VolspecWarning, nearest
 from volspec.spectra._paths import path_text
-from volspec.spectra.files import FILE_FORMS, on_grid, read_spectrum, split_address
+from volspec.spectra.files import (
+    FILE_FORMS,
+    given_in_palette,
+    on_grid,
+    read_spectrum,
+    split_address,
+)
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.samples import reflectance_set_names, sample_tables
@@ -35,8 +41,8 @@ def reflectance(
         2024 data; ``TCS 1995/…`` the older), ``VS/1``-``VS/15`` (NIST CQS 9.0; ``VS 7.4/…``),
         ``Vrhel/118 wood pine`` (170 natural and man-made things), ``ACES/1`` (175 patches),
         a metal such as ``aluminium``; ``white``, ``black``, ``grey:0.18``; or a file with
-        values in 0..1 (``FILE.csv``, ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``, …;
-        see `read_spectrum`).
+        values in 0..1 (``FILE.csv``, ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``,
+        ``PALETTE.toml#name``, …; see `read_spectrum`).
     grid : SpectralGrid
     folder : path
         What a file's relative name starts from.
@@ -67,7 +73,10 @@ def reflectance(
     prefix, _, number = folded.partition(":")
     if folded in ("white", "black") or prefix in ("grey", "gray"):
         return _flat(name, {"white": "1", "black": "0"}.get(folded, number), grid)
-    if split_address(name):
+    if address := split_address(name):
+        if given := given_in_palette(address, "reflectance", folder):
+            text, its_folder = given
+            return reflectance(text, grid, folder=its_folder)
         return _from_file(os.fspath(Path(folder, name)), grid)
     known = {n.casefold(): n for n in sample_tables()}
     if folded not in known:

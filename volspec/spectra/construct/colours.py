@@ -54,7 +54,7 @@ def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
     if isinstance(colour, str):
         numbers = _numbers(colour)
         if numbers is None:
-            return XYZ_from_sRGB(_sRGB(colour), white)
+            return XYZ_from_sRGB(sRGB_of_word(colour), white)
         colour = numbers
     XYZ = checked_XYZ(colour, white)
     if XYZ.shape != (3,):
@@ -149,8 +149,20 @@ def _numbers(text: str) -> list[float] | None:
     return numbers
 
 
-def _sRGB(text: str) -> Array:
-    """The encoded sRGB of ``#rrggbb`` or a name."""
+def sRGB_of_word(text: str, others: str = "X Y Z with Y = 100 for white") -> Array:
+    """(3,) encoded sRGB, 0 to 1, of ``#rrggbb``, ``#rgb`` or a name of CSS Color 3, any case.
+
+    Parameters
+    ----------
+    text : str
+    others : str
+        What else may be written there, for messages.
+
+    Raises
+    ------
+    SpectrumError
+        If it is none of these; the nearest names are given.
+    """
     word = "".join(text.split()).casefold()
     if word.startswith("#"):
         if not _HEX.fullmatch(word):
@@ -160,7 +172,7 @@ def _sRGB(text: str) -> Array:
         if word not in names:
             raise SpectrumError(
                 f"colour {quoted(text)} is unknown; {nearest(word, names)}write a CSS name, "
-                "#rrggbb, or X Y Z with Y = 100 for white"
+                f"#rrggbb, or {others}"
             )
         word = names[word].casefold()
     digits = word[1:] if len(word) == 7 else "".join(2 * digit for digit in word[1:])

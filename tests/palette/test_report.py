@@ -1,0 +1,138 @@
+"""The report of a design: its figures are those of the colours, its advice comes true."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from volspec.palette import Cell, Criteria, DesignReport, Palette, PaletteSpectrum, design
+from volspec.spectra import XYZ_of
+
+ROOT = Path(__file__).resolve().parents[2]
+GREY = (0.6, 0.6, 0.6)
+
+
+def surface(name: str, **more: object) -> PaletteSpectrum:
+    return PaletteSpectrum(name, open=True, upper=1.0, **more)  # type: ignore[arg-type]
+
+
+def lamp(name: str) -> PaletteSpectrum:
+    return PaletteSpectrum(name, vs.light(name))
+
+
+@pytest.fixture(scope="module")
+def sodium() -> DesignReport:
+    palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
+    return DesignReport.of(design(palette), advice=True)
+
+
+def test_a_cell_shows_the_colour_that_its_spectra_make() -> None:
+    palette = Palette(
+        *((PaletteSpectrum("copper", vs.reflectance("copper")), surface("s")), (lamp("A"),)),
+        {("s", "A"): Cell(colour=GREY, weight=math.inf)},
+        vs.Viewing("CAT02"),
+    )
+    report = DesignReport.of(design(palette))
+    copper, grey = report.cells
+    seen = XYZ_of(vs.light("A"), vs.reflectance("copper"))
+    assert np.allclose(copper.XYZ, seen)
+    assert (copper.kind, copper.wanted, copper.delta_E_2000) == ("", None, None)
+    assert grey.wanted == pytest.approx(GREY) and grey.delta_E_2000 == pytest.approx(0, abs=1e-3)
+    assert report.mean == grey.error, "of what is wanted only"
+    assert grey.to_dict()["hex"] == "#999999" and grey.to_dict()["weight"] == "must"
+
+
+def test_colours_outside_the_display_are_told() -> None:
+    """Skin under a sodium lamp, taken as it is, is more orange than sRGB."""
+    rows = (PaletteSpectrum("skin", vs.reflectance("ColorChecker/dark skin")), surface("s"))
+    cells = {("s", "D65"): Cell(colour=GREY)}
+    report = DesignReport.of(design(Palette(rows, (lamp("D65"), lamp("HP1")), cells)))
+    assert report.cell(("skin", "D65")).in_gamut
+    orange = report.cell(("skin", "HP1"))
+    assert not orange.in_gamut and min(orange.obtained) < 0
+
+
+def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
+    rows = tuple(surface(name) for name in "abcd")
+    cells = {
+        ("a", "D65"): Cell("free", group="g"),
+        ("b", "D65"): Cell("free", group="g"),
+        ("c", "D65"): Cell("same", other=("a", "D65")),
+        ("c", "A"): Cell(colour=GREY),
+        ("d", "A"): Cell(colour=GREY),
+        ("d", "D65"): Cell("distinct", other=("a", "D65"), distance=30),
+    }
+    report = DesignReport.of(design(Palette(rows, (lamp("D65"), lamp("A")), cells)))
+    found = {(pair.light, pair.reflectances) for pair in report.metamers}
+    assert found == {
+        *(("D65", pair) for pair in (("a", "b"), ("a", "c"), ("b", "c"))),
+        ("A", ("c", "d")),
+    }
+    assert all(set(pair.apart) == {"D65", "A"} - {pair.light} for pair in report.metamers)
+    apart = report.cell(("d", "D65"))
+    assert apart.error is None and apart.wanted is None
+    assert apart.delta_E_1976 == pytest.approx(30, abs=1)
+
+
+def test_bounds_that_bind_are_counted_and_the_cost_adds_up(sodium: DesignReport) -> None:
+    flame, _ = sodium.spectra
+    assert (flame.kind, flame.name, flame.bands) == ("reflectance", "flame", 31)
+    assert flame.at_lower > 10 and flame.largest <= 1.0
+    made = design(vs.load_palette(ROOT / "data/palettes/figure-2.toml"))
+    # The design counts the colours straight between two rounds: 1e-6 of them.
+    assert sum(DesignReport.of(made).cost.values()) == pytest.approx(made.cost, abs=1e-5)
+
+
+def test_a_mixture_is_counted_by_its_lamps() -> None:
+    mixed = PaletteSpectrum("L", open=True, mixture=(vs.light("LED-B1"), vs.light("FL11")))
+    cells = {("s", "L"): Cell(colour=GREY)}
+    report = DesignReport.of(design(Palette((surface("s"),), (mixed,), cells)))
+    assert {(s.kind, s.bands) for s in report.spectra} == {("reflectance", 31), ("light", 2)}
+
+
+def test_advice_comes_true(sodium: DesignReport) -> None:
+    weights = [said for said in sodium.suggestions if said.startswith("(paint, sodium): weight 4")]
+    assert len(weights) == 1 and "left free" in " ".join(sodium.suggestions)
+    palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
+    place = ("paint", "sodium")
+    cells = {**palette.cells, place: replace(palette.cells[place], weight=4)}
+    after = DesignReport.of(design(replace(palette, cells=cells)))
+    promised = float(weights[0].partition(" to ")[2].partition(";")[0])
+    assert after.cell(place).error == pytest.approx(promised, abs=0.3)
+
+
+def test_a_colour_beyond_every_reflectance_is_told_with_the_nearest() -> None:
+    """Blue under sodium: no reflectance gives it, whatever else is asked."""
+    cells = {("s", "HP1"): Cell(colour=(0.1, 0.2, 0.9)), ("s", "D65"): Cell(colour=GREY)}
+    palette = Palette((surface("s"),), (lamp("HP1"), lamp("D65")), cells)
+    said = DesignReport.of(design(palette), advice=True).suggestions
+    assert any("(s, HP1): #1a33e6 is beyond what its bounds allow" in each for each in said)
+
+
+def test_a_brighter_light_is_advised_where_upper_bounds_bind() -> None:
+    cells = {("s", "A"): Cell(colour=(0.9, 0.9, 0.95))}
+    palette = Palette((surface("s"),), (lamp("A"),), cells, criteria=Criteria(rounds=3))
+    said = DesignReport.of(design(palette), advice=True).suggestions
+    assert any(each.startswith("exposure 1.5 instead of 1 brings") for each in said)
+
+
+def test_a_design_without_faults_has_no_advice() -> None:
+    cells = {("s", "D65"): Cell(colour=GREY)}
+    report = DesignReport.of(design(Palette((surface("s"),), (lamp("D65"),), cells)), advice=True)
+    assert report.suggestions == () and report.max < 0.1
+
+
+def test_it_reads_as_text_and_as_json(sodium: DesignReport) -> None:
+    text = str(sodium)
+    for words in ("sodium", "paint", "alike under D65: flame and paint", "what would help"):
+        assert words in text
+    assert max(map(len, text.splitlines())) <= 100
+    data = json.loads(json.dumps(sodium.to_dict()))
+    assert len(data["cells"]) == 4 and data["cells"][0].keys() >= {"X", "Y", "Z", "wanted_hex"}
+    assert data["mean"] == pytest.approx(np.mean(sodium.errors))

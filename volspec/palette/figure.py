@@ -1,0 +1,278 @@
+"""A palette in one picture: lights across, reflectances down, and the colours where they meet.
+
+design, report -> [figure] -> PNG, PDF, SVG
+
+After figures 1 and 2 of [1]: in each cell the surround is the colour obtained and the framed square
+the one wanted; the spectra stand at the margins. matplotlib is imported late and draws on a canvas
+of its own.
+
+References
+----------
+[1] Bergner, Drew & Möller (2009), ACM TOG 28(1) art. 5.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._files import write_whole
+from volspec.appearance.wavelengths import spectrum_colours
+from volspec.basis.figure.style import FAINT, HAIR, INK, PAPER, inch_axes, shortened, write
+from volspec.errors import ImageError
+from volspec.palette.cells import CellReport
+from volspec.palette.report import DesignReport
+from volspec.palette.solve import Design
+from volspec.spectra import SpectralGrid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+SUFFIXES = (".png", ".svg", ".pdf")
+DPI = 160
+# Inches. Cells shrink from the largest to the smallest as a palette grows.
+_CELLS, _LARGEST, _SMALLEST = 7.2, 1.25, 0.56
+_MARGIN, _GAP, _KEY, _LINE = 0.36, 0.07, 0.5, 0.17
+_LEAST_WIDTH, _LONGEST = 5.6, 1.9
+_SLANT_DEG = 36.0
+# L* = 50: colours are judged on a neutral grey.
+_GREY = "#777777"
+# From this luma on black is read better than white.
+_LIGHT = 0.55
+_VISIBLE = 1.0
+
+
+def palette_figure(design: Design, report: DesignReport | None = None, title: str = "") -> Figure:
+    """Draw a designed palette.
+
+    Parameters
+    ----------
+    design : Design
+    report : DesignReport, optional
+        Its own, where it is made already.
+    title : str
+        Stands above.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        On an Agg canvas; ``savefig`` writes it.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    report = report or DesignReport.of(design)
+    layout = _Layout(*design.palette.names, bool(title))
+    figure = Figure(figsize=(layout.width, layout.height), dpi=DPI, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    if title:
+        y = 1.0 - 0.3 / layout.height
+        text = write(figure, _MARGIN / layout.width, y, title, fontsize=12, weight="bold",
+                     color=INK, va="center")  # fmt: skip
+        shortened(text, layout.width - 2 * _MARGIN)
+    _draw_lights(figure, layout, design)
+    _draw_reflectances(figure, layout, design)
+    _draw_cells(figure, layout, report)
+    _draw_key(figure, layout, report)
+    return figure
+
+
+def save_palette_figure(
+    design: Design,
+    path: str | os.PathLike[str],
+    report: DesignReport | None = None,
+    title: str = "",
+) -> None:
+    """Write `palette_figure` as the kind of file that the name says; whole or not at all.
+
+    Raises
+    ------
+    ImageError
+        If the name is none of .png, .svg, .pdf.
+    """
+    kind = Path(path).suffix.lower()
+    if kind not in SUFFIXES:
+        raise ImageError(f"{path}: figures are {', '.join(SUFFIXES)} files; name it .png")
+    with write_whole(path) as temporary:
+        figure = palette_figure(design, report, title)
+        metadata = {"Date": None} if kind == ".svg" else {}  # the same file tomorrow
+        figure.savefig(temporary, format=kind[1:], dpi=DPI, metadata=metadata)
+
+
+class _Layout:
+    """Where things stand, in inches from the lower left."""
+
+    def __init__(self, rows: tuple[str, ...], columns: tuple[str, ...], titled: bool) -> None:
+        self.rows, self.columns = len(rows), len(columns)
+        most = max(self.rows, self.columns)
+        self.side = float(np.clip(_CELLS / most, _SMALLEST, _LARGEST))
+        self.font = 6.5 + 2.5 * (self.side - _SMALLEST) / (_LARGEST - _SMALLEST)
+        self.plot = (max(1.25 * self.side, 0.8), max(0.72 * self.side, 0.5))
+        self.names = self._wide(rows)
+        self.left = _MARGIN + self.names + self.plot[0] + 0.22
+        self.bottom = _KEY + 0.38
+        pitch = self.side + _GAP
+        self.width = max(self.left + self.columns * pitch + _GAP + _MARGIN, _LEAST_WIDTH)
+        # Names of lights that are wider than their column rise aslant.
+        wide = self._wide(columns)
+        self.aslant = wide > self.side
+        above = 0.62 * wide + 0.1 if self.aslant else 0.18
+        if self.aslant:
+            self.width += max(0.82 * wide - self.side / 2 - _MARGIN, 0.0)
+        top = self.plot[1] + above + 0.32 + (0.42 if titled else 0.0)
+        self.height = self.bottom + self.rows * pitch + _GAP + top
+
+    def _wide(self, names: tuple[str, ...]) -> float:
+        """Inches that names need at most, but no more than one may take."""
+        return min(max(map(len, names)) * 0.6 * self.font / 72.0 + 0.06, _LONGEST)
+
+    def cell(self, row: int, column: int) -> tuple[float, float]:
+        """Lower left of a cell."""
+        pitch = self.side + _GAP
+        return self.left + _GAP + column * pitch, self.bottom + _GAP + (self.rows - 1 - row) * pitch
+
+
+def _draw_lights(figure: Figure, layout: _Layout, design: Design) -> None:
+    for j, name in enumerate(design.palette.names[1]):
+        x, y = layout.cell(0, j)
+        low = y + layout.side + _GAP + 0.1
+        axes = inch_axes(figure, x, low, layout.side, layout.plot[1])
+        values = design.state.E[j]
+        _draw_spectrum(axes, design.palette.grid, values / values.max(), 1.08)
+        middle, above = (x + layout.side / 2) / layout.width, low + layout.plot[1] + 0.11
+        text = write(figure, middle, above / layout.height, name, va="center", fontsize=layout.font,
+                     color=INK, ha="left" if layout.aslant else "center")  # fmt: skip
+        shortened(text, _LONGEST)
+        if layout.aslant:
+            text.set(rotation=_SLANT_DEG, rotation_mode="anchor")
+
+
+def _draw_reflectances(figure: Figure, layout: _Layout, design: Design) -> None:
+    top = max(1.0, float(design.state.S.max()))
+    wide = layout.plot[0]
+    for i, name in enumerate(design.palette.names[0]):
+        _, y = layout.cell(i, 0)
+        axes = inch_axes(figure, layout.left - 0.12 - wide, y, wide, layout.side)
+        axes.axhline(1.0, color=HAIR, linewidth=0.6, zorder=0)
+        _draw_spectrum(axes, design.palette.grid, design.state.S[i], 1.04 * top)
+        if i == 0:
+            write(axes, -0.02, 1.0, "1", transform=axes.get_yaxis_transform(), ha="right",
+                  va="center", fontsize=0.8 * layout.font, color=FAINT)  # fmt: skip
+        if i == layout.rows - 1:
+            _draw_ticks(axes, design.palette.grid, layout.font)
+        at = (layout.left - 0.24 - wide) / layout.width
+        text = write(figure, at, (y + layout.side / 2) / layout.height, name, ha="right",
+                     va="center", fontsize=layout.font, color=INK)  # fmt: skip
+        shortened(text, layout.names)
+
+
+def _draw_spectrum(axes: Axes, grid: SpectralGrid, values: Array, top: float) -> None:
+    """A curve, and below it the colours of the wavelengths."""
+    from matplotlib.patches import Polygon
+
+    w = grid.wavelengths_nm
+    low = min(0.0, 1.05 * float(values.min()))
+    axes.set(xlim=(w[0], w[-1]), ylim=(low, top), xticks=[], yticks=[])
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    axes.spines["bottom"].set(color=FAINT, linewidth=0.6, position=("data", 0.0))
+    axes.patch.set_alpha(0.0)
+    nm = np.linspace(w[0], w[-1], 400)
+    extent = (float(w[0]), float(w[-1]), low, top)
+    strip = axes.imshow(_pale(spectrum_colours(nm))[None], extent=extent, aspect="auto", zorder=1)
+    outline = np.column_stack([[w[0], *w, w[-1]], [0.0, *values, 0.0]])
+    strip.set_clip_path(Polygon(outline, closed=True, transform=axes.transData))
+    axes.plot(w, values, color=INK, linewidth=0.9, zorder=3, solid_joinstyle="round")
+
+
+def _pale(sRGB: Array) -> Array:
+    """Half way to the paper: the colours tell wavelengths, they are none of the palette's."""
+    return 0.45 + 0.55 * sRGB
+
+
+def _draw_ticks(axes: Axes, grid: SpectralGrid, font: float) -> None:
+    first, last = grid.start_nm, grid.stop_nm
+    labels = {first: f"{first:g}", (first + last) / 2: "nm", last: f"{last:g}"}
+    for x, words in labels.items():
+        write(axes, x, -0.05, words, transform=axes.get_xaxis_transform(), ha="center", va="top",
+              fontsize=0.8 * font, color=FAINT)  # fmt: skip
+
+
+def _draw_cells(figure: Figure, layout: _Layout, report: DesignReport) -> None:
+    pitch = layout.side + _GAP
+    wide, tall = layout.columns * pitch + _GAP, layout.rows * pitch + _GAP
+    axes = inch_axes(figure, layout.left, layout.bottom, wide, tall)
+    axes.set(xlim=(0, wide), ylim=(0, tall))
+    axes.set_axis_off()
+    _square(axes, 0, 0, wide, tall, facecolor=_GREY)
+    for number, cell in enumerate(report.cells):
+        x, y = layout.cell(*divmod(number, layout.columns))
+        _draw_cell(axes, x - layout.left, y - layout.bottom, layout, cell)
+
+
+def _draw_cell(axes: Axes, x: float, y: float, layout: _Layout, cell: CellReport) -> None:
+    side, seen = layout.side, np.clip(cell.obtained, 0.0, 1.0)
+    _square(axes, x, y, side, side, facecolor=seen)
+    on = _contrast(seen)
+    size = 0.44 * side
+    at = x + (side - size) / 2, y + (side - size) / 2
+    middle = x + side / 2, y + side / 2
+    mark = {"same": "=", "distinct": "≠"}.get(cell.kind)
+    if cell.kind == "distinct":
+        _square(axes, *at, size, size, facecolor="none", edgecolor=on, alpha=0.35, linewidth=0.6)
+    elif cell.wanted is not None:
+        inner = np.clip(cell.wanted, 0.0, 1.0)
+        dashes: Any = (0, (2.2, 1.8)) if cell.kind in ("free", "same") else "solid"
+        _square(axes, *at, size, size, facecolor=inner)
+        _square(axes, *at, size, size, facecolor="none", edgecolor=on, alpha=0.6,
+                linewidth=0.7, linestyle=dashes)  # fmt: skip
+    if mark:
+        write(axes, *middle, mark, ha="center", va="center", fontsize=1.1 * layout.font,
+              color=on, alpha=0.7)  # fmt: skip
+    if cell.error is not None and cell.error > _VISIBLE:
+        write(axes, x + side - 0.05, y + 0.05, f"{cell.error:.{1 if cell.error < 9.95 else 0}f}",
+              ha="right", va="bottom", fontsize=0.85 * layout.font, color=on)  # fmt: skip
+    if not cell.in_gamut:
+        write(axes, x + side - 0.06, y + side - 0.05, "!", ha="right", va="top",
+              fontsize=0.85 * layout.font, weight="bold", color=on)  # fmt: skip
+
+
+def _square(axes: Axes, x: float, y: float, wide: float, tall: float, **style: Any) -> None:
+    from matplotlib.patches import Rectangle
+
+    axes.add_patch(Rectangle((x, y), wide, tall, **{"linewidth": 0.0, **style}))
+
+
+def _contrast(codes: Array) -> str:
+    """Black or white, whichever is read better on a colour."""
+    luma = float(codes @ (0.299, 0.587, 0.114))
+    return "black" if luma > _LIGHT else "white"
+
+
+def _draw_key(figure: Figure, layout: _Layout, report: DesignReport) -> None:
+    kinds = {cell.kind for cell in report.cells}
+    words = ["surround: obtained", "square: wanted"]
+    words += ["dashed: left free"] * ("free" in kinds)
+    words += ["=: the same as another"] * ("same" in kinds)
+    words += ["≠: apart from another"] * ("distinct" in kinds)
+    words += ["number: ΔE00 above 1"] * (report.max > _VISIBLE)
+    words += ["!: outside the display"] * any(not cell.in_gamut for cell in report.cells)
+    totals = (
+        f"ΔE00 mean {report.mean:.2f}, largest {report.max:.2f}; exposure {report.exposure:.3g}"
+    )
+    axes = inch_axes(figure, _MARGIN, 0.1, layout.width - 2 * _MARGIN, _KEY)
+    axes.set(xlim=(0, layout.width - 2 * _MARGIN), ylim=(0, _KEY))
+    axes.set_axis_off()
+    axes.axhline(_KEY - 0.02, color=HAIR, linewidth=0.6)
+    for line, said in enumerate(("  ·  ".join(words), totals)):
+        text = write(axes, 0, _KEY - 0.16 - _LINE * line, said, fontsize=7.2, color=FAINT,
+                     va="center")  # fmt: skip
+        fit = (layout.width - 2 * _MARGIN) * DPI / max(text.get_window_extent().width, 1.0)
+        text.set_fontsize(7.2 * min(1.0, 0.96 * fit))  # small type is a little wider

@@ -1,0 +1,249 @@
+"""Palettes on disk: TOML in, a `Palette` out; what was designed is written back beside comments.
+
+TOML -> [file] -> Palette -> design -> [file] -> TOML
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from volspec.basis import SpectralBasis, load_basis
+from volspec.errors import InputError, PaletteError, nearest
+from volspec.palette.colours import parsed_colour
+from volspec.palette.exposure import fitted_exposure
+from volspec.palette.members import PaletteSpectrum
+from volspec.palette.model import Cell, Palette, Place
+from volspec.palette.tables import (
+    EVERY,
+    CellTable,
+    CriteriaTable,
+    LightTable,
+    PaletteTable,
+    ReflectanceTable,
+    SpectrumTable,
+    explained,
+)
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light, reflectance
+
+# Values of an open spectrum came from a design.
+_NOTES: dict[bool, dict[str, str]] = {True: {"designed": "volspec design"}, False: {}}
+FileName = str | os.PathLike[str]
+
+
+def load_palette(path: FileName) -> Palette:
+    """Read a palette; docs/palettes.md explains the file.
+
+    Parameters
+    ----------
+    path : path
+        TOML. Files named in it are relative to it. Open spectra that have ``values`` begin there.
+
+    Returns
+    -------
+    Palette
+        Where the file says ``exposure = "auto"``, with the `fitted_exposure`.
+
+    Raises
+    ------
+    PaletteError
+        If the file is missing, is no TOML, or something in it is unknown or wrong; the message
+        names file, field and value.
+
+    Examples
+    --------
+    >>> import volspec as vs
+    >>> made = vs.design(vs.load_palette("data/palettes/figure-1.toml"))
+    >>> made.reflectance("flame").designed
+    True
+    """
+    table = palette_table(path)
+    palette = _Reader(Path(path), table).palette()
+    if table.viewing.exposure == "auto":
+        with _named(os.fspath(path), "exposure:"):
+            return palette.with_exposure(fitted_exposure(palette))
+    return palette
+
+
+def palette_table(path: FileName) -> PaletteTable:
+    """The tables of a palette's file, each checked by itself.
+
+    Raises
+    ------
+    PaletteError
+        As `load_palette`.
+    """
+    name = os.fspath(path)
+    try:
+        return PaletteTable.model_validate(tomllib.loads(palette_text(path)))
+    except tomllib.TOMLDecodeError as error:
+        raise PaletteError(f"{name}: not valid TOML: {error}") from error
+    except ValidationError as error:
+        raise PaletteError(f"{name}: {explained(error)}") from error
+
+
+def palette_text(path: FileName) -> str:
+    """What the file says.
+
+    Raises
+    ------
+    PaletteError
+        If it cannot be read.
+    """
+    name = os.fspath(path)
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise PaletteError(f"{name}: no such file; check the path") from None
+    except IsADirectoryError:
+        raise PaletteError(f"{name}: is a folder; give a palette's file") from None
+    except UnicodeDecodeError as error:
+        raise PaletteError(f"{name}: not valid TOML: {error}; save it as UTF-8") from error
+    except OSError as error:
+        raise PaletteError(
+            f"{name}: cannot be read: {error.strerror or error}; check the path and its permissions"
+        ) from error
+
+
+@contextmanager
+def _named(path: str, where: str) -> Iterator[None]:
+    """Put the file's and the table's name before the message of what goes wrong inside."""
+    try:
+        yield
+    except InputError as error:
+        said = str(error).removeprefix("palette: ").removeprefix("cell: ")
+        raise PaletteError(f"{path}: {where} {said}" if where else f"{path}: {said}") from error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reader:
+    """Tables to a palette."""
+
+    path: Path
+    table: PaletteTable
+
+    def palette(self) -> Palette:
+        table, name = self.table, os.fspath(self.path)
+        grid = DEFAULT_GRID
+        with _named(name, "[criteria]"):
+            if table.criteria.grid_nm is not None:
+                grid = SpectralGrid(*table.criteria.grid_nm)
+            criteria, basis = table.criteria.criteria(), self._basis(table.criteria)
+        with _named(name, "[viewing]"):
+            viewing = table.viewing.viewing()
+        reflectances = tuple(self._member(row, grid) for row in table.reflectance)
+        lights = tuple(self._member(row, grid) for row in table.light)
+        cells = self._cells()
+        with _named(name, ""):
+            return Palette(
+                *(reflectances, lights, cells, viewing, grid, criteria),
+                level=table.criteria.level,
+                basis=basis,
+            )
+
+    def _basis(self, table: CriteriaTable) -> SpectralBasis | None:
+        if table.basis is None:
+            return None
+        file = table.basis.endswith(".json")
+        found = load_basis(os.fspath(self.path.parent / table.basis) if file else table.basis)
+        if not isinstance(found, SpectralBasis):
+            raise PaletteError(f"basis {table.basis!r} holds materials; give a fitted one")
+        return found
+
+    def _member(self, row: SpectrumTable, grid: SpectralGrid) -> PaletteSpectrum:
+        kind, find = (
+            ("light", light) if isinstance(row, LightTable) else ("reflectance", reflectance)
+        )
+        with _named(os.fspath(self.path), f"[[{kind}]] {row.name}:"):
+            spectrum = self._values(row, grid)
+            if spectrum is None and row.spectrum is not None:
+                spectrum = find(row.spectrum, grid, folder=self.path.parent)
+            if not row.open:
+                return PaletteSpectrum(row.name, spectrum)
+            mixture = row.mixture if isinstance(row, LightTable) else []
+            return PaletteSpectrum(
+                *(row.name, spectrum, True),
+                lower=None if row.lower == "none" else row.lower,
+                upper=None if row.upper == "none" else row.upper,
+                band_nm=row.band_nm,
+                mixture=tuple(light(each, grid, folder=self.path.parent) for each in mixture),
+                constant=isinstance(row, ReflectanceTable) and row.constant,
+            )
+
+    def _values(self, row: SpectrumTable, grid: SpectralGrid) -> Spectrum | None:
+        if row.values is None:
+            return None
+        if len(row.values) != grid.size:
+            raise PaletteError(
+                f"{len(row.values)} values, but {grid.size} bands ({grid}); leave the values out, "
+                "or give [criteria] grid_nm as they were made with"
+            )
+        return Spectrum(grid.wavelengths_nm, np.array(row.values), row.name, _NOTES[row.open])
+
+    def _cells(self) -> dict[Place, Cell]:
+        cells: dict[Place, Cell] = {}
+        groups: dict[str, tuple[int, Cell]] = {}
+        for number, row in enumerate(self.table.cell, start=1):
+            with _named(os.fspath(self.path), f"cell {number}:"):
+                cell = _cell(row)
+                first, other = groups.setdefault(cell.group, (number, cell))
+                if cell.group and (cell.low, cell.high) != (other.low, other.high):
+                    raise PaletteError(
+                        f"the free colour {cell.group!r} has other bounds than in cell {first}; "
+                        "give both the same low and high, or name one of them otherwise"
+                    )
+                for place in self._places(row):
+                    if place in cells:
+                        raise PaletteError(
+                            f"({', '.join(place)}) is asked for twice; leave out one of them"
+                        )
+                    cells[place] = cell
+        return cells
+
+    def _places(self, row: CellTable) -> Iterator[Place]:
+        rows, columns = row.at or (row.reflectance, row.light)
+        for reflectance_name in self._names("reflectance", rows):
+            for light_name in self._names("light", columns):
+                yield reflectance_name, light_name
+
+    def _names(self, kind: str, given: str | list[str] | None) -> list[str]:
+        known = [row.name for row in getattr(self.table, kind)]
+        if given == EVERY:
+            return known
+        names = [given] if isinstance(given, str) else given or []
+        if not names:
+            raise PaletteError(f"{kind} is empty; give a name, several, or {EVERY!r} for all")
+        for name in names:
+            if name not in known:
+                raise PaletteError(
+                    f"no {kind} is named {name!r}; {nearest(name, known)}there is "
+                    f"{', '.join(known)}"
+                )
+        return names
+
+
+def _cell(row: CellTable) -> Cell:
+    wanted: dict[str, Any] = {"kind": row.wish}
+    if row.colour is not None:
+        wanted["colour"] = parsed_colour(row.colour)
+    if row.free is not None:
+        wanted["group"] = row.free
+    if other := row.same or row.distinct:
+        wanted["other"] = other
+    if row.must or row.weight is not None:
+        wanted["weight"] = math.inf if row.must else row.weight
+    for name in ("low", "high"):
+        if (bound := getattr(row, name)) is not None:
+            wanted[name] = parsed_colour(bound)
+    if row.distance is not None:
+        wanted["distance"] = row.distance
+    return Cell(**wanted)

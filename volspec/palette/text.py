@@ -1,0 +1,125 @@
+"""A design's report for a terminal: a matrix of colours, metamers, bounds, suggestions.
+
+DesignReport -> [text] -> rich
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from volspec.palette.colours import hexadecimal
+
+if TYPE_CHECKING:
+    from volspec.palette.cells import CellReport
+    from volspec.palette.metamers import MetamerReport
+    from volspec.palette.report import DesignReport
+
+# More lights than this leave no room for codes beside differences.
+_MOST_WITH_CODES = 6
+# And of so many are metamers told by name.
+_MOST_NAMED = 4
+_WIDTH = 100
+
+
+def plain_text(report: DesignReport) -> str:
+    """All of it as text, without colours."""
+    sink = io.StringIO()
+    Console(file=sink, width=_WIDTH, color_system=None, highlight=False).print(parts(report, False))
+    return "\n".join(line.rstrip() for line in sink.getvalue().splitlines())
+
+
+def parts(report: DesignReport, colours: bool) -> Group:
+    """All of it, to print; with swatches where there are colours."""
+    blocks: list[RenderableType] = [matrix(report, colours), Text(""), *_lines(report)]
+    if report.suggestions:
+        blocks += [Text(""), Text("what would help", style="dim")]
+        blocks += [_hanging(sentence) for sentence in report.suggestions]
+    return Group(*blocks)
+
+
+def _hanging(sentence: str) -> Table:
+    table = Table.grid(padding=(0, 1))
+    table.add_row("•", Text(sentence))
+    return table
+
+
+def matrix(report: DesignReport, colours: bool) -> Table:
+    """Reflectances below each other, lights beside each other: the colour seen and its ΔE00."""
+    columns = list(dict.fromkeys(cell.light for cell in report.cells))
+    codes = len(columns) <= _MOST_WITH_CODES
+    table = Table(box=None, pad_edge=False, show_edge=False, header_style="dim")
+    table.add_column("colour, ΔE00" if codes else "ΔE00", style="bold", no_wrap=True)
+    for column in columns:
+        table.add_column(Text(column), justify="left" if codes else "right", no_wrap=codes)
+    for row in dict.fromkeys(cell.reflectance for cell in report.cells):
+        cells = (cell for cell in report.cells if cell.reflectance == row)
+        table.add_row(Text(row), *(_cell(cell, codes, colours) for cell in cells))
+    return table
+
+
+def _cell(cell: CellReport, codes: bool, colours: bool) -> Text:
+    text = Text()
+    shown = hexadecimal(cell.obtained)
+    if colours:
+        text.append("  ", style=f"on {shown}")
+        text.append(" ")
+    if codes:
+        text.append(shown + ("" if cell.in_gamut else "!") + " ")
+    if cell.error is not None:
+        digits = 1 if codes or cell.error < 9.95 else 0
+        text.append(f"{cell.error:.{digits}f}", style="bold" if cell.error > 1.0 else "")
+    elif cell.delta_E_2000 is not None:
+        text.append(f"≠ {cell.delta_E_2000:.0f}")
+    else:
+        text.append("–", style="dim")
+    return text
+
+
+def _lines(report: DesignReport) -> Iterator[Text]:
+    yield Text.assemble(
+        ("ΔE00 ", "dim"),
+        f"mean {report.mean:.2f}, largest {report.max:.2f}; exposure {report.exposure:g}",
+    )
+    outside = [cell for cell in report.cells if not cell.in_gamut]
+    if outside:
+        # Marked in the matrix where codes are.
+        yield Text.assemble(
+            ("outside the display (!) ", "dim"), f"{len(outside)} colour{'s' * (len(outside) > 1)}"
+        )
+    for light in dict.fromkeys(pair.light for pair in report.metamers):
+        yield _metamers(light, [pair for pair in report.metamers if pair.light == light])
+    for kind, noun in (("reflectance", "reflectances"), ("light", "lights")):
+        bound = [s for s in report.spectra if s.kind == kind]
+        if bound:
+            low, high = sum(s.at_lower for s in bound), sum(s.at_upper for s in bound)
+            bands = sum(s.bands for s in bound)
+            yield Text.assemble(
+                (f"{noun} ", "dim"),
+                f"{low} of {bands} bands at their lower bound, {high} at their upper one",
+            )
+    cost = ", ".join(f"{name} {value:.2g}" for name, value in report.cost.items() if value)
+    yield Text.assemble(("cost ", "dim"), cost or "0")
+
+
+def _metamers(light: str, pairs: list[MetamerReport]) -> Text:
+    """Pairs wanted alike under a light: how far apart they are there, and elsewhere."""
+    many = f"{len(pairs)} pairs" if len(pairs) > 1 else " and ".join(pairs[0].reflectances)
+    there = max(pair.delta_E for pair in pairs)
+    others = list(pairs[0].apart)
+    elsewhere = [f"{_range([p.apart[n] for p in pairs])} under {n}" for n in others]
+    if len(others) > _MOST_NAMED:
+        elsewhere = [f"{_range([d for p in pairs for d in p.apart.values()])} elsewhere"]
+    most = f"at most ΔE {there:.2f}" if len(pairs) > 1 else f"ΔE {there:.2f}"
+    apart_words = f", apart {', '.join(elsewhere)}" if elsewhere else ""
+    return Text.assemble(("alike under ", "dim"), f"{light}: {many}, {most}{apart_words}")
+
+
+def _range(values: list[float]) -> str:
+    low, high = (f"{value:.0f}" for value in (min(values), max(values)))
+    return low if low == high else f"{low}–{high}"

@@ -1,0 +1,135 @@
+"""The spectra in a palette's file, by the address ``PALETTE.toml#name``.
+
+    TOML -> [palettes] -> files, lights, reflectances
+
+Only spectra are read here; what else a palette is stands in `volspec.palette`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from volspec.errors import SpectrumError, nearest
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.tables import file_content
+
+SUFFIX = ".toml"
+_NOTE = {"designed": "volspec design"}
+
+
+def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
+    """A spectrum whose values stand in a palette's file: one that was designed, as a rule.
+
+    Parameters
+    ----------
+    path : str
+    selector : str
+        A name, any case; or its number from 1.
+    role : "light" or "reflectance", optional
+        What it is to serve as; None looks among both.
+
+    Raises
+    ------
+    SpectrumError
+        If there is none of that name, or it is not designed yet.
+    """
+    data, entry = _entry(path, selector, role)
+    name = str(entry["name"])
+    if "values" not in entry:
+        if isinstance(given := entry.get("spectrum"), str) and not entry.get("design"):
+            raise SpectrumError(f"{path}: {name!r} has no values of its own, it is {given!r}")
+        raise SpectrumError(
+            f"{path}: {name!r} is open and not designed yet; run volspec design {Path(path).name} "
+            "-o OUT.toml first, and take it from there"
+        )
+    grid = _grid(path, data)
+    try:
+        designed = entry.get("design", False) is True
+        return Spectrum(
+            grid.wavelengths_nm,
+            entry["values"],
+            f"{Path(path).stem}#{name}",
+            _NOTE if designed else {},
+        )
+    except SpectrumError as error:
+        raise SpectrumError(
+            f"{path}: {name!r}: {error}; its values belong on [criteria] grid_nm, {grid}"
+        ) from None
+
+
+def named_spectrum(path: str, selector: str, role: str) -> str | None:
+    """What a palette's given spectrum is called, such as ``D65``; None where it has values.
+
+    Raises
+    ------
+    SpectrumError
+        If there is none of that name.
+    """
+    _, entry = _entry(path, selector, role)
+    given = entry.get("spectrum")
+    if "values" in entry or entry.get("design") or not isinstance(given, str):
+        return None
+    if Path(path).name in given:
+        raise SpectrumError(f"{path}: {entry['name']!r} is {given!r}, itself; name another")
+    return given
+
+
+def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    data = _content(path)
+    roles = (role,) if role else ("light", "reflectance")
+    rows = [row for each in roles for row in _rows(data, each)]
+    names = [str(row["name"]) for row in rows]
+    what = role or "light or reflectance"
+    if not names:
+        raise SpectrumError(f"{path}: holds no {what}; a palette has [[{role or 'light'}]] tables")
+    if not selector:
+        raise SpectrumError(
+            f"{path}: is a palette; choose a {what}: {Path(path).name}#{names[0]} "
+            f"(there is {', '.join(names)})"
+        )
+    wanted = _folded(selector)
+    found = [row for row, name in zip(rows, names, strict=True) if _folded(name) == wanted]
+    if not found and selector.isdecimal() and 1 <= int(selector) <= len(rows):
+        found = [rows[int(selector) - 1]]
+    if len(found) == 1:
+        return data, found[0]
+    if found:
+        raise SpectrumError(f"{path}: {len(found)} spectra are named {selector!r}; rename one")
+    raise SpectrumError(
+        f"{path}: no {what} is named {selector!r}; {nearest(selector, names)}"
+        f"there is {', '.join(names)}"
+    )
+
+
+def _content(path: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file_content(path).decode("utf-8-sig"))
+    except ValueError as error:  # no TOML, or no text
+        raise SpectrumError(f"{path}: not valid TOML: {error}") from None
+
+
+def _rows(data: dict[str, Any], role: str) -> list[dict[str, Any]]:
+    rows = data.get(role, [])
+    tables = [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
+    return [row for row in tables if isinstance(row.get("name"), str)]
+
+
+def _grid(path: str, data: dict[str, Any]) -> SpectralGrid:
+    criteria = data.get("criteria")
+    given = criteria.get("grid_nm") if isinstance(criteria, dict) else None
+    if given is None:
+        return DEFAULT_GRID
+    try:
+        start, stop, step = (float(number) for number in given)
+    except (TypeError, ValueError):
+        raise SpectrumError(
+            f"{path}: [criteria] grid_nm is {given!r:.60}; give [start, stop, step] in nm"
+        ) from None
+    return SpectralGrid(start, stop, step)
+
+
+def _folded(name: str) -> str:
+    return " ".join(name.split()).casefold()
