@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 # A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
 LAYERS = (
     *("errors", "_files", "_exr", "_gpu", "spectra", "appearance", "basis", "palette"),
-    *("volume", "transfer", "raycast", "relight", "pipeline", "scene", "export", "doctor", "cli"),
+    *("volume", "transfer", "raycast", "relight", "pipeline", "scene", "wizard", "export"),
+    *("doctor", "cli"),
 )
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT or path.stem in LAYERS)
 

@@ -45,6 +45,7 @@ _HOMES = {
     "volspec.transfer": (
         *("Isosurfaces", "LabelFunction", "Region", "TransferFunction", "TransferFunction2D"),
     ),
+    "volspec.wizard": ("Redesigned", "hide", "keep", "merge", "reveal"),
     "volspec.volume": ("Volume", "load_volume", "phantom"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}

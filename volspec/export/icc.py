@@ -53,8 +53,7 @@ def icc_profile(space: ColourSpace) -> bytes:
 
         Examples
         --------
-        >>> from volspec.appearance.profile import D50_XYZ, D50_from_white
-    from volspec.appearance.spaces import SPACES
+        >>> from volspec.appearance.spaces import SPACES
         >>> icc_profile(SPACES["Display P3"])[36:40]
         b'acsp'
     """

@@ -99,7 +99,12 @@ class Phase:
             more, rows = self._cell_rows(place, cell, eyes, current)
             blocks |= more
             terms += [term for term in rows if term.parts.keys() & blocks.keys()]
-        return blocks, terms
+        # Where both spectra stand a free colour mends nothing, and an exact one would contradict
+        # its own rounding.
+        spectra = {self.block_name(number) for number in self.open}
+        tied = spectra.union(*(t.parts for t in terms if t.parts.keys() & spectra))
+        terms = [term for term in terms if term.parts.keys() & tied]
+        return {name: block for name, block in blocks.items() if name in tied}, terms
 
     def _block(self, number: int) -> Block:
         palette = self.state.palette

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -205,6 +206,7 @@ def named_light(
     shares: Mapping[str, float],
     grid: SpectralGrid,
     folder: str | os.PathLike[str],
+    known: Mapping[str, Spectrum] = MappingProxyType({}),
 ) -> NamedLight:
     """The setting that rows of one name make.
 
@@ -217,13 +219,17 @@ def named_light(
     grid : SpectralGrid
     folder : path
         What the names of files start from.
+    known : {text: Spectrum}
+        Spectra that are no file yet, on the grid.
 
     Raises
     ------
     SpectrumError, ViewingError
         If a spectrum is unknown, a lamp's light cannot be counted, or the rows give no light.
     """
-    spectra = tuple(light(row.spectrum, grid, folder=folder) for row in rows)
+    spectra = tuple(
+        known.get(row.spectrum) or light(row.spectrum, grid, folder=folder) for row in rows
+    )
     lux = tuple(lux for row in rows if (lux := row.lux()) is not None)
     weights, groups = tuple(row.weight for row in rows), tuple(row.group or "" for row in rows)
     rig = LightRig(spectra, weights, lux or None, groups)

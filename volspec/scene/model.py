@@ -65,6 +65,8 @@ class Scene:
     file : SceneFile
     path : path
         Where it was read, for messages; its folder is what relative paths start from.
+    known : {address: Spectrum}, optional
+        What texts of the file stand for before they are files: spectra just designed.
 
     Raises
     ------
@@ -73,8 +75,14 @@ class Scene:
         message names the table.
     """
 
-    def __init__(self, file: SceneFile, path: str | os.PathLike[str] = "scene") -> None:
+    def __init__(
+        self,
+        file: SceneFile,
+        path: str | os.PathLike[str] = "scene",
+        known: Mapping[str, Spectrum] | None = None,
+    ) -> None:
         self.file = file
+        self._known = dict(known or {})
         self.path = Path(path)
         self.folder = self.path.parent
         _named = self._named
@@ -94,7 +102,8 @@ class Scene:
         self.lights = []
         for name, rows in rows_by_name(file.light).items():
             with _named(f"[[light]] {name}:"):
-                self.lights.append(named_light(rows, self.raycast.shares(), grid, self.folder))
+                shares = self.raycast.shares()
+                self.lights.append(named_light(rows, shares, grid, self.folder, self._known))
         with _named("[basis]"):
             if shipped:
                 chosen = ChosenBasis(shipped, "the scene names it")
@@ -229,7 +238,8 @@ class Scene:
         for row in self.file.material:
             if (text := getattr(row, key)) is not None:
                 with self._named(f"[[material]] {row.name}: {key}:"):
-                    found[row.name] = reflectance(text, grid, folder=self.folder)
+                    known = self._known.get(text)
+                    found[row.name] = known or reflectance(text, grid, folder=self.folder)
         return found
 
     def _spectra(self, filters: Mapping[str, Spectrum]) -> SceneSpectra:

@@ -1,0 +1,131 @@
+"""`volspec wizard`: a new scene that renders, its palette, the figures, and errors in a line."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from tests.palette.test_wizards import SCENE
+from volspec import cli
+from volspec.palette import load_palette
+
+
+@pytest.fixture
+def ball(tmp_path: Path) -> Path:
+    """A scene whose materials are its channels, in a folder of its own."""
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    np.save(folder / "ball.npy", vs.phantom.ball(16).values)
+    rows = zip(*(np.linspace(390, 710, 33), np.linspace(0.1, 0.6, 33)), strict=True)
+    (folder / "stone.csv").write_text("\n".join(f"{nm:g},{value:g}" for nm, value in rows))
+    text = SCENE.replace("ColorChecker/foliage", "stone.csv")
+    text += '\n[basis]\nmethod = "materials"  # exact\n'
+    (folder / "ball.toml").write_text(text, encoding="utf-8")
+    return folder / "ball.toml"
+
+
+def call(*words: str | Path) -> int:
+    try:
+        cli.main(["wizard", *map(str, words)])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def test_hide_writes_a_scene_that_renders_and_keeps_its_comments(
+    ball: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new = tmp_path / "elsewhere" / "new.toml"
+    assert call("hide", ball, "core", "--under", "lamp", "--in", "shell", "-o", new) == 0
+    said = capsys.readouterr().out
+    assert "core – shell" in said and "new-palette.toml" in said
+    text = new.read_text(encoding="utf-8")
+    assert text.startswith("# Kept where it stands.") and "# what it is about" in text
+    table = tomllib.loads(text)
+    assert table["material"][1]["reflectance"] == "new-palette.toml#core"
+    assert table["volume"]["file"] == "../scenes/ball.npy"
+    assert table["material"][2]["reflectance"] == "../scenes/stone.csv"
+    scene = vs.Scene.load(new)
+    assert scene.materials["core"].designed and not scene.materials["stone"].designed
+    assert scene.render(size=(16, 16)).alpha.max() > 0.5
+    under = [light.spectrum for light in scene.lights if light.name == "lamp"]
+    seen = [scene.basis.xyz(row, under[0]) for row in scene.basis.channels_of(scene.materials)]
+    assert np.abs(seen[0] - seen[1]).max() < 0.01
+    palette = load_palette(new.with_name("new-palette.toml"))
+    assert palette.cells["core", "lamp"].other == ("shell", "lamp")
+
+
+def test_a_new_light_is_a_row_of_the_new_scene(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new = ball.with_name("dark.toml")
+    words = ("--under", "dark", "--black", "--like", "day", "--json", "-o", new)
+    assert call("hide", ball, "core", *words) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["scene"] == str(new)
+    assert said["lights"][-1]["light"] == "dark" and said["lights"][-1]["like"] == "day"
+    assert tomllib.loads(new.read_text())["light"][-1] == {
+        "name": "dark",
+        "spectrum": "dark-palette.toml#dark",
+    }
+    assert [light.name for light in vs.Scene.load(new).lights] == ["day", "lamp", "tube", "dark"]
+
+
+def test_reveal_merge_and_keep_write_theirs(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = ball.with_name("out.toml")
+    assert call("reveal", ball, "core", "--under", "day", "--distance", "25", "-o", out) == 0
+    assert call("merge", ball, "core", "stone", "--under", "day", "--average", "-o", out) == 0
+    colours = ("--colour", "firebrick", "--colour", "#4080c0")
+    assert (
+        call("merge", ball, "core", "stone", "--under", "day", "--split", "x", *colours, "-o", out)
+        == 0
+    )
+    assert "x shows the others as day does" in capsys.readouterr().out
+    assert call("keep", ball, "stone", "-o", out) == 0
+
+
+def test_a_black_under_an_even_light_is_told_to_be_black_everywhere(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new = ball.with_name("black.toml")
+    assert call("hide", ball, "core", "--under", "day", "--black", "-o", new) == 0
+    assert "as 'day' has no gap in its spectrum" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ("hide", "cor", "--under", "day"),
+            "no material is named 'cor'; did you mean 'core'? there",
+        ),
+        (("hide", "core", "--under", "dya"), "did you mean 'day'? there is day, lamp, tube"),
+        (("keep", "glass"), "no material is named 'glass'"),
+        (("merge", "core", "--under", "day"), "core alone cannot be merged"),
+        (
+            ("merge", "core", "stone", "--under", "day", "--split", "x", "--colour", "redd"),
+            "unknown",
+        ),
+        (("reveal", "core", "--under", "day", "--distance", "100"), "comes no further than"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(
+    ball: Path, words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verb, *rest = words
+    assert call(verb, ball, *rest, "-o", ball.with_name("never.toml")) == 1
+    printed = capsys.readouterr().err.splitlines()
+    assert len(printed) == 1 and said in printed[0]
+    assert not list(ball.parent.glob("never*"))
+
+
+def test_an_output_that_is_no_scene_is_refused(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("keep", ball, "stone", "-o", ball.with_name("stone.png")) == 1
+    assert "scenes are TOML; name it .toml" in capsys.readouterr().err

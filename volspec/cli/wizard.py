@@ -1,0 +1,241 @@
+"""``volspec wizard``: hide, reveal, merge or keep materials, straight into a new scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import App, Parameter
+from rich.console import Console
+from rich.table import Table
+
+from volspec.cli.shell import Json, app, as_written, note, print_json
+
+if TYPE_CHECKING:
+    from volspec.wizard import Reached, Redesigned
+
+wizard = App(
+    name="wizard", help="Hide, reveal, merge or keep materials: a new scene with its palette."
+)
+app.command(wizard)
+
+Output = Annotated[
+    Path,
+    Parameter(name=["--output", "-o"], help="The new scene; its palette is written beside it."),
+]
+Under = Annotated[str, Parameter(help="A light of the scene; with --like the name of a new one.")]
+Like = Annotated[
+    str | None, Parameter(help="Design the light, too: other materials look as under this one.")
+]
+Lamps = Annotated[
+    list[str] | None,
+    Parameter(name="--lamp", negative="", help="The new light is a sum of such; repeatable."),
+]
+# ΔE that nobody sees, and that an eye notices at a glance.
+_UNSEEN, _AT_A_GLANCE = 1.0, 3.0
+
+
+@wizard.command
+def hide(
+    scene: Path,
+    material: str,
+    /,
+    *,
+    under: Under,
+    within: Annotated[str | None, Parameter(name="--in")] = None,
+    black: Annotated[bool, Parameter(negative="")] = False,
+    like: Like = None,
+    lamp: Lamps = None,
+    output: Output,
+    json: Json = False,
+) -> None:
+    """Let a material look like another one, or like nothing, under a light.
+
+    Under the scene's other lights it keeps its colour as far as it can.
+
+    Example: `volspec wizard hide engine.toml inserts --under A -o hidden.toml`
+
+    Example: `volspec wizard hide engine.toml inserts --under dark --black --like D65 -o dark.toml`
+
+    Parameters
+    ----------
+    scene
+        A scene file.
+    material
+        The one to be hidden.
+    within
+        The material it then looks like; left out, the one it is embedded in.
+    black
+        It reflects nothing instead: before a black backdrop it is gone. Wants a new light.
+    """
+    from volspec.scene import Scene
+    from volspec.wizard import hide
+
+    loaded = Scene.load(scene)
+    made = hide(
+        *(loaded, material),
+        under=under,
+        within=within,
+        black=black,
+        like=like,
+        lamps=tuple(lamp or ()),
+    )
+    _finish(made, output, json)
+    lost = max(max(row.changed.values(), default=0.0) for row in made.reached if row.light != under)
+    if black and like is None and lost > _AT_A_GLANCE:
+        note(
+            f"{material!r} changes by ΔE {lost:.1f} under other lights, as {under!r} has no gap in "
+            "its spectrum to be black in; a new light has: --like"
+        )
+
+
+@wizard.command
+def reveal(
+    scene: Path,
+    material: str,
+    /,
+    *,
+    under: Under,
+    distance: Annotated[float, Parameter(converter=as_written)] = 20.0,
+    like: Like = None,
+    lamp: Lamps = None,
+    output: Output,
+    json: Json = False,
+) -> None:
+    """Let a material stand out from all others under a light.
+
+    Under the scene's other lights it keeps its colours as far as that leaves it the distance.
+
+    Example: `volspec wizard reveal engine.toml inserts --under D65 --distance 15 -o seen.toml`
+
+    Parameters
+    ----------
+    scene
+        A scene file.
+    material
+        The one to be revealed.
+    distance
+        CIEDE2000 from every other material that is enough.
+    """
+    from volspec.scene import Scene
+    from volspec.wizard import reveal
+
+    made = reveal(
+        *(Scene.load(scene), material),
+        under=under,
+        distance=distance,
+        like=like,
+        lamps=tuple(lamp or ()),
+    )
+    _finish(made, output, json)
+
+
+@wizard.command
+def merge(
+    scene: Path,
+    /,
+    *materials: str,
+    under: Annotated[str, Parameter(help="The light of the scene under which they are one.")],
+    split: str | None = None,
+    colour: Annotated[list[str] | None, Parameter(negative="")] = None,
+    average: Annotated[bool, Parameter(negative="")] = False,
+    lamp: Lamps = None,
+    output: Output,
+    json: Json = False,
+) -> None:
+    """Give materials one colour under a light, and apart they come under a new one.
+
+    Example: `volspec wizard merge engine.toml block inserts --under D65 --split apart -o two.toml`
+
+    Parameters
+    ----------
+    scene
+        A scene file.
+    materials
+        Two or more.
+    split
+        Name of a new light that parts them.
+    colour
+        What they show under it, one each: #rrggbb or a CSS name; left out, hues far apart.
+    average
+        The one colour is the mean of theirs; else the solver picks it.
+    """
+    from volspec.palette.colours import parsed_colour
+    from volspec.scene import Scene
+    from volspec.wizard import merge
+
+    colours = [parsed_colour(text) for text in colour or ()]
+    made = merge(
+        *(Scene.load(scene), materials),
+        under=under,
+        split=split,
+        colours=colours,
+        average=average,
+        lamps=tuple(lamp or ()),
+    )
+    _finish(made, output, json)
+
+
+@wizard.command
+def keep(scene: Path, material: str, /, *, output: Output, json: Json = False) -> None:
+    """Let a material have one colour under all lights of the scene.
+
+    Example: `volspec wizard keep engine.toml block -o constant.toml`
+
+    Parameters
+    ----------
+    scene
+        A scene file.
+    material
+        The one that is to stay.
+    """
+    from volspec.scene import Scene
+    from volspec.wizard import keep
+
+    _finish(keep(Scene.load(scene), material), output, json)
+
+
+def _finish(made: Redesigned, output: Path, json: bool) -> None:
+    """Write the new scene and say what was reached."""
+    paths = made.save(output)
+    if json:
+        files = dict(zip(("scene", "palette"), map(str, paths), strict=True))
+        print_json(files | {"lights": [_row(row) for row in made.reached]})
+        return
+    out = Console()
+    out.print(_table(made))
+    for row in made.reached:
+        if row.like and row.changed:
+            worst = max(row.changed, key=lambda name: row.changed[name])
+            out.print(
+                f"{row.light} shows the others as {row.like} does, to ΔE "
+                f"{row.changed[worst]:.2f} ({worst})",
+                highlight=False,
+                markup=False,
+            )
+    if made.changes.exact:
+        out.print("cast by its materials, as a basis of its size would blur these", highlight=False)
+    out.print(f"{paths[0]}, {paths[1]}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _row(row: Reached) -> dict[str, object]:
+    apart = [{"materials": list(pair), "delta_e": value} for pair, value in row.apart.items()]
+    return {"light": row.light, "like": row.like, "apart": apart, "changed": row.changed}
+
+
+def _table(made: Redesigned) -> Table:
+    """A line a light: how far materials lie apart, and how far each is from what it was."""
+    title = f"ΔE00 in the frames; below {_UNSEEN:g} nobody sees it"
+    table = Table(title=title, title_justify="left", box=None, header_style="dim")
+    table.add_column("light", no_wrap=True)
+    pairs: Sequence[tuple[str, str]] = list(made.reached[0].apart)
+    for one, two in pairs:
+        table.add_column(f"{one} – {two}", justify="right")
+    for name in made.materials:
+        table.add_column(f"{name} before – after", justify="right")
+    for row in made.reached:
+        apart = [f"{row.apart[pair]:.2f}" for pair in pairs]
+        changed = ["" if row.like else f"{row.changed[n]:.2f}" for n in made.materials]
+        table.add_row(row.light, *apart, *changed)
+    return table

@@ -1,0 +1,7 @@
+"""Wizards: a scene's materials hidden, revealed, merged or kept, by a palette made from it."""
+
+from volspec.wizard.asks import hide, keep, merge, reveal
+from volspec.wizard.reached import Reached
+from volspec.wizard.result import Redesigned
+
+__all__ = ["Reached", "Redesigned", "hide", "keep", "merge", "reveal"]
