@@ -42,20 +42,20 @@ def _curve(space: ColourSpace) -> bytes:
 def icc_profile(space: ColourSpace) -> bytes:
     """A version 4 display profile of a space.
 
-        Parameters
-        ----------
-        space : ColourSpace
+    Parameters
+    ----------
+    space : ColourSpace
 
-        Returns
-        -------
-        bytes
-            To be written as it is, to a ``.icc`` file or into a picture.
+    Returns
+    -------
+    bytes
+        To be written as it is, to a ``.icc`` file or into a picture.
 
-        Examples
-        --------
-        >>> from volspec.appearance.spaces import SPACES
-        >>> icc_profile(SPACES["Display P3"])[36:40]
-        b'acsp'
+    Examples
+    --------
+    >>> from volspec.appearance.spaces import SPACES
+    >>> icc_profile(SPACES["Display P3"])[36:40]
+    b'acsp'
     """
     matrix = space.XYZ_from_RGB / 100.0
     adapted = D50_from_white(matrix.sum(axis=1))
