@@ -17,6 +17,7 @@ from benchmarks import (
     limits,
     memory,
     models,
+    palette,
     picture,
     shadows,
 )
@@ -25,7 +26,10 @@ from benchmarks.page import PAGE, replaced
 from volspec._gpu.opencl import Compute
 
 # Where VTK draws through GL, the windows that it opens end other contexts: those come last.
-MODULES = (memory, channels, edit, shadows, limits, models, picture, cast, gl_mapper, light)
+MODULES = (
+    *(memory, channels, edit, shadows, palette, limits, models, picture),
+    *(cast, gl_mapper, light),
+)
 
 
 def keep(table: str) -> None:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.palette.colours import hexadecimal
-from volspec.palette.criteria import wanted
 from volspec.palette.model import Cell, Palette, Place
 from volspec.palette.state import State
 
@@ -85,7 +84,7 @@ def cell_reports(
     """Every place, row by row; and (R, L, 3) CIELAB before the display's white."""
     palette, eyes = state.palette, state.eyes()
     linear, XYZ = state.linear(eyes), state.XYZ
-    targets = _targets(palette, wishes, state, linear)
+    targets = _targets(palette, wishes, linear)
     Lab = np.stack([eye.Lab(linear[:, j]) for j, eye in enumerate(eyes)], axis=1)
     found = []
     for i, row in enumerate(palette.names[0]):
@@ -108,16 +107,15 @@ def cell_reports(
     return tuple(found), Lab
 
 
-def _targets(
-    palette: Palette, wishes: Mapping[Place, Cell], state: State, linear: Array
-) -> dict[Place, Array]:
+def _targets(palette: Palette, wishes: Mapping[Place, Cell], linear: Array) -> dict[Place, Array]:
     """Linear RGB that each cell is compared with."""
-    eyes, targets = state.eyes(), {}
+    targets, space = {}, palette.viewing.display.colours
     for place, cell in wishes.items():
-        target = wanted(cell, eyes[palette.index(place)[1]])
         if cell.other is not None:
             target = linear[palette.index(cell.other)]
-        elif target is None:
+        elif cell.wanted is not None:
+            target = space.decode(cell.wanted)
+        else:
             members = {at: c.weight for at, c in wishes.items() if c.group == cell.group}
             shares = np.array([1e9 if np.isinf(w) else w**2 for w in members.values()])
             target = shares @ np.array([linear[palette.index(at)] for at in members])

@@ -9,12 +9,13 @@ there an optimum of squares is looked for.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.live import passage_of
-from volspec.appearance.models.cielab import cielab, cielab_chord
+from volspec.appearance.models.cielab import XYZ_from_cielab, cielab, cielab_chord
 from volspec.appearance.passages import LinearPassage, Passage
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
@@ -64,11 +65,11 @@ class Eye:
     def linear(self, XYZ: ArrayLike) -> Array:
         """(..., 3) scene XYZ, Y = 100 for a perfect diffuser, to linear RGB of the display."""
         scene = self.exposure * np.asarray(XYZ, dtype=np.float64)
-        return self.passage.apply(scene) @ self.space.RGB_from_XYZ.T
+        return self.passage.apply(scene) @ _RGB_from_XYZ(self.space).T
 
     def XYZ(self, linear: ArrayLike) -> Array:
         """`linear` undone."""
-        display = np.linalg.solve(self.space.RGB_from_XYZ, np.asarray(linear)[..., None])[..., 0]
+        display = np.asarray(linear) @ _XYZ_from_RGB(self.space).T
         undone: Array = self.passage.undo(display)  # type: ignore[attr-defined]
         return undone / self.exposure
 
@@ -76,7 +77,7 @@ class Eye:
         """(..., 3, 3): change of linear RGB with scene XYZ."""
         scene = np.asarray(XYZ, dtype=np.float64)
         if isinstance(self.passage, LinearPassage):
-            slope = self.exposure * self.space.RGB_from_XYZ @ self.passage.matrix
+            slope = self.exposure * _RGB_from_XYZ(self.space) @ self.passage.matrix
             return np.broadcast_to(slope, (*scene.shape, 3))
         around = scene[..., None, None, :] + _STEP * np.stack([np.eye(3), -np.eye(3)])
         seen = self.linear(around)
@@ -84,11 +85,25 @@ class Eye:
 
     def Lab(self, linear: ArrayLike) -> Array:
         """(..., 3) linear RGB to CIELAB before the display's white."""
-        XYZ = np.linalg.solve(self.space.RGB_from_XYZ, np.asarray(linear)[..., None])[..., 0]
+        XYZ = np.asarray(linear) @ _XYZ_from_RGB(self.space).T
         return cielab(XYZ, self.space.white_XYZ)
+
+    def linear_from_Lab(self, Lab: ArrayLike) -> Array:
+        """`Lab` undone."""
+        return XYZ_from_cielab(Lab, self.space.white_XYZ) @ _RGB_from_XYZ(self.space).T
 
     def Lab_slopes(self, one: ArrayLike, other: ArrayLike) -> Array:
         """(..., 3, 3) W of the chord: Lab(one) - Lab(other) = W (one - other), of linear RGB."""
-        ratio_from_RGB = np.linalg.inv(self.space.RGB_from_XYZ) / self.space.white_XYZ[:, None]
+        ratio_from_RGB = _XYZ_from_RGB(self.space) / self.space.white_XYZ[:, None]
         one, other = np.asarray(one) @ ratio_from_RGB.T, np.asarray(other) @ ratio_from_RGB.T
         return cielab_chord(one, other) @ ratio_from_RGB
+
+
+@cache
+def _XYZ_from_RGB(space: ColourSpace) -> Array:
+    return space.XYZ_from_RGB
+
+
+@cache
+def _RGB_from_XYZ(space: ColourSpace) -> Array:
+    return space.RGB_from_XYZ

@@ -95,6 +95,11 @@ class Cell:
         if any(low > high for low, high in zip(self.low, self.high, strict=True)):
             raise PaletteError(f"cell: low {self.low} lies above high {self.high}; swap them")
 
+    @property
+    def wanted(self) -> Triple | None:
+        """Codes of the colour that is asked for, black included; None where none is."""
+        return (0.0, 0.0, 0.0) if self.kind == "black" else self.colour
+
 
 def _codes(name: str, value: object) -> Triple:
     try:
@@ -122,8 +127,8 @@ class Criteria:
         ω_F: weight of the difference between the colour of all bands and that of the basis,
         componentwise; at least 0.
     metric : {"Lab", "RGB"}
-        Colours are compared in CIELAB, linearised between the wanted and the obtained one and
-        solved again, or in the display's linear RGB, as [1].
+        Colours are compared in CIELAB, linearised and solved again in every round, or in the
+        display's linear RGB, as [1].
     rounds : int
         How often lights and reflectances take turns, and CIELAB is linearised anew.
     """
@@ -207,12 +212,26 @@ class Palette:
                 f"{'missing' if self.basis is None else f'on {self.basis.grid}'}; give one on "
                 f"{self.grid}"
             )
+        if self.criteria.subspace and self.basis is not None and self.basis.observer_deg != 2:
+            raise PaletteError(
+                f"palette: the basis {self.basis.name!r} is for the "
+                f"{self.basis.observer_deg} degree observer, palettes for that of 2 degrees; fit "
+                "one for it"
+            )
         for place, cell in self.cells.items():
             for reflectance, light in (place, cell.other or place):
                 self.member("reflectance", reflectance)
                 self.member("light", light)
             if cell.other == place:
                 raise PaletteError(f"palette: cell {place} is compared with itself; name another")
+        for cell in self.cells.values():
+            if cell.kind == "free":
+                low, high = self.free_bounds(cell.group)
+                if any(one > other for one, other in zip(low, high, strict=True)):
+                    raise PaletteError(
+                        f"palette: the free colour {cell.group!r} has cells whose bounds exclude "
+                        f"each other, low {low} and high {high}; widen them"
+                    )
         if not any(member.open for member in (*self.reflectances, *self.lights)):
             raise PaletteError("palette: every spectrum is given, none is open; open one to design")
 
@@ -221,6 +240,13 @@ class Palette:
         """Of the reflectances and of the lights."""
         rows, columns = self.reflectances, self.lights
         return tuple(r.name for r in rows), tuple(c.name for c in columns)
+
+    def free_bounds(self, group: str) -> tuple[Triple, Triple]:
+        """Display codes, lowest and highest, that all cells of a free colour allow."""
+        own = [cell for cell in self.cells.values() if cell.group == group]
+        low = np.max([(0.0, 0.0, 0.0), *(cell.low for cell in own)], axis=0)
+        high = np.min([(1.0, 1.0, 1.0), *(cell.high for cell in own)], axis=0)
+        return _codes("low", low), _codes("high", high)
 
     def index(self, place: Place) -> tuple[int, int]:
         """Row and column of a place."""

@@ -6,13 +6,15 @@
     with      lower <= x_b <= upper, and Σ_b C_b x_b = d
 
 Blocks that no term ties together are solved apart. clarabel finds the optimum, or shows which
-equations contradict each other.
+equations and bounds contradict each other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +23,12 @@ from volspec.errors import PaletteError
 
 Array = NDArray[np.float64]
 
-# Of the certificate's largest multiplier: equations below have no part in the contradiction.
+# Of the certificate's largest multiplier: what has less has no part in the contradiction.
 _INVOLVED = 1e-3
+# Of P's largest number: where q has no more, it is P that the problem is scaled by.
+_LEAST_q = 1e-3
+# Accurate enough without a second solution: a hundredth of what is promised.
+_ACCURATE = 1e-8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +97,7 @@ def solve(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
     values: dict[str, Array] = {}
     cost = residual = 0.0
     for names in _components(blocks, terms):
-        own = [term for term in terms if names & term.parts.keys()]
+        own = [term for term in terms if not names.isdisjoint(term.parts)]
         part = _solve_together({name: blocks[name] for name in blocks if name in names}, own)
         values |= part.values
         cost, residual = cost + part.cost, max(residual, part.residual)
@@ -101,74 +107,188 @@ def solve(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
 def _components(blocks: Mapping[str, Block], terms: Sequence[Term]) -> list[set[str]]:
     groups = [{name} for name in blocks]
     for term in terms:
-        tied = [group for group in groups if group & term.parts.keys()]
-        if len(tied) > 1:
+        if len(term.parts) > 1:
+            tied = [group for group in groups if not group.isdisjoint(term.parts)]
             groups = [group for group in groups if group not in tied] + [set().union(*tied)]
     return groups
 
 
-def _rows(blocks: Mapping[str, Block], term: Term) -> Array:
-    zero = np.zeros
-    return np.hstack(
-        [term.parts.get(name, zero((term.target.size, b.size))) for name, b in blocks.items()]
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class _Quadratic:
+    """Minimise xᵀPx/2 + qᵀx with A x + s = b: s = 0 in the first rows, s >= 0 in the others.
+
+    Parameters
+    ----------
+    P : (n, n)
+    q : (n,)
+        Both divided by one number, so that those of q come to about 1.
+    C : (k, n)
+        Equations, first in A.
+    d : (k,)
+    lower, upper : (n,)
+        Bounds: next in A where they meet, then the lower, then the upper ones.
+    """
+
+    P: Array
+    q: Array
+    C: Array
+    d: Array
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(
+        cls, blocks: Mapping[str, Block], places: Mapping[str, slice], terms: Iterable[Term]
+    ) -> _Quadratic:
+        size = sum(block.size for block in blocks.values())
+        P, q = np.zeros((size, size)), np.zeros(size)
+        C, d = [np.zeros((0, size))], [np.zeros(0)]
+        for term in terms:
+            if math.isinf(term.weight):
+                rows = np.zeros((len(term.target), size))
+                for name, A in term.parts.items():
+                    rows[:, places[name]] = A
+                C.append(rows)
+                d.append(term.target)
+                continue
+            twice = 2.0 * term.weight**2
+            for name, A in term.parts.items():
+                scaled = twice * A.T
+                q[places[name]] -= scaled @ term.target
+                for other, B in term.parts.items():
+                    P[places[name], places[other]] += scaled @ B
+        # The solver's tolerances are absolute: small weights are as good as large ones.
+        scale = max(float(np.abs(q).max()), _LEAST_q * float(np.abs(P).max())) or 1.0
+        P, q = P / scale, q / scale
+        # Beside the terms nothing counts: this only keeps what they leave open finite.
+        P[np.diag_indices(size)] += 1e-12 * max(1.0, 0.5 * float(np.trace(P))) / size
+        lower = np.concatenate([block.lower for block in blocks.values()])
+        upper = np.concatenate([block.upper for block in blocks.values()])
+        return cls(P, q, np.concatenate(C), np.concatenate(d), lower, upper)
+
+    @property
+    def bounded(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+        """Unknowns whose bounds meet, that have a lower, and that have an upper one."""
+        fixed = self.lower == self.upper
+        above, below = np.isfinite(self.lower) & ~fixed, np.isfinite(self.upper) & ~fixed
+        return np.flatnonzero(fixed), np.flatnonzero(above), np.flatnonzero(below)
+
+    def minimum(self, refine: bool) -> tuple[str, Array, Array]:
+        """clarabel's status, x and multipliers z, in the order of A's rows."""
+        import clarabel
+        from scipy import sparse
+
+        fixed, above, below = self.bounded
+        upper_half = np.nonzero(np.triu(self.P))
+        P = sparse.csc_matrix((self.P[upper_half], upper_half), self.P.shape)
+        row, column = np.nonzero(self.C)
+        places = np.concatenate([column, fixed, above, below])
+        bounds = len(fixed) + len(above) + len(below)
+        rows = np.concatenate([row, len(self.d) + np.arange(bounds)])
+        ones = np.ones(bounds)
+        ones[len(fixed) : len(fixed) + len(above)] = -1.0
+        numbers = np.concatenate([self.C[row, column], ones])
+        A = sparse.csc_matrix((numbers, (rows, places)), (len(self.d) + bounds, len(self.q)))
+        b = np.concatenate([self.d, self.lower[fixed], -self.lower[above], self.upper[below]])
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.max_threads = 1  # one answer on any machine
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+        settings.iterative_refinement_enable = refine
+        equations = len(self.d) + len(fixed)
+        cones = [clarabel.ZeroConeT(equations), clarabel.NonnegativeConeT(len(b) - equations)]
+        found = clarabel.DefaultSolver(P, self.q, A, b, cones, settings).solve()
+        return str(found.status), np.asarray(found.x), np.asarray(found.z)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether any x is within the bounds and meets the equations."""
+        return "Infeasible" not in self.minimum(refine=True)[0]
+
+    def without(self, side: str, place: slice) -> _Quadratic:
+        """The same with no ``"lower"`` or ``"upper"`` bound in a place."""
+        bound = getattr(self, side).copy()
+        bound[place] = -math.inf if side == "lower" else math.inf
+        return replace(self, **{side: bound})
+
+    def by_unknown(self, z: Array) -> tuple[Array, Array, Array]:
+        """Multipliers of the equations (k,), and of the lower and the upper bounds (n,)."""
+        fixed, above, below = self.bounded
+        of_equations, of_fixed, of_lower, of_upper = np.split(
+            z, np.cumsum([len(self.d), len(fixed), len(above)])
+        )
+        low, high = np.zeros(len(self.q)), np.zeros(len(self.q))
+        low[above], high[below] = of_lower, of_upper
+        low[fixed], high[fixed] = np.maximum(-of_fixed, 0.0), np.maximum(of_fixed, 0.0)
+        return of_equations, low, high
+
+    def residual(self, x: Array, z: Array) -> float:
+        """How far x, within its bounds, and z are from the conditions of optimality."""
+        of_equations, low, high = self.by_unknown(z)
+        Px = self.P @ x
+        scale = 1.0 + max(np.abs(Px).max(initial=0.0), np.abs(self.q).max(initial=0.0))
+        gradient = Px + self.q + self.C.T @ of_equations - low + high
+        # An infinite bound has no multiplier.
+        slack_low = np.where(np.isfinite(self.lower), x - self.lower, 0.0)
+        slack_high = np.where(np.isfinite(self.upper), self.upper - x, 0.0)
+        wrong = [gradient, low * slack_low, high * slack_high, np.minimum(low, 0.0)]
+        dual = max(float(np.abs(one).max(initial=0.0)) for one in [*wrong, np.minimum(high, 0.0)])
+        return max(dual / float(scale), float(np.abs(self.C @ x - self.d).max(initial=0.0)))
 
 
 def _solve_together(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
-    import clarabel
-    from scipy import sparse
-
-    size = sum(block.size for block in blocks.values())
-    lower = np.concatenate([block.lower for block in blocks.values()])
-    upper = np.concatenate([block.upper for block in blocks.values()])
-    soft = [term for term in terms if np.isfinite(term.weight)]
-    hard = [term for term in terms if not np.isfinite(term.weight)]
-    M = np.vstack([np.zeros((0, size)), *(term.weight * _rows(blocks, term) for term in soft)])
-    y = np.concatenate([np.zeros(0), *(term.weight * term.target for term in soft)])
-    C = np.vstack([np.zeros((0, size)), *(_rows(blocks, term) for term in hard)])
-    d = np.concatenate([np.zeros(0), *(term.target for term in hard)])
-    above, below = np.isfinite(lower), np.isfinite(upper)
-    eye = np.eye(size)
-    A = np.vstack([C, -eye[above], eye[below]])
-    b = np.concatenate([d, -lower[above], upper[below]])
-    # Beside the terms nothing counts: this only keeps what they leave open finite.
-    P = 2.0 * M.T @ M + 1e-12 * max(1.0, float(np.trace(M.T @ M))) / size * eye
-    q = -2.0 * M.T @ y
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1  # one answer on any machine
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    cones = [clarabel.ZeroConeT(len(d)), clarabel.NonnegativeConeT(len(b) - len(d))]
-    found = clarabel.DefaultSolver(
-        sparse.csc_matrix(np.triu(P)), q, sparse.csc_matrix(A), b, cones, settings
-    ).solve()
-    z = np.asarray(found.z)
-    if "Infeasible" in str(found.status):
-        raise PaletteError(_contradiction(hard, z[: len(d)]))
-    x = np.asarray(found.x)
-    if not np.isfinite(x).all():
-        raise PaletteError(f"palette: the solver gave up ({found.status}); lower the weights")
-    x = np.clip(x, lower, upper)
-    scale = 1.0 + max(np.abs(P @ x).max(initial=0.0), np.abs(q).max(initial=0.0))
-    slack = b - A @ x
-    residual = max(
-        float(np.abs(P @ x + q + A.T @ z).max(initial=0.0)) / scale,
-        float(np.abs(slack[: len(d)]).max(initial=0.0)),
-        float(np.abs(slack[len(d) :] * z[len(d) :]).max(initial=0.0)) / scale,
-    )
-    ends = np.cumsum([block.size for block in blocks.values()])[:-1]
-    values = dict(zip(blocks, np.split(x, ends), strict=True))
-    return Optimum(values, float(((M @ x - y) ** 2).sum()), residual)
+    ends = list(accumulate((block.size for block in blocks.values()), initial=0))
+    places = {name: slice(ends[n], ends[n + 1]) for n, name in enumerate(blocks)}
+    quadratic = _Quadratic.of(blocks, places, terms)
+    for refine in (False, True):
+        status, x, z = quadratic.minimum(refine)
+        x = np.clip(x, quadratic.lower, quadratic.upper)
+        residual = quadratic.residual(x, z)
+        if status == "Solved" and residual < _ACCURATE:
+            break
+    if "Infeasible" in status:
+        raise PaletteError(_contradiction(quadratic, z, places, terms))
+    if not math.isfinite(residual):
+        raise PaletteError(f"palette: the solver gave up ({status}); lower the weights")
+    values = {name: x[place] for name, place in places.items()}
+    return Optimum(values, _cost(values, terms), residual)
 
 
-def _contradiction(hard: Sequence[Term], multipliers: Array) -> str:
-    """Names the terms that a certificate of infeasibility leans on."""
-    ends = np.cumsum([term.target.size for term in hard])[:-1]
-    sizes = [float(np.abs(part).max(initial=0.0)) for part in np.split(multipliers, ends)]
-    largest = max(sizes, default=0.0)
-    guilty = [t.label for t, size in zip(hard, sizes, strict=True) if size > _INVOLVED * largest]
-    named = ", ".join(dict.fromkeys(guilty)) or "what must hold"
+def _cost(values: Mapping[str, Array], terms: Iterable[Term]) -> float:
+    cost = 0.0
+    for term in terms:
+        if not math.isinf(term.weight):
+            off = sum((A @ values[name] for name, A in term.parts.items()), -term.target)
+            cost += term.weight**2 * float(off @ off)
+    return cost
+
+
+def _contradiction(
+    quadratic: _Quadratic, z: Array, places: Mapping[str, slice], terms: Iterable[Term]
+) -> str:
+    """Names the terms that a certificate of infeasibility leans on, and bounds that do it alone."""
+    of_equations, low, high = quadratic.by_unknown(z)
+    hard = [term for term in terms if math.isinf(term.weight)]
+    parts = np.split(of_equations, np.cumsum([len(term.target) for term in hard])[:-1])
+    sizes = [float(np.abs(part).max()) for part in parts]
+    must = [term.label for term, size in zip(hard, sizes, strict=True) if _involved(size, sizes)]
+    sides = [
+        (many[place].max(initial=0.0), side, name)
+        for name, place in places.items()
+        for side, many in (("lower", low), ("upper", high))
+    ]
+    leant_on = [size for size, _, _ in sides]
+    widen = [
+        f"the {side} bound of {name}"
+        for size, side, name in sides
+        if _involved(size, leant_on) and quadratic.without(side, places[name]).feasible
+    ]
     return (
-        f"palette: no spectrum within its bounds meets {named} exactly; give them finite weights, "
-        "free one of them, or raise the exposure"
+        f"palette: no spectrum within its bounds meets {', '.join(dict.fromkeys(must))} exactly; "
+        f"{'widen ' if widen else ''}{' or '.join(widen)}{', ' if widen else ''}give finite "
+        "weights, free one of them, or change the exposure"
     )
+
+
+def _involved(size: float, sizes: Sequence[float]) -> bool:
+    return size > _INVOLVED * max(sizes)

@@ -16,6 +16,7 @@ from volspec.palette.cells import CellReport, cell_reports
 from volspec.palette.criteria import Phase
 from volspec.palette.metamers import MetamerReport, metamer_reports
 from volspec.palette.model import Place
+from volspec.palette.rows import asked
 from volspec.palette.solve import Design
 from volspec.palette.state import State
 
@@ -81,7 +82,8 @@ class DesignReport:
         from volspec.palette.advice import suggestions
 
         state = design.state
-        wishes = Phase(state, lights=False).with_constancy(state.palette.cells)
+        rows, columns = state.palette.names
+        wishes = {(rows[i], columns[j]): cell for (i, j), cell in asked(state.palette).items()}
         cells, Lab = cell_reports(state, wishes)
         return cls(
             cells,

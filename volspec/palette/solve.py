@@ -65,10 +65,10 @@ def design(palette: Palette) -> Design:
     """
     state = State.start(palette)
     cost = residual = 0.0
-    for _ in range(palette.criteria.rounds):
+    for turn in range(palette.criteria.rounds):
         cost = residual = 0.0
         for lights in (False, True):
-            phase = Phase(state, lights)
+            phase = Phase(state, lights, turn == 0)
             if phase.open:
                 state, own, wrong = _step(phase)
                 cost, residual = own, max(residual, wrong)

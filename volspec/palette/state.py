@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 _WAVES_NM = (60.0, 85.0, 110.0, 140.0, 45.0)
 # A light with less luminance than this share of an even one has none for a colour.
 _LEAST_Y = 1e-9
+# Share of a white's largest value below which no adaptation goes.
+_LEAST_WHITE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,9 +82,11 @@ class State:
 
     def eyes(self) -> list[Eye]:
         """One adapted to each light: to its chromaticity, at Y = 100."""
+        even = self.Q.sum(axis=1)
         whites = self.E @ self.Q.T
-        least = 1e-6 * np.abs(whites).max(axis=1, keepdims=True)
-        whites = np.maximum(whites, least)
+        # A light that was designed away leaves the eye as an even one does.
+        whites = np.where(whites[:, 1:2] > _LEAST_Y * 100.0, whites, even)
+        whites = np.maximum(whites, _LEAST_WHITE * np.abs(whites).max(axis=1, keepdims=True))
         viewing = self.palette.viewing
         return [Eye.of(viewing, 100.0 * white / white[1]) for white in whites]
 

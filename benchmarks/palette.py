@@ -1,0 +1,227 @@
+"""How fast is a palette redesigned, and how near do its colours come to those that were wanted?
+
+``python -m benchmarks.palette --figures`` draws figures 3 and 4 of [1] anew, and the tables of
+``docs/gallery/palette-evaluation.md`` (minutes).
+
+References
+----------
+[1] Bergner, Drew & Möller (2009), ACM TOG 28(1) art. 5, section 4.2.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from benchmarks.measure import Figure, compare
+from volspec.palette import Cell, Criteria, Palette, PaletteSpectrum, design
+from volspec.palette.criteria import Phase
+from volspec.palette.problem import Block, Term
+from volspec.palette.state import State
+from volspec.spectra import SpectralGrid, Spectrum
+
+Array = NDArray[np.float64]
+
+SEEDS = 10
+ASKED_MS = {"10 x 10": 50.0, "joint": 30.0}
+# Rows that must hold, for a solver that knows no such rows.
+MUST = 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """What spectra are made of in [1], figure 3.
+
+    Parameters
+    ----------
+    name : str
+    bands : int
+        Between 400 and 700 nm.
+    positive : bool
+        Whether lights and reflectances are at least 0. They have no upper bound.
+    asked : float
+        Mean ΔE*ab of a 7 × 7 palette.
+    """
+
+    name: str
+    bands: int
+    positive: bool
+    asked: float
+
+    @property
+    def grid(self) -> SpectralGrid:
+        """Its bands."""
+        return SpectralGrid(400.0, 700.0, 300.0 / (self.bands - 1))
+
+
+MODELS = (
+    Model("positive, 31", 31, True, 14.4),
+    Model("positive, 100", 100, True, 2.1),
+    Model("free, 31", 31, False, 0.01),
+)
+
+
+def drawn(
+    model: Model, rows: int, columns: int, seed: int, metric: str = "RGB", draw: str = "linear"
+) -> Palette:
+    """A palette of random wishes.
+
+    Parameters
+    ----------
+    draw : {"linear", "codes"}
+        Whether colours are uniform in the display's linear RGB, as [1, eq. 16] has them, or in
+        its codes, which are lighter, as sRGB encodes them.
+
+    Notes
+    -----
+    The seed draws first the lights, one after the other, each band uniform in 0 to 1, then the
+    colours, reflectance by reflectance. Lights begin with Y = 100, the display's white, and keep no
+    level. Reflectances, then lights, are designed once.
+    """
+    random = np.random.default_rng(seed)
+    low = 0.0 if model.positive else None
+    wavelengths = model.grid.wavelengths_nm
+    lights = tuple(
+        PaletteSpectrum(f"l{j}", Spectrum(wavelengths, random.random(model.bands)), True, low)
+        for j in range(columns)
+    )
+    reflectances = tuple(PaletteSpectrum(f"r{i}", None, True, low) for i in range(rows))
+    colours = random.random((rows, columns, 3))
+    empty = Palette(
+        reflectances,
+        lights,
+        {("r0", "l0"): Cell("black")},
+        grid=model.grid,
+        criteria=Criteria(smoothness=1e-3, metric=metric, rounds=1),
+        level="absolute",
+    )
+    if draw == "linear":
+        colours = np.clip(empty.viewing.display.colours.encode(colours), 0.0, 1.0)
+    return with_colours(empty, colours)
+
+
+def with_colours(palette: Palette, codes: Array) -> Palette:
+    """The same with these (R, L, 3) display codes wanted."""
+    reflectances, lights = palette.names
+    cells = {
+        (row, light): Cell(colour=tuple(codes[i, j].tolist()))
+        for i, row in enumerate(reflectances)
+        for j, light in enumerate(lights)
+    }
+    return Palette(
+        palette.reflectances,
+        palette.lights,
+        cells,
+        palette.viewing,
+        palette.grid,
+        palette.criteria,
+        palette.level,
+    )
+
+
+def colours(palette: Palette) -> tuple[Array, Array]:
+    """(R, L, 3) CIELAB: wanted, and what the design came to."""
+    state = design(palette).state
+    eyes = state.eyes()
+    eye, wanted = eyes[0], np.empty((*state.XYZ.shape[:2], 3))
+    for place, cell in palette.cells.items():
+        wanted[palette.index(place)] = cell.colour
+    return eye.Lab(eye.space.decode(wanted)), eye.Lab(state.linear(eyes))
+
+
+def error(
+    model: Model, rows: int, columns: int, metric: str = "RGB", draw: str = "linear"
+) -> Array:
+    """(SEEDS,) mean ΔE*ab over a palette's cells."""
+    palettes = [drawn(model, rows, columns, seed, metric, draw) for seed in range(SEEDS)]
+    pairs = [colours(palette) for palette in palettes]
+    return np.array([np.linalg.norm(got - wanted, axis=-1).mean() for wanted, got in pairs])
+
+
+def live() -> Palette:
+    """As edited in the designer: 10 × 10, all open, bounds, CIELAB, lights of Y = 100."""
+    wishes = drawn(MODELS[0], 10, 10, 0, "Lab", "codes")
+    surfaces = tuple(PaletteSpectrum(r.name, None, True, 0.0, 1.0) for r in wishes.reflectances)
+    return Palette(surfaces, wishes.lights, wishes.cells, criteria=Criteria(rounds=1))
+
+
+def joint() -> Palette:
+    """Ten reflectances that share one free colour: 313 unknowns, solved together."""
+    wishes = live()
+    lights = tuple(PaletteSpectrum(lamp.name, lamp.spectrum) for lamp in wishes.lights[:3])
+    cells = {place: cell for place, cell in wishes.cells.items() if place[1] in ("l1", "l2")}
+    cells |= {(row.name, "l0"): Cell("free", group="m", weight=10.0) for row in wishes.reflectances}
+    return Palette(wishes.reflectances, lights, cells, criteria=Criteria(rounds=1))
+
+
+def by_scipy(palette: Palette) -> Callable[[], object]:
+    """`lsq_linear` on the same rows, stacked before the clock starts; solving alone."""
+    state = State.start(palette)
+    phases = [Phase(state, lights) for lights in (False, True)]
+    problems = [dense(*phase.problem()) for phase in phases if phase.open]
+    tied = [matrix for problem in problems for matrix in problem]
+    return lambda: [lsq_linear(M, y, limits) for M, y, limits in tied]
+
+
+def dense(
+    blocks: dict[str, Block], terms: list[Term]
+) -> Iterator[tuple[Array, Array, tuple[Array, Array]]]:
+    """M, y and bounds of each block, or of all where a colour ties them together."""
+    groups = [list(blocks)] if any(len(t.parts) > 1 for t in terms) else [[n] for n in blocks]
+    for names in groups:
+        own = [term for term in terms if not term.parts.keys().isdisjoint(names)]
+        weights = [MUST if math.isinf(term.weight) else term.weight for term in own]
+        M = np.vstack(
+            [
+                np.hstack(
+                    [
+                        weight * t.parts.get(n, np.zeros((len(t.target), blocks[n].size)))
+                        for n in names
+                    ]
+                )
+                for weight, t in zip(weights, own, strict=True)
+            ]
+        )
+        y = np.concatenate([w * term.target for w, term in zip(weights, own, strict=True)])
+        lower = np.concatenate([blocks[n].lower for n in names])
+        upper = np.concatenate([blocks[n].upper for n in names])
+        yield M, y, (lower, upper)
+
+
+def figures() -> Iterator[Figure]:
+    """The time of a redesign, and the errors of 7 × 7 palettes in both metrics."""
+    device = f"{os.cpu_count()} cores, {platform.machine()}"
+    for name, palette in (("10 x 10", live()), ("joint", joint())):
+        peer, runs = by_scipy(palette), 15 if name == "10 x 10" else 7
+        row = compare(
+            f"palette/{name}", "lsq_linear", device, lambda p=palette: design(p), peer, runs=runs
+        )
+        yield Figure(row.name, row.ours_ms, ASKED_MS[name], at_most=True, unit="ms", row=row)
+    for model in MODELS:
+        for metric in ("RGB", "Lab"):
+            reached = float(error(model, 7, 7, metric).mean())
+            name = f"palette/{model.name}: {metric}"
+            yield Figure(name, reached, model.asked, at_most=True, unit="dE")
+    for metric in ("RGB", "Lab"):
+        reached = float(error(MODELS[0], 7, 7, metric, "codes").mean())
+        name = f"palette/{MODELS[0].name}, codes: {metric}"
+        yield Figure(name, reached, MODELS[0].asked, at_most=True, unit="dE")
+
+
+if __name__ == "__main__":
+    if "--figures" in sys.argv[1:]:
+        from benchmarks.palette_drawing import draw
+
+        draw()
+    else:
+        from benchmarks.measure import report
+
+        print(report(figures()))

@@ -1,0 +1,230 @@
+"""Figures 3 and 4 of [1] drawn anew, and their numbers: ``python -m benchmarks.palette --figures``.
+
+Writes ``docs/images/palette-3.png`` and ``palette-4.png``, and the tables between the markers of
+``docs/gallery/palette-evaluation.md``.
+
+References
+----------
+[1] Bergner, Drew & Möller (2009), ACM TOG 28(1) art. 5, section 4.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PIL import Image
+
+from benchmarks.page import replaced
+from benchmarks.palette import MODELS, SEEDS, Array, Model, colours, drawn, error
+from volspec.basis.figure.style import FAINT, HAIR, INK, PAPER
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+SIZES = tuple(range(1, 13))
+# Of 100 bands every design takes ten times as long: fewer sizes.
+SIZES_OF = {31: SIZES, 100: (1, 3, 5, 7, 10, 12)}
+# On the diagonal: figure 3's numbers in every way of drawing and comparing.
+SQUARES = (3, 5, 7, 10, 12)
+WAYS = (("linear", "RGB"), ("linear", "Lab"), ("codes", "RGB"), ("codes", "Lab"))
+# METHOD's reference, another program's, colours and lights drawn in a way it does not say.
+REFERENCE = {
+    "positive, 31": {5: 7.0, 7: 14.4, 10: 23.0},
+    "positive, 100": {7: 2.1, 10: 9.5},
+    "free, 31": {10: 0.01, 12: 10.7},
+}
+ACCEPTABLE = 10.0
+"""ΔE*ab that [1] calls acceptable."""
+# As figure 4 has them.
+ORDER = (MODELS[2], MODELS[0], MODELS[1])
+DPI = 150
+
+
+def draw() -> None:
+    """Measure, draw and write; minutes."""
+    surfaces = {}
+    for model in MODELS:
+        sizes = SIZES_OF[model.bands]
+        means = [[error(model, rows, columns).mean() for columns in sizes] for rows in sizes]
+        surfaces[model.name] = np.array(means)
+        print(f"{model.name}: {len(sizes) ** 2 * SEEDS} palettes", flush=True)
+    write(surface_figure(surfaces), "palette-3.png")
+    pairs = {model.name: distances(model) for model in ORDER}
+    write(distance_figure(pairs), "palette-4.png")
+    page = DOCS / "gallery" / "palette-evaluation.md"
+    text = page.read_text(encoding="utf-8")
+    for name, table in (
+        ("surfaces", surface_table(surfaces)),
+        ("squares", square_table()),
+        ("distances", distance_table(pairs)),
+    ):
+        text = replaced(text, name, f"\n{table}\n")
+    page.write_text(text, encoding="utf-8")
+
+
+def distances(model: Model, size: int = 10, seed: int = 0) -> Array:
+    """(2, P) ΔE*ab of all pairs of a palette's colours: wanted, and obtained."""
+    Lab = np.reshape(colours(drawn(model, size, size, seed)), (2, -1, 3))
+    one, other = np.triu_indices(Lab.shape[1], 1)
+    return np.asarray(np.linalg.norm(Lab[:, one] - Lab[:, other], axis=-1))
+
+
+def surface_table(surfaces: Mapping[str, Array]) -> str:
+    """Squares of figure 3, beside the reference."""
+    heads = " | ".join(f"{n} × {n}" for n in SIZES)
+    lines = [f"| mean ΔE*ab | {heads} |", "|---" * (len(SIZES) + 1) + "|"]
+    for model in MODELS:
+        means = dict(zip(SIZES_OF[model.bands], np.diag(surfaces[model.name]), strict=True))
+        cells = [told(means[n]) if n in means else "" for n in SIZES]
+        lines.append(f"| {model.name} bands | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def square_table() -> str:
+    """Every way of drawing colours and of comparing them; mean and scatter over the seeds."""
+    heads = " | ".join(f"{n} × {n}" for n in SQUARES)
+    lines = [f"| bands | colours | metric | {heads} |", "|---" * (len(SQUARES) + 3) + "|"]
+    for model in MODELS:
+        for way, metric in WAYS:
+            cells = []
+            for n in SQUARES:
+                each = error(model, n, n, metric, way)
+                cells.append(f"{told(each.mean())} ± {told(each.std(ddof=1))}")
+            lines.append(f"| {model.name} | {way} | {metric} | {' | '.join(cells)} |")
+        known = REFERENCE[model.name]
+        cells = [f"{known[n]:g}" if n in known else "" for n in SQUARES]
+        lines.append(f"| {model.name} | *reference* | | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def distance_table(pairs: Mapping[str, Array]) -> str:
+    """Figure 4 in numbers."""
+    lines = ["| bands | correlation | mean change | greatest |", "|---|---|---|---|"]
+    for name, (wanted, obtained) in pairs.items():
+        change = np.abs(obtained - wanted)
+        correlation = np.corrcoef(wanted, obtained)[0, 1]
+        lines.append(f"| {name} | {correlation:.4f} | {told(change.mean())} | {change.max():.3g} |")
+    return "\n".join(lines)
+
+
+def surface_figure(surfaces: Mapping[str, Array]) -> Figure:
+    """Three surfaces on one scale, their squares marked."""
+    from matplotlib.patheffects import withStroke
+
+    figure = blank(10.0, 4.0)
+    top = max(float(means.max()) for means in surfaces.values())
+    top = 5.0 * np.ceil(top / 5.0)
+    halo = [withStroke(linewidth=2.2, foreground=PAPER)]
+    for number, model in enumerate(MODELS):
+        means, sizes = surfaces[model.name], SIZES_OF[model.bands]
+        x, y = np.meshgrid(sizes, sizes)
+        axes: Any = figure.add_axes((0.005 + 0.33 * number, 0.02, 0.325, 0.93), projection="3d")
+        axes.set_box_aspect((1, 1, 0.82), zoom=1.0)
+        axes.view_init(elev=22, azim=-122)
+        axes.plot_surface(
+            x, y, means, cmap="viridis", vmin=0, vmax=top, edgecolor=PAPER, linewidth=0.35,
+            rstride=1, cstride=1, antialiased=True, shade=False,
+        )  # fmt: skip
+        for n in (5, 7, 10, 12):
+            height = means[sizes.index(n), sizes.index(n)]
+            axes.plot([n], [n], [height], "o", color=INK, markersize=3, zorder=20)
+            axes.text(
+                n, n, height + 0.045 * top, said(height), color=INK, fontsize=8, ha="center",
+                va="bottom", zorder=21, fontweight="bold", path_effects=halo,
+            )  # fmt: skip
+        axes.set(xlim=(1, 12), ylim=(1, 12), zlim=(0, top))
+        axes.set_xticks((1, 4, 8, 12))
+        axes.set_yticks((1, 4, 8, 12))
+        axes.set_xlabel("lights", fontsize=8, color=FAINT, labelpad=-6)
+        axes.set_ylabel("reflectances", fontsize=8, color=FAINT, labelpad=-6)
+        axes.tick_params(labelsize=7.5, labelcolor=FAINT, pad=-2)
+        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+            axis.set_pane_color((1, 1, 1, 0))
+            axis.line.set_color(HAIR)
+            axis._axinfo["grid"].update(color=HAIR, linewidth=0.5)
+        titled(figure, 0.02 + 0.33 * number, number, f"{model.name} bands")
+    words = f"Mean ΔE*ab of the whole palette, by its size; the mean of {SEEDS} draws."
+    figure.text(0.02, 0.025, words, fontsize=8, color=FAINT)
+    return figure
+
+
+def distance_figure(pairs: Mapping[str, Array]) -> Figure:
+    """Three scatter plots: distance wanted, distance obtained, darker where points are many."""
+    from matplotlib.colors import LogNorm
+
+    figure = blank(10.0, 3.95)
+    top = 10.0 * np.ceil(max(float(each.max()) for each in pairs.values()) / 10.0)
+    for number, (name, (wanted, obtained)) in enumerate(pairs.items()):
+        axes: Axes = figure.add_axes((0.055 + 0.325 * number, 0.135, 0.28, 0.71))
+        axes.set(xlim=(0, top), ylim=(0, top), aspect="equal")
+        counts, edges, _ = np.histogram2d(wanted, obtained, bins=40, range=((0, top), (0, top)))
+        bins = np.clip(np.digitize((wanted, obtained), edges) - 1, 0, 39)
+        dense = counts[bins[0], bins[1]]
+        order = np.argsort(dense, kind="stable")
+        axes.plot((0, top), (0, top), color=INK, linewidth=0.7, zorder=1)
+        axes.scatter(
+            wanted[order], obtained[order], c=dense[order], cmap="viridis_r", s=2.2, linewidths=0,
+            norm=LogNorm(1, 60), zorder=2,
+        )  # fmt: skip
+        correlation = np.corrcoef(wanted, obtained)[0, 1]
+        change = np.abs(obtained - wanted).mean()
+        told = f"correlation {correlation:.4f}\nmean change {said(change)}"
+        axes.text(0.04 * top, 0.96 * top, told, va="top", fontsize=8, color=INK, linespacing=1.5)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        for side in ("bottom", "left"):
+            axes.spines[side].set(color=FAINT, linewidth=0.6)
+        axes.tick_params(length=2, labelsize=7.5, labelcolor=FAINT, color=FAINT)
+        axes.set_xlabel("ΔE*ab wanted", fontsize=8, color=FAINT)
+        if number == 0:
+            axes.set_ylabel("ΔE*ab obtained", fontsize=8, color=FAINT)
+        titled(figure, 0.055 + 0.325 * number, number, f"{name} bands")
+    return figure
+
+
+def told(dE: float) -> str:
+    """A table's number: two digits, and no more than three places.
+
+    >>> told(7.386), told(0.00002)
+    ('7.4', '<0.001')
+    """
+    return f"{dE:.2g}" if dE >= 0.001 else "<0.001"
+
+
+def said(dE: float) -> str:
+    """A number as short as it is sure: tenths, or that it is next to nothing.
+
+    >>> said(7.386), said(0.004)
+    ('7.4', '<0.1')
+    """
+    return f"{dE:.1f}" if dE >= 0.05 else "<0.1"
+
+
+def titled(figure: Figure, left: float, number: int, words: str) -> None:
+    """A panel's letter and name."""
+    figure.text(left, 0.915, "abc"[number], fontsize=11, color=INK, fontweight="bold")
+    figure.text(left + 0.02, 0.915, words, fontsize=11, color=INK)
+
+
+def blank(width_in: float, height_in: float) -> Figure:
+    """A figure on a canvas of its own."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def write(figure: Figure, name: str) -> None:
+    """As a PNG of 256 colours: small."""
+    figure.canvas.draw()
+    pixels: Any = figure.canvas
+    image = Image.fromarray(np.asarray(pixels.buffer_rgba())[..., :3])
+    image.quantize(256, dither=Image.Dither.NONE).save(DOCS / "images" / name, optimize=True)
+    print(f"written to docs/images/{name}")

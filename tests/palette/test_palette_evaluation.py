@@ -1,0 +1,118 @@
+"""What the palette figures rest on: draws that repeat, and errors that behave as the paper says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.palette import (
+    ASKED_MS,
+    MODELS,
+    by_scipy,
+    colours,
+    dense,
+    drawn,
+    joint,
+    live,
+    with_colours,
+)
+from benchmarks.palette_drawing import REFERENCE, SIZES_OF, SQUARES, distances, said
+from volspec.palette import design
+from volspec.palette.criteria import Phase
+from volspec.palette.problem import solve
+from volspec.palette.state import State
+
+POSITIVE, FINE, FREE = MODELS
+
+
+def mean_error(model: object, size: int, metric: str = "RGB") -> float:
+    wanted, got = colours(drawn(model, size, size, 0, metric))  # type: ignore[arg-type]
+    return float(np.linalg.norm(got - wanted, axis=-1).mean())
+
+
+def test_a_seed_draws_the_same_palette_and_another_seed_another() -> None:
+    one, again, other = (drawn(POSITIVE, 2, 3, seed) for seed in (0, 0, 1))
+    assert dict(one.cells) == dict(again.cells) != dict(other.cells)
+    assert np.array_equal(State.start(one).E, State.start(again).E)
+
+
+def test_wanted_colours_are_uniform_in_linear_RGB_or_in_codes() -> None:
+    for draw, middle in (("linear", 0.69), ("codes", 0.5)):
+        cells = drawn(POSITIVE, 12, 12, 3, draw=draw).cells.values()
+        codes = np.array([cell.colour for cell in cells])
+        # 432 uniform numbers: their mean is within 0.05 of its own, three deviations.
+        assert codes.mean() == pytest.approx(middle, abs=0.05)
+
+
+def test_models_have_the_bands_and_bounds_of_the_paper() -> None:
+    assert [model.grid.size for model in MODELS] == [31, 100, 31]
+    for model, lower in zip(MODELS, (0.0, 0.0, None), strict=True):
+        palette = drawn(model, 1, 1, 0)
+        members = (*palette.reflectances, *palette.lights)
+        assert {(m.open, m.lower, m.upper) for m in members} == {(True, lower, None)}
+        assert palette.criteria.smoothness == 1e-3 and palette.criteria.rounds == 1
+
+
+def test_without_bounds_ten_colours_are_met_and_twelve_are_not() -> None:
+    # 30 equations for 31 bands, and 36: the paper's figure 3c.
+    assert mean_error(FREE, 10) < 0.01
+    assert mean_error(FREE, 12) > 1.0
+
+
+def test_bounds_cost_most_and_more_bands_buy_it_back() -> None:
+    positive = mean_error(POSITIVE, 7)
+    assert 1.0 < positive < 14.4
+    assert mean_error(FINE, 7) < 0.1 * positive
+    assert mean_error(FREE, 7) < 0.01
+
+
+def test_errors_grow_with_the_palette() -> None:
+    errors = [mean_error(POSITIVE, size) for size in (2, 5, 8, 12)]
+    assert errors == sorted(errors)
+    assert errors[0] < 0.01
+
+
+def test_distances_are_of_all_pairs_and_kept_without_bounds() -> None:
+    wanted, got = distances(FREE, 4)
+    assert wanted.shape == got.shape == (16 * 15 // 2,)
+    assert np.abs(wanted - got).max() < 0.01
+
+
+def test_the_live_palette_and_the_joint_problem_are_what_they_are_called() -> None:
+    assert len(live().reflectances) == len(live().lights) == 10
+    blocks, terms = Phase(State.start(joint()), False).problem()
+    assert sum(block.size for block in blocks.values()) == 313
+    assert len(list(dense(blocks, terms))) == 1
+    blocks, terms = Phase(State.start(live()), False).problem()
+    assert [M.shape[1] for M, _, _ in dense(blocks, terms)] == [31] * 10
+    assert set(ASKED_MS) == {"10 x 10", "joint"}
+
+
+def test_both_sides_of_the_timing_solve_the_same() -> None:
+    palette = drawn(POSITIVE, 3, 3, 0)
+    theirs = by_scipy(palette)()
+    assert isinstance(theirs, list) and len(theirs) == 6
+    state = State.start(palette)
+    first = Phase(state, False)
+    ours = solve(*first.problem()).cost
+    assert ours == pytest.approx(2.0 * sum(each.cost for each in theirs[:3]), rel=1e-4, abs=1e-9)
+
+
+def test_live_designs_stay_within_their_bounds_and_are_optimal() -> None:
+    made = design(live())
+    assert made.residual < 1e-6
+    assert made.state.S.min() >= 0.0 and made.state.S.max() <= 1.0
+    assert made.state.Q[1] @ made.state.E.T == pytest.approx(np.full(10, 100.0))
+
+
+def test_other_colours_can_be_wanted_of_the_same_spectra() -> None:
+    palette = drawn(POSITIVE, 1, 1, 0)
+    other = with_colours(palette, np.full((1, 1, 3), 0.25))
+    assert other.cells["r0", "l0"].colour == (0.25, 0.25, 0.25)
+    assert other.criteria == palette.criteria and other.level == palette.level
+
+
+def test_tables_have_the_reference_sizes_and_say_little_as_nothing() -> None:
+    assert {n for known in REFERENCE.values() for n in known} <= set(SQUARES)
+    assert set(SQUARES) <= set(SIZES_OF[100]) <= set(SIZES_OF[31])
+    assert said(0.003) == "<0.1" and said(7.39) == "7.4"
