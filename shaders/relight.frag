@@ -19,7 +19,7 @@
 //                        XYZ_from_layer and backdrop_XYZ.
 //         gamut          what the display cannot show, see include/gamut.glsl; where REDUCE.
 // Writes  frame          code values of the display, 0 to 1, alpha 1.
-// Host    LAYERS, FORM (LINEAR, CURVE, CAM or TABLE), what the forms want, FIELD (1 where the
+// Host    LAYERS, FORM (LINEAR, CURVE, CAM or TABLE), CHECKED, what the forms want, FIELD (1 where the
 //         passage changes over the picture; CAM only), FIRST_ROW_AT_BOTTOM (1
 //         where what is drawn will be read back, GL's rows running up; 0 for a canvas or window),
 //         IMAGE_HEIGHT
@@ -65,10 +65,12 @@ void main() {
 #endif
     vec3 XYZ = scene_XYZ(pixel);
 #if FORM == TABLE && !(REDUCE || MARK)
-    vec3 code = clamp(code_from_scene(XYZ), 0.0, 1.0);
+    vec3 code = clamp(code_from_adapted(XYZ), 0.0, 1.0);
 #else
 #if FORM == LINEAR
     vec3 linear = RGB_FROM_XYZ * XYZ;
+#elif FORM == TABLE
+    vec3 linear = decode(code_from_adapted(XYZ));
 #elif FIELD
     vec2 size = vec2(textureSize(coefficients, 0).xy);
     vec3 linear = displayed_from_scene(XYZ, (vec2(pixel) + 0.5) / size);

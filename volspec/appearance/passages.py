@@ -28,6 +28,11 @@ class Passage(Protocol):
         """(..., 3) XYZ to those of equal appearance; total on finite input."""
 
 
+def is_closed(passage: Passage) -> bool:
+    """Whether a passage has a closed form, which shaders draw and which can be undone."""
+    return hasattr(passage, "undo")
+
+
 def triples(name: str, values: ArrayLike) -> Array:
     """float64 triples.
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates
 
 from volspec.appearance import constants as k
-from volspec.appearance.passages import Passage, signed_power, triples
+from volspec.appearance.passages import Passage, is_closed, signed_power, triples
 from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ViewingError
 
@@ -30,7 +30,18 @@ NODES, NODES_BELOW, TOP = 41, 15, 1.3
 AXIS_POWER = 5.0 / 16.0
 # Between nodes, of the power.
 STEP = TOP**AXIS_POWER / (NODES - 1 - NODES_BELOW)
-SHADER_CONSTANTS = {"NODES": NODES, "NODES_BELOW": NODES_BELOW, "NODE_STEP": STEP}
+# A cell is trusted in which half-way between its nodes the codes, clipped, are off by no more.
+TRUST = 0.006
+# Of trust interpolated between nodes: less means that a cell around does not hold.
+WHOLLY = 0.999
+SHADER_CONSTANTS = {
+    "NODES": NODES,
+    "NODES_BELOW": NODES_BELOW,
+    "NODE_STEP": STEP,
+    "TABLE_TOP": TOP,
+    "TABLE_TRUST": TRUST,
+    "TABLE_WHOLLY": WHOLLY,
+}
 
 
 # From this ratio of CAT16's gains on a light is narrow: high-pressure sodium has 8, low-pressure
@@ -57,9 +68,13 @@ def is_narrow(scene_white_XYZ: ArrayLike, space: ColourSpace) -> bool:
     return bool(gains.max() > _NARROW * gains.min())
 
 
-def nodes() -> Array:
-    """(NODES, NODES, NODES, 3): the adapted linear RGB at the nodes, red the fastest."""
-    axis = signed_power(np.arange(-NODES_BELOW, NODES - NODES_BELOW) * STEP, 1.0 / AXIS_POWER)
+def nodes(offset: float = 0.0) -> Array:
+    """(NODES, NODES, NODES, 3): adapted linear RGB at the nodes, or beside them; red the fastest.
+
+    ``offset`` is in steps: at 0.5 lie the middles of the cells.
+    """
+    roots = (np.arange(-NODES_BELOW, NODES - NODES_BELOW) + offset) * STEP
+    axis = signed_power(roots, 1.0 / AXIS_POWER)
     blue, green, red = np.meshgrid(axis, axis, axis, indexing="ij")
     return np.stack([red, green, blue], axis=-1)
 
@@ -91,17 +106,27 @@ class TableSpace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TablePassage:
-    """A passage looked up, linear between the nodes; total, beyond them the nearest.
+    """A passage looked up, linear between the nodes.
+
+    What has a closed form is drawn by it in cells that bend too much, where the model has a cliff
+    or a pole, and beyond the table. What has none is brought within the table's top at its
+    chromaticity, and is the nearest where it lies below.
 
     Parameters
     ----------
     space : TableSpace
     codes : (NODES, NODES, NODES, 3) float32
         The display's, not clipped; blue, green, red, and which of them.
+    trusted : (NODES, NODES, NODES) float32
+        1 where the cell above a node holds, else 0.
+    behind : Passage or None
+        The closed form.
     """
 
     space: TableSpace
     codes: NDArray[np.float32]
+    trusted: NDArray[np.float32]
+    behind: Passage | None
 
     @classmethod
     def of(cls, passage: Passage, space: TableSpace) -> TablePassage:
@@ -112,17 +137,48 @@ class TablePassage:
         ViewingError
             If the passage is not finite at a node.
         """
-        XYZ = passage.apply(nodes() @ np.linalg.inv(space.adapted_from_XYZ).T)
-        codes = space.space.encode(XYZ @ space.space.RGB_from_XYZ.T)
-        if not np.isfinite(codes).all():
-            raise ViewingError("appearance table: the model gives no colour at some node")
-        return cls(space, codes.astype(np.float32))
+        codes = _codes(passage, space, nodes())
+        if not is_closed(passage):
+            return cls(space, codes, np.ones(codes.shape[:3], np.float32), None)
+        middles = _codes(passage, space, nodes(0.5))
+        return cls(space, codes, _trusted(codes, middles), passage)
 
     def apply(self, XYZ: ArrayLike) -> Array:
         """(..., 3) scene XYZ to display XYZ."""
-        adapted = triples("appearance table: XYZ", XYZ) @ self.space.adapted_from_XYZ.T
+        scene = triples("appearance table: XYZ", XYZ)
+        adapted = scene @ self.space.adapted_from_XYZ.T
+        if self.behind is None:
+            adapted = adapted * (TOP / np.maximum(adapted.max(axis=-1, keepdims=True), TOP))
         at = np.clip(signed_power(adapted, AXIS_POWER) / STEP + NODES_BELOW, 0.0, NODES - 1.0)
         places = np.moveaxis(at[..., ::-1], -1, 0)
         codes = [map_coordinates(self.codes[..., i], places, order=1) for i in range(3)]
         linear = self.space.space.decode(np.stack(codes, axis=-1))
-        return linear @ np.linalg.inv(self.space.space.RGB_from_XYZ).T
+        shown: Array = linear @ np.linalg.inv(self.space.space.RGB_from_XYZ).T
+        if self.behind is None:
+            return shown
+        held = map_coordinates(self.trusted, places, order=1) > WHOLLY
+        return np.where(held[..., None], shown, self.behind.apply(scene))
+
+
+def _codes(passage: Passage, space: TableSpace, adapted: Array) -> NDArray[np.float32]:
+    """The display's codes of a passage."""
+    XYZ = passage.apply(adapted @ np.linalg.inv(space.adapted_from_XYZ).T)
+    codes = space.space.encode(XYZ @ space.space.RGB_from_XYZ.T)
+    if not np.isfinite(codes).all():
+        raise ViewingError("appearance table: the model gives no colour at some node")
+    return codes.astype(np.float32)
+
+
+def _trusted(codes: NDArray[np.float32], middles: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Whether the mean of a cell's corners is what the passage has in its middle.
+
+    Cells at the table's edges are not: what lies beyond is looked up there.
+    """
+    last = NODES - 1
+    corners = [codes[k : last + k, j : last + j, i : last + i] for k, j, i in np.ndindex(2, 2, 2)]
+    between = np.clip(sum(corners) / 8.0, 0.0, 1.0)
+    off = np.abs(between - np.clip(middles[:last, :last, :last], 0.0, 1.0)).max(axis=-1)
+    trusted = np.zeros(codes.shape[:3], np.float32)
+    inner = slice(1, last - 1)
+    trusted[inner, inner, inner] = off[inner, inner, inner] <= TRUST
+    return trusted

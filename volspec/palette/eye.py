@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.live import passage_of
 from volspec.appearance.models.cielab import XYZ_from_cielab, cielab, cielab_chord
-from volspec.appearance.passages import LinearPassage, Passage
+from volspec.appearance.passages import LinearPassage, Passage, is_closed
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
 from volspec.errors import PaletteError
@@ -55,7 +55,7 @@ class Eye:
             If the viewing's model has no inverse in closed form.
         """
         passage = passage_of(viewing, white_XYZ)
-        if not hasattr(passage, "undo"):
+        if not is_closed(passage):
             raise PaletteError(
                 f"palette: viewing model {viewing.model!r} has no inverse in closed form to design "
                 "with; use CIECAM02, CAM16, CIELAB, RLAB, an adaptation as CAT02, or none"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from volspec._gpu.opengl import ContextLost, describe, egl_handle, headless_context, made_current
 from volspec._gpu.sharing import Sharing, current, named
+from volspec.appearance.display import Display
 from volspec.appearance.field import PassageField
 from volspec.appearance.live import passage_of
 from volspec.appearance.models.conditions import CamPassage
@@ -26,15 +27,16 @@ from volspec.appearance.spec import Viewing
 from volspec.appearance.table import TableSpace, is_narrow
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
-from volspec.relight.lookups import FIELD_UNIT, TABLE_UNIT, Lookups
+from volspec.relight.lookups import Lookups
 from volspec.relight.packed import layer_count, pack_layers
-from volspec.relight.programs import Programs
+from volspec.relight.programs import UNITS, Programs
 from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import Pixels
 from volspec.relight.uniforms import (
-    CLOSED_FORMS,
     FORMS,
+    Closed,
     Drawn,
+    Tabled,
     Uniforms,
     form_of,
     light_uniforms,
@@ -49,11 +51,16 @@ if TYPE_CHECKING:
 _COMPONENTS: dict[type, str] = {np.uint8: "f1", np.float32: "f4"}
 # Renderers that draw on the CPU.
 SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
-# Pixels from which a table pays there although it must be filled for the frame: 512² break even,
-# 1024² gain a quarter, 2048² a third, read back.
-TABLE_PIXELS = 2**18
+# Pixels from which a table pays there although it must be filled for the frame: 1024² gain 5 to
+# 10 %, 2048² a quarter, read back; while the light stays a third.
+TABLE_PIXELS = 2**20
 # Components of uniforms: a mat4x3 takes four vectors of four, and this much is for all the others.
 _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
+
+
+def _plain(viewing: Viewing) -> Display:
+    """A viewing's display without what becomes of colours at it: passages do not ask for that."""
+    return replace(viewing.display, gamut="clip", mark=False)
 
 
 class GLEngine:
@@ -88,8 +95,10 @@ class GLEngine:
         self._context = headless_context() if context is None else context
         self._resources: list[Any] = []
         # The last viewing and white, their passage, and its table's space once that is filled.
-        self._passed: tuple[Any, Passage, TableSpace | None] | None = None
+        self._passed: tuple[Any, Passage, Tabled | None] | None = None
         self._by_table = table
+        # The viewing under which the picture has colours that its table does not hold.
+        self._doubted: Viewing | None = None
         self._targets: dict[str, Any] = {}
         self._shared: Any = None
         self._height, self._width, self._channels = coefficients.shape
@@ -131,10 +140,11 @@ class GLEngine:
                 f"OpenGL: {self.name} has no room for {size[0]} x {size[1]} pixels of "
                 f"{self._channels} channels ({error}); cast a smaller image"
             ) from error
-        form = {"FORM": FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0, "FIELD": 0}
+        form = {"FORM": FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0, "FIELD": 0, "CHECKED": 0}
         constants = {"LAYERS": layer_count(self._channels), "IMAGE_HEIGHT": self._height}
         self._programs = Programs(self._context, constants, self._keep)
         self._lookups = Lookups(self._context, self._keep)
+        self._counted = self._context.query(samples=True)
         self._programs.of("relight", form, screen_of(Viewing()))
 
     def _keep(self, resource: Any) -> Any:
@@ -148,6 +158,7 @@ class GLEngine:
         """Take another image of the first one's shape; (H, W, L·M) and (H, W)."""
         with self._current():
             self._texture.write(pack_layers(coefficients, alpha))
+        self._doubted = None
 
     def place(self, sharing: Sharing) -> SharedLayers:
         """A buffer for OpenCL to pack a picture into; what is drawn stays until `take`.
@@ -173,13 +184,10 @@ class GLEngine:
         """Draw what a finished cast has put there."""
         with self._current():
             self._texture.write(place.buffer)
+        self._doubted = None
 
     def _draw(self, name: str, form: Mapping[str, int], values: Uniforms, screen: Screen) -> None:
         program, triangle = self._programs.of(name, form, screen)
-        if form["FORM"] == FORMS[TableSpace]:
-            program["table"].value = TABLE_UNIT
-        if form["FIELD"]:
-            program["field"].value = FIELD_UNIT
         for uniform, value in values.items():
             program[uniform].write(value.tobytes())
         # An owner's context may come with blending or a depth test switched on.
@@ -257,10 +265,27 @@ class GLEngine:
             self._lookups.load(field)
         target = self._target(_COMPONENTS[dtype])
         target.use()
-        self._texture.use(0)
+        self._texture.use(UNITS["coefficients"])
+        if isinstance(drawn, Tabled) and drawn.behind is not None:
+            with self._counted:
+                self._relight(light, drawn, screen)
+            if self._counted.samples == self._height * self._width:
+                return target
+            # Some pixel's colour is not in the table: this picture is not one for it.
+            self._doubted = replace(viewing, display=_plain(viewing))
+            drawn = self._closed
+        self._relight(light, drawn, screen)
+        return target
+
+    @property
+    def _closed(self) -> Closed:
+        """What the table was filled with."""
+        assert self._passed is not None and isinstance(self._passed[1], Closed)
+        return self._passed[1]
+
+    def _relight(self, light: Illumination, drawn: Drawn, screen: Screen) -> None:
         values = light_uniforms(light, drawn) | passage_uniforms(drawn, screen)
         self._draw("relight", form_of(drawn), values | screen_uniforms(screen), screen)
-        return target
 
     def _drawn(
         self, viewing: Viewing, light: Illumination, dtype: type[np.uint8] | type[np.float32]
@@ -269,27 +294,27 @@ class GLEngine:
 
         A table is for what has no closed form. On software GL it is also the quicker way where a
         picture has many more pixels than the table nodes; frames of floats, which are measured,
-        and those under narrow lights stay exact.
+        those under narrow lights, and pictures with colours that no table holds stay exact.
         """
-        # What becomes of the passage's colours at the display does not change it.
-        display = replace(viewing.display, gamut="clip", mark=False)
+        display = _plain(viewing)
         key = replace(viewing, display=display), tuple(light.white_XYZ)
         if self._passed is None or self._passed[0] != key:
             self._passed = key, passage_of(viewing, light.white_XYZ), None
-        passage, space = self._passed[1:]
+        passage, tabled = self._passed[1:]
         if isinstance(passage, LinearPassage):
             return passage
-        if isinstance(passage, CLOSED_FORMS):
+        if isinstance(passage, Closed):
             many = self._height * self._width >= TABLE_PIXELS and dtype is np.uint8
-            quicker = self._software and many and not is_narrow(light.white_XYZ, display.colours)
+            quicker = self._software and many and self._doubted != key[0]
+            quicker = quicker and not is_narrow(light.white_XYZ, display.colours)
             if not (quicker if self._by_table is None else self._by_table):
                 return passage
-        if space is None:
-            space = TableSpace.between(light.white_XYZ, display.colours)
-            self._lookups.fill(passage, space, screen_of(viewing), self._draw)
-            self._passed = key, passage, space
+        if tabled is None:
+            tabled = Tabled.of(passage, TableSpace.between(light.white_XYZ, display.colours))
+            self._lookups.fill(passage, tabled, screen_of(viewing), self._draw)
+            self._passed = key, passage, tabled
         self._lookups.use_table()
-        return space
+        return tabled
 
     def close(self) -> None:
         """Release everything made here."""

@@ -13,10 +13,9 @@ import numpy as np
 from volspec.appearance.field import PassageField
 from volspec.appearance.passages import Passage
 from volspec.appearance.screen import Screen
-from volspec.appearance.table import NODES, TablePassage, TableSpace
-from volspec.relight.uniforms import CLOSED_FORMS, form_of, node_uniforms
-
-TABLE_UNIT, FIELD_UNIT = 1, 2
+from volspec.appearance.table import NODES, TablePassage
+from volspec.relight.programs import UNITS
+from volspec.relight.uniforms import Tabled, form_of, node_uniforms
 
 
 class Lookups:
@@ -33,7 +32,8 @@ class Lookups:
         self._context, self._keep = context, keep
         self._table: Any = None
         self._field: Any = None
-        self._nodes: tuple[Any, Any] | None = None
+        self._filled: list[Any] = []
+        self._buffer: Any = None
 
     def load(self, field: PassageField) -> None:
         """Upload a field and bind it."""
@@ -44,21 +44,22 @@ class Lookups:
             self._field.filter = self._context.LINEAR, self._context.LINEAR
             self._field.repeat_x = self._field.repeat_y = False
         self._field.write(texels)
-        self._field.use(FIELD_UNIT)
+        self._field.use(UNITS["field"])
 
     def use_table(self) -> None:
         """Bind the table."""
-        self._table.use(TABLE_UNIT)
+        self._table.use(UNITS["table"])
 
     def fill(
-        self, passage: Passage, space: TableSpace, screen: Screen, draw: Callable[..., None]
+        self, passage: Passage, tabled: Tabled, screen: Screen, draw: Callable[..., None]
     ) -> None:
         """Put a passage into the table: on the device where it has a closed form.
 
         Parameters
         ----------
         passage : Passage
-        space : TableSpace
+        tabled : Tabled
+            The same, to be looked up.
         screen : Screen
         draw : callable
             The engine's: (name of the fragment shader, form, uniforms, screen).
@@ -67,17 +68,28 @@ class Lookups:
             self._table = self._keep(self._context.texture3d((NODES,) * 3, 4, dtype="f4"))
             self._table.filter = self._context.LINEAR, self._context.LINEAR
             self._table.repeat_x = self._table.repeat_y = self._table.repeat_z = False
-        if not isinstance(passage, CLOSED_FORMS):
-            texels = np.ones((NODES, NODES, NODES, 4), np.float32)
-            texels[..., :3] = TablePassage.of(passage, space).codes
-            self._table.write(texels)
+        if tabled.behind is None:
+            made = TablePassage.of(passage, tabled.space)
+            texels = np.concatenate([made.codes, made.trusted[..., None]], axis=-1)
+            self._table.write(np.ascontiguousarray(texels))
             return
-        if self._nodes is None:
-            texture = self._keep(self._context.texture((NODES, NODES * NODES), 4, dtype="f4"))
-            buffer = self._keep(self._context.buffer(reserve=16 * NODES**3))
-            self._nodes = self._keep(self._context.framebuffer([texture])), buffer
-        nodes, buffer = self._nodes
-        nodes.use()
-        draw("nodes", form_of(passage), node_uniforms(passage, space, screen), screen)
-        nodes.read_into(buffer, components=4, dtype="f4")
-        self._table.write(buffer)
+        nodes, middles, trusted = self._framebuffers()
+        form = form_of(tabled.behind)
+        for target, offset in ((nodes, 0.0), (middles, 0.5)):
+            target.use()
+            draw("nodes", form, node_uniforms(tabled.behind, offset, screen), screen)
+        trusted.use()
+        nodes.color_attachments[0].use(UNITS["nodes"])
+        middles.color_attachments[0].use(UNITS["middles"])
+        draw("trust", form, {}, screen)
+        trusted.read_into(self._buffer, components=4, dtype="f4")
+        self._table.write(self._buffer)
+
+    def _framebuffers(self) -> list[Any]:
+        """One for the nodes, one for the cells' middles, one for both judged."""
+        if not self._filled:
+            size = (NODES, NODES * NODES)
+            textures = [self._keep(self._context.texture(size, 4, dtype="f4")) for _ in range(3)]
+            self._filled = [self._keep(self._context.framebuffer([t])) for t in textures]
+            self._buffer = self._keep(self._context.buffer(reserve=16 * NODES**3))
+        return self._filled

@@ -21,6 +21,8 @@ from volspec.appearance.constants import shader_constants
 from volspec.relight.uniforms import FORM_NUMBERS, screen_form
 
 _GLSL = "330 core"
+# Texture units by the names of samplers.
+UNITS = {"coefficients": 0, "table": 1, "field": 2, "nodes": 3, "middles": 4}
 
 
 class Programs:
@@ -46,7 +48,7 @@ class Programs:
 
         Parameters
         ----------
-        name : {"relight", "nodes"}
+        name : {"relight", "nodes", "trust"}
             Of the fragment shader.
         form : {name: int}
             As `volspec.relight.uniforms.form_of`.
@@ -76,5 +78,8 @@ class Programs:
             vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
             fragment = assemble(f"shaders/{name}.frag", lines, glsl_version=_GLSL)
             program = self._keep(compile_program(self._context, vertex, fragment))
+            for sampler, unit in UNITS.items():
+                if sampler in program:
+                    program[sampler].value = unit
             self._made[key] = program, self._keep(self._context.vertex_array(program, []))
         return self._made[key]

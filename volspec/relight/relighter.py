@@ -48,9 +48,10 @@ class Relighter:
     context : moderngl.Context, optional
         A current context to draw in, as a viewer's; None makes a headless one.
     table : bool, optional
-        Whether GL looks appearance up in a table (`volspec.appearance.table`; CIEDE2000 .03 from
-        the closed forms under tungsten, .2 at most). None: where a model has no closed form, and
-        for 8-bit frames of 512² pixels and more on software GL, where it is quicker.
+        Whether GL looks appearance up in a table (`volspec.appearance.table`), where that holds all
+        of a picture's colours; CIEDE2000 .03 from the closed forms under tungsten. None: where a
+        model has no closed form, and for 8-bit frames of 1024² pixels and more on software GL,
+        where it is quicker.
 
     Raises
     ------
@@ -93,6 +94,8 @@ class Relighter:
         self._image = image
         self._edits: dict[str, Spectrum] = {}
         self._adapting = Adapting()
+        if table not in (None, True, False):
+            raise RelightError(f"Relighter: table is {table!r}; expected True, False or None")
         self._closed = False
         self._table = table
         self._lent = context is not None

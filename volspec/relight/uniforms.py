@@ -6,6 +6,7 @@ illumination, passage -> [uniforms] -> gpu -> shaders/relight.frag
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.appearance.field import PassageField
 from volspec.appearance.gamut import SHADER_STEPS
 from volspec.appearance.models.conditions import CamPassage
-from volspec.appearance.passages import CurvePassage, LinearPassage
+from volspec.appearance.passages import CurvePassage, LinearPassage, Passage
 from volspec.appearance.screen import Screen
 from volspec.appearance.table import TableSpace
 from volspec.relight.illumination import Illumination
@@ -21,25 +22,54 @@ from volspec.relight.packed import layer_count
 
 # What a pixel goes through, by the numbers that the shader knows the forms by.
 FORM_NUMBERS = {"LINEAR": 0, "CURVE": 1, "CAM": 2, "TABLE": 3}
+# Those that the shader can work out colour by colour, and fill a table with.
+Closed = CurvePassage | CamPassage
+Uniforms = dict[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tabled:
+    """A passage that is looked up.
+
+    Parameters
+    ----------
+    space : TableSpace
+    behind : CurvePassage or CamPassage, optional
+        From adapted linear RGB on, to fill the table with.
+    """
+
+    space: TableSpace
+    behind: Closed | None
+
+    @classmethod
+    def of(cls, passage: Passage, space: TableSpace) -> Tabled:
+        """A passage from a scene's XYZ, to be looked up in a space."""
+        if not isinstance(passage, Closed):
+            return cls(space, None)
+        XYZ_from_adapted = np.linalg.inv(space.adapted_from_XYZ)
+        first = passage.response_from_XYZ @ XYZ_from_adapted
+        return cls(space, replace(passage, response_from_XYZ=first))
+
+
+Drawn = LinearPassage | Closed | Tabled | PassageField
 FORMS: dict[type, int] = dict(
-    zip((LinearPassage, CurvePassage, CamPassage, TableSpace), FORM_NUMBERS.values(), strict=True)
+    zip((LinearPassage, CurvePassage, CamPassage, Tabled), FORM_NUMBERS.values(), strict=True)
 )
 FORMS[PassageField] = FORMS[CamPassage]
-# Those that the shader can work out colour by colour, and fill a table with.
-CLOSED_FORMS = (CurvePassage, CamPassage)
-Drawn = LinearPassage | CurvePassage | CamPassage | TableSpace | PassageField
-Uniforms = dict[str, NDArray[np.float32]]
 
 
 def form_of(passage: Drawn) -> dict[str, int]:
     """What ``shaders/relight.frag`` is compiled with to draw a passage."""
+    if isinstance(passage, Tabled):
+        checked = int(passage.behind is not None)
+        return form_of(LinearPassage(np.eye(3))) | {"FORM": FORMS[Tabled], "CHECKED": checked}
     same = isinstance(passage, CamPassage) and all(
         bool(np.all(np.abs(np.asarray(value) - 1.0) < 1e-7))
         for value in (passage.lightness_power, passage.chroma_gain)
     )
     outer = isinstance(passage, CurvePassage) and bool(np.any(passage.outer != 1))
     form = {"FORM": FORMS[type(passage)], "SAME_SURROUND": int(same), "OUTER": int(outer)}
-    return form | {"FIELD": int(isinstance(passage, PassageField))}
+    return form | {"FIELD": int(isinstance(passage, PassageField)), "CHECKED": 0}
 
 
 def light_uniforms(light: Illumination, passage: Drawn) -> Uniforms:
@@ -66,8 +96,8 @@ def light_uniforms(light: Illumination, passage: Drawn) -> Uniforms:
     first = np.eye(3)
     if isinstance(passage, LinearPassage):
         first = passage.matrix
-    elif isinstance(passage, TableSpace):
-        first = passage.adapted_from_XYZ
+    elif isinstance(passage, Tabled):
+        first = passage.space.adapted_from_XYZ
     return _flat({"XYZ_from_layer": columns @ first.T, "backdrop_XYZ": first @ light.backdrop_XYZ})
 
 
@@ -79,7 +109,7 @@ def passage_uniforms(passage: Drawn, screen: Screen) -> Uniforms:
     dict
         Flat float32 arrays; matrices column by column.
     """
-    if isinstance(passage, LinearPassage | TableSpace):
+    if isinstance(passage, LinearPassage | Tabled):
         return {}
     form = form_of(passage)
     if isinstance(passage, PassageField):  # whose scenes are in its texture
@@ -124,10 +154,9 @@ def screen_uniforms(screen: Screen) -> Uniforms:
     )
 
 
-def node_uniforms(passage: Drawn, space: TableSpace, screen: Screen) -> Uniforms:
-    """What ``shaders/nodes.frag`` is sent to fill a table with a passage."""
-    XYZ_from_adapted = np.linalg.inv(space.adapted_from_XYZ)
-    return passage_uniforms(passage, screen) | _flat({"XYZ_from_adapted": XYZ_from_adapted.T})
+def node_uniforms(behind: Closed, offset: float, screen: Screen) -> Uniforms:
+    """What ``shaders/nodes.frag`` is sent to work out a table's nodes, or its cells' middles."""
+    return passage_uniforms(behind, screen) | _flat({"offset": offset})
 
 
 def _flat(values: Mapping[str, ArrayLike]) -> Uniforms:
