@@ -51,7 +51,7 @@ def bare(image: CoefficientImage, lit: Illumination, context: Any) -> Callable[[
 
 
 def figures() -> Iterator[Figure]:
-    """The demo's engine under tungsten, 512², seven channels, CIECAM02; frame by frame, none read."""
+    """The demo's engine under tungsten, 512², seven channels, CIECAM02; each frame waited for."""
     scene = Scene.load(asset("data/scenes/engine.toml"))
     image = scene.render()
     context = headless_context()
