@@ -29,6 +29,17 @@ from volspec.volume import phantom
 ROOT = Path(__file__).resolve().parent.parent
 
 
+def test_the_package_can_be_run_by_its_name() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "volspec", "light", "D56"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1 and done.stderr.startswith("volspec: ")
+    assert "light 'D56' is unknown" in done.stderr
+
+
 def run(*words: str, **settings: object) -> subprocess.CompletedProcess[str]:
     """The installed command in a process of its own, as a user calls it."""
     return subprocess.run(

@@ -77,6 +77,28 @@ def test_all_models_at_once(capsys: pytest.CaptureFixture[str]) -> None:
     assert "CIELAB" in capsys.readouterr().out
 
 
+def test_a_look_s_title_is_one_line_above_its_table(capsys: pytest.CaptureFixture[str]) -> None:
+    done("appearance", "--inverse", "60", "40", "90", "--white", "A")
+    title, head, figures = capsys.readouterr().out.splitlines()
+    assert title.startswith("under A, 1000 lx") and title.endswith("h 90.0")
+    assert head.split() == list("XYZ") and len(figures.split()) == 3
+
+
+def test_what_has_no_chroma_has_no_hue_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    colours = (0, 0, 0, 95.05, 100, 108.88, 40, 35, 10)
+    rows = run(capsys, "appearance", *map(str, colours), *CIELAB)
+    assert [row["composition"] != "" for row in rows] == [False, False, True]
+
+
+def test_looks_that_no_colour_has_are_marked_by_every_model(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ("appearance", "--inverse", "25", "163", "125", "--white", "A", "--model")
+    for name in ("CIELAB", "RLAB"):
+        (row,) = run(capsys, *words, name)
+        assert row["defined"] is False and row["Z"] is None
+
+
 def test_tables_are_read_by_their_columns(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -190,7 +212,7 @@ def test_models_side_by_side_are_made_for_the_display_asked_for(
         assert shown.width > plain.width
 
 
-RLAB = ("--model", "RLAB")
+RLAB, CIELAB = ("--model", "RLAB"), ("--model", "CIELAB", "--white", "95.05,100,108.88")
 PICTURE = ("appearance", "--image", "x.exr", "-o", "x.png")
 
 
@@ -233,7 +255,27 @@ PICTURE = ("appearance", "--image", "x.exr", "-o", "x.png")
         ((*PICTURE, "--D", ".5", "--discount"), "which is D = 1"),
         ((*PICTURE, "--lux", "5", "--L_A", "4"), "give one of them"),
         ((*PICTURE, "--gamut", "reduc"), "did you mean 'reduce'"),
+        ((*PICTURE, "--fov-deg", "30"), "--fov-deg 30: nothing is measured"),
         (("appearance", "1", "2", "3", "-o", "x.png"), "only --image"),
+        (
+            ("appearance", "1", "2", "3", "--white", "1.0985,1,0.3558"),
+            "(1.0985, 1.0, 0.3558); expected Y = 100 for white",
+        ),
+        (("appearance", "1", "2", "3", "--white", "1e300,1e300,1e300"), "Y = 100 for white"),
+        (
+            ("appearance", "1", "2", "3", "--Y_b", "1e300", "--model", "all"),
+            "Y_b is 1e+300; expected 0 to 2000",
+        ),
+        (("appearance", "1", "2", "3", "--Y_b", "1e4"), "Y_b is 10000.0; expected 0 to 2000"),
+        (("appearance", "1", "2", "3", "--lux", "0"), "illuminance_lux is 0.0"),
+        (("adapt", "1", "2", "3", "--from", "A", "--lux", "0"), "illuminance_lux is 0.0"),
+        (("appearance", "1", "2", "3", "--surround", "bright"), "or a ratio to white from 0"),
+        (
+            ("appearance", "1", "2", "3", "--model", "all", "--model", "CAM16"),
+            "--model all with --model CAM16: all is every model",
+        ),
+        (("adapt", "1", "2", "3", "--from", "95.05,100"), "give X,Y,Z, as 95.05,100,108.88"),
+        (("appearance", "1", "2", "3", "--white", "D65,A"), "give X,Y,Z, as 95.05,100,108.88"),
         (("appearance", "--image", "x.exr"), "give -o FILE.png"),
         (("appearance", "--image", "x.exr", "-o", "x.jpg"), "PNG"),
         (("appearance", "--image", "x.exr", "-o", "x.png", "--model", "Hunter"), "'Hunt'"),

@@ -116,7 +116,12 @@ def test_flags_of_the_scene_can_be_taken_back(chart: Path, tmp_path: Path) -> No
         (("--D", "0.5", "--discount"), "which is D = 1", 1),
         (("--D", "2"), "Viewing.D is 2.0", 1),
         (("--surround", "2"), "surround is 2.0", 1),
+        (("--surround", "bright"), "or a ratio to white from 0 (dark) to 1", 1),
         (("--exposure", "0"), "exposure is 0.0", 1),
+        (("--exposure", "1e30"), "Viewing.exposure is 1e+30; expected", 1),
+        (("--lux", "0"), "Viewing.illuminance_lux is 0.0", 1),
+        (("--fov-deg", "30"), "--fov-deg 30: nothing is measured in the picture", 1),
+        (("--fov-deg", "1e-300", "--adapting", "picture"), "Viewing.fov_deg is 1e-300", 1),
         (("--exposure", "none"), "'none' is no number", 2),
     ],
 )

@@ -263,6 +263,22 @@ CHANGES = {
             ("step_mm = 1e-9", r"step_mm is 1e-09 .* steps; give 1 to"),
         )
     },
+    "adapted twice": (
+        "[output]",
+        "[viewing]\nD = 0.5\ndiscount = true\n[output]",
+        r"\[viewing\] .*D is 0.5 and discount True.*give one of them",
+    ),
+    "background beyond all": ("[output]", "[viewing]\nY_b = 1e4\n[output]", "Y_b is 10000.0"),
+    "lit by nothing": (
+        "[output]",
+        "[viewing]\nilluminance_lux = 0\n[output]",
+        "illuminance_lux is 0.0",
+    ),
+    "profile that is gone": (
+        "[output]",
+        '[viewing.display]\nspace = "gone.icc"\n[output]',
+        r"\[viewing\] colour space '.*gone.icc': no such file; check",
+    ),
     "not TOML": ("[volume]", "[volume", "not valid TOML"),
     "missing volume": ("ball.npy", "bell.npy", "bell.npy: no such file"),
 }

@@ -43,6 +43,8 @@ SECTIONS: dict[str, type[tables.Table]] = {
     "`[[light]]`": light_tables.LightTable,
     "`[viewing]`": tables.ViewingTable,
     "`[viewing.display]`": tables.DisplayTable,
+    "space": tables.SpaceTable,
+    "transfer of a space": tables.CurveTable,
     "`[output]`": tables.OutputTable,
 }
 # Tables that are written as rows or fields of others, never by themselves.

@@ -273,7 +273,7 @@ def test_a_scene_file_asks_for_it_and_its_pictures_remember(tmp_path: Path):
     [
         ({"adapting": "pictures"}, "did you mean 'picture'"),
         ({"adapting": "pixel", "model": "RLAB"}, "'RLAB' cannot; take CIECAM02 or CAM16"),
-        ({"fov_deg": 180.0}, "fov_deg is 180.0; expected degrees above 0 and below 180"),
+        ({"fov_deg": 180.0}, "fov_deg is 180.0; expected 0.1 to 170 degrees"),
         ({"fov_deg": "wide"}, "fov_deg is 'wide'"),
     ],
 )

@@ -48,9 +48,10 @@ def test_forward_gives_numbers_for_every_finite_colour(name, where):
 @pytest.mark.parametrize("name", MODELS)
 def test_inverse_gives_numbers_or_nan_and_no_warning(name, where):
     J, C, h = np.meshgrid([-5.0, 0.0, 1e-9, 30.0, 100.0, 250.0], [0.0, 1.0, 300.0], [0.0, 200.0])
-    back = MODELS[name].inverse(J, C, h, ENDS[where])
-    assert not np.isinf(back).any()
-    assert (np.isnan(back).all(axis=-1) == np.isnan(back).any(axis=-1)).all()
+    for backwards in (MODELS[name].inverse, MODELS[name].continued):
+        back = backwards(J, C, h, ENDS[where])
+        assert not np.isinf(back).any()
+        assert (np.isnan(back).all(axis=-1) == np.isnan(back).any(axis=-1)).all()
     if name in ("CIELAB", "RLAB"):
         assert np.isfinite(back).all()
 

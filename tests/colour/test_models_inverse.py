@@ -21,7 +21,7 @@ def test_inverse_undoes_forward(name, where):
     conditions, model = CONDITIONS[where], MODELS[name]
     XYZ = colours(conditions.white_XYZ)
     seen = model.forward(XYZ, conditions)
-    back = model.inverse(seen.J, seen.C, seen.h, conditions)
+    back = model.continued(seen.J, seen.C, seen.h, conditions)
     error = apart(back, XYZ)
     i = int(np.argmax(error))
     # Digits lost to the opponent sums and powers; measured below 2e-10.
@@ -35,7 +35,7 @@ def test_inverse_undoes_forward_up_to_the_spectral_locus(name, where):
     conditions, model = CONDITIONS[where], MODELS[name]
     XYZ = spectral_mixtures()
     seen = model.forward(XYZ, conditions)
-    back = model.inverse(seen.J, seen.C, seen.h, conditions)
+    back = model.continued(seen.J, seen.C, seen.h, conditions)
     assert apart(back, XYZ).max() <= 1e-9
 
 
@@ -88,7 +88,7 @@ def test_hunt_with_settings_goes_both_ways(helson_judd, p):
     for conditions in CONDITIONS.values():
         XYZ = colours(conditions.white_XYZ, count=500)[:-1]
         seen = hunt.forward(XYZ, conditions, settings)
-        back = hunt.inverse(seen.J, seen.C, seen.h, conditions, settings)
+        back = hunt.continued(seen.J, seen.C, seen.h, conditions, settings)
         assert apart(back, XYZ).max() <= 1e-9
 
 
@@ -97,7 +97,7 @@ def test_nayatani_with_settings_goes_both_ways():
     for conditions in CONDITIONS.values():
         XYZ = colours(conditions.white_XYZ, count=500)
         seen = nayatani95.forward(XYZ, conditions, settings)
-        back = nayatani95.inverse(seen.J, seen.C, seen.h, conditions, settings)
+        back = nayatani95.continued(seen.J, seen.C, seen.h, conditions, settings)
         assert apart(back, XYZ).max() <= 1e-9
 
 

@@ -30,7 +30,7 @@ def test_every_finite_colour_has_a_finite_one_on_every_display(each, where):
 def test_what_the_inverse_knows_is_not_touched(name):
     model = MODELS[name]
     seen = model.forward(colours(D65, 500), SCENE)
-    plain = model.inverse(seen.J, seen.C, seen.h, SCENE)
+    plain = model.continued(seen.J, seen.C, seen.h, SCENE)
     near = nearest_inverse(model, seen.J, seen.C, seen.h, SCENE)
     np.testing.assert_array_equal(near, plain)
     one = nearest_inverse(model, seen.J[3], seen.C[3], seen.h[3], SCENE)
@@ -54,7 +54,7 @@ def test_hunt_on_a_dim_display_has_no_jump_where_its_inverse_ends():
 
     passage = ModelPassage(hunt, SCENE, DIM)
     seen = hunt.forward(ramps(2001), SCENE)
-    known = np.isfinite(hunt.inverse(seen.J, seen.C, seen.h, DIM)).all(axis=-1)
+    known = np.isfinite(hunt.continued(seen.J, seen.C, seen.h, DIM)).all(axis=-1)
     assert not known.all(axis=1).any() and known.any(axis=1).all()
     coarse, fine = (largest_step(passage.apply(ramps(n))) for n in (2001, 32001))
     # Sixteen times as many steps, of a tenth; jumps would stay. By black one of L* .2 does.
@@ -63,7 +63,7 @@ def test_hunt_on_a_dim_display_has_no_jump_where_its_inverse_ends():
     # What was there before: CIECAM02 where Hunt knows none.
     XYZ = ramps(32001)
     seen = hunt.forward(XYZ, SCENE)
-    back = hunt.inverse(seen.J, seen.C, seen.h, DIM)
+    back = hunt.continued(seen.J, seen.C, seen.h, DIM)
     switched = np.where(np.isnan(back), ciecam02.passage(SCENE, DIM).apply(XYZ), back)
     print(
         "largest steps:", fine.round(3), "switching to CIECAM02:", largest_step(switched).round(2)

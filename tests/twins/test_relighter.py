@@ -258,7 +258,11 @@ def test_unlit_rig_and_other_nonsense_is_refused_in_one_line():
             "negative power, -0.0656.* at 700 nm",
         ),
         (lambda: relight(image, A, dtype="wide", **lit), RelightError, "dtype is 'wide'"),
-        (lambda: relight(image, A, Viewing(exposure=1e30), **lit), ViewingError, "the exposure"),
+        (
+            lambda: relight(image, LightRig((A,), (), (1e30,)), level="absolute", **lit),
+            ViewingError,
+            "its lux and the exposure",
+        ),
         (lambda: RelightSpec(mode="exakt"), ViewingError, "did you mean 'exact'"),
         (lambda: RelightSpec(level="abs"), ViewingError, "level is 'abs'"),
         (lambda: RelightSpec(backdrop=1.2), ViewingError, "backdrop reflects 1.2"),

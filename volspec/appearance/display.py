@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 from volspec.appearance.spaces import ColourSpace, space_of
 from volspec.appearance.surround import (
     ViewingConditions,
+    require_background,
     require_known,
     require_not_negative,
     require_positive,
@@ -40,7 +42,7 @@ class Display:
         Luminance factor of the background, percent of the display's white.
     surround : str or float
         As `surround_at`.
-    space : str or ColourSpace
+    space : str, path or ColourSpace
         Primaries, white and curve: a name of `volspec.appearance.spaces.SPACES`, such as
         ``"Display P3"``, a display's profile, ``FILE.icc``, or any other. White and primaries are
         where the picture's colours go, and the white is what the eye before it adapts to.
@@ -67,7 +69,7 @@ class Display:
     L_A: float | None = 64.0 / math.pi * 0.2
     Y_b: float = 20.0
     surround: str | float = "average"
-    space: str | ColourSpace = "sRGB"
+    space: str | Path | ColourSpace = "sRGB"
     gamut: str = "clip"
     mark: bool = False
     white_cd_m2: float = 80.0
@@ -75,11 +77,12 @@ class Display:
     def __post_init__(self) -> None:
         if self.L_A is not None:
             require_not_negative("Display.L_A", self.L_A, "cd/m²; sRGB's is 4.07")
-        require_not_negative("Display.Y_b", self.Y_b, "percent of white; grey is 20")
+        require_background("Display.Y_b", self.Y_b)
         surround_at(self.surround)
-        if not isinstance(self.space, str | ColourSpace):
+        if not isinstance(self.space, str | Path | ColourSpace):
             raise ViewingError(
-                f"Display.space is {self.space!r:.60}; expected a name, as 'sRGB', or a ColourSpace"
+                f"Display.space is {self.space!r:.60}; expected a name, as 'sRGB', "
+                "a profile, FILE.icc, or a ColourSpace"
             )
         found = space_of(self.space)
         if self.space != found.name:  # a profile is read once, now

@@ -60,7 +60,9 @@ class PassageField:
         """
         model, L_A, Y_b = viewing.model, np.asarray(L_A), np.asarray(Y_b)
         given = replace(viewing, adapting="given")
-        whole = Conditions.of_viewing(replace(given, D=1.0, L_A=0.0).conditions(white_XYZ), model)
+        whole = Conditions.of_viewing(
+            replace(given, D=1.0, discount=False, L_A=0.0).conditions(white_XYZ), model
+        )
         factors, white = whole.surround, np.array(whole.white_XYZ)
         F_L, n = level.level_factor(L_A), level.background_ratio(Y_b, white[1])
         if viewing.discount:

@@ -29,7 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.net import AdaptingNet, between, pitch, sphere, weights
 from volspec.appearance.spec import ViewingConditions
-from volspec.errors import ShapeError, ViewingError
+from volspec.appearance.surround import is_finite
+from volspec.errors import ShapeError, ViewingError, quoted
 
 Array = NDArray[np.float64]
 
@@ -92,12 +93,8 @@ def measured_conditions(
         raise ViewingError(f"measured: the white's Y is {white[1]}; expected above 0, as 100")
     _require_luminance(luminance_of_white)
     height, width = picture.shape
-    x, y = ((width - 1) / 2, (height - 1) / 2) if at is None else at
+    x, y = _pixel(at, (height, width))
     scale = pitch((height, width), fov_deg)
-    if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
-        raise ViewingError(
-            f"measured: at is ({x}, {y}), outside of the picture's {width} × {height} pixels"
-        )
     across = (np.arange(width) - (width - 1) / 2) * scale
     down = (np.arange(height) - (height - 1) / 2) * scale
     directions, density = sphere(*np.meshgrid(across, down))
@@ -169,6 +166,24 @@ def _factors(Y: ArrayLike) -> Array:
     if not np.all(np.isfinite(picture)):
         raise ViewingError("measured: Y holds values that are not finite (NaN or infinity)")
     return np.maximum(picture, 0.0)
+
+
+def _pixel(at: tuple[float, float] | None, shape: tuple[int, int]) -> tuple[float, float]:
+    """The pixel looked at, (x, y)."""
+    height, width = shape
+    if at is None:
+        return (width - 1) / 2, (height - 1) / 2
+    try:
+        x, y = at
+    except (TypeError, ValueError):
+        x = y = math.nan
+    if not (is_finite(x) and is_finite(y)):
+        raise ViewingError(f"measured: at is {quoted(at)}; expected (x, y), a pixel, or None")
+    if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
+        raise ViewingError(
+            f"measured: at is ({x}, {y}), outside of the picture's {width} × {height} pixels"
+        )
+    return float(x), float(y)
 
 
 def _outside(outside: float | None, picture: Array, spans: Array) -> float:

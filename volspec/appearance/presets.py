@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -55,7 +56,7 @@ class Preset:
     """The display that usually stands there, a name of `SPACES`; ``""`` where it is no display."""
     sources: Sources
 
-    def display(self, space: str | ColourSpace = "sRGB", gamut: str = "clip") -> Display:
+    def display(self, space: str | Path | ColourSpace = "sRGB", gamut: str = "clip") -> Display:
         """A display seen so; ``space`` is that of the picture, which may not be the preset's."""
         return Display(
             L_A=self.L_A,

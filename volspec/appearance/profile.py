@@ -25,8 +25,16 @@ Array = NDArray[np.float64]
 
 # Two curves that differ by less, in codes of 0 to 1, are one: half an 8-bit step.
 _ALIKE = 0.002
+# So far from 0 and 1 a sampled curve may start and end.
+_ENDS = 0.01
 D50_XYZ = np.array([0.9642, 1.0, 0.8249])
 """The profile connection space's white."""
+# What a display's matrix profile has where in its header: ICC.1:2022, 7.2.5 to 7.2.7.
+_HEADER = {
+    12: ("device class", b"mntr"),
+    16: ("colour space", b"RGB "),
+    20: ("connection space", b"XYZ "),
+}
 # How many numbers a parametric curve of each type has.
 _PARAMETERS = (1, 3, 4, 5, 7)
 
@@ -53,26 +61,44 @@ def read_profile(path: str | Path) -> ColourSpace:
     Raises
     ------
     ViewingError
-        If it is no such file, has tables instead of a matrix, or curves of another kind.
+        If it is no such file, no display's, has tables instead of a matrix, or curves of another
+        kind; the message names the file.
     """
+    name = str(path)
     try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise ViewingError(f"colour space {str(path)!r}: {error.strerror or error}") from None
-    if len(data) < 132 or data[36:40] != b"acsp":
-        raise ViewingError(
-            f"colour space {str(path)!r}: no ICC profile; give a display's .icc file"
-        )
-    try:
-        return _space(Path(path), _tags(data))
-    except ViewingError:
-        raise
+        return _space(Path(path).stem, _tags(_read(Path(path))))
+    except ViewingError as error:
+        raise ViewingError(f"colour space {name!r}: {error}") from None
     except (struct.error, KeyError, IndexError, ValueError) as error:
         what = f"has no {error.args[0]}" if isinstance(error, KeyError) else "is damaged"
         raise ViewingError(
-            f"colour space {str(path)!r}: the profile {what}; expected a matrix profile of a "
-            "display, with rXYZ, gXYZ, bXYZ and their TRC"
+            f"colour space {name!r}: the profile {what}; expected a matrix profile of a display, "
+            "with rXYZ, gXYZ, bXYZ and their TRC"
         ) from None
+
+
+def _read(path: Path) -> bytes:
+    """The bytes of a display's profile; its messages do not name the file, as of all below."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise ViewingError("no such file; check the path, or name a space, as 'sRGB'") from None
+    except IsADirectoryError:
+        raise ViewingError("is a folder; give a display's .icc file") from None
+    except OSError as error:
+        raise ViewingError(
+            f"cannot be read: {error.strerror or error}; check the path and its permissions"
+        ) from None
+    if len(data) < 132 or data[36:40] != b"acsp":
+        raise ViewingError("no ICC profile; give a display's .icc file")
+    for start, (what, expected) in _HEADER.items():
+        found = data[start : start + 4]
+        if found != expected:
+            raise ViewingError(
+                f"the profile's {what} is {found.decode('latin-1').strip()!r}, not "
+                f"{expected.decode().strip()!r}; give the profile of a display, a matrix profile"
+            )
+    return data
 
 
 def _tags(data: bytes) -> dict[str, bytes]:
@@ -81,44 +107,50 @@ def _tags(data: bytes) -> dict[str, bytes]:
     return {name.decode("latin-1"): data[start : start + size] for name, start, size in places}
 
 
-def _space(path: Path, tags: dict[str, bytes]) -> ColourSpace:
-    columns = np.stack([_fixed(tags[f"{c}XYZ"][8:20]) for c in "rgb"], axis=1)
+def _space(name: str, tags: dict[str, bytes]) -> ColourSpace:
+    columns = np.stack([_fixed(tags[f"{c}XYZ"], 3) for c in "rgb"], axis=1)
     if "chad" in tags:
-        adapted = _fixed(tags["chad"][8:44]).reshape(3, 3)
+        adapted = _fixed(tags["chad"], 9).reshape(3, 3)
     else:  # version 2: the media's white, from which Bradford's adaptation leads to D50
-        adapted = D50_from_white(_fixed(tags["wtpt"][8:20]))
+        with np.errstate(all="ignore"):  # a white of nothing is refused as a space's below
+            adapted = D50_from_white(_fixed(tags["wtpt"], 3))
     XYZ = np.linalg.solve(adapted, columns)
     red, green, blue, white_xy = (_xy(v) for v in (*XYZ.T, XYZ.sum(axis=1)))
-    curves = [_curve(path, tags[f"{c}TRC"]) for c in "rgb"]
+    curves = [_curve(tags[f"{c}TRC"]) for c in "rgb"]
     codes = np.linspace(0.0, 1.0, 64)
     spread = np.ptp([curve.encode(codes) for curve in curves], axis=0).max()
     if spread > 2.0 * _ALIKE:
         raise ViewingError(
-            f"colour space {str(path)!r}: its channels' curves differ by {spread:.3f}; expected "
-            "one for all, as a calibrated display's"
+            f"its channels' curves differ by {spread:.3f}; expected one for all, as a calibrated "
+            "display's"
         )
-    return ColourSpace(path.stem, (red, green, blue), white_xy, curves[1])
+    return ColourSpace(name, (red, green, blue), white_xy, curves[1])
 
 
 def _xy(XYZ: Array) -> tuple[float, float]:
-    x, y, _ = (XYZ / XYZ.sum()).tolist()
+    with np.errstate(all="ignore"):  # `ColourSpace` refuses what is not finite
+        x, y, _ = (XYZ / XYZ.sum()).tolist()
     return x, y
 
 
-def _fixed(data: bytes) -> Array:
+def _numbers(tag: bytes, start: int, kind: str, count: int) -> Array:
+    """Numbers of a tag; ValueError where it ends before them."""
+    return np.frombuffer(tag, dtype=kind, count=count, offset=start).astype(np.float64)
+
+
+def _fixed(tag: bytes, count: int, start: int = 8) -> Array:
     """s15Fixed16Numbers."""
-    return np.frombuffer(data, dtype=">i4").astype(np.float64) / 65536.0
+    return _numbers(tag, start, ">i4", count) / 65536.0
 
 
-def _curve(path: Path, tag: bytes) -> Transfer:
+def _curve(tag: bytes) -> Transfer:
     kind = tag[:4]
     if kind == b"para":
         (number,) = struct.unpack_from(">H", tag, 8)
-        values = _fixed(tag[12 : 12 + 4 * _PARAMETERS[number]]).tolist()
+        values = _fixed(tag, _PARAMETERS[number], start=12).tolist()
         if number in (1, 2):  # (g, a, b[, c]): black below -b/a, of no use to a display
             raise ViewingError(
-                f"colour space {str(path)!r}: its curves lift black (parametric type {number}); "
-                "expected type 0 or 3"
+                f"its curves lift black (parametric type {number}); expected type 0 or 3"
             )
         return Transfer.icc(*values)
     if kind != b"curv":
@@ -126,25 +158,33 @@ def _curve(path: Path, tag: bytes) -> Transfer:
     (count,) = struct.unpack_from(">I", tag, 8)
     if count == 0:
         return Transfer.gamma(1.0)
-    table = np.frombuffer(tag[12 : 12 + 2 * count], dtype=">u2").astype(np.float64)
+    table = _numbers(tag, 12, ">u2", count)
     if count == 1:  # u8Fixed8Number
         return Transfer.gamma(float(table[0]) / 256.0)
-    return _fitted(path, table / 65535.0)
+    return _fitted(table / 65535.0)
 
 
-def _fitted(path: Path, linear: Array) -> Transfer:
+def _fitted(linear: Array) -> Transfer:
     """The curve that a table was made of: sRGB's, or the power nearest to it."""
+    if not (linear[0] <= _ENDS and linear[-1] >= 1.0 - _ENDS):
+        raise ViewingError(
+            f"its curves go from {linear[0]:.3f} to {linear[-1]:.3f}; expected 0 to 1, a display's "
+            "own profile"
+        )
+    if linear.size == 2:  # its ends alone: straight between them
+        return Transfer.gamma(1.0)
     codes = np.linspace(0.0, 1.0, linear.size)
-    inside = (codes > 0.05) & (linear > 0.0)
+    inside = (codes > 0.05) & (codes < 1.0) & (linear > 0.0)
     logs = np.log(codes[inside])
-    power = Transfer.gamma(max(float(np.log(linear[inside]) @ logs / (logs @ logs)), 0.1))
+    slope = float(np.log(linear[inside]) @ logs / (logs @ logs)) if inside.any() else 1.0
+    power = Transfer.gamma(max(slope, 0.1))
     # Next to black a table of 16 bits has too few steps to tell.
     told = codes > 0.02
     fits = [(float(np.abs(c.encode(linear) - codes)[told].max()), c) for c in (sRGB_CURVE, power)]
     off, curve = min(fits, key=lambda fit: fit[0])
     if off > 5.0 * _ALIKE:
         raise ViewingError(
-            f"colour space {str(path)!r}: its curves are neither sRGB's nor a power (off by "
-            f"{off:.3f}); calibrate the display to one of them"
+            f"its curves are neither sRGB's nor a power (off by {off:.3f}); calibrate the display "
+            "to one of them"
         )
     return curve

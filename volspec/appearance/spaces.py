@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -161,7 +162,7 @@ SPACES: Mapping[str, ColourSpace] = MappingProxyType(
 )
 
 
-def space_of(space: str | ColourSpace) -> ColourSpace:
+def space_of(space: str | Path | ColourSpace) -> ColourSpace:
     """A space by name, as it is, or of a display's profile, ``FILE.icc``.
 
     Raises
@@ -171,14 +172,15 @@ def space_of(space: str | ColourSpace) -> ColourSpace:
     """
     if isinstance(space, ColourSpace):
         return space
-    if isinstance(space, str) and space in SPACES:
-        return SPACES[space]
-    if space.lower().endswith((".icc", ".icm")):
+    name = str(space)
+    if name in SPACES:
+        return SPACES[name]
+    if name.lower().endswith((".icc", ".icm")):
         # Late: a profile's white is adapted by what stands downstream of this module.
         from volspec.appearance.profile import read_profile
 
-        return read_profile(space)
+        return read_profile(name)
     raise ViewingError(
-        f"colour space {quoted(space)} is unknown; {nearest(str(space), SPACES)}known: "
+        f"colour space {quoted(name)} is unknown; {nearest(name, SPACES)}known: "
         f"{', '.join(SPACES)}; any other as FILE.icc or as a ColourSpace"
     )

@@ -23,9 +23,10 @@ from volspec.appearance.surround import (
     ViewingConditions,
     is_finite,
     require_adaptation,
+    require_background,
     require_known,
+    require_lux,
     require_not_negative,
-    require_positive,
     surround_at,
 )
 from volspec.errors import ViewingError
@@ -54,6 +55,9 @@ MODELS = (
 ADAPTING = ("given", "picture", "pixel")
 # Models whose conditions may change from pixel to pixel.
 PER_PIXEL = ("CIECAM02", "CAM16")
+# Twenty stops either way; and degrees that cones of 1° and 11° can be measured in.
+EXPOSURES = (1e-6, 1e6)
+FIELDS_OF_VIEW_DEG = (0.1, 170.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +85,9 @@ class Viewing:
         Degree of adaptation to the scene's white, 0 (none) to 1 (complete); None is
         the model's, for CIECAM02 from F and L_A.
     discount : bool
-        The eye takes the light's colour off whole.
+        The eye takes the light's colour off whole: ``D`` is 1, and is not given beside.
     exposure : float
-        Linear factor on scene XYZ, as a camera's.
+        Linear factor on scene XYZ, as a camera's: 1e-6 to 1e6.
     display : Display
         Where the picture is shown.
     adapting : {"given", "picture", "pixel"}
@@ -92,7 +96,8 @@ class Viewing:
         by one that looks at each pixel in turn, with CIECAM02 or CAM16. What is measured replaces
         ``Y_b``; an ``L_A`` that is given stays.
     fov_deg : float, optional
-        The picture's height as an angle, to measure with; None is that of the camera that cast it.
+        The picture's height as an angle, 0.1 to 170, to measure with; None is that of the camera
+        that cast it.
 
     Raises
     ------
@@ -124,13 +129,17 @@ class Viewing:
 
     def __post_init__(self) -> None:
         require_known("Viewing.model", self.model, MODELS)
-        require_positive("Viewing.illuminance_lux", self.illuminance_lux, "an office has 500")
+        require_lux("Viewing.illuminance_lux", self.illuminance_lux)
         if self.L_A is not None:
             require_not_negative("Viewing.L_A", self.L_A, "cd/m²; None takes it from the light")
-        require_not_negative("Viewing.Y_b", self.Y_b, "percent of white; grey is 20")
+        require_background("Viewing.Y_b", self.Y_b)
         surround_at(self.surround)
         require_adaptation("Viewing", self.D, self.discount)
-        require_positive("Viewing.exposure", self.exposure, "1 changes nothing")
+        if not (is_finite(self.exposure) and EXPOSURES[0] <= self.exposure <= EXPOSURES[1]):
+            raise ViewingError(
+                f"Viewing.exposure is {self.exposure!r}; expected a factor of {EXPOSURES[0]:g} to "
+                f"{EXPOSURES[1]:g}, where 1 changes nothing"
+            )
         if not isinstance(self.display, Display):
             raise ViewingError(f"Viewing.display is {self.display!r}; expected a Display")
         require_known("Viewing.adapting", self.adapting, ADAPTING)
@@ -187,8 +196,9 @@ class Viewing:
 
 def require_angle(name: str, value: object) -> None:
     """Refuse what is no field of view."""
-    if not (is_finite(value) and 0.0 < value < 180.0):  # type: ignore[operator]
+    least, most = FIELDS_OF_VIEW_DEG
+    if not (is_finite(value) and least <= value <= most):  # type: ignore[operator]
         raise ViewingError(
-            f"{name} is {value!r}; expected degrees above 0 and below 180, the picture's height as "
+            f"{name} is {value!r}; expected {least:g} to {most:g} degrees, the picture's height as "
             "an angle"
         )

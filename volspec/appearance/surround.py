@@ -22,6 +22,11 @@ from volspec.errors import ViewingError, nearest, quoted
 
 Triple = tuple[float, float, float]
 
+# What a background may have, beside the white: a window behind a sheet of paper.
+MOST_BACKGROUND = 20.0
+# Of whites: Y is 100, or thereabouts, and not 1; the others may be next to nothing.
+_WHITE_Y, _WHITE_XYZ = (2.0, 1e5), (1e-30, 1e8)
+
 
 class Surround(NamedTuple):
     """CIECAM02's three factors of a surround; unitless."""
@@ -67,7 +72,11 @@ def surround_at(surround: str | float) -> Surround:
     Surround(F=0.95, c=0.64, N_c=0.95)
     """
     if isinstance(surround, str):
-        require_known("surround", surround, tuple(SURROUNDS))
+        if surround not in SURROUNDS:
+            raise ViewingError(
+                f"surround is {surround!r}; {nearest(surround, SURROUNDS)}known: "
+                f"{', '.join(SURROUNDS)}, or a ratio to white from 0 (dark) to 1"
+            )
         return SURROUNDS[surround]
     if not (is_finite(surround) and 0.0 <= surround <= 1.0):
         raise ViewingError(
@@ -123,6 +132,8 @@ def require_adaptation(name: str, D: object, discount: object) -> None:
         )
     if not isinstance(discount, bool):
         raise ViewingError(f"{name}.discount is {discount!r}; expected True or False")
+    if discount and D is not None:
+        raise ViewingError(f"{name}.D is {D!r} and discount True, which is D = 1; give one of them")
 
 
 def require_not_negative(name: str, value: float, remedy: str) -> None:
@@ -137,6 +148,21 @@ def require_positive(name: str, value: float, remedy: str) -> None:
         raise ViewingError(f"{name} is {value!r}; expected a finite number above 0 ({remedy})")
 
 
+def require_background(name: str, Y_b: float, white: float = 100.0) -> None:
+    """Refuse a luminance factor that is below 0 or far above the white's."""
+    most = MOST_BACKGROUND * white
+    if not (is_finite(Y_b) and 0.0 <= Y_b <= most):
+        raise ViewingError(
+            f"{name} is {Y_b!r}; expected 0 to {most:g}, where white is {white:g} (grey is "
+            f"{0.2 * white:g})"
+        )
+
+
+def require_lux(name: str, value: float) -> None:
+    """Refuse an illuminance that is not above 0."""
+    require_positive(name, value, "an office has 500; for an eye in the dark give L_A = 0")
+
+
 @dataclass(frozen=True, slots=True)
 class ViewingConditions:
     """What an eye is adapted to: all that an adaptation or an appearance model asks.
@@ -148,18 +174,20 @@ class ViewingConditions:
     L_A : float
         Luminance of the adapting field, cd/m². At 0 models take the limit from above.
     Y_b : float
-        Luminance factor of the background, on the white's scale. 0 likewise.
+        Luminance factor of the background, on the white's scale: to 20 times the white. 0 as L_A.
     surround : str or float
         As `surround_at`.
     D : float, optional
         Degree of adaptation, 0 to 1; None is the model's own.
     discount : bool
-        The eye takes the light's colour off whole, as it does with things it knows to be lit.
+        The eye takes the light's colour off whole, as it does with things it knows to be lit: D is
+        1, and is not given beside.
 
     Raises
     ------
     ViewingError
-        If the white has a channel that is not above 0, or a number is out of range.
+        If the white has a channel that is not above 0 or is on another scale, as 0 to 1, or a
+        number is out of range.
 
     Examples
     --------
@@ -181,9 +209,18 @@ class ViewingConditions:
                 f"ViewingConditions.white_XYZ is {quoted(self.white_XYZ)}; expected three finite "
                 "numbers above 0, as (95.05, 100, 108.88)"
             )
+        if not (
+            _WHITE_Y[0] <= white[1] <= _WHITE_Y[1]
+            and _WHITE_XYZ[0] <= min(white)
+            and max(white) <= _WHITE_XYZ[1]
+        ):
+            raise ViewingError(
+                f"ViewingConditions.white_XYZ is {quoted(self.white_XYZ)}; expected Y = 100 for "
+                "white, as (95.05, 100, 108.88); scale white and colours to that"
+            )
         object.__setattr__(self, "white_XYZ", white)
         require_not_negative("ViewingConditions.L_A", self.L_A, "cd/m²")
-        require_not_negative("ViewingConditions.Y_b", self.Y_b, "percent of white; grey is 20")
+        require_background("ViewingConditions.Y_b", self.Y_b, white[1])
         surround_at(self.surround)
         require_adaptation("ViewingConditions", self.D, self.discount)
 
@@ -195,10 +232,11 @@ class ViewingConditions:
         ----------
         white_XYZ : (X, Y, Z)
         illuminance_lux : float
+            Above 0.
         **others
             As the constructor's, but L_A.
         """
-        require_not_negative("illuminance_lux", illuminance_lux, "an office has 500")
+        require_lux("illuminance_lux", illuminance_lux)
         dark = cls(white_XYZ, 0.0, **others)
         return replace(dark, L_A=illuminance_lux / math.pi * dark.Y_b / dark.white_XYZ[1])
 

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from volspec.appearance import ViewingConditions
     from volspec.appearance.models import Appearance, Model
 
+# Below this a hue is that of the last digits: black and the white have none.
+_LEAST_CHROMA = 1e-6
 XYZ, JCH = ("X", "Y", "Z"), ("J", "C", "h")
 Table = Annotated[
     Path | None,
@@ -133,6 +135,9 @@ def appearance(
     from volspec.appearance.models import MODELS
     from volspec.appearance.models import model as find
 
+    if model is not None and "all" in model and len(model) > 1:
+        other = next((name for name in model if name != "all"), "all")
+        raise InputError(f"--model all with --model {other}: all is every model; give one of them")
     if image is not None:
         given = {"--table": table, "--inverse": inverse, "--json": json, "colours": values}
         if others := [name for name, value in given.items() if value]:
@@ -202,7 +207,8 @@ def _correlates(model: Model, colours: NDArray[np.float64], seen: ViewingConditi
     ]
     for i, row in enumerate(rows):
         if "H" in row:
-            row["composition"] = str(composition(row["H"])) if math.isfinite(row["H"]) else ""
+            told = math.isfinite(row["H"]) and row["C"] >= _LEAST_CHROMA
+            row["composition"] = str(composition(row["H"])) if told else ""
         row["defined"] = bool(look.defined[i])
     return rows
 

@@ -61,11 +61,11 @@ def write_comparison(
     words = [f"{image.stem} under {white}", f"{table.illuminance_lux:g} lx"]
     if table.L_A is not None:
         words[1] = f"L_A {table.L_A:g} cd/m²"
-    display = table.display
-    words += [each for each in (display.preset, display.space) if each != "sRGB"]
+    space = looks[0].display.colours
+    words += [each for each in (table.display.preset, space.name) if each != "sRGB"]
     sheet = comparison_sheet(", ".join(words), seen, columns=4)
     notes = {"light": white, "Software": f"volspec {__version__}"}
-    write_frame(output, sheet, notes, display.space)
+    write_frame(output, sheet, notes, space)
     Console().print(f"{output}", highlight=False, soft_wrap=True)
 
 

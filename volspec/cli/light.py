@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.table import Table
 
 from volspec.cli.rows import Row
-from volspec.cli.shell import Json, app, as_written, print_json
+from volspec.cli.shell import Json, app, as_written, print_json, print_table
 from volspec.errors import InputError
 
 # nm; as lights are counted, and as far as most lamps are measured.
@@ -89,12 +88,12 @@ def light(
     if json:
         print_json(row)
     else:
-        Console().print(_table(row))
+        print_table(row["light"], _table(row))
 
 
 def _table(row: Row) -> Table:
     """The figures, a line each; what is not known has none."""
-    table = Table(title=row["light"], title_justify="left", box=None, show_header=False)
+    table = Table(box=None, show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column()
     near = "none between 1000 and 100 000 K"

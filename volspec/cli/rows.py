@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
-from volspec.cli.shell import note, print_json
+from volspec.cli.shell import note, print_json, print_table
 
 Row = dict[str, Any]
 
@@ -29,15 +29,14 @@ def show_rows(title: str, rows: list[Row], as_json: bool) -> None:
     for name in alike:
         title += f", {name} {rows[0][name]}"
         hidden.add(name)
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table = Table(box=None, pad_edge=False)
     shown = [name for name in names if name not in hidden]
     for name in shown:
         table.add_column(name, justify="left" if name == "model" else "right", no_wrap=True)
     for row in rows:
         table.add_row(*(_cell(row.get(name, "")) for name in shown))
     # A narrow screen wraps lines; digits are never cut.
-    console = Console()
-    Console(width=max(console.width, 110)).print(table)
+    print_table(title, table, Console(width=max(Console().width, 110)))
 
 
 def tell_undefined(rows: Mapping[str, list[Row]]) -> None:

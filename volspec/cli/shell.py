@@ -25,6 +25,8 @@ from rich.progress import (
     TextColumn,
     TimeElapsedColumn,
 )
+from rich.table import Table
+from rich.text import Text
 
 from volspec import __version__
 from volspec.errors import VolspecError, VolspecWarning
@@ -92,6 +94,13 @@ class bar:
 
 def print_json(data: dict[str, Any] | list[dict[str, Any]]) -> None:
     print(json.dumps(data, indent=2))
+
+
+def print_table(title: str, table: Table, console: Console | None = None) -> None:
+    """Print a table under its title, which is one line however narrow the table is."""
+    console = console or Console()
+    console.print(Text(title, style="table.title"), soft_wrap=True)
+    console.print(table)
 
 
 def note(text: str) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 from volspec.cli.shell import as_written
-from volspec.errors import InputError
+from volspec.errors import InputError, SpectrumError
 
 if TYPE_CHECKING:
     from volspec.appearance import ViewingConditions
@@ -151,7 +151,7 @@ class PictureOptions(SceneOptions):
         Raises
         ------
         InputError
-            If two options say the same.
+            If two options say the same, or one does nothing.
         """
         self.require_one_degree()
         if table.level == "relative":  # at "absolute" the lux are also what lights are held against
@@ -177,7 +177,13 @@ class PictureOptions(SceneOptions):
         room = {"preset": self.preset} | dict.fromkeys(_ROOM) if self.preset is not None else {}
         seen = _given({name: getattr(self, name) for name in ("space", "gamut", "mark")})
         display = table.display.model_copy(update=room | seen)
-        return table.model_copy(update=gives_way | _given(eye) | {"display": display})
+        seen_as = table.model_copy(update=gives_way | _given(eye) | {"display": display})
+        if self.fov_deg is not None and seen_as.adapting == "given":
+            raise InputError(
+                f"--fov-deg {self.fov_deg:g}: nothing is measured in the picture; add --adapting "
+                "picture or pixel, or leave it out"
+            )
+        return seen_as
 
     def require_no_picture(self) -> None:
         """Refuse what only a picture has."""
@@ -207,7 +213,14 @@ def _white_of(white: str) -> tuple[float, float, float]:
 
     if (given := white_triple(white)) is not None:
         return given
-    X, Y, Z = white_XYZ(light(white)).tolist()
+    try:
+        X, Y, Z = white_XYZ(light(white)).tolist()
+    except SpectrumError as error:
+        if "," not in white:
+            raise
+        raise InputError(
+            f"{white!r} is no white; give X,Y,Z, as 95.05,100,108.88, or a light, as D65"
+        ) from error
     return X, Y, Z
 
 

@@ -20,7 +20,7 @@ def write_frame(
     path: str | os.PathLike[str],
     frame: NDArray[np.uint8],
     text: Mapping[str, str] | None = None,
-    space: str | ColourSpace = "sRGB",
+    space: str | Path | ColourSpace = "sRGB",
 ) -> None:
     """Write an 8-bit frame.
 
@@ -31,7 +31,7 @@ def write_frame(
     frame : (H, W, 3) uint8
     text : {keyword: text}, optional
         Kept in the file (light, scene, software).
-    space : str or ColourSpace
+    space : str, path or ColourSpace
         What its codes are of: ``viewing.display.space``. sRGB is told by PNG's own chunk, any
         other by an ICC profile.
 

@@ -114,7 +114,7 @@ class Scene:
         with _named("[transfer]"):
             self.transfer = file.transfer.function(self.materials, filters, self.basis)
         with _named("[viewing]"):
-            self.viewing = file.viewing.beside(self.folder.absolute())
+            self.viewing = file.viewing.beside(self.folder)
             self.relight = self.viewing.spec()
 
     @classmethod

@@ -9,14 +9,17 @@ in docs/scenes.md.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from volspec.appearance import Display, Viewing
+from volspec.appearance.curves import Transfer
 from volspec.appearance.presets import preset
+from volspec.appearance.profile import read_profile
+from volspec.appearance.spaces import ColourSpace
 from volspec.raycast import ClipPlane, LightGroup, RaycastSpec
 from volspec.relight import RelightSpec
 
@@ -142,11 +145,66 @@ class RaycastTable(Table):
         return RaycastSpec(**settings, clip_planes=planes, groups=groups)
 
 
+class CurveTable(Table):
+    """``transfer`` of a space: see `volspec.appearance.curves.Transfer`."""
+
+    power: float
+    gain: float = 1.0
+    slope: float = 1.0
+    toe: float = 0.0
+
+
+def _kind(value: object) -> str:
+    """Which of a table and a single value is meant; ``<`` keeps it out of messages."""
+    return "<table>" if isinstance(value, dict | Table) else "<value>"
+
+
+class SpaceTable(Table):
+    """``space`` of a display in numbers: see `volspec.appearance.spaces.ColourSpace`."""
+
+    name: Name = "display"
+    primaries_xy: Box
+    white_xy: Pair
+    transfer: Annotated[
+        Annotated[float, Tag("<value>")] | Annotated[CurveTable, Tag("<table>")],
+        Discriminator(_kind),
+    ]
+
+    @classmethod
+    def of(cls, space: ColourSpace) -> SpaceTable:
+        """The table of a space."""
+        curve = CurveTable(**asdict(space.transfer))
+        return cls(
+            name=space.name,
+            primaries_xy=space.primaries_xy,
+            white_xy=space.white_xy,
+            transfer=curve,
+        )
+
+    def colours(self) -> ColourSpace:
+        """The space.
+
+        Raises
+        ------
+        ViewingError
+            If there is none of these numbers.
+        """
+        given = self.transfer
+        if isinstance(given, CurveTable):
+            curve = Transfer(**given.model_dump())
+        else:
+            curve = Transfer.gamma(given)
+        return ColourSpace(self.name, self.primaries_xy, self.white_xy, curve)
+
+
 class DisplayTable(Table):
     """``[viewing.display]``: see `volspec.Display`; what is left out is the preset's."""
 
     preset: str = "sRGB"
-    space: str = "sRGB"
+    space: Annotated[
+        Annotated[str, Tag("<value>")] | Annotated[SpaceTable, Tag("<table>")],
+        Discriminator(_kind),
+    ] = "sRGB"
     gamut: str = "clip"
     mark: bool = False
     white_cd_m2: float | None = None
@@ -164,7 +222,8 @@ class DisplayTable(Table):
         ViewingError
             If a name is unknown or a number out of range.
         """
-        seen = preset(self.preset).display(self.space, self.gamut)
+        space = self.space if isinstance(self.space, str) else self.space.colours()
+        seen = preset(self.preset).display(space, self.gamut)
         given = self.model_dump(exclude={"preset", "space", "gamut"}, exclude_none=True)
         if self.white_cd_m2 is not None and self.L_A is None:
             given["L_A"] = None
@@ -190,10 +249,20 @@ class ViewingTable(Table):
     display: DisplayTable = Field(default_factory=DisplayTable)
 
     def beside(self, scene: Path) -> ViewingTable:
-        """The same, with a display's profile found beside the scene that names it."""
-        if not self.display.space.lower().endswith((".icc", ".icm")):
+        """The same, with what a display's profile beside the scene says in place of its name.
+
+        So an image's note needs no file.
+
+        Raises
+        ------
+        ViewingError
+            If the profile cannot be used.
+        """
+        name = self.display.space
+        if not (isinstance(name, str) and name.lower().endswith((".icc", ".icm"))):
             return self
-        display = self.display.model_copy(update={"space": str(scene / self.display.space)})
+        space = SpaceTable.of(read_profile(scene / name))
+        display = self.display.model_copy(update={"space": space})
         return self.model_copy(update={"display": display})
 
     def spec(self) -> RelightSpec:

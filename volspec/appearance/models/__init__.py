@@ -1,4 +1,4 @@
-"""Appearance models by name: each a module with ``NAME``, ``forward`` and ``inverse``.
+"""Appearance models by name: each a module with ``NAME``, ``forward``, ``inverse``, ``continued``.
 
 ViewingConditions, XYZ -> [models] -> Appearance -> [models] -> XYZ
 """

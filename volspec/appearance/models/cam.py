@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
 from volspec.appearance.hue import quadrature
-from volspec.appearance.models.base import Appearance, Array, broadcast
+from volspec.appearance.models.base import Appearance, Array, broadcast, only_defined
 from volspec.appearance.models.conditions import Conditions, compress, expand
 from volspec.appearance.passages import triples
 
@@ -139,4 +139,5 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: Conditions) ->
     scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
     XYZ = np.where(known[..., None], expand(compressed) @ XYZ_from_response.T * scale, np.nan)
     unlit = np.where((J == 0.0) & (C <= 0.0), 0.0, np.nan)
-    return np.where(lit[..., None], XYZ, unlit[..., None])
+    XYZ = np.where(lit[..., None], XYZ, unlit[..., None])
+    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))

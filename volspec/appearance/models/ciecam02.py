@@ -27,6 +27,10 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
     return cam.inverse(J, C, h, Conditions.of_viewing(conditions, NAME))
 
 
+continued = inverse
+"""Beyond what is defined there is nothing."""
+
+
 def passage(source: ViewingConditions, target: ViewingConditions) -> CamPassage:
     """XYZ under one condition to those of equal J, C and h under another, in closed form."""
     return CamPassage.seen_by(NAME, source, target)

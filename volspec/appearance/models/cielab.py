@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.hue import CIELAB_HUES, quadrature
-from volspec.appearance.models.base import Appearance, opponents
+from volspec.appearance.models.base import ROUNDING, Appearance, only_defined, opponents
 from volspec.appearance.passages import LinearPassage, triples
 from volspec.appearance.spec import ViewingConditions
 from volspec.appearance.surround import as_triple, require_conditions
@@ -193,12 +193,12 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
         C=np.hypot(a, b),
         h=h,
         H=quadrature(h, CIELAB_HUES),
-        defined=np.all(XYZ >= 0.0, axis=-1),
+        defined=np.all(-ROUNDING * _white(conditions.white_XYZ) <= XYZ, axis=-1),
     )
 
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """L*, C* and h to the XYZ that look so, in closed form; never NaN.
+    """L*, C* and h to the XYZ that look so, in closed form.
 
     Parameters
     ----------
@@ -209,13 +209,19 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
     Returns
     -------
     (..., 3) float64
-        XYZ on the white's scale.
+        XYZ on the white's scale; NaN where one of them is below 0.
 
     Raises
     ------
     ShapeError
         If the three do not broadcast together.
     """
+    XYZ = continued(J, C, h, conditions)
+    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
+
+
+def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
+    """`inverse` on the straight toe below 0 too; never NaN."""
     require_conditions("CIELAB: conditions", conditions)
     return XYZ_from_cielab(opponents(NAME, J, C, h), conditions.white_XYZ)
 

@@ -22,7 +22,13 @@ from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
 from volspec.appearance.hue import HUNT_HUES, quadrature
-from volspec.appearance.models.base import Appearance, Array, broadcast
+from volspec.appearance.models.base import (
+    ROUNDING,
+    Appearance,
+    Array,
+    broadcast,
+    only_defined,
+)
 from volspec.appearance.models.hunt_eye import (
     NOISE_SUM,
     ROD_NOISE,
@@ -167,7 +173,9 @@ def forward(
         M=C * eye.F_L**0.15,
         s=s,
         Q_WB=20.0 * (signed_power(Q, 0.7) - signed_power(_background(A_w, eye, settings), 0.7)),
-        defined=np.all(cones >= 0.0, axis=-1) & (rods_see >= 0.0) & (Q >= 0.0),
+        defined=np.all(cones >= -ROUNDING * eye.Y_w, axis=-1)
+        & (rods_see >= -ROUNDING)
+        & (Q / Q_w >= -ROUNDING),
     )
 
 
@@ -195,13 +203,27 @@ def inverse(
     Returns
     -------
     (..., 3) float64
-        XYZ on the white's scale; NaN where no XYZ looks so. (Black has some lightness.)
+        XYZ on the white's scale; NaN where none that is `defined` looks so. (Black has some
+        lightness.)
 
     Raises
     ------
     ShapeError
         If the three do not broadcast together, or S has not their shape.
     """
+    XYZ = continued(J, C, h, conditions, settings, S)
+    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions, settings, S))
+
+
+def continued(
+    J: ArrayLike,
+    C: ArrayLike,
+    h: ArrayLike,
+    conditions: ViewingConditions,
+    settings: HuntSettings = NORMAL,
+    S: ArrayLike | None = None,
+) -> Array:
+    """`inverse` on to cones and brightness below 0; NaN where no XYZ looks so."""
     J, C, h = broadcast(NAME, J, C, h)
     rods_see = None if S is None else _scotopic(S, J)
     eye = Eye.of(conditions, settings)

@@ -21,7 +21,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec.appearance.hue import NAYATANI_HUES, quadrature
-from volspec.appearance.models.base import Appearance, Array, broadcast
+from volspec.appearance.models.base import (
+    ROUNDING,
+    Appearance,
+    Array,
+    broadcast,
+    only_defined,
+)
 from volspec.appearance.passages import triples
 from volspec.appearance.spec import ViewingConditions
 from volspec.appearance.surround import is_finite, require_conditions
@@ -183,7 +189,7 @@ def forward(
         s=s,
         Q_WB=achromatic,
         L_N=100.0 * brightness / eye.B_rw,
-        defined=np.all(noisy > least, axis=-1) & (J >= 0.0),
+        defined=np.all(noisy > least, axis=-1) & (J >= -100.0 * ROUNDING),
     )
 
 
@@ -211,12 +217,27 @@ def inverse(
     Returns
     -------
     (..., 3) float64
-        NaN where no XYZ looks so: chroma at lightness 0, and what float64 cannot hold.
+        NaN where no XYZ that is `defined` looks so.
 
     Raises
     ------
     ShapeError
         If the three do not broadcast together.
+    """
+    XYZ = continued(J, C, h, conditions, settings)
+    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions, settings))
+
+
+def continued(
+    J: ArrayLike,
+    C: ArrayLike,
+    h: ArrayLike,
+    conditions: ViewingConditions,
+    settings: NayataniSettings = NORMAL,
+) -> Array:
+    """`inverse` on to lightness below 0 and cones near the noise's end.
+
+    NaN for chroma at lightness 0, and for what float64 cannot hold.
     """
     J, C, h = broadcast(NAME, J, C, h)
     eye = _Eye(conditions, settings)

@@ -1,7 +1,7 @@
 """Inverses where there is no formula: a root in one unknown, and of any model in three.
 
     model.forward; J, C, h -> [invert] -> XYZ
-    model.inverse; J, C, h -> [nearest_inverse] -> XYZ
+    model.continued; J, C, h -> [nearest_inverse] -> XYZ
 
 References
 ----------
@@ -85,7 +85,7 @@ def root(function: Callable[[Array], Array], low: Array, high: Array, rounds: in
 def nearest_inverse(
     model: Model, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
 ) -> Array:
-    """A model's inverse; where none looks so, of the nearest on the way to grey.
+    """A model's inverse, continued; where none looks so, of the nearest on the way to grey.
 
     What the inverse does not know keeps its hue: lightness goes towards that of a grey of 20 %
     until something colourless has it, then chroma towards 0 until it is known, and within 1000
@@ -124,11 +124,11 @@ def nearest_inverse(
     white = np.asarray(conditions.white_XYZ)
 
     def known(j: Array, c: Array, hue: Array) -> NDArray[np.bool_]:
-        XYZ = model.inverse(j, c, hue, conditions)
+        XYZ = model.continued(j, c, hue, conditions)
         # NaN is not within.
         return np.asarray(np.all(np.abs(XYZ) <= _WITHIN_WHITES * white, axis=-1))
 
-    XYZ = model.inverse(*asked, conditions)
+    XYZ = model.continued(*asked, conditions)
     lost = np.asarray(~np.isfinite(XYZ).all(axis=-1))
     if lost.any():
         j, c, hue = (each[lost] for each in asked)
@@ -137,7 +137,7 @@ def nearest_inverse(
         way = j - grey
         j = grey + way * _longest(lambda t, i: known(grey + t * way[i], 0.0 * t, hue[i]), len(j))
         c = c * _longest(lambda t, i: known(j[i], t * c[i], hue[i]), len(j))
-        XYZ[lost] = model.inverse(j, c, hue, conditions)
+        XYZ[lost] = model.continued(j, c, hue, conditions)
     return XYZ
 
 

@@ -18,7 +18,13 @@ from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
 from volspec.appearance.hue import CIELAB_HUES, quadrature
-from volspec.appearance.models.base import Appearance, Array, opponents
+from volspec.appearance.models.base import (
+    ROUNDING,
+    Appearance,
+    Array,
+    only_defined,
+    opponents,
+)
 from volspec.appearance.models.cones import (
     adaptation,
     at_surround,
@@ -90,12 +96,12 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
         h=h,
         H=quadrature(h, CIELAB_HUES),
         s=np.divide(C, J, out=np.zeros_like(C), where=J > 0.0),
-        defined=np.all(reference >= 0.0, axis=-1),
+        defined=np.all(reference >= -ROUNDING, axis=-1),
     )
 
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """Lightness, chroma and hue to the XYZ that look so, in closed form; never NaN.
+    """Lightness, chroma and hue to the XYZ that look so, in closed form.
 
     Parameters
     ----------
@@ -107,13 +113,19 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
     Returns
     -------
     (..., 3) float64
-        XYZ on the white's scale.
+        XYZ on the white's scale; NaN where one is negative under the reference.
 
     Raises
     ------
     ShapeError
         If the three do not broadcast together.
     """
+    XYZ = continued(J, C, h, conditions)
+    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
+
+
+def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
+    """`inverse` on below 0 too, powers with the sign of their base; never NaN."""
     powers = opponents(NAME, J, C, h) @ np.linalg.inv(LAB_FROM_POWERS).T
     reference = signed_power(powers, 1.0 / exponent(conditions.surround))
     return np.asarray(reference @ np.linalg.inv(reference_from_XYZ(conditions)).T)

@@ -1,0 +1,5 @@
+"""``python -m volspec``: the command line."""
+
+from volspec.cli import main
+
+main()
