@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from volspec.appearance import Viewing
 from volspec.errors import PaletteError
 from volspec.palette import Cell, Criteria, Design, Palette, PaletteSpectrum, design
+from volspec.palette.merit import merit
 from volspec.spectra import light
 
 GREY = (0.5, 0.5, 0.5)
@@ -114,3 +116,38 @@ def test_rounds_never_leave_the_bounds_and_a_relative_light_keeps_its_luminance(
     assert state.E.min() >= 0.0
     assert state.E[0, [0, -1]].tolist() == [0.0, 0.0]
     assert (state.Q @ state.E[0])[1] == pytest.approx(100)
+
+
+def between_two_lights(weight: float, rounds: int = 8) -> Palette:
+    """Alike by day, and under a light that is open as well as red and blue as can be."""
+    rust = Cell(colour=(0.5, 0.25, 0.25))
+    cells = {
+        ("a", "D65"): rust,
+        ("b", "D65"): rust,
+        ("a", "L"): Cell(colour=(0.75, 0.125, 0.125)),
+        ("b", "L"): Cell(colour=(0.125, 0.125, 0.75), weight=weight),
+    }
+    lights = (lamp("D65"), PaletteSpectrum("L", open=True))
+    return Palette((surface("a"), surface("b")), lights, cells, criteria=Criteria(rounds=rounds))
+
+
+@pytest.mark.parametrize("weight", [1.0, 10.0, math.inf])
+def test_a_cell_that_counts_more_does_not_tie_its_light_to_where_it_began(weight: float) -> None:
+    made = design(between_two_lights(weight))
+    wanted = [[made.palette.cells[r, c].colour for c in ("D65", "L")] for r in "ab"]
+    assert np.abs(colours(made) - wanted).max() < 4 / 255
+
+
+def test_what_lies_on_a_bound_can_be_asked_for_exactly() -> None:
+    white = {("a", "L"): Cell(colour=(1.0, 1.0, 1.0), weight=math.inf)}
+    made = design(Palette((surface("a"),), (PaletteSpectrum("L", open=True),), white))
+    assert colours(made).min() > 0.999
+
+
+def test_more_rounds_are_never_worse() -> None:
+    viewing = Viewing()
+    reached = []
+    for rounds in (1, 2, 3, 4, 6, 8):
+        palette = replace(between_two_lights(1.0, rounds), viewing=viewing)
+        reached.append(merit(design(palette).state))
+    assert reached == sorted(reached, reverse=True)

@@ -130,13 +130,14 @@ class Criteria:
         Colours are compared in CIELAB, linearised and solved again in every round, or in the
         display's linear RGB, as [1].
     rounds : int
-        How often lights and reflectances take turns, and CIELAB is linearised anew.
+        How often lights and reflectances take turns, and CIELAB is linearised anew; the best
+        is kept.
     """
 
     smoothness: float = 1e-3
     subspace: float = 0.0
     metric: str = "Lab"
-    rounds: int = 4
+    rounds: int = 8
 
     def __post_init__(self) -> None:
         for name in ("smoothness", "subspace"):
