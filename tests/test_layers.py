@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 LAYERS = (
     *("errors", "_files", "_exr", "_gpu", "spectra", "appearance", "basis", "palette"),
     *("volume", "transfer", "raycast", "relight", "pipeline", "scene", "wizard", "export"),
-    *("doctor", "cli"),
+    *("doctor", "viewer", "cli"),
 )
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT or path.stem in LAYERS)
 
@@ -54,7 +54,9 @@ def test_modules_import_only_from_their_left(path: Path) -> None:
     [
         ("pyopencl", ("_gpu/opencl.py", "_gpu/devices.py", "_gpu/sharing.py")),
         ("moderngl", ("_gpu/opengl.py", "relight/gpu.py")),
-        ("glfw", ()),
+        ("glfw", ("viewer/",)),
+        ("imgui_bundle", ("viewer/",)),
+        ("OpenGL", ("viewer/",)),
         ("pyvista", ("volume/adapt.py", "volume/model.py")),
         ("SimpleITK", ("volume/load.py",)),
         ("OpenEXR", ("_exr.py",)),

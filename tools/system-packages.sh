@@ -4,6 +4,7 @@
 #   gcc, libc6-dev  PoCL links each kernel with ld, libgcc and libc; nothing casts without
 #   libegl1, libgl1, libgl1-mesa-dri
 #                   headless OpenGL and its software driver; without it relighting uses NumPy
+#   xvfb, xdotool   a display and a hand for the viewer's tests; asked for as `… test`
 #
 # Installs only as root with apt-get. Elsewhere it prints the command and goes on: the package
 # itself explains what is missing when it is needed.
@@ -13,6 +14,10 @@ packages=""
     >/dev/null 2>&1 || packages="$packages gcc libc6-dev"
 "$1" -c 'from volspec._gpu.opengl import headless_context; headless_context()' \
     >/dev/null 2>&1 || packages="$packages libegl1 libgl1 libgl1-mesa-dri"
+if [ "${2:-}" = test ]; then
+    command -v Xvfb >/dev/null 2>&1 || packages="$packages xvfb"
+    command -v xdotool >/dev/null 2>&1 || packages="$packages xdotool"
+fi
 [ -n "$packages" ] || exit 0
 if command -v apt-get >/dev/null 2>&1 && [ "$(id -u)" = 0 ]; then
     echo "installing system packages:$packages"

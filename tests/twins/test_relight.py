@@ -173,10 +173,11 @@ def test_a_canvas_shows_row_0_at_the_top(monkeypatch):
     gl = GLEngine(coefficients, alpha)
     read_back = gl.render(lit, Viewing(), np.uint8)
     gl.close()
+    canvas_constants = {"FIRST_ROW_AT_BOTTOM": 0, "IMAGE_HEIGHT": len(read_back)}
     monkeypatch.setattr(
         programs_module,
         "prelude",
-        lambda constants, language: prelude({**constants, "FIRST_ROW_AT_BOTTOM": 0}, language),
+        lambda constants, language: prelude({**constants, **canvas_constants}, language),
     )
     gl = GLEngine(coefficients, alpha)
     canvas = gl.render(lit, Viewing(), np.uint8)

@@ -54,6 +54,22 @@ def headless_context() -> moderngl.Context:
         ) from error
 
 
+def window_context() -> moderngl.Context:
+    """Take over the context that a window has made current on this thread.
+
+    Raises
+    ------
+    OpenGLError
+        If it is older than 3.3.
+    """
+    import moderngl
+
+    try:
+        return moderngl.create_context(require=MINIMUM_VERSION)
+    except Exception as error:  # as above
+        raise OpenGLError(f"OpenGL: {' '.join(str(error).split())}; 3.3 is needed") from error
+
+
 @cache
 def _egl() -> ctypes.CDLL | None:
     try:

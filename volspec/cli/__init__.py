@@ -4,7 +4,18 @@ One file a group of commands; importing them adds them to `volspec.cli.shell.app
 import waits inside the commands.
 """
 
-from volspec.cli import appearance, basis, cast, demo, design, inspect, light, reflectance, wizard
+from volspec.cli import (
+    appearance,
+    basis,
+    cast,
+    demo,
+    design,
+    inspect,
+    light,
+    reflectance,
+    view,
+    wizard,
+)
 from volspec.cli.shell import app, main
 
 __all__ = [
@@ -18,5 +29,6 @@ __all__ = [
     "light",
     "main",
     "reflectance",
+    "view",
     "wizard",
 ]

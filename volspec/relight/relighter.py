@@ -228,6 +228,41 @@ class Relighter:
         seen, field = self._adapting.seen(self._image, lit, spec.viewing)
         return self._on_engine(lambda engine: engine.render(lit, seen, kind, field))
 
+    def draw(
+        self,
+        light: Spectrum | LightRig,
+        viewing: Viewing | None = None,
+        mode: str = "componentwise",
+        backdrop: float | Spectrum = 0.2,
+        level: str = "relative",
+    ) -> Any:
+        """The picture of `frame` left on the device, for whoever lent the context.
+
+        Parameters
+        ----------
+        light, viewing, mode, backdrop, level
+            As `frame`.
+
+        Returns
+        -------
+        moderngl.Framebuffer
+            8-bit codes, the picture's first row first; good until the next call.
+
+        Raises
+        ------
+        RelightError
+            If it is closed or draws with NumPy.
+        ViewingError, SpectrumError
+            As `frame`.
+        """
+        self._require_open()
+        if isinstance(self._engine, HostEngine):
+            raise RelightError("relight: NumPy has no device to leave a picture on; take frame()")
+        spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
+        lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
+        seen, field = self._adapting.seen(self._image, lit, spec.viewing)
+        return self._engine.draw(lit, seen, np.uint8, field)
+
     def error_map(
         self,
         light: Spectrum | LightRig,

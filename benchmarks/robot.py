@@ -1,0 +1,183 @@
+"""Run the viewer in a display of its own and use it as a hand would; what happened is its trace.
+
+Needs Xvfb and xdotool.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+Row = dict[str, Any]
+Place = tuple[float, float]
+# How often a mouse reports where it is.
+MOUSE_S = 1 / 60
+
+
+def missing() -> str:
+    """What the machine lacks to run this; empty where nothing."""
+    lacking = [program for program in ("Xvfb", "xdotool") if shutil.which(program) is None]
+    if not lacking:
+        return ""
+    return f"{' and '.join(lacking)} missing; on Debian or Ubuntu: apt-get install xvfb xdotool"
+
+
+class Robot:
+    """The viewer under Xvfb; a context manager.
+
+    Parameters
+    ----------
+    folder : Path
+        For the trace and the pictures; the viewer runs in it.
+    arguments : sequence of str
+        Of ``volspec view``.
+    size : (width, height)
+        Of screen and window.
+    """
+
+    def __init__(
+        self, folder: Path, arguments: Sequence[str] = (), size: tuple[int, int] = (1280, 720)
+    ) -> None:
+        self.folder, self.trace = folder, folder / "trace.jsonl"
+        width, height = size
+        self._server = subprocess.Popen(
+            ["Xvfb", "-displayfd", "1", "-screen", "0", f"{width}x{height}x24", "-nolisten", "tcp"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        assert self._server.stdout is not None
+        self._environment = {
+            key: value
+            for key, value in os.environ.items()
+            if key not in ("WAYLAND_DISPLAY", "XDG_SESSION_TYPE")
+        }
+        self._environment["DISPLAY"] = f":{self._server.stdout.readline().strip()}"
+        self.started = time.time()
+        self.viewer = subprocess.Popen(
+            [
+                *(sys.executable, "-c", "from volspec.cli import main; main()", "view"),
+                *("--trace", str(self.trace), "--size", f"{width}x{height}", *arguments),
+            ],
+            env=self._environment | {"PYTHONPATH": str(Path(__file__).resolve().parent.parent)},
+            cwd=folder,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def rows(self) -> list[Row]:
+        """The trace so far."""
+        if not self.trace.exists():
+            return []
+        lines = self.trace.read_text(encoding="utf-8").splitlines(keepends=True)
+        return [json.loads(line) for line in lines if line.endswith("\n")]
+
+    def since(self, t: float) -> list[Row]:
+        """What has happened after a time of the trace."""
+        return [row for row in self.rows() if row["t"] > t]
+
+    def now(self) -> float:
+        """The present as a time of the trace."""
+        return time.time() - float(self.rows()[0]["unix"])
+
+    def wait_for(
+        self, wanted: Callable[[Row], bool], after: float = -1.0, seconds: float = 30
+    ) -> Row:
+        """The first row after a time that is wanted.
+
+        Raises
+        ------
+        TimeoutError
+            If it does not come, with what the viewer said.
+        """
+        end = time.time() + seconds
+        while time.time() < end:
+            for row in self.rows():
+                if row["t"] > after and wanted(row):
+                    return row
+            if self.viewer.poll() is not None:
+                break
+            time.sleep(0.02)
+        tail = [row for row in self.rows() if row["event"] not in ("frame", "layout")][-8:]
+        said = ""
+        if self.viewer.poll() is not None and self.viewer.stderr is not None:
+            said = self.viewer.stderr.read()
+        raise TimeoutError(f"the viewer did not; last: {tail}; {said}")
+
+    def whole(self, after: float = -1.0) -> Row:
+        """The first whole picture relit after a time."""
+        return self.wait_for(lambda row: row["event"] == "relight" and row["whole"], after)
+
+    def area(self, name: str) -> tuple[int, int, int, int]:
+        """Where something was drawn last: x, y, width, height."""
+        found = [row["areas"] for row in self.rows() if row["event"] == "layout"]
+        x, y, width, height = found[-1][name]
+        return x, y, width, height
+
+    def middle(self, name: str) -> Place:
+        """Of an area."""
+        x, y, width, height = self.area(name)
+        return x + width / 2, y + height / 2
+
+    def do(self, *words: str | float) -> None:
+        """Have xdotool do something."""
+        whole = [str(round(word)) if isinstance(word, float) else str(word) for word in words]
+        subprocess.run(["xdotool", *whole], env=self._environment, check=True)
+
+    def find(self) -> str:
+        """xdotool's number of the window."""
+        command = ["xdotool", "search", "--pid", str(self.viewer.pid)]
+        found = subprocess.run(
+            command, env=self._environment, check=True, capture_output=True, text=True
+        )
+        return found.stdout.split()[-1]
+
+    def key(self, name: str) -> None:
+        """Press a key."""
+        self.do("key", name)
+
+    def drag(self, places: Sequence[Place], button: int = 1) -> None:
+        """Press at the first place, go along the others as a mouse does, release at the last."""
+        words: list[str | float] = ["mousemove", float(places[0][0]), float(places[0][1])]
+        words += ["sleep", "0.1", "mousedown", str(button)]
+        for x, y in places[1:]:
+            words += ["sleep", f"{MOUSE_S:.4f}", "mousemove", float(x), float(y)]
+        self.do(*words, "mouseup", str(button))
+
+    def grab(self, path: Path) -> None:
+        """A picture of the whole screen."""
+        from PIL import ImageGrab
+
+        ImageGrab.grab(xdisplay=self._environment["DISPLAY"]).save(path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for process in (self.viewer, self._server):
+            process.terminate()
+            process.wait(20)
+            for stream in (process.stdout, process.stderr):
+                if stream is not None:
+                    stream.close()
+
+
+def along(start: Place, end: Place, seconds: float) -> list[Place]:
+    """A way to and fro between two places, once in two seconds."""
+    count = max(2, round(seconds / MOUSE_S))
+    shares = [0.5 - 0.5 * math.cos(math.pi * i * MOUSE_S) for i in range(count)]
+    return [tuple(a + s * (b - a) for a, b in zip(start, end, strict=True)) for s in shares]  # type: ignore[misc]

@@ -1,0 +1,71 @@
+"""Is the viewer quick enough for a hand? ``python -m benchmarks.viewer``.
+
+Figures come from its own trace, while a robot drags a light's slider and the picture.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.measure import Figure, report
+from benchmarks.robot import Robot, along, missing
+
+# Seconds of each drag.
+DRAG_S = 5.0
+
+
+def figures() -> Iterator[Figure]:
+    """Start, a light dragged, the view dragged; 1280 × 720, the bundled engine."""
+    if why := missing():
+        yield Figure("viewer", None, note=why)
+        return
+    with tempfile.TemporaryDirectory() as folder, Robot(Path(folder)) as robot:
+        yield _start(robot)
+        time.sleep(1.0)
+        yield from _light(robot)
+        time.sleep(1.0)
+        yield from _orbit(robot)
+
+
+def _start(robot: Robot) -> Figure:
+    whole = robot.whole()
+    seconds = robot.rows()[0]["unix"] + whole["t"] - robot.started
+    return Figure("viewer/start to first whole picture", seconds, 4.0, at_most=True, unit="s")
+
+
+def _light(robot: Robot) -> Iterator[Figure]:
+    x, y, width, height = robot.area("weight 1")
+    start, end = (x + 4, y + height / 2), (x + width - 4, y + height / 2)
+    pressed, released = _drag(robot, along(start, end, DRAG_S))
+    rows = [row for row in robot.since(pressed) if row["t"] <= released]
+    frames = sum(row["stage"] == "frame" for row in rows)
+    casts = sum(row["stage"] == "cast" for row in rows)
+    rate = frames / (released - pressed)
+    yield Figure("viewer/light dragged, frames a second", rate, 30.0, unit="/s")
+    yield Figure("viewer/light dragged, casts", float(casts), 0.0, at_most=True, unit="")
+
+
+def _orbit(robot: Robot) -> Iterator[Figure]:
+    x, y = robot.middle("picture")
+    pressed, released = _drag(robot, along((x - 150, y - 60), (x + 150, y + 60), DRAG_S))
+    whole = robot.whole(released)
+    rows = [row for row in robot.since(pressed) if row["t"] <= released]
+    rate = sum(row["event"] == "relight" for row in rows) / (released - pressed)
+    yield Figure("viewer/view dragged, new pictures a second", rate, 12.0, unit="/s")
+    refined = whole["t"] - released
+    yield Figure("viewer/whole after release", refined, 0.6, at_most=True, unit="s")
+
+
+def _drag(robot: Robot, places: list[tuple[float, float]]) -> tuple[float, float]:
+    """Times of press and release."""
+    before = robot.now()
+    robot.drag(places)
+    pressed = robot.wait_for(lambda row: row["event"] == "press", before)["t"]
+    return pressed, robot.wait_for(lambda row: row["event"] == "release", pressed)["t"]
+
+
+if __name__ == "__main__":
+    print(report(list(figures())))

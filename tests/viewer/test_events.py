@@ -1,0 +1,170 @@
+"""The reducer is total, and what it does to views, lights and curves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from volspec.errors import SpectrumError
+from volspec.raycast import Camera
+from volspec.transfer import TransferFunction
+from volspec.viewer import lighting
+from volspec.viewer.casting import DIVISORS, Pace
+from volspec.viewer.document import Document, plain_scene
+from volspec.viewer.events import EVENTS, KEYS, Event, reduced
+from volspec.viewer.state import ViewState
+from volspec.viewer.views import View
+
+_ANY = st.floats(-1e6, 1e6) | st.floats(-2, 2) | st.just(math.nan) | st.just(math.inf)
+_EVENTS = st.builds(
+    Event,
+    st.sampled_from(sorted(EVENTS)),
+    _ANY,
+    _ANY,
+    st.integers(-2, 8),
+    st.sampled_from([*KEYS, "", "q", "ctrl+z"]),
+)
+
+
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
+)
+@given(events=st.lists(_EVENTS, min_size=100, max_size=100))
+def test_ten_thousand_random_events_never_raise(state: ViewState, events: list[Event]) -> None:
+    for event in events:
+        state = reduced(state, event)
+    state.view.camera(state.document.volume)
+    rig = lighting.rig_of(state.lights)
+    assert rig is None or any(rig.weights)
+    assert state.lights and isinstance(state.transfer, TransferFunction)
+    assert 0 <= state.interface.light < 8
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_a_camera_becomes_the_orbit_that_stands_there(
+    document: Document, orthographic: bool
+) -> None:
+    volume = document.volume
+    for up in ((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)):
+        given = View(40.0, 25.0, 1.7, 24.0, orthographic, up, (3.0, 4.0, 2.0)).camera(volume)
+        again = View.of(given, volume).camera(volume)
+        np.testing.assert_allclose(again.position_mm, given.position_mm, atol=1e-9)
+        np.testing.assert_allclose(again.frame()[1], given.frame()[1], atol=1e-9)
+        if orthographic:
+            assert again.height_mm == pytest.approx(given.height_mm)
+
+
+def test_a_point_follows_the_mouse_when_it_is_panned(document: Document) -> None:
+    """The target moves by as much of the picture's height as the mouse, the other way."""
+    volume, view = document.volume, View(zoom=1.3)
+
+    def height_of(camera: Camera) -> float:
+        return 2 * camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
+
+    camera = view.camera(volume)
+    moved = view.panned(0.1, 0.2, volume).camera(volume)
+    right, up, _ = camera.frame()
+    step = np.subtract(moved.target_mm, camera.target_mm) / height_of(camera)
+    np.testing.assert_allclose([step @ right, step @ up], [-0.1, 0.2], atol=1e-9)
+
+
+def test_front_right_and_top_look_along_the_axes(document: Document) -> None:
+    for key, towards in (("1", (0, 1, 0)), ("3", (-1, 0, 0)), ("7", (0, 0, -1))):
+        forward = View().from_side(key).camera(document.volume).frame()[2]
+        np.testing.assert_allclose(forward, towards, atol=1e-9)
+
+
+@given(
+    count=st.integers(1, 12),
+    x=st.floats(-2, 2, allow_subnormal=False),
+    y=st.floats(-2, 2, allow_subnormal=False),
+)
+def test_dial_weights_share_one_and_come_back_to_their_place(
+    count: int, x: float, y: float
+) -> None:
+    weights = lighting.dial_weights(count, x, y)
+    assert min(weights) >= 0 and sum(weights) == pytest.approx(1.0)
+    # Weights on the dial are those of its place, which is where they are drawn.
+    again = lighting.dial_weights(count, *lighting.dial_place(weights))
+    np.testing.assert_allclose(again, weights, atol=1e-9)
+
+
+def test_lights_stand_where_the_dial_takes_them_alone() -> None:
+    for count in (2, 3, 5, 8):
+        for i, place in enumerate(lighting.corners(count)):
+            np.testing.assert_allclose(
+                lighting.dial_weights(count, *place), np.eye(count)[i], atol=1e-12
+            )
+
+
+def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
+    lit = state
+    for i in range(3):
+        lit = reduced(lit, Event("weight", 0.5, index=i))
+    assert lighting.shining(lit.lights) == (0.5, 0.5, 0.5, 0.0)
+    solo = reduced(lit, Event("solo", index=1))
+    assert lighting.shining(solo.lights) == (0.0, 0.5, 0.0, 0.0)
+    assert lighting.shining(reduced(solo, Event("mute", index=1)).lights) == (0.0,) * 4
+    assert lighting.rig_of(reduced(solo, Event("mute", index=1)).lights) is None
+
+
+def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState) -> None:
+    rows = lighting.added(state.lights, "planck:2700", state.document.grid)
+    assert lighting.shining(rows) == (0.0, 0.0, 0.0, 0.0, 1.0) and rows[-1].kelvin == 2700
+    hotter = lighting.heated(rows, 4, 5000.4)
+    assert hotter[4].name == "5000 K" and hotter[4].rig is not rows[4].rig
+    with pytest.raises(SpectrumError, match="D65"):
+        lighting.added(rows, "D66", state.document.grid)
+
+
+def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
+    kept = reduced(state, Event("key", key="b"))
+    changed = reduced(kept, Event("key", key="space"))
+    assert changed.other == state.lights != changed.lights
+    assert reduced(changed, Event("divide", 7.0)).divide == 0.98
+    assert reduced(changed, Event("key", key="b")).other is None
+
+
+def test_space_goes_round_all_lights(state: ViewState) -> None:
+    seen = []
+    for _ in state.lights:
+        seen.append(lighting.brightest(state.lights))
+        state = reduced(state, Event("key", key="space"))
+    assert seen == [0, 1, 2, 3] and lighting.brightest(state.lights) == 0
+
+
+def test_points_stay_in_order_and_shift_together(state: ViewState) -> None:
+    def values(of: ViewState) -> list[float]:
+        assert isinstance(of.transfer, TransferFunction)
+        return [point[0] for point in of.transfer.points]
+
+    dragged = reduced(state, Event("point", 5.0, 2.0, 1))
+    assert values(dragged)[0] < values(dragged)[1] < values(dragged)[2]
+    assert isinstance(dragged.transfer, TransferFunction)
+    assert dragged.transfer.points[1][1] == 1.0
+    there = reduced(state, Event("shift", 0.1))
+    np.testing.assert_allclose(values(there), np.add(values(state), 0.1))
+    np.testing.assert_allclose(values(reduced(there, Event("shift", 0.0))), values(state))
+
+
+def test_a_moving_picture_gets_coarser_until_it_keeps_up() -> None:
+    pace = Pace()
+    for _ in range(9):
+        pace = pace.after(pace.divisor, 500.0)
+    assert pace.divisor == DIVISORS[-1]
+    for _ in range(9):
+        pace = pace.after(pace.divisor, 0.5)
+    assert pace.divisor == 1 and pace.after(1, 300.0).divisor == 2
+    assert replace(pace, divisor=4, whole_ms=5000.0).to_whole == (2, 1)
+
+
+def test_a_volume_without_a_scene_gets_one_that_holds(document: Document) -> None:
+    file = plain_scene("somewhere/ball.nrrd", document.volume)
+    assert file.title == "ball.nrrd" and len(file.light) == 4
+    assert file.transfer.points is not None
+    assert file.transfer.points[0].opacity == 0.0

@@ -1,0 +1,102 @@
+"""What a change costs: the whole table, and that no light can reach the raycaster."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import pytest
+
+from volspec.relight import RelightSpec
+from volspec.viewer.document import Document
+from volspec.viewer.events import EVENTS, KEYS, Event, reduced
+from volspec.viewer.history import MOST_STEPS, History
+from volspec.viewer.stale import STAGES, stale_stage
+from volspec.viewer.state import Interface, ViewState
+
+
+def test_every_field_of_the_state_has_its_stage() -> None:
+    assert set(STAGES) == {field.name for field in fields(ViewState)}
+    assert {STAGES[name] for name in ("lights", "seen", "other", "divide")} == {"relight"}
+
+
+def test_nothing_to_do_where_nothing_changed_and_everything_at_first(state: ViewState) -> None:
+    assert stale_stage(None, state) == "cast"
+    assert stale_stage(state, state) is None
+    assert stale_stage(state, replace(state, view=replace(state.view))) is None
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> None:
+    others: dict[str, Any] = {
+        "document": replace(state.document),
+        "view": replace(state.view, zoom=2.0),
+        "transfer": replace(state.transfer),
+        "shift": 1.0,
+        "shading": replace(state.shading, ambient=0.9),
+        "size": (80, 60),
+        "lights": state.lights[:-1],
+        "seen": RelightSpec(backdrop=0.5),
+        "other": state.lights,
+        "divide": 0.25,
+        "interface": Interface(dark=False),
+    }
+    assert stale_stage(state, replace(state, **{name: others[name]})) == STAGES[name]
+
+
+def test_the_first_of_several_stages_is_named(state: ViewState) -> None:
+    both = replace(state, lights=state.lights[:-1], interface=Interface(keys=True))
+    assert stale_stage(state, both) == "relight"
+    assert stale_stage(state, replace(both, size=(8, 8))) == "cast"
+
+
+# What each event does at most, where it does something.
+_COSTS = {
+    **dict.fromkeys(("orbit", "pan", "zoom", "wheel"), "cast"),
+    **dict.fromkeys(("point", "add-point", "remove-point", "shift"), "cast"),
+    **dict.fromkeys(("weight", "kelvin", "dial", "solo", "mute", "remove", "divide"), "relight"),
+    "select": "frame",
+}
+
+
+def test_events_cost_what_their_names_say(state: ViewState) -> None:
+    assert set(_COSTS) | {"key"} == set(EVENTS)
+    for name, cost in _COSTS.items():
+        index = 3 if name == "kelvin" else 1
+        new = reduced(state, Event(name, 0.3, 0.4, index))
+        assert stale_stage(state, new) == cost, name
+
+
+def test_keys_cost_what_they_do(state: ViewState) -> None:
+    for key in KEYS:
+        new = reduced(replace(state, view=replace(state.view, zoom=3.0)), Event("key", key=key))
+        old = replace(state, view=replace(state.view, zoom=3.0))
+        cost = {"space": "relight", "b": "relight", "h": "frame", "t": "frame"}.get(key, "cast")
+        assert stale_stage(old, new) == cost, key
+
+
+def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state: ViewState) -> None:
+    history = History(state)
+    for weight in (0.2, 0.5, 0.8):
+        history = history.then(reduced(history.present, Event("weight", weight, index=1)), 1)
+    history = history.then(reduced(history.present, Event("key", key="t")), 2)
+    history = history.then(reduced(history.present, Event("key", key="3")), 3)
+    assert len(history.past) == 2
+
+    back = history.undone().undone()
+    assert back.present.lights == state.lights and back.present.view == state.view
+    assert not back.present.interface.dark
+    assert back.undone() is back
+    forth = back.redone().redone()
+    assert forth.present == history.present and forth.redone() is forth
+
+
+def test_history_is_bounded_and_a_new_step_forgets_the_future(
+    state: ViewState, document: Document
+) -> None:
+    history = History(state)
+    for gesture in range(MOST_STEPS + 20):
+        history = history.then(reduced(history.present, Event("orbit", 0.01)), gesture)
+    assert len(history.past) == MOST_STEPS
+    other = history.undone().then(replace(state, document=replace(document)), 10**6)
+    assert other.future == ()

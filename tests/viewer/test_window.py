@@ -1,0 +1,113 @@
+"""The window itself, under Xvfb, used with a mouse and keys."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.robot import Robot, along, missing
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "-")
+
+
+def test_a_session_casts_for_views_only_and_refines_when_it_rests(tmp_path: Path) -> None:
+    from PIL import Image
+
+    with Robot(tmp_path, ["--screenshot", "160x120"], (900, 600)) as robot:
+        first = robot.whole()
+
+        # A light: relit at every step, nothing is cast.
+        x, y, width, height = robot.area("weight 1")
+        start, end = (x + 4, y + height / 2), (x + width - 4, y + height / 2)
+        robot.drag(along(start, end, 1.0))
+        moved = robot.wait_for(lambda row: row["event"] == "release", first["t"])
+        time.sleep(0.3)
+        light = robot.since(first["t"])
+        assert [row for row in light if row["stage"] == "cast"] == []
+        relit = [row for row in light if row["stage"] == "relight"]
+        assert len(relit) > 5 and relit[-1]["whole"]
+
+        # The dial: as well.
+        x, y = robot.middle("dial")
+        robot.drag([(x, y), (x + 5, y + 5), (x + 9, y + 9)])
+        time.sleep(0.3)
+        dial = robot.since(moved["t"])
+        assert [row for row in dial if row["stage"] == "cast"] == []
+        assert any(row["stage"] == "relight" for row in dial)
+
+        # An orbit: coarse pictures while it lasts, the whole one after.
+        x, y = robot.middle("picture")
+        before = robot.now()
+        robot.drag(along((x - 80, y), (x + 80, y + 30), 1.0))
+        released = robot.wait_for(lambda row: row["event"] == "release", before)
+        whole = robot.whole(released["t"])
+        casts = [row for row in robot.since(before) if row["event"] == "cast"]
+        during = [row for row in casts if row["t"] < released["t"]]
+        assert during and all(row["divisor"] > 1 for row in during)
+        assert casts[-1]["divisor"] == 1 and whole["t"] > released["t"]
+
+        # Keys: a view, undo, and a picture of the size that was asked for.
+        before = robot.now()
+        robot.key("9")
+        robot.whole(before)
+        before = robot.now()
+        robot.key("ctrl+z")
+        robot.whole(before)
+        robot.key("s")
+        saved = robot.wait_for(lambda row: row["event"] == "screenshot")
+        picture = np.asarray(Image.open(tmp_path / saved["path"]))
+        assert picture.shape == (120, 160, 3)
+        assert picture.max() > 100 and picture.std() > 5
+
+        # A file that is not there is said, and what was open stays.
+        robot.key("ctrl+o")
+        time.sleep(0.3)
+        robot.do("type", "nosuch.nrrd")
+        time.sleep(0.3)
+        robot.key("Return")
+        error = robot.wait_for(lambda row: row["event"] == "error")
+        assert "nosuch.nrrd: no such file" in error["message"]
+        screen = tmp_path / "screen.png"
+        robot.grab(screen)
+        assert np.asarray(Image.open(screen))[:, :500].std() > 5
+        assert robot.viewer.poll() is None
+
+
+def test_without_a_display_one_line_says_what_to_do(tmp_path: Path) -> None:
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run(
+        [sys.executable, "-c", "from volspec.cli import main; main()", "view"],
+        env=environment | {"PYTHONPATH": str(Path(__file__).resolve().parents[2])},
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "volspec render" in done.stderr
+
+
+def test_a_missing_file_is_refused_before_anything_is_shown(tmp_path: Path) -> None:
+    with Robot(tmp_path, ["nosuch.toml"], (320, 240)) as robot:
+        assert robot.viewer.wait(30) == 1
+        assert robot.viewer.stderr is not None
+        assert "nosuch.toml: no such file" in robot.viewer.stderr.read()
+
+
+def test_a_window_of_next_to_nothing_does_not_end_it(tmp_path: Path) -> None:
+    with Robot(tmp_path, (), (400, 300)) as robot:
+        robot.whole()
+        window = robot.find()
+        for size in ((1, 1), (40, 30), (380, 280)):
+            before = robot.now()
+            robot.do("windowsize", window, *size)
+            time.sleep(0.4)
+        robot.whole(before)
+        assert robot.viewer.poll() is None

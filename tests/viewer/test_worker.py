@@ -1,0 +1,103 @@
+"""The thread that casts: the latest request wins, a coarse first pass is let through."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from volspec.errors import CastCancelled, RaycastError
+from volspec.viewer import worker
+from volspec.viewer.state import ViewState
+from volspec.viewer.worker import CastDone, CastJob, CastWorker
+
+
+def job(state: ViewState, *divisors: int, zoom: float = 1.0) -> CastJob:
+    view = replace(state.view, zoom=zoom)
+    camera = view.camera(state.document.volume)
+    document, transfer, shading = state.document, state.transfer, state.shading
+    return CastJob(document, transfer, camera, shading, (80, 60), divisors)
+
+
+class SlowCasts:
+    """Stands in for `volspec.raycast`: asks ``cancel`` for as long as it is held up."""
+
+    def __init__(self) -> None:
+        self.begun: list[tuple[int, int]] = []
+        self.go_on = threading.Event()
+
+    def __call__(self, *what: Any, cancel: Any, caster: Any) -> str:
+        self.begun.append(what[3])
+        while not self.go_on.wait(0.002):
+            if cancel():
+                raise CastCancelled("ended")
+        return "image"
+
+    def wait(self, count: int) -> None:
+        end = time.time() + 5
+        while len(self.begun) < count and time.time() < end:
+            time.sleep(0.002)
+        assert len(self.begun) == count
+
+
+@pytest.fixture
+def casts(monkeypatch: pytest.MonkeyPatch) -> SlowCasts:
+    slow = SlowCasts()
+    monkeypatch.setattr(worker, "raycast", slow)
+    return slow
+
+
+def drained(casting: CastWorker, count: int) -> list[CastDone]:
+    done: list[CastDone] = []
+    end = time.time() + 5
+    while len(done) < count and time.time() < end:
+        done += casting.take()
+        time.sleep(0.002)
+    assert len(done) == count
+    return done
+
+
+def test_a_newer_request_ends_a_whole_cast_and_replaces_what_waits(
+    state: ViewState, casts: SlowCasts
+) -> None:
+    casting = CastWorker(lambda: None)
+    casting.request(job(state, 1))
+    casts.wait(1)
+    casting.request(job(state, 4))
+    casts.wait(2)  # coarse, and let through: the next ones wait
+    casting.request(job(state, 2))
+    casting.request(last := job(state, 8))
+    time.sleep(0.05)
+    assert len(casts.begun) == 2
+    casts.go_on.set()
+    done = drained(casting, 3)
+    assert [(each.divisor, each.image) for each in done] == [(1, None), (4, "image"), (8, "image")]
+    assert done[-1].job is last and casts.begun[-1] == (10, 8)
+    casting.close()
+
+
+def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> None:
+    casting = CastWorker(lambda: None)
+    casting.request(job(state, 8, 1))
+    casts.wait(1)
+    casting.close()
+    assert not casts.go_on.is_set() and len(casts.begun) == 1
+
+
+def test_an_error_is_told_and_the_thread_goes_on(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*what: Any, **more: Any) -> None:
+        raise RaycastError("no\nsuch thing")
+
+    monkeypatch.setattr(worker, "raycast", refuse)
+    woken = threading.Event()
+    casting = CastWorker(woken.set)
+    for _ in range(2):
+        casting.request(job(state, 4, 1))
+        assert [each.error for each in drained(casting, 1)] == ["no such thing"]
+    assert woken.is_set()
+    casting.close()

@@ -1,0 +1,48 @@
+"""``volspec view``: the interactive viewer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from volspec._files import require_writable
+from volspec.cli.cast import _check_size, _pixels
+from volspec.cli.shell import Device, app
+
+
+@app.command
+def view(
+    file: str | None = None,
+    /,
+    *,
+    size: Annotated[str, Parameter(validator=_check_size)] = "1280x720",
+    screenshot: Annotated[str | None, Parameter(validator=_check_size)] = None,
+    trace: Path | None = None,
+    device: Device = None,
+) -> None:
+    """Look at a scene or a volume, and swap its lights; H shows the keys.
+
+    Example: `volspec view`
+
+    Example: `volspec view engine.toml --screenshot 3840x2160`
+
+    Parameters
+    ----------
+    file
+        A scene file or a volume; the bundled engine when left out.
+    size
+        WIDTHxHEIGHT of the window.
+    screenshot
+        WIDTHxHEIGHT of the pictures that S saves; as shown when left out.
+    trace
+        Write what happens to a file of JSON lines: `t`, `event`, `stage`, `ms`.
+    """
+    if trace is not None:
+        require_writable(trace)
+    from volspec.viewer.app import Options
+    from volspec.viewer.app import view as open_window
+
+    wanted = _pixels(screenshot) if screenshot else None
+    open_window(Options(file, trace, _pixels(size), wanted, device))

@@ -1,0 +1,135 @@
+"""What the viewer has open: a scene, its volume on a device, and how it looked at first.
+
+file -> [document] -> state
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._gpu.sources import asset
+from volspec.pipeline import Raycaster
+from volspec.raycast import RaycastSpec
+from volspec.relight import RelightSpec
+from volspec.scene import Scene
+from volspec.scene.file import SceneFile
+from volspec.spectra import SpectralGrid
+from volspec.transfer import Transfer
+from volspec.viewer.lighting import Rows, rows_of
+from volspec.viewer.views import View
+from volspec.volume import Volume, load_volume
+
+_BINS = 256
+# Of a volume without a scene: the lights, and how much of its values is air.
+_LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "HP1": "sodium lamp"}
+_AIR = (0.35, 0.55, 0.85)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Document:
+    """A scene that is open.
+
+    Parameters
+    ----------
+    title : str
+    volume : Volume
+    caster : Raycaster, optional
+        Holds the volume; None only where nothing will be cast.
+    view, transfer, shading, lights, seen
+        As the file has them.
+    histogram : (256,) float64
+        Voxels by value over the volume's range.
+    """
+
+    title: str
+    volume: Volume
+    caster: Raycaster | None
+    view: View
+    transfer: Transfer
+    shading: RaycastSpec
+    lights: Rows
+    seen: RelightSpec
+    histogram: NDArray[np.float64]
+
+    @property
+    def grid(self) -> SpectralGrid:
+        """What spectra are on."""
+        return self.transfer.basis.grid
+
+    @classmethod
+    def of(cls, scene: Scene, volume: Volume, caster: Raycaster | None) -> Document:
+        """A scene with its volume."""
+        return cls(
+            title=scene.file.title or scene.path.stem,
+            volume=volume,
+            caster=caster,
+            view=_view_of(scene, volume),
+            transfer=scene.transfer,
+            shading=scene.raycast,
+            lights=rows_of(scene.lights),
+            seen=scene.relight,
+            histogram=histogram(volume),
+        )
+
+
+def opened(path: str | None, device: str | None = None) -> Document:
+    """Open a scene file, or a volume with a scene made for it; None is the bundled demo.
+
+    Raises
+    ------
+    VolspecError
+        If it cannot be read, or there is no device to cast on.
+    """
+    if path is None:
+        scene = Scene.load(asset("data/scenes/engine.toml"))
+        volume = scene.volume()
+    elif path.lower().endswith(".toml"):
+        scene = Scene.load(path)
+        volume = scene.volume()
+    else:
+        volume = load_volume(path)
+        scene = Scene(plain_scene(path, volume), path)
+    return Document.of(scene, volume, Raycaster(volume, device=device))
+
+
+def plain_scene(path: str, volume: Volume) -> SceneFile:
+    """A scene for a volume of which nothing else is known: soft below, metal above."""
+    counts = histogram(volume)
+    low, high = volume.range
+    # What fills most of the box is not looked at.
+    air = low + (high - low) * float(np.searchsorted(np.cumsum(counts), counts.sum() / 2)) / _BINS
+    at = [air + share * (high - air) for share in _AIR]
+    looks = [(at[0], 0.0, "soft"), (at[1], 0.08, "soft"), (at[2], 0.5, "hard"), (high, 0.8, "hard")]
+    document: dict[str, Any] = {
+        "title": Path(path.partition("?")[0]).name,
+        "volume": {"file": str(Path(path).absolute())},
+        "material": [
+            {"name": "soft", "reflectance": "ColorChecker/light skin"},
+            {"name": "hard", "reflectance": "ColorChecker/neutral 8 (.23 D)"},
+        ],
+        "transfer": {"points": [{"value": v, "opacity": o, "material": m} for v, o, m in looks]},
+        "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "flat_gradient": 0.02},
+        "light": [{"name": k, "label": v, "spectrum": k} for k, v in _LIGHTS.items()],
+        "camera": {"zoom": 1.25},
+        "viewing": {"backdrop": 0.05},
+    }
+    return SceneFile.model_validate(document)
+
+
+def histogram(volume: Volume) -> NDArray[np.float64]:
+    """(256,) voxels by value; of large volumes every n-th along each axis."""
+    every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
+    sampled = volume.values[::every, ::every, ::every]
+    return np.histogram(sampled, bins=_BINS, range=volume.range)[0].astype(np.float64)
+
+
+def _view_of(scene: Scene, volume: Volume) -> View:
+    table = scene.file.camera
+    if table.position_mm is not None:
+        return View.of(scene.camera(volume), volume)
+    return View(**table.model_dump(exclude={"position_mm"}))

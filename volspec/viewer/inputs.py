@@ -1,0 +1,128 @@
+"""What the user does, as glfw reports it: told to imgui, and kept for the viewer.
+
+glfw -> [inputs] -> Input -> mouse, app
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import glfw
+from imgui_bundle import imgui
+
+BUTTONS = {0: "left", 1: "right", 2: "middle"}
+_MODIFIERS = (
+    (glfw.MOD_CONTROL, imgui.Key.mod_ctrl),
+    (glfw.MOD_SHIFT, imgui.Key.mod_shift),
+    (glfw.MOD_ALT, imgui.Key.mod_alt),
+    (glfw.MOD_SUPER, imgui.Key.mod_super),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """Something that the user did.
+
+    Parameters
+    ----------
+    name : {"press", "release", "move", "wheel", "key", "drop", "resize"}
+    x, y : float
+        Where the mouse is in the window; of the wheel its notches.
+    button : str
+    key : str
+        As `volspec.viewer.events.KEYS`; with ``ctrl+`` or ``ctrl+shift+`` in front.
+    paths : tuple of str
+        What was dropped.
+    """
+
+    name: str
+    x: float = 0.0
+    y: float = 0.0
+    button: str = ""
+    key: str = ""
+    paths: tuple[str, ...] = ()
+
+
+class Inputs:
+    """Listens to a window.
+
+    Parameters
+    ----------
+    window : glfw window
+    to_imgui : callable
+        imgui's own listener for keys.
+    """
+
+    def __init__(self, window: Any, to_imgui: Callable[..., None]) -> None:
+        self._window, self._to_imgui = window, to_imgui
+        self._inputs: list[Input] = []
+        listeners: tuple[tuple[Callable[..., Any], Callable[..., None]], ...] = (
+            (glfw.set_mouse_button_callback, self._on_button),
+            (glfw.set_cursor_pos_callback, self._on_move),
+            (glfw.set_scroll_callback, self._on_wheel),
+            (glfw.set_key_callback, self._on_key),
+            (glfw.set_char_callback, lambda _, char: imgui.get_io().add_input_character(char)),
+            (glfw.set_drop_callback, self._on_drop),
+            (glfw.set_cursor_enter_callback, self._on_enter),
+            (glfw.set_framebuffer_size_callback, self._on_change),
+            (glfw.set_window_refresh_callback, self._on_change),
+        )
+        for set_callback, listener in listeners:
+            set_callback(window, listener)
+
+    def take(self) -> list[Input]:
+        """What has happened since the last call."""
+        inputs, self._inputs = self._inputs, []
+        return inputs
+
+    def _on_button(self, _: Any, button: int, action: int, modifiers: int) -> None:
+        down = action == glfw.PRESS
+        if button in BUTTONS:
+            x, y = glfw.get_cursor_pos(self._window)
+            imgui.get_io().add_mouse_button_event(button, down)
+            self._inputs.append(Input("press" if down else "release", x, y, button=BUTTONS[button]))
+
+    def _on_move(self, _: Any, x: float, y: float) -> None:
+        imgui.get_io().add_mouse_pos_event(x, y)
+        self._inputs.append(Input("move", x, y))
+
+    def _on_enter(self, _: Any, entered: int) -> None:
+        if not entered:
+            imgui.get_io().add_mouse_pos_event(-3.4e38, -3.4e38)
+            self._inputs.append(Input("move", -1.0, -1.0))
+
+    def _on_wheel(self, _: Any, x: float, y: float) -> None:
+        imgui.get_io().add_mouse_wheel_event(x, y)
+        self._inputs.append(Input("wheel", x, y))
+
+    def _on_change(self, *_: Any) -> None:
+        self._inputs.append(Input("resize"))
+
+    def _on_drop(self, _: Any, paths: list[str]) -> None:
+        self._inputs.append(Input("drop", paths=tuple(paths)))
+
+    def _on_key(self, window: Any, key: int, code: int, action: int, modifiers: int) -> None:
+        self._to_imgui(window, key, code, action, modifiers)
+        for bit, modifier in _MODIFIERS:
+            imgui.get_io().add_key_event(modifier, bool(modifiers & bit))
+        if action == glfw.PRESS and (name := _key_name(key, code)):
+            ctrl = modifiers & (glfw.MOD_CONTROL | glfw.MOD_SUPER)
+            shift = "shift+" if ctrl and modifiers & glfw.MOD_SHIFT else ""
+            self._inputs.append(Input("key", key=f"{'ctrl+' if ctrl else ''}{shift}{name}"))
+
+
+def _key_name(key: int, code: int) -> str:
+    """``a``, ``1``, ``enter``, …; by what is written on the key, in any layout."""
+    named: dict[int, str] = {
+        glfw.KEY_ENTER: "enter",
+        glfw.KEY_KP_ENTER: "enter",
+        glfw.KEY_SPACE: "space",
+        glfw.KEY_ESCAPE: "escape",
+    }
+    if key in named:
+        return named[key]
+    if glfw.KEY_KP_0 <= key <= glfw.KEY_KP_9:
+        return str(key - glfw.KEY_KP_0)
+    return (glfw.get_key_name(key, code) or "").lower()

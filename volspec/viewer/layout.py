@@ -1,0 +1,82 @@
+"""Where things are in the window: panels docked at the right, the picture in what is left."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from volspec.viewer.panels import divide, keys, lights, probe, status, transfer, viewing
+from volspec.viewer.panels.desk import Desk
+from volspec.viewer.state import ViewState
+
+PANEL_WIDTH = 350
+# The lights' share of the height; below stand the others as tabs.
+_UPPER = 0.51
+# Frames until docked windows stand where they belong.
+_LAG = 2
+_PANELS = (("Lights", lights.draw), ("Viewing", viewing.draw), ("Transfer", transfer.draw))
+_OVERLAYS = (divide.draw, probe.draw, keys.draw)
+_DOCKED = (
+    imgui.DockNodeFlags_.passthru_central_node | imgui.DockNodeFlags_.no_docking_over_central_node
+)
+
+
+class Layout:
+    """Docks the panels when they are first drawn; where the user puts them later is theirs."""
+
+    def __init__(self) -> None:
+        self._frames = 0
+
+    @property
+    def settled(self) -> bool:
+        """Whether the areas hold: imgui lays out what the frame before has asked for."""
+        return self._frames > _LAG
+
+    def picture(self, desk: Desk, panels: bool) -> tuple[int, int, int, int]:
+        """Lay the dock out; x, y, width and height of what is left for the picture.
+
+        Parameters
+        ----------
+        desk : Desk
+        panels : bool
+            Whether they will be drawn; a dock that stands empty would be given up.
+        """
+        space = imgui.dock_space_over_viewport(imgui.get_id("dock"), flags=_DOCKED)
+        if panels:
+            if self._frames == 0:
+                self._dock(space, desk)
+            self._frames += 1
+        node = imgui.internal.dock_builder_get_central_node(space)
+        area = int(node.pos.x), int(node.pos.y), int(node.size.x), int(node.size.y)
+        desk.areas["picture"] = area
+        return area
+
+    def panels(self, state: ViewState, desk: Desk) -> ViewState:
+        """Draw all of them; the state that comes out."""
+        for title, draw in _PANELS:
+            shown = imgui.begin(title, None, imgui.WindowFlags_.no_collapse)[0]
+            if shown:
+                state = draw(state, desk) or state
+            imgui.end()
+        if self._frames == 1:
+            imgui.set_window_focus(_PANELS[1][0])
+        for overlay in _OVERLAYS:
+            state = overlay(state, desk) or state
+        return state
+
+    @staticmethod
+    def status(state: ViewState, desk: Desk) -> None:
+        """The line at the bottom; before `picture`, as it takes its room."""
+        status.draw(state, desk)
+
+    @staticmethod
+    def _dock(space: int, desk: Desk) -> None:
+        builder = imgui.internal
+        viewport = imgui.get_main_viewport()
+        share = min(desk.px(PANEL_WIDTH) / max(viewport.work_size.x, 1.0), 0.6)
+        builder.dock_builder_remove_node_child_nodes(space)
+        right = builder.dock_builder_split_node(space, imgui.Dir.right, share)
+        lower = builder.dock_builder_split_node(right.id_at_dir, imgui.Dir.down, 1 - _UPPER)
+        builder.dock_builder_dock_window("Lights", lower.id_at_opposite_dir)
+        builder.dock_builder_dock_window("Transfer", lower.id_at_dir)
+        builder.dock_builder_dock_window("Viewing", lower.id_at_dir)
+        builder.dock_builder_finish(space)

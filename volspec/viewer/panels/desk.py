@@ -1,0 +1,96 @@
+"""What panels are given besides the state: measured times, colours looked up, areas noted down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from imgui_bundle import imgui
+
+from volspec.appearance import passage_of
+from volspec.appearance.srgb import encode, linear_from_XYZ
+from volspec.errors import VolspecError
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig, RelightSpec
+from volspec.spectra import white_XYZ
+from volspec.viewer.lighting import KELVIN
+
+Colour = tuple[float, float, float]
+# Rows are few; a temperature that is dragged makes many.
+_MOST_SWATCHES = 256
+
+
+@dataclass(slots=True)
+class Desk:
+    """The panels' surroundings; new values every frame.
+
+    Parameters
+    ----------
+    scale : float
+        Pixels of the window for each at 96 dpi.
+    areas : {name: (x, y, width, height)}
+        Where things were drawn, for the trace.
+    """
+
+    scale: float = 1.0
+    areas: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
+    image: CoefficientImage | None = None
+    search: str = ""
+    path: str = ""
+    kelvin: float = 3200.0
+    complaint: str = ""
+    device: str = ""
+    fps: float = 0.0
+    ms: dict[str, float] = field(default_factory=dict)
+    whole: bool = False
+    under_mouse: Mapping[str, str] | None = None
+    _swatches: dict[tuple[LightRig, RelightSpec], tuple[Colour, Colour]] = field(
+        default_factory=dict
+    )
+
+    def px(self, size: float) -> float:
+        """A size in the window's pixels."""
+        return size * self.scale
+
+    def note(self, name: str) -> None:
+        """Note down where the last item is."""
+        (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        self.areas[name] = (int(x), int(y), int(right - x), int(bottom - y))
+
+    def swatch(self, rig: LightRig, seen: RelightSpec) -> tuple[Colour, Colour]:
+        """A light on white paper: as it is beside the display's white, and to an adapted eye."""
+        key = rig, seen
+        if key not in self._swatches:
+            if len(self._swatches) >= _MOST_SWATCHES:
+                self._swatches.clear()
+            self._swatches[key] = swatch_colours(rig, seen)
+        return self._swatches[key]
+
+
+def swatch_colours(rig: LightRig, seen: RelightSpec) -> tuple[Colour, Colour]:
+    """As `Desk.swatch`; sRGB codes, 0 to 1."""
+    white = white_XYZ(rig.mixed(rig.lights[0].grid))
+    linear = np.maximum(linear_from_XYZ(white), 0.0)
+    raw = encode(linear / max(float(linear.max()), 1e-9))
+    viewing = seen.viewing
+    try:
+        given = replace(viewing, adapting="given")
+        if rig.total_lux:
+            given = replace(given, illuminance_lux=rig.total_lux)
+        adapted = encode(linear_from_XYZ(passage_of(given, white).apply(0.96 * white)))
+    except VolspecError:  # a light without a white to adapt to
+        adapted = raw
+    return _colour(raw), _colour(adapted)
+
+
+def _colour(values: np.ndarray) -> Colour:
+    r, g, b = (float(value) for value in values)
+    return r, g, b
+
+
+def kelvin_slider(label: str, kelvin: float) -> tuple[bool, float]:
+    """A temperature, finer where the eye is finer."""
+    return imgui.slider_float(
+        label, kelvin, *KELVIN, format="%.0f K", flags=imgui.SliderFlags_.logarithmic
+    )

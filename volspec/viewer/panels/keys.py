@@ -1,0 +1,55 @@
+"""The cheat sheet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from imgui_bundle import imgui
+
+from volspec.viewer.panels.desk import Desk
+from volspec.viewer.state import ViewState
+
+SHEET = (
+    ("Left drag", "orbit"),
+    ("Middle drag", "pan"),
+    ("Right drag, wheel", "zoom"),
+    ("1  3  7  9", "front, right, top, isometric"),
+    ("5", "perspective or orthographic"),
+    ("Enter", "the scene's own view"),
+    ("F", "fit the volume"),
+    ("Space", "next light"),
+    ("B", "keep this light beside the next"),
+    ("S", "save the picture as PNG"),
+    ("T", "dark or light window"),
+    ("Ctrl+O, drop a file", "open a scene or a volume"),
+    ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
+    ("H, Esc", "this sheet"),
+)
+_FLAGS = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.no_saved_settings
+)
+
+
+def draw(state: ViewState, desk: Desk) -> ViewState | None:
+    """Draw it in the middle of the picture; a click or Esc closes it."""
+    if not state.interface.keys:
+        return None
+    x, y, width, height = desk.areas["picture"]
+    imgui.set_next_window_pos((x + width / 2, y + height / 2), imgui.Cond_.always, (0.5, 0.5))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (desk.px(22), desk.px(18)))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(8))
+    imgui.set_next_window_bg_alpha(0.94)
+    imgui.begin("##keys", None, _FLAGS)
+    column = max(imgui.calc_text_size(keys).x for keys, _ in SHEET) + desk.px(54)
+    for keys, what in SHEET:
+        imgui.text(keys)
+        imgui.same_line(column)
+        imgui.text_disabled(what)
+    closed = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
+    closed = closed or imgui.is_key_pressed(imgui.Key.escape)
+    imgui.end()
+    imgui.pop_style_var(2)
+    return replace(state, interface=replace(state.interface, keys=False)) if closed else None

@@ -1,0 +1,51 @@
+"""What a change costs, as a value: the first stage that must run again.
+
+state, state -> [stale] -> "cast" | "relight" | "frame" | None
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from volspec.viewer.state import ViewState
+
+Stage = Literal["cast", "relight", "frame"]
+
+# Field by field; a light is not among those that cast.
+STAGES: dict[str, Stage] = {
+    "document": "cast",
+    "view": "cast",
+    "transfer": "cast",
+    "shift": "cast",
+    "shading": "cast",
+    "size": "cast",
+    "lights": "relight",
+    "seen": "relight",
+    "other": "relight",
+    "divide": "relight",
+    "interface": "frame",
+}
+
+
+def stale_stage(old: ViewState | None, new: ViewState) -> Stage | None:
+    """The first stage whose result two states do not share.
+
+    Parameters
+    ----------
+    old : ViewState or None
+        What is shown; None where nothing is.
+    new : ViewState
+        What shall be.
+
+    Returns
+    -------
+    "cast", "relight", "frame" or None
+        None where the window can stay as it is.
+    """
+    if old is None:
+        return "cast"
+    if old is new:
+        return None
+    found = {stage for name, stage in STAGES.items() if getattr(old, name) != getattr(new, name)}
+    order: tuple[Stage, ...] = ("cast", "relight", "frame")
+    return next((stage for stage in order if stage in found), None)

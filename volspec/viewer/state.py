@@ -1,0 +1,94 @@
+"""What the viewer shows, frozen: every change makes another state.
+
+    input, panels -> [state] -> stale -> cast, relight, frame
+
+A state is what undo goes back to; window, threads and GPU handles stand elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from volspec.raycast import RaycastSpec
+from volspec.relight import RelightSpec
+from volspec.transfer import Transfer
+from volspec.viewer.document import Document
+from volspec.viewer.lighting import Rows
+from volspec.viewer.views import View
+
+
+@dataclass(frozen=True, slots=True)
+class Interface:
+    """The window itself.
+
+    Parameters
+    ----------
+    dark : bool
+        Which theme.
+    logarithmic : bool
+        Scale of the histogram.
+    keys : bool
+        Whether the cheat sheet is open.
+    light : int
+        The row whose spectrum stands out.
+    """
+
+    dark: bool = True
+    logarithmic: bool = True
+    keys: bool = False
+    light: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ViewState:
+    """Everything that a picture is made of.
+
+    Parameters
+    ----------
+    document : Document
+        The scene that is open.
+    view : View
+    transfer : Transfer
+        As edited.
+    shift : float
+        By how much its points have been shifted.
+    shading : RaycastSpec
+    size : (width, height)
+        Pixels of the whole picture.
+    lights : tuple of LightRow
+    seen : RelightSpec
+        Viewing, mode, backdrop and level.
+    other : tuple of LightRow, optional
+        The lights at the right of the divide, to compare with.
+    divide : float
+        Where that is, 0 to 1 of the picture's width.
+    interface : Interface
+    """
+
+    document: Document
+    view: View
+    transfer: Transfer
+    shading: RaycastSpec
+    lights: Rows
+    seen: RelightSpec
+    shift: float = 0.0
+    size: tuple[int, int] = (512, 512)
+    other: Rows | None = None
+    divide: float = 0.5
+    interface: Interface = field(default_factory=Interface)
+
+    @classmethod
+    def first(
+        cls, document: Document, size: tuple[int, int], interface: Interface | None = None
+    ) -> ViewState:
+        """A scene as its file has it."""
+        return cls(
+            document,
+            document.view,
+            document.transfer,
+            document.shading,
+            document.lights,
+            document.seen,
+            size=size,
+            interface=interface or Interface(),
+        )

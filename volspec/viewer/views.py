@@ -1,0 +1,139 @@
+"""Where the viewer looks from: an orbit, and what mouse and keys make of it.
+
+input -> [views] -> Camera -> raycast
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.raycast import Camera
+from volspec.volume import Volume
+
+Vector = tuple[float, float, float]
+
+# A drag over the picture's height turns by this much.
+TURN_DEG = 180.0
+ZOOMS = (0.05, 200.0)
+# What a drag over the picture's height multiplies the zoom by: e to this.
+ZOOM_RATE = 2.0
+# So many radii from the centre a target may be panned.
+_FURTHEST = 4.0
+# F3D's keys: front, right, top, isometric.
+VIEWS = {"1": (0.0, 0.0), "3": (90.0, 0.0), "7": (0.0, 90.0), "9": (45.0, 35.264)}
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """An orbit around a target, as `Camera.orbit` takes it.
+
+    Parameters
+    ----------
+    azimuth_deg, elevation_deg : float
+    zoom : float
+        1 fits the volume's sphere into the picture's height.
+    fov_deg : float
+    orthographic : bool
+    up : (x, y, z)
+        The axis to turn around.
+    target_mm : (x, y, z), optional
+        None is the volume's centre.
+    """
+
+    azimuth_deg: float = 30.0
+    elevation_deg: float = 20.0
+    zoom: float = 1.0
+    fov_deg: float = 30.0
+    orthographic: bool = False
+    up: Vector = (0.0, 0.0, 1.0)
+    target_mm: Vector | None = None
+
+    @classmethod
+    def of(cls, camera: Camera, volume: Volume) -> View:
+        """The orbit that stands where a camera does, turning around its up."""
+        up = np.asarray(camera.up)
+        front = np.array([0.0, -1.0, 0.0]) - up * np.dot([0.0, -1.0, 0.0], up)
+        if np.linalg.norm(front) < 1e-6:
+            front = np.array([-1.0, 0.0, 0.0]) - up * np.dot([-1.0, 0.0, 0.0], up)
+        front /= np.linalg.norm(front)
+        away = np.subtract(camera.position_mm, camera.target_mm) / camera.distance_mm
+        around = float(away @ np.cross(up, front)), float(away @ front)
+        sine = math.sin(math.radians(camera.fov_deg) / 2)
+        tall = 2 * camera.distance_mm * sine if camera.height_mm is None else camera.height_mm
+        return cls(
+            azimuth_deg=math.degrees(math.atan2(*around)),
+            elevation_deg=math.degrees(math.asin(min(1.0, max(-1.0, float(away @ up))))),
+            zoom=_clamped(2 * radius_mm(volume) / tall, *ZOOMS),
+            fov_deg=camera.fov_deg,
+            orthographic=camera.height_mm is not None,
+            up=camera.up,
+            target_mm=camera.target_mm,
+        )
+
+    def camera(self, volume: Volume) -> Camera:
+        """The camera that stands there."""
+        return Camera.orbit(
+            volume,
+            azimuth_deg=self.azimuth_deg,
+            elevation_deg=self.elevation_deg,
+            zoom=self.zoom,
+            fov_deg=self.fov_deg,
+            up=self.up,
+            target_mm=self.target_mm,
+            orthographic=self.orthographic,
+        )
+
+    def orbited(self, right: float, down: float) -> View:
+        """Turned by a drag; shares of the picture's height."""
+        return replace(
+            self,
+            azimuth_deg=math.remainder(self.azimuth_deg - TURN_DEG * right, 360.0),
+            elevation_deg=_clamped(self.elevation_deg + TURN_DEG * down, -90.0, 90.0),
+        )
+
+    def zoomed(self, nearer: float) -> View:
+        """Nearer by a drag; shares of the picture's height."""
+        factor = math.exp(_clamped(ZOOM_RATE * nearer, -10.0, 10.0))
+        return replace(self, zoom=_clamped(self.zoom * factor, *ZOOMS))
+
+    def panned(self, right: float, down: float, volume: Volume) -> View:
+        """The picture moved by a drag; shares of its height."""
+        camera = self.camera(volume)
+        across, upwards, _ = camera.frame()
+        half = camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
+        tall = camera.height_mm or 2 * half
+        centre = volume.corners_mm.mean(axis=0)
+        wanted = np.asarray(camera.target_mm) + tall * (down * upwards - right * across)
+        far = wanted - centre
+        most = _FURTHEST * radius_mm(volume)
+        far *= min(1.0, most / max(float(np.linalg.norm(far)), 1e-12))
+        return replace(self, target_mm=vector(centre + far))
+
+    def from_side(self, key: str) -> View:
+        """One of `VIEWS`."""
+        azimuth, elevation = VIEWS[key]
+        return replace(self, azimuth_deg=azimuth, elevation_deg=elevation)
+
+    def fitted(self, aspect: float) -> View:
+        """The whole volume in a picture of width / height."""
+        return replace(self, zoom=_clamped(min(1.0, aspect), *ZOOMS), target_mm=None)
+
+
+def radius_mm(volume: Volume) -> float:
+    """Of the sphere around a volume."""
+    corners = volume.corners_mm
+    return float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).max()) or 1.0
+
+
+def vector(values: NDArray[np.float64]) -> Vector:
+    """Three numbers as a tuple."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _clamped(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
