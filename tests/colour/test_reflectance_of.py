@@ -84,9 +84,22 @@ def test_all_of_sRGB_is_within_0_and_1_and_exact() -> None:
 def test_the_color_checker_is_in_no_base() -> None:
     base = base_spectra()
     assert not [name for name in base.names if "ColorChecker" in name or "ISO 17321" in name]
-    assert len(base) == 2 + 5 * 533
-    apart = np.sqrt(((base.values[:, None] - TRUE[None]) ** 2).mean(-1))
+    assert len(base) == 2 + 5 * 533 + 120
+    measured = np.array([not name.startswith("grey ") for name in base.names])
+    apart = np.sqrt(((base.values[measured, None] - TRUE[None]) ** 2).mean(-1))
     assert apart.min() > 0.004  # the Academy's copies of the chart are not in the library
+
+
+def test_a_ramp_of_grey_has_no_contours_under_another_light() -> None:
+    encoded = np.arange(256) / 255.0
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    ramp = reflectances_of(linear[:, None] * white_XYZ(light("D65"))).values
+    lamp = light("A")
+    Lab = cielab(XYZ_of(lamp, ramp), white_XYZ(lamp))
+    steps = delta_E_2000(Lab[1:], Lab[:-1])
+    # sRGB's own steps are .35; next to black base colours are merged, and a cast stays.
+    assert np.median(steps) < 0.35 and steps.max() < 1.3
+    assert np.hypot(*Lab[40:, 1:].T).max() < 1.3
 
 
 def test_a_mixture_is_its_base_spectra_by_their_shares() -> None:
@@ -242,7 +255,7 @@ def test_bouguer_keeps_the_hue_and_eq_6_as_printed_has_the_complementary() -> No
 
 def test_a_base_may_be_ones_own() -> None:
     base = base_spectra(powers=(2,), complementary=(1,))
-    assert len(base) == 2 + 3 * 533 and base.names[-1].startswith("10^(-1 Vrhel/")
+    assert len(base) == 2 + 3 * 533 + 120 and base.names[-121].startswith("10^(-1 Vrhel/")
     paints = BaseSpectra(
         ("black", "white", "red", "blue"), [[0] * 31, [1] * 31, TRUE[14], TRUE[12]]
     )

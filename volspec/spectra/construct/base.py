@@ -32,6 +32,9 @@ POWERS = (0.5, 2.0, 4.0, 8.0)
 # and the metals, whose spectra are no paint's.
 _MEASURED = ("CES/", "TCS/", "TCS 1995/", "PMC/", "VS/", "VS 7.4/", "Vrhel/", "ACES/")
 _FLATS = ("black", "white")
+# Flat greys, nearly even in lightness and closer to each other than to any measured one: between
+# them a ramp of grey stays flat, instead of taking on the casts of paints in turn.
+_GREYS = np.linspace(0.03, 0.99, 120) ** 2.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +135,7 @@ def base_spectra(
     *,
     complementary: Sequence[float] = (),
 ) -> BaseSpectra:
-    """The 533 measured reflectances of the library, enlarged by Bouguer's law, black and white.
+    """The 533 measured reflectances of the library, enlarged by Bouguer's law, and flat greys.
 
     Measured are the colour evaluation samples of CIE 224, the test colours of the CIE colour
     rendering index, of CQS and the preferred memory colours, Vrhel's natural and man-made things
@@ -150,8 +153,8 @@ def base_spectra(
     Returns
     -------
     BaseSpectra
-        Black, white, the measured, then each length's; named ``CES/12``, ``CES/12^2`` and
-        ``10^(-2 CES/12)``.
+        Black, white, the measured, then each length's, and 120 greys; named ``CES/12``,
+        ``CES/12^2``, ``10^(-2 CES/12)`` and ``grey 21.8 %``.
 
     Raises
     ------
@@ -162,7 +165,7 @@ def base_spectra(
     --------
     >>> base = base_spectra(powers=(2,))
     >>> len(base), base.names[2], base.names[-1]
-    (1068, 'PMC/Caucasian', 'Vrhel/170 cotton cloth light gray^2')
+    (1188, 'PMC/Caucasian', 'grey 97.8 %')
     """
     require_grid(grid)
     return _base(grid, tuple(map(float, powers)), tuple(map(float, complementary)))
@@ -183,4 +186,6 @@ def _base(
     for length in complementary:
         names += [f"10^(-{length:g} {name})" for name in measured]
         rows.append(bouguer(R, length, complementary=True))
+    names += [f"grey {100 * level:.3g} %" for level in _GREYS]
+    rows.append(np.repeat(_GREYS[:, None], grid.size, axis=1))
     return BaseSpectra(tuple(names), np.vstack(rows), grid)
