@@ -77,6 +77,7 @@ def test_a_designed_palette_can_be_designed_again(
         (("none.toml",), "none.toml: no such file"),
         (("{palette}", "-o", "out.json"), "out.json: palettes are TOML; name it .toml"),
         (("{palette}", "--figure", "p.jpg"), "p.jpg: figures are .png, .svg, .pdf files"),
+        (("{dark}",), "dark.toml: light 'day' has no luminous energy"),
         (("{must}",), "must.toml: no spectrum within its bounds meets cell (a, day)"),
     ],
 )
@@ -92,6 +93,9 @@ def test_bad_input_is_one_line(
     twice += '[[light]]\nname = "dusk"\nspectrum = "A"\n[[cell]]\nreflectance = "*"\n'
     twice += 'light = "dusk"\ncolour = "lime"\nmust = true'
     must.write_text(PALETTE.replace('"day"\ncolour = "steelblue"', twice), encoding="utf-8")
-    assert call(*(word.format(palette=palette, must=must) for word in words)) == 1
+    dark = tmp_path / "dark.toml"
+    zeros = f"values = {[0.0] * 31}"
+    dark.write_text(PALETTE.replace('spectrum = "D65"', zeros), encoding="utf-8")
+    assert call(*(word.format(palette=palette, must=must, dark=dark) for word in words)) == 1
     (line,) = [each for each in capsys.readouterr().err.splitlines() if "volspec:" in each]
     assert line.startswith("volspec: ") and message in line

@@ -129,3 +129,46 @@ def test_an_output_that_is_no_scene_is_refused(
 ) -> None:
     assert call("keep", ball, "stone", "-o", ball.with_name("stone.png")) == 1
     assert "scenes are TOML; name it .toml" in capsys.readouterr().err
+
+
+def test_what_is_not_a_wizards_is_not_written_over(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, palette = ball.with_name("clash.toml"), ball.with_name("clash-palette.toml")
+    palette.write_text("# my own\n", encoding="utf-8")
+    assert call("keep", ball, "stone", "-o", out) == 1
+    assert "clash-palette.toml: is there already, and no wizard's" in capsys.readouterr().err
+    assert palette.read_text(encoding="utf-8") == "# my own\n" and not out.exists()
+    before = ball.read_bytes()
+    assert call("keep", ball, "stone", "-o", ball) == 1
+    assert "is the scene that the new one is made of" in capsys.readouterr().err
+    assert ball.read_bytes() == before and not ball.with_name("ball-palette.toml").exists()
+    palette.unlink()
+    assert call("keep", ball, "stone", "-o", out) == 0 == call("keep", ball, "stone", "-o", out)
+    assert palette.read_text(encoding="utf-8").startswith("# Written by volspec wizard")
+    other = out.rename(ball.with_name("other.toml"))
+    capsys.readouterr()
+    assert call("keep", other, "core", "-o", out) == 1
+    assert "other.toml takes spectra from it" in capsys.readouterr().err
+
+
+def test_names_like_mixes_and_mixes_of_files_load_again(ball: Path, tmp_path: Path) -> None:
+    (ball.parent / "mine.csv").write_text((ball.parent / "stone.csv").read_text())
+    text = ball.read_text().replace('"FL11"', '"D65*0.5+mine.csv*0.5"')
+    ball.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    new = tmp_path / "elsewhere" / "new.toml"
+    words = ("hide", ball, "core", "--under", "x + y*2", "--like", "day", "--lamp", "FL11")
+    assert call(*words, "-o", new) == 0 == call(*words, "-o", new)
+    made, scene = vs.Scene.load(new), vs.Scene.load(ball)
+    assert made.lights[-1].spectrum.designed
+    np.testing.assert_allclose(made.lights[2].spectrum.values, scene.lights[2].spectrum.values)
+    said = new.read_bytes()
+    assert said.count(b"\r\n") == said.count(b"\n")
+
+
+def test_a_material_named_as_another_was_is_refused(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ball.write_text(ball.read_text().replace('"stone"', '"core before"'))
+    assert call("hide", ball, "core", "--under", "day", "-o", ball.with_name("never.toml")) == 1
+    assert "ball.toml: a material is named 'core before', as wizards" in capsys.readouterr().err

@@ -207,6 +207,7 @@ CHANGES = {
     "unknown table": ("[output]", "[otuput]", "otuput"),
     "missing table": ("[transfer]", "[transfr]", "transfr: unknown key; did you mean 'transfer'"),
     "missing key": ('spectrum = "D65"', "", r"light\.1\.spectrum: Field required"),
+    "blank name": ('name = "shell"', 'name = " "', r"material\.1\.name: is blank; give a name"),
     "wrong type": ("width = 24", 'width = "wide"', r"output\.width: .*'wide'"),
     "picture of no pixels": ("width = 24", "width = 0", r"output\.width: .*it is 0"),
     "picture too large": ("width = 24", "width = 1000000000", r"output\.width"),
@@ -301,3 +302,14 @@ def test_a_missing_scene_is_named(tmp_path: Path) -> None:
 def test_basis_is_either_named_or_trained(folder: Path) -> None:
     with pytest.raises(SceneError, match="not both"):
         load(folder, GOOD + '[basis]\nname = "general-7"\ntrain = "scene"\n')
+
+
+def test_an_empty_scene_is_told_what_to_add(folder: Path) -> None:
+    with pytest.raises(SceneError, match=r"there is no \[volume\]; add one"):
+        load(folder, "")
+    with pytest.raises(SceneError, match=r"there is no \[\[light\]\]; add one"):
+        load(folder, "light = []\n" + GOOD[: GOOD.index("[[light]]")])
+
+
+def test_a_byte_order_mark_is_read(folder: Path) -> None:
+    assert load(folder, "\ufeff" + GOOD).materials

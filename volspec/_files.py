@@ -47,6 +47,11 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def line_end(path: str | os.PathLike[str]) -> str:
+    """How a text file ends its lines, for what is written in its place."""
+    return "\r\n" if b"\r\n" in Path(path).read_bytes() else "\n"
+
+
 @contextmanager
 def captured_output(lines: list[str]) -> Iterator[None]:
     """Collect what C++ readers print to the process's stdout and stderr, so that one line is left.

@@ -133,3 +133,16 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
         return ""
     rest = ", ".join(guesses[:-1])
     return f"did you mean {rest} or {guesses[-1]}? " if rest else f"did you mean {guesses[-1]}? "
+
+
+def require_name(text: str) -> str:
+    """The text, unless it is blank.
+
+    Raises
+    ------
+    ValueError
+        If nothing can be seen of it.
+    """
+    if not text.strip():
+        raise ValueError("is blank; give a name")
+    return text

@@ -297,7 +297,7 @@ def test_white_is_white_under_every_light() -> None:
         ("", "colour '': 0 numbers; give three, X Y Z"),
         ([20, -1, 3], "colour X Y Z 20 -1 3 is negative, which no surface is"),
         ([20, np.nan, 3], "colour X Y Z 20 nan 3 is not finite"),
-        ([255, 128, 0], "is over twice as bright as white"),
+        ([255, 128, 0], "has X 255, over twice the 95 of white under this light; Y = 100"),
         ([1, 2], "colours have shape (2,); expected (..., 3)"),
         ([[1, 2, 3]] * 2, "colour: an array of shape (2, 3); give X Y Z, or all at once"),
         ([1, "a", 3], "colours are not a regular array of numbers"),
@@ -307,6 +307,12 @@ def test_what_is_no_colour_is_refused_in_one_line(colour: object, said: str) -> 
     with pytest.raises(SpectrumError) as refused:
         reflectance_of(colour)  # type: ignore[arg-type]
     assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_the_channel_that_exceeds_white_is_named() -> None:
+    """A sodium lamp has no blue, so that Z is too much where Y is not."""
+    with pytest.raises(SpectrumError, match=r"X Y Z 41 35 12 has Z 12, over twice the 0\.\d+ of"):
+        reflectance_of([41, 35, 12], light="LPS")
 
 
 def test_other_faults_are_named() -> None:

@@ -343,3 +343,60 @@ def test_colours_are_read_as_css_writes_them() -> None:
     assert parsed_colour("#fff") == parsed_colour("White") == (1.0, 1.0, 1.0)
     assert hexadecimal(parsed_colour("#0571b0")) == "#0571b0"
     assert parsed_colour([0, 0.5, 1]) == (0.0, 0.5, 1.0)
+
+
+def test_a_light_whose_name_looks_like_a_mix_is_found(tmp_path: Path) -> None:
+    path = written(tmp_path, SMALL.replace('"split 1"', '"x*2 + y"'))
+    made = tmp_path / "made.toml"
+    vs.save_palette(vs.design(vs.load_palette(path)), made, source=path)
+    own = vs.light("made.toml#x*2 + y", folder=tmp_path)
+    assert own.designed
+    mixed = vs.light("made.toml#x*2 + y*0.5+made.toml#day*0.5", folder=tmp_path)
+    np.testing.assert_allclose(mixed.values, 0.5 * own.values + 0.5 * vs.light("D65").values)
+
+
+def test_a_mix_of_files_is_found_from_the_new_place(tmp_path: Path) -> None:
+    rows = "\n".join(f"{nm},{nm / 700}" for nm in range(380, 731, 10))
+    (tmp_path / "mine.csv").write_text(rows)
+    text = SMALL.replace('spectrum = "D65"', 'spectrum = "D65*0.25+mine.csv*0.5"')
+    text = text.replace("upper = 4", 'mixture = ["D65", "mine.csv*2+A"]').replace("band_nm", "#")
+    path = written(tmp_path, text)
+    made = vs.design(vs.load_palette(path))
+    target = tmp_path / "sub" / "made.toml"
+    vs.save_palette(made, target, source=path)
+    assert 'spectrum = "D65*0.25+../mine.csv*0.5"' in target.read_text(encoding="utf-8")
+    assert '"../mine.csv*2.0+A"' in target.read_text(encoding="utf-8")
+    again = vs.load_palette(target).lights[0].spectrum
+    assert again is not None and made.palette.lights[0].spectrum is not None
+    np.testing.assert_allclose(again.values, made.palette.lights[0].spectrum.values)
+
+
+def test_a_byte_order_mark_is_read_and_line_ends_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "windows.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + SMALL.replace("\n", "\r\n").encode())
+    vs.save_palette(vs.design(vs.load_palette(path)), path, source=path)
+    said = path.read_bytes()
+    assert said.count(b"\r\n") == said.count(b"\n") > 40 and b"\r\r" not in said
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("rounds = 2", "grid_nm = [400, 700, 0.01]", "grid_nm has 30001 bands; a design takes up"),
+        ('name = "red"', 'name = " "', "reflectance.1.name: is blank; give a name"),
+        ('name = "red"', "", "reflectance.1.name: is missing; give it"),
+        ("upper = 4", "upper = 0", "lower 0 is not below upper 0; leave a range between them"),
+    ],
+)
+def test_what_is_wrong_is_told_with_a_remedy(tmp_path: Path, old: str, new: str, said: str) -> None:
+    with pytest.raises(PaletteError, match=r"small\.toml: ") as refused:
+        vs.load_palette(written(tmp_path, SMALL.replace(old, new)))
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_an_empty_palette_and_a_missing_one_are_told(tmp_path: Path) -> None:
+    with pytest.raises(PaletteError, match=r"there is no \[\[light\]\]; add one"):
+        vs.load_palette(written(tmp_path, ""))
+    with pytest.raises(SpectrumError) as refused:
+        vs.light("none.toml#x", folder=tmp_path)
+    assert "no such file" in str(refused.value) and "not valid" not in str(refused.value)

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from volspec._files import require_writable
 from volspec.cli.shell import Json, app, bar, print_json
-from volspec.errors import ImageError, PaletteError
+from volspec.errors import ImageError, InputError, PaletteError
 
 
 @app.command
@@ -63,14 +63,14 @@ def design(
         asked = load_palette(palette)
         try:
             made = solved(asked)
-        except PaletteError as error:
+        except InputError as error:
             raise PaletteError(f"{palette}: {str(error).removeprefix('palette: ')}") from error
         tell("design", 1)
+        if output is not None:
+            save_palette(made, output, source=palette)
         tell("report", 0)
         report = DesignReport.of(made, advice=True)
         tell("report", 1)
-        if output is not None:
-            save_palette(made, output, source=palette)
         if figure is not None:
             tell("draw the figure", 0)
             save_palette_figure(made, figure, report, palette_table(palette).title)

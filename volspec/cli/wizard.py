@@ -13,6 +13,7 @@ from rich.table import Table
 from volspec.cli.shell import Json, app, as_written, note, print_json
 
 if TYPE_CHECKING:
+    from volspec.scene import Scene
     from volspec.wizard import Reached, Redesigned
 
 wizard = App(
@@ -69,10 +70,9 @@ def hide(
     black
         It reflects nothing instead: before a black backdrop it is gone. Wants a new light.
     """
-    from volspec.scene import Scene
     from volspec.wizard import hide
 
-    loaded = Scene.load(scene)
+    loaded = _loaded(scene, output)
     made = hide(
         *(loaded, material),
         under=under,
@@ -118,11 +118,10 @@ def reveal(
     distance
         CIEDE2000 from every other material that is enough.
     """
-    from volspec.scene import Scene
     from volspec.wizard import reveal
 
     made = reveal(
-        *(Scene.load(scene), material),
+        *(_loaded(scene, output), material),
         under=under,
         distance=distance,
         like=like,
@@ -162,12 +161,11 @@ def merge(
         The one colour is the mean of theirs; else the solver picks it.
     """
     from volspec.palette.colours import parsed_colour
-    from volspec.scene import Scene
     from volspec.wizard import merge
 
     colours = [parsed_colour(text) for text in colour or ()]
     made = merge(
-        *(Scene.load(scene), materials),
+        *(_loaded(scene, output), materials),
         under=under,
         split=split,
         colours=colours,
@@ -190,10 +188,19 @@ def keep(scene: Path, material: str, /, *, output: Output, json: Json = False) -
     material
         The one that is to stay.
     """
-    from volspec.scene import Scene
     from volspec.wizard import keep
 
-    _finish(keep(Scene.load(scene), material), output, json)
+    _finish(keep(_loaded(scene, output), material), output, json)
+
+
+def _loaded(path: Path, output: Path) -> Scene:
+    """The scene; an output that would destroy something is refused before the work is done."""
+    from volspec.scene import Scene
+    from volspec.wizard import require_place
+
+    scene = Scene.load(path)
+    require_place(scene, output)
+    return scene
 
 
 def _finish(made: Redesigned, output: Path, json: bool) -> None:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from volspec.errors import PaletteError
+from volspec.errors import InputError
 from volspec.palette.cells import CellReport
 from volspec.palette.colours import hexadecimal
 from volspec.palette.members import PaletteSpectrum
@@ -31,37 +31,37 @@ _SHARE, _LEAST = 0.1, 0.05
 def suggestions(made: Design) -> tuple[str, ...]:
     """Sentences: the worst cells weighted, freed or out of reach, and a brighter light.
 
-    Each change is designed anew from where the design stands; what does not help is not said.
+    Each is the only change of the palette as it was given, designed anew: its figures are what
+    the user gets who makes it. What does not help is not said.
     """
-    palette = replace(made.palette, criteria=replace(made.palette.criteria, rounds=_ROUNDS))
-    now, said = DesignReport.of(made), []
+    palette, now, said = made.state.palette, DesignReport.of(made), []
     if now.max <= VISIBLE:
         return ()
-    # What is tried has so many rounds more than the design; these alone may help.
-    further = _report(palette)
+    rounds = palette.criteria.rounds
+    longer = replace(palette.criteria, rounds=rounds + _ROUNDS)
+    further = _report(replace(palette, criteria=longer))
     if further and _helps(now.mean, further.mean):
-        rounds = made.palette.criteria.rounds
         said.append(
-            f"rounds {rounds + _ROUNDS} instead of {rounds} bring the mean ΔE from {now.mean:.2f} "
+            f"rounds {longer.rounds} instead of {rounds} bring the mean ΔE from {now.mean:.2f} "
             f"to {further.mean:.2f}"
         )
-        now = further
     ranked = sorted((c for c in now.cells if c.error is not None), key=lambda c: -(c.error or 0.0))
     worst = [cell for cell in ranked if (cell.error or 0.0) > VISIBLE][:_MOST]
-    said += [sentence for cell in worst for sentence in _of_cell(palette, now, cell)]
+    said += [sentence for cell in worst for sentence in _of_cell(made, now, cell)]
     return (*said, *_of_exposure(palette, now))
 
 
 def _report(palette: Palette) -> DesignReport | None:
     try:
         return DesignReport.of(design(palette))
-    except PaletteError:  # what is tried may be impossible
+    except InputError:  # what is tried may be impossible, or begin with a light that is none
         return None
 
 
-def _of_cell(palette: Palette, now: DesignReport, cell: CellReport) -> Iterator[str]:
+def _of_cell(made: Design, now: DesignReport, cell: CellReport) -> Iterator[str]:
+    palette = made.state.palette
     where, error = f"({cell.reflectance}, {cell.light})", cell.error or 0.0
-    if nearest := _out_of_reach(palette, cell):
+    if nearest := _out_of_reach(made.palette, cell):
         wish = "" if cell.wanted is None else f" {hexadecimal(cell.wanted)}"
         yield (
             f"{where}:{wish} is beyond what its bounds allow at exposure {now.exposure:g}, even "

@@ -37,6 +37,8 @@ from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light, reflect
 
 # Values of an open spectrum came from a design.
 _NOTES: dict[bool, dict[str, str]] = {True: {"designed": "volspec design"}, False: {}}
+# The time of a design grows with their cube.
+_MOST_BANDS = 1000
 FileName = str | os.PathLike[str]
 
 
@@ -101,7 +103,7 @@ def palette_text(path: FileName) -> str:
     """
     name = os.fspath(path)
     try:
-        return Path(path).read_text(encoding="utf-8")
+        return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise PaletteError(f"{name}: no such file; check the path") from None
     except IsADirectoryError:
@@ -137,6 +139,11 @@ class _Reader:
         with _named(name, "[criteria]"):
             if table.criteria.grid_nm is not None:
                 grid = SpectralGrid(*table.criteria.grid_nm)
+                if grid.size > _MOST_BANDS:
+                    raise PaletteError(
+                        f"grid_nm has {grid.size} bands; a design takes up to {_MOST_BANDS}, give "
+                        "a longer step"
+                    )
             criteria, basis = table.criteria.criteria(), self._basis(table.criteria)
         with _named(name, "[viewing]"):
             viewing = table.viewing.viewing()

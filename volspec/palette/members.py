@@ -56,7 +56,7 @@ class PaletteSpectrum:
     constant: bool = False
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.name, str) and self.name):
+        if not (isinstance(self.name, str) and self.name.strip()):
             raise PaletteError(f"palette: a spectrum's name is {self.name!r}; give it a name")
         label = f"palette: {self.name!r}"
         if self.spectrum is None and not self.open:
@@ -66,8 +66,9 @@ class PaletteSpectrum:
             if value is not None and not math.isfinite(value):
                 raise PaletteError(f"{label}: {name} is {value!r}; give a number, or none")
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
+            remedy = "leave a range between them" if self.lower == self.upper else "swap them"
             raise PaletteError(
-                f"{label}: lower {self.lower:g} is not below upper {self.upper:g}; swap them"
+                f"{label}: lower {self.lower:g} is not below upper {self.upper:g}; {remedy}"
             )
         if self.band_nm is not None and not self.band_nm[0] < self.band_nm[1]:
             raise PaletteError(f"{label}: band_nm {self.band_nm} is empty; shortest comes first")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from volspec._files import write_whole
+from volspec._files import line_end, write_whole
 from volspec.basis.storage import shipped_names
 from volspec.errors import PaletteError, SpectrumError
 from volspec.palette.colours import hexadecimal, parsed_colour
@@ -22,7 +22,7 @@ from volspec.palette.members import PaletteSpectrum
 from volspec.palette.model import Cell, Palette
 from volspec.palette.solve import Design
 from volspec.spectra import Spectrum, light
-from volspec.spectra.files import split_address
+from volspec.spectra.moved import moved_address, moved_file, moved_light
 from volspec.spectra.values import stack
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ def save_palette(
     palette: Palette | Design,
     path: str | os.PathLike[str],
     source: str | os.PathLike[str] | None = None,
+    *,
+    comment: str = "",
 ) -> None:
     """Write a palette, designed or not; whole or not at all.
 
@@ -48,6 +50,8 @@ def save_palette(
         The file it was loaded from: all that stands in it is kept, comments too, and what was
         designed goes beside it. Files it names are found from the new place as well. Left out,
         the file is written anew, with the values of every spectrum.
+    comment : str, optional
+        The first line of a file that is written anew.
 
     Raises
     ------
@@ -59,9 +63,12 @@ def save_palette(
     if target.suffix.lower() != ".toml":
         raise PaletteError(f"{target}: palettes are TOML; name it .toml")
     palette = palette.palette if isinstance(palette, Design) else palette
-    document = _new(palette) if source is None else _filled(palette, Path(source), target)
+    if source is None:
+        document, ends = _new(palette, comment), "\n"
+    else:
+        document, ends = _filled(palette, Path(source), target), line_end(source)
     with write_whole(target) as temporary:
-        temporary.write_text(document.as_string(), encoding="utf-8")
+        temporary.write_text(document.as_string(), encoding="utf-8", newline=ends)
 
 
 def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
@@ -69,6 +76,8 @@ def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
 
     table = palette_table(source)
     document: Any = tomlkit.parse(palette_text(source))
+    folders = source.parent, target.parent
+    elsewhere = folders[0].resolve() != folders[1].resolve()
     for kind, members in (("light", palette.lights), ("reflectance", palette.reflectances)):
         rows = getattr(table, kind)
         names = [row.name for row in rows]
@@ -78,9 +87,11 @@ def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
                 f"{', '.join(member.name for member in members)}; give the file it came from"
             )
         for entry, member in zip(document[kind], members, strict=True):
-            for key in ("spectrum", "mixture"):
-                if key in entry:
-                    entry[key] = _moved(entry[key], source, target)
+            if elsewhere and "spectrum" in entry:
+                move = moved_light if kind == "light" else moved_address
+                entry["spectrum"] = move(str(entry["spectrum"]), *folders)
+            if elsewhere and "mixture" in entry:
+                entry["mixture"] = [moved_light(str(lamp), *folders) for lamp in entry["mixture"]]
             if member.open:
                 if "design" not in entry:
                     _put(entry, "design", "true")
@@ -89,7 +100,7 @@ def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
     if table.viewing.exposure == "auto":
         document["viewing"]["exposure"] = float(f"{palette.viewing.exposure:.6g}")
     if (basis := table.criteria.basis) and basis.endswith(".json"):
-        document["criteria"]["basis"] = _relative(basis, source, target)
+        document["criteria"]["basis"] = moved_file(basis, *folders)
     return document
 
 
@@ -122,31 +133,12 @@ def _numbers(values: Sequence[float]) -> str:
     return f"[\n{text}]"
 
 
-def _moved(given: Any, source: Path, target: Path) -> Any:
-    """What names files, as it reads from the new place."""
-    if isinstance(given, list):
-        return [_moved(each, source, target) for each in given]
-    address = split_address(str(given))
-    if address is None or source.parent.resolve() == target.parent.resolve():
-        return given
-    file, selector = address
-    if set("+*") & set(str(given)) and not (source.parent / file).is_file():
-        raise PaletteError(
-            f"{target}: the mix {str(given)!r} names a file beside {source}; write there, too"
-        )
-    return _relative(file, source, target) + (f"#{selector}" if selector else "")
-
-
-def _relative(file: str, source: Path, target: Path) -> str:
-    if os.path.isabs(file):
-        return file
-    return Path(os.path.relpath(source.parent / file, target.parent)).as_posix()
-
-
-def _new(palette: Palette) -> TOMLDocument:
+def _new(palette: Palette, comment: str) -> TOMLDocument:
     import tomlkit
 
     document = tomlkit.document()
+    if comment:
+        document.add(tomlkit.comment(comment))
     document["viewing"] = _viewing(palette)
     document["criteria"] = _criteria(palette)
     for kind, members in (("light", palette.lights), ("reflectance", palette.reflectances)):

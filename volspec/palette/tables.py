@@ -10,18 +10,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from volspec.appearance import Display, Viewing
 from volspec.appearance.presets import preset
-from volspec.errors import nearest
+from volspec.errors import nearest, require_name
 from volspec.palette.model import Criteria
 
 # TOML has lists where Python has tuples; all else is taken as it is written.
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 Vector = Annotated[tuple[float, float, float], Field(strict=False)]
 Place = Annotated[tuple[str, str], Field(strict=False)]
-Name = Annotated[str, Field(min_length=1)]
+Name = Annotated[str, AfterValidator(require_name)]
 Colour = str | list[float]
 Bound = float | Literal["none"]
 _VIEW, _CRITERIA = Viewing(), Criteria()
@@ -212,11 +212,15 @@ def explained(error: ValidationError) -> str:
     if first["type"] == "extra_forbidden":
         known = list(table.model_fields)
         return f"{field}: unknown key; {nearest(words[-1], known)}known: {', '.join(known)}"
+    if len(first["loc"]) == 1 and first["type"] in ("missing", "too_short"):
+        return f"there is no [[{field}]]; add one"
+    if first["type"] == "missing":
+        return f"{field}: is missing; give it"
     what = first["msg"].removeprefix("Value error, ")
     if first["type"].startswith("model_"):
         what = "give a table, { key = value, … }"
     for other in error.errors():  # a number or a word
         if other["type"] == "literal_error" and other["loc"][:-1] == first["loc"][:-1]:
             what += f", or {other['ctx']['expected']}"
-    told = first["type"] in ("missing", "value_error") and isinstance(first["input"], dict)
+    told = first["type"] == "value_error" and isinstance(first["input"], dict)
     return f"{field}: {what}" + ("" if told else f" (it is {first['input']!r:.60})")

@@ -100,6 +100,9 @@ def explained(error: ValidationError) -> str:
         tag = first["ctx"].get("tag")
         what = f"is {tag!r}; {nearest(tag, kinds)}give" if tag else "is missing; give"
         return f"{field}: kind {what} {', '.join(kinds)}"
+    if len(first["loc"]) == 1 and first["type"] in ("missing", "too_short"):
+        table = f"[[{field}]]" if field in ("material", "light") else f"[{field}]"
+        return f"there is no {table}; add one"
     what = first["msg"].removeprefix("Value error, ")
     if first["type"].startswith("model_"):
         what = "give a table, { key = value, … }"

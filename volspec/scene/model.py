@@ -136,7 +136,7 @@ class Scene:
         """
         name = os.fspath(path)
         try:
-            data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            data = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
         except FileNotFoundError:
             raise SceneError(f"{name}: no such file; check the path") from None
         except IsADirectoryError:

@@ -13,13 +13,22 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    model_validator,
+)
 
 from volspec.appearance import Display, Viewing
 from volspec.appearance.curves import Transfer
 from volspec.appearance.presets import preset
 from volspec.appearance.profile import read_profile
 from volspec.appearance.spaces import ColourSpace
+from volspec.errors import require_name
 from volspec.raycast import ClipPlane, LightGroup, RaycastSpec
 from volspec.relight import RelightSpec
 
@@ -27,7 +36,7 @@ from volspec.relight import RelightSpec
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 Vector = Annotated[tuple[float, float, float], Field(strict=False)]
 Box = Annotated[tuple[Pair, Pair, Pair], Field(strict=False)]
-Name = Annotated[str, Field(min_length=1)]
+Name = Annotated[str, AfterValidator(require_name)]
 _CAST, _VIEW, _SEEN = RaycastSpec(), Viewing(), RelightSpec()
 
 

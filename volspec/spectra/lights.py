@@ -32,6 +32,7 @@ from volspec.spectra.files import (
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.palettes import holds
 from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.spectrum import Spectrum
 from volspec.spectra.tables import read_number
@@ -130,6 +131,18 @@ class _Term:
         return self.name if self.weight == 1 else f"{self.name}*{self.weight:g}"
 
 
+def light_terms(text: str, folder: Folder = ".") -> list[tuple[str, float]]:
+    """(name, weight) of every light of a mix; of a single light, itself.
+
+    Raises
+    ------
+    SpectrumError
+        If a part of a mix is unknown.
+    """
+    terms = None if _is_known(text, folder) else _parse_mix(text, folder)
+    return [(term.name, term.weight) for term in terms or [_Term(text, 1.0)]]
+
+
 def light_names() -> tuple[str, ...]:
     """Every name `light` takes by itself: CIE and ISO illuminants, then measured lamps."""
     return tuple(name for name in _tables() if name not in _UNUSABLE)
@@ -170,10 +183,13 @@ def _is_known(name: str, folder: Folder) -> bool:
         return True
     if address := split_address(name):
         file, selector = address
-        # "A+lamp.csv" is a mix, unless a file is called so.
-        return not set("+*") & set(name) or (
-            not set("+*") & set(selector) and os.path.isfile(Path(folder, file))
-        )
+        if not set("+*") & set(name):
+            return True
+        # "A+lamp.csv" is a mix, unless a file is called so; "p.toml#x+A", unless a light in it is.
+        path = Path(folder, file)
+        if set("+*") & set(selector):
+            return holds(os.fspath(path), selector, "light")
+        return path.is_file()
     prefix, _, number = low.partition(":")
     if prefix == PREFIX:
         return number.strip() in LAMPS

@@ -77,6 +77,17 @@ def named_spectrum(path: str, selector: str, role: str) -> str | None:
     return given
 
 
+def holds(path: str, selector: str, role: str) -> bool:
+    """Whether a file is a palette with a spectrum of that name."""
+    if Path(path).suffix.lower() != SUFFIX:
+        return False
+    try:
+        _entry(path, selector, role)
+    except SpectrumError:
+        return False
+    return True
+
+
 def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], dict[str, Any]]:
     data = _content(path)
     roles = (role,) if role else ("light", "reflectance")
@@ -105,8 +116,9 @@ def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], 
 
 
 def _content(path: str) -> dict[str, Any]:
+    content = file_content(path)
     try:
-        return tomllib.loads(file_content(path).decode("utf-8-sig"))
+        return tomllib.loads(content.decode("utf-8-sig"))
     except ValueError as error:  # no TOML, or no text
         raise SpectrumError(f"{path}: not valid TOML: {error}") from None
 

@@ -3,5 +3,6 @@
 from volspec.wizard.asks import hide, keep, merge, reveal
 from volspec.wizard.reached import Reached
 from volspec.wizard.result import Redesigned
+from volspec.wizard.writing import require_place
 
-__all__ = ["Reached", "Redesigned", "hide", "keep", "merge", "reveal"]
+__all__ = ["Reached", "Redesigned", "hide", "keep", "merge", "require_place", "reveal"]

@@ -15,6 +15,8 @@ from volspec.palette import PaletteSpectrum
 from volspec.scene import NamedLight, Scene
 from volspec.spectra import Spectrum
 
+_BEFORE = " before"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
@@ -123,7 +125,7 @@ class Drawing:
         SceneError
             If it has.
         """
-        if not name:
+        if not name.strip():
             raise SceneError(f"{self.scene.path}: the new light has no name; give it one")
         if any(light.name == name for light in self.scene.lights):
             raise SceneError(
@@ -155,8 +157,20 @@ class Drawing:
         )
 
     def rows(self, opened: Sequence[str], before: bool = True) -> tuple[PaletteSpectrum, ...]:
-        """All the scene's materials; some open, and what those are now as rows of their own."""
+        """All the scene's materials; some open, and what those are now as rows of their own.
+
+        Raises
+        ------
+        SceneError
+            If a material has the name of such a row.
+        """
         rows = []
+        taken = [was(name) for name in opened if before and was(name) in self.scene.materials]
+        if taken:
+            raise SceneError(
+                f"{self.scene.path}: a material is named {taken[0]!r}, as wizards call "
+                f"{taken[0].removesuffix(_BEFORE)!r} as it was; name it without {_BEFORE!r}"
+            )
         for name, spectrum in self.scene.materials.items():
             if name in opened:
                 # A measured value above 1 is a fluorescence that no design may count on.
@@ -170,4 +184,4 @@ class Drawing:
 
 def was(name: str) -> str:
     """What the palette calls a material as it was."""
-    return f"{name} before"
+    return f"{name}{_BEFORE}"

@@ -63,7 +63,7 @@ class Redesigned:
         Raises
         ------
         SceneError
-            If the file names spectra in a way that cannot be led to them from another folder.
+            If it is the scene itself, or the palette beside it is there and no wizard's.
         InputError
             If they cannot be written there.
         """

@@ -5,17 +5,22 @@ Redesigned -> [writing] -> NEW.toml, NEW-palette.toml
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from volspec._files import require_writable, write_whole
-from volspec.errors import SceneError
+from volspec._files import line_end, require_writable, write_whole
+from volspec.errors import SceneError, SpectrumError
 from volspec.palette import Design, save_palette
 from volspec.scene import Scene
 from volspec.spectra.files import split_address
+from volspec.spectra.lights import light_terms
+from volspec.spectra.moved import moved_address, moved_file, moved_light
+
+# A palette that begins so is replaced by the next wizard; any other is somebody's own.
+_OURS = "Written by volspec wizard, which replaces it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +45,65 @@ class Changes:
     exact: bool = False
 
 
-def write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Path, Path]:
-    """Write both files; `Redesigned.save` says what can go wrong."""
-    import tomlkit
+def require_place(scene: Scene, path: Path) -> Path:
+    """Refuse a new scene that would be written over files that are not a wizard's.
 
+    Returns
+    -------
+    path
+        Of the palette beside it.
+
+    Raises
+    ------
+    SceneError
+        If it is no ``.toml`` or the scene itself, or its palette is somebody's own or one that
+        the scene takes spectra from.
+    InputError
+        If there is no writing there.
+    """
     if path.suffix.lower() != ".toml":
         raise SceneError(f"{path}: scenes are TOML; name it .toml")
     beside = path.with_name(f"{path.stem}-palette.toml")
     for each in (path, beside):
         require_writable(each)
+    if _same(path, scene.path):
+        raise SceneError(f"{path}: is the scene that the new one is made of; name it otherwise")
+    if not beside.exists():
+        return beside
+    first = beside.read_bytes().removeprefix(b"\xef\xbb\xbf")[:200].decode("utf-8", "replace")
+    if not first.lstrip("# ").startswith(_OURS):
+        raise SceneError(
+            f"{beside}: is there already, and no wizard's; rename it, or name the new scene "
+            "otherwise"
+        )
+    if any(_same(beside, scene.folder / file) for file in _files_of(scene)):
+        raise SceneError(
+            f"{beside}: {scene.path} takes spectra from it; name the new scene otherwise"
+        )
+    return beside
+
+
+def _files_of(scene: Scene) -> Iterator[str]:
+    """The files that a scene takes spectra from."""
+    names = [row.reflectance for row in scene.file.material]
+    for row in scene.file.light:
+        with suppress(SpectrumError):  # one that was just designed is in no file yet
+            names += [name for name, _ in light_terms(row.spectrum, scene.folder)]
+    yield from (address[0] for name in names if (address := split_address(name)))
+
+
+def _same(one: Path, other: Path) -> bool:
+    return one.exists() and other.exists() and one.samefile(other)
+
+
+def write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Path, Path]:
+    """Write both files; `Redesigned.save` says what can go wrong."""
+    import tomlkit
+
+    beside = require_place(scene, path)
     try:
-        document: Any = tomlkit.parse(scene.path.read_text(encoding="utf-8"))
+        document: Any = tomlkit.parse(scene.path.read_text(encoding="utf-8-sig"))
+        ends = line_end(scene.path)
     except OSError as error:
         raise SceneError(
             f"{scene.path}: cannot be read again ({error.strerror}); load the scene from a file, "
@@ -75,40 +128,26 @@ def write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Pat
             del basis[key]
         basis["method"] = "materials"
     # The palette first: a scene without its palette would be broken, not the other way round.
-    save_palette(made, beside)
+    save_palette(made, beside, comment=f"{_OURS}; delete this line to keep it")
     with write_whole(path) as temporary:
-        temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
+        temporary.write_text(tomlkit.dumps(document), encoding="utf-8", newline=ends)
     return path, beside
 
 
 def _lead_from(document: Any, scene: Scene, folder: Path) -> None:
     """Let file names start from another folder than the scene's."""
-    for table, key in _addresses(document):
-        text = str(table[key])
-        if (file := _file_in(text, scene.folder)) is None:
-            if set("+*") & set(text) and any(split_address(part) for part in text.split("+")):
-                raise SceneError(
-                    f"{scene.path}: {text!r} mixes files, which cannot be led to from "
-                    f"{folder}; write the new scene into the folder of the old one"
-                )
-            continue
-        led = Path(os.path.relpath(scene.folder / file, folder)).as_posix()
-        table[key] = led + text[len(file) :]
-
-
-def _addresses(document: Any) -> Iterator[tuple[Any, str]]:
-    """Every place of a scene's file that may name a file."""
-    yield document["volume"], "file"
+    ways = scene.folder, folder
+    for row in document["light"]:
+        row["spectrum"] = moved_light(str(row["spectrum"]), *ways)
     for row in document["material"]:
-        yield from ((row, key) for key in ("reflectance", "filter") if key in row)
-    yield from ((row, "spectrum") for row in document["light"])
+        for key in ("reflectance", "filter"):
+            if key in row:
+                row[key] = moved_address(str(row[key]), *ways)
+    tables = [(document["volume"], "file")]
     if "name" in document.get("basis", {}):
-        yield document["basis"], "name"
-
-
-def _file_in(text: str, folder: Path) -> str | None:
-    """The part of an address that is a file's name, if it is one."""
-    if address := split_address(text):
-        return address[0]
-    file = text.partition("?")[0]
-    return file if (folder / file).exists() else None
+        tables.append((document["basis"], "name"))
+    for table, key in tables:
+        text = str(table[key])
+        file = text.partition("?")[0]
+        if (scene.folder / file).exists():
+            table[key] = moved_file(file, *ways) + text[len(file) :]

@@ -87,13 +87,11 @@ def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
     if array.ndim == 0 or array.shape[-1] != 3:
         raise SpectrumError(f"colours have shape {array.shape}; expected (..., 3), X Y Z")
     rows = array.reshape(-1, 3)
+    bright = rows > _MOST_OF_WHITE * white_XYZ
     for wrong, fault in (
         (~np.isfinite(rows), "is not finite; put numbers there"),
         (rows < 0, "is negative, which no surface is; clip it, or reduce its chroma first"),
-        (
-            rows > _MOST_OF_WHITE * white_XYZ,
-            "is over twice as bright as white, whose Y is 100; write codes of 0-255 as #rrggbb",
-        ),
+        (bright, _too_bright(bright, rows, white_XYZ)),
     ):
         if wrong.any():
             number = int(wrong.any(1).argmax())
@@ -101,6 +99,17 @@ def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
             X, Y, Z = rows[number]
             raise SpectrumError(f"{which} X Y Z {X:g} {Y:g} {Z:g} {fault}")
     return array
+
+
+def _too_bright(wrong: NDArray[np.bool_], rows: Array, white_XYZ: Array) -> str:
+    """What is wrong with the first colour that is too bright, if one is."""
+    if not wrong.any():
+        return ""
+    row, channel = divmod(int(wrong.argmax()), 3)
+    return (
+        f"has {'XYZ'[channel]} {rows[row, channel]:g}, over twice the {white_XYZ[channel]:.3g} of "
+        "white under this light; Y = 100 is white's, codes of 0-255 are written #rrggbb"
+    )
 
 
 def XYZ_from_sRGB(encoded: ArrayLike, white_XYZ: ArrayLike) -> Array:
