@@ -180,4 +180,5 @@ def along(start: Place, end: Place, seconds: float) -> list[Place]:
     """A way to and fro between two places, once in two seconds."""
     count = max(2, round(seconds / MOUSE_S))
     shares = [0.5 - 0.5 * math.cos(math.pi * i * MOUSE_S) for i in range(count)]
-    return [tuple(a + s * (b - a) for a, b in zip(start, end, strict=True)) for s in shares]  # type: ignore[misc]
+    (x0, y0), (x1, y1) = start, end
+    return [(x0 + s * (x1 - x0), y0 + s * (y1 - y0)) for s in shares]

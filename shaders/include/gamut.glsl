@@ -6,8 +6,8 @@
 //     R1 = RESPONSE_FROM_OPPONENT (0, a - a_g, b - b_g)
 //     s  : the largest multiple of last_step, by halving, for which linear(R0 + s R1) is shown
 //
-// The same for every form of passage: signals are formed anew from the linear RGB, which only
-// pixels outside of the display's cube pay for.
+// The same for every form of passage: signals are formed anew from the linear RGB. Only pixels
+// outside of the display's cube pay for it; on software GL all do for the signals and one halving.
 //
 // NumPy twin: volspec/appearance/screen.py; the derivation: volspec/appearance/gamut.py. Total:
 // finite input gives finite output.
@@ -51,7 +51,7 @@ vec3 paled(vec3 linear) {
     vec3 R0 = RESPONSE_FROM_OPPONENT * vec3(x, grey);
     vec3 R1 = RESPONSE_FROM_OPPONENT * vec3(0.0, way);
     float share = 0.0;
-    // No constant ends the loop: unrolled, it would be run on software GL by all pixels.
+    // No constant ends the loop: unrolled, all halvings would be run on software GL by all pixels.
     for (float step = 0.5; step >= gamut.last_step; step *= 0.5) {
         if (is_shown(linear_from_compressed(R0 + (share + step) * R1))) share += step;
     }

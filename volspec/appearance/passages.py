@@ -22,15 +22,18 @@ Array = NDArray[np.float64]
 
 @runtime_checkable
 class Passage(Protocol):
-    """What takes colours from one condition to another; those in closed form also ``undo`` it."""
+    """What takes colours from one condition to another."""
 
     def apply(self, XYZ: ArrayLike) -> Array:
         """(..., 3) XYZ to those of equal appearance; total on finite input."""
 
 
-def is_closed(passage: Passage) -> bool:
-    """Whether a passage has a closed form, which shaders draw and which can be undone."""
-    return hasattr(passage, "undo")
+@runtime_checkable
+class ClosedPassage(Passage, Protocol):
+    """One in closed form, which shaders draw and which can be undone."""
+
+    def undo(self, XYZ: ArrayLike) -> Array:
+        """(..., 3) XYZ back to those it was applied to."""
 
 
 def triples(name: str, values: ArrayLike) -> Array:

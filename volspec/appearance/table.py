@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates
 
 from volspec.appearance import constants as k
-from volspec.appearance.passages import Passage, is_closed, signed_power, triples
+from volspec.appearance.passages import ClosedPassage, Passage, signed_power, triples
 from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ViewingError
 
@@ -138,7 +138,7 @@ class TablePassage:
             If the passage is not finite at a node.
         """
         codes = _codes(passage, space, nodes())
-        if not is_closed(passage):
+        if not isinstance(passage, ClosedPassage):
             return cls(space, codes, np.ones(codes.shape[:3], np.float32), None)
         middles = _codes(passage, space, nodes(0.5))
         return cls(space, codes, _trusted(codes, middles), passage)

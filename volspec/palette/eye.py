@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.live import passage_of
 from volspec.appearance.models.cielab import XYZ_from_cielab, cielab, cielab_chord
-from volspec.appearance.passages import LinearPassage, Passage, is_closed
+from volspec.appearance.passages import ClosedPassage, LinearPassage
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
 from volspec.errors import PaletteError
@@ -33,7 +33,7 @@ class Eye:
 
     Parameters
     ----------
-    passage : Passage
+    passage : ClosedPassage
         Scene XYZ to the display's.
     exposure : float
         `Viewing.exposure`.
@@ -41,7 +41,7 @@ class Eye:
         The display's.
     """
 
-    passage: Passage
+    passage: ClosedPassage
     exposure: float
     space: ColourSpace
 
@@ -55,7 +55,7 @@ class Eye:
             If the viewing's model has no inverse in closed form.
         """
         passage = passage_of(viewing, white_XYZ)
-        if not is_closed(passage):
+        if not isinstance(passage, ClosedPassage):
             raise PaletteError(
                 f"palette: viewing model {viewing.model!r} has no inverse in closed form to design "
                 "with; use CIECAM02, CAM16, CIELAB, RLAB, an adaptation as CAT02, or none"
@@ -70,7 +70,7 @@ class Eye:
     def XYZ(self, linear: ArrayLike) -> Array:
         """`linear` undone."""
         display = np.asarray(linear) @ _XYZ_from_RGB(self.space).T
-        undone: Array = self.passage.undo(display)  # type: ignore[attr-defined]
+        undone: Array = self.passage.undo(display)
         return undone / self.exposure
 
     def slopes(self, XYZ: ArrayLike) -> Array:
