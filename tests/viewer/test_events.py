@@ -14,9 +14,11 @@ from volspec.errors import SpectrumError
 from volspec.raycast import Camera
 from volspec.transfer import TransferFunction
 from volspec.viewer import lighting
+from volspec.viewer.actions import ACTIONS, BY_KEY
 from volspec.viewer.casting import DIVISORS, Pace
 from volspec.viewer.document import Document, plain_scene
-from volspec.viewer.events import EVENTS, KEYS, Event, reduced
+from volspec.viewer.events import EVENTS, Event, reduced
+from volspec.viewer.events.event import Action
 from volspec.viewer.state import ViewState
 from volspec.viewer.views import View
 
@@ -27,17 +29,22 @@ _EVENTS = st.builds(
     _ANY,
     _ANY,
     st.integers(-2, 8),
-    st.sampled_from([*KEYS, "", "q", "ctrl+z"]),
 )
+_ACTIONS = st.sampled_from([action for action in ACTIONS if action.change is not None])
 
 
 @settings(
     max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
 )
-@given(events=st.lists(_EVENTS, min_size=100, max_size=100))
-def test_ten_thousand_random_events_never_raise(state: ViewState, events: list[Event]) -> None:
+@given(events=st.lists(_EVENTS | _ACTIONS, min_size=100, max_size=100))
+def test_ten_thousand_random_events_never_raise(
+    state: ViewState, events: list[Event | Action]
+) -> None:
     for event in events:
-        state = reduced(state, event)
+        if isinstance(event, Event):
+            state = reduced(state, event)
+        elif event.change is not None:
+            state = event.change(state)
     state.view.camera(state.document.volume)
     rig = lighting.rig_of(state.lights)
     assert rig is None or any(rig.weights)
@@ -74,8 +81,8 @@ def test_a_point_follows_the_mouse_when_it_is_panned(document: Document) -> None
 
 
 def test_front_right_and_top_look_along_the_axes(document: Document) -> None:
-    for key, towards in (("1", (0, 1, 0)), ("3", (-1, 0, 0)), ("7", (0, 0, -1))):
-        forward = View().from_side(key).camera(document.volume).frame()[2]
+    for side, towards in (("front", (0, 1, 0)), ("right", (-1, 0, 0)), ("top", (0, 0, -1))):
+        forward = View().from_side(side).camera(document.volume).frame()[2]
         np.testing.assert_allclose(forward, towards, atol=1e-9)
 
 
@@ -122,19 +129,25 @@ def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState
         lighting.added(rows, "D66", state.document.grid)
 
 
+def pressed(state: ViewState, key: str) -> ViewState:
+    change = BY_KEY[key].change
+    assert change is not None
+    return change(state)
+
+
 def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
-    kept = reduced(state, Event("key", key="b"))
-    changed = reduced(kept, Event("key", key="space"))
+    kept = pressed(state, "b")
+    changed = pressed(kept, "space")
     assert changed.other == state.lights != changed.lights
     assert reduced(changed, Event("divide", 7.0)).divide == 0.98
-    assert reduced(changed, Event("key", key="b")).other is None
+    assert pressed(changed, "b").other is None
 
 
 def test_space_goes_round_all_lights(state: ViewState) -> None:
     seen = []
     for _ in state.lights:
         seen.append(lighting.brightest(state.lights))
-        state = reduced(state, Event("key", key="space"))
+        state = pressed(state, "space")
     assert seen == [0, 1, 2, 3] and lighting.brightest(state.lights) == 0
 
 

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from volspec.relight import RelightSpec
+from volspec.viewer.actions import ACTIONS, BY_NAME
 from volspec.viewer.document import Document
-from volspec.viewer.events import EVENTS, KEYS, Event, reduced
+from volspec.viewer.events import EVENTS, Event, reduced
 from volspec.viewer.history import MOST_STEPS, History
 from volspec.viewer.stale import STAGES, stale_stage
 from volspec.viewer.state import Interface, ViewState
@@ -60,27 +61,38 @@ _COSTS = {
 
 
 def test_events_cost_what_their_names_say(state: ViewState) -> None:
-    assert set(_COSTS) | {"key"} == set(EVENTS)
+    assert set(_COSTS) == set(EVENTS)
     for name, cost in _COSTS.items():
         index = 3 if name == "kelvin" else 1
         new = reduced(state, Event(name, 0.3, 0.4, index))
         assert stale_stage(state, new) == cost, name
 
 
-def test_keys_cost_what_they_do(state: ViewState) -> None:
-    for key in KEYS:
-        new = reduced(replace(state, view=replace(state.view, zoom=3.0)), Event("key", key=key))
-        old = replace(state, view=replace(state.view, zoom=3.0))
-        cost = {"space": "relight", "b": "relight", "h": "frame", "t": "frame"}.get(key, "cast")
-        assert stale_stage(old, new) == cost, key
+# What an action does at most, by its menu; others are in `_ODD`.
+_MENUS = {"View": "cast", "Light": "relight", "Window": "frame"}
+_ODD = {"reset-transfer": "cast"}
+
+
+def test_actions_cost_what_their_menus_say(state: ViewState) -> None:
+    old = reduced(replace(state, view=replace(state.view, zoom=3.0)), Event("shift", 0.1))
+    for action in ACTIONS:
+        if action.change is not None:
+            cost = _ODD.get(action.name) or _MENUS[action.menu]
+            assert stale_stage(old, action.change(old)) == cost, action.name
+
+
+def done(state: ViewState, name: str) -> ViewState:
+    change = BY_NAME[name].change
+    assert change is not None
+    return change(state)
 
 
 def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state: ViewState) -> None:
     history = History(state)
     for weight in (0.2, 0.5, 0.8):
         history = history.then(reduced(history.present, Event("weight", weight, index=1)), 1)
-    history = history.then(reduced(history.present, Event("key", key="t")), 2)
-    history = history.then(reduced(history.present, Event("key", key="3")), 3)
+    history = history.then(done(history.present, "dark"), 2)
+    history = history.then(done(history.present, "view-right"), 3)
     assert len(history.past) == 2
 
     back = history.undone().undone()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.viewer.panels import divide, keys, lights, probe, status, transfer, viewing
+from volspec.viewer.panels import divide, keys, lights, menu, probe, status, transfer, viewing
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
 
@@ -64,9 +64,10 @@ class Layout:
         return state
 
     @staticmethod
-    def status(state: ViewState, desk: Desk) -> None:
-        """The line at the bottom; before `picture`, as it takes its room."""
+    def bars(state: ViewState, desk: Desk) -> ViewState:
+        """The menu at the top and the line at the bottom; `picture` gets what they leave."""
         status.draw(state, desk)
+        return menu.draw(state, desk) or state
 
     @staticmethod
     def _dock(space: int, desk: Desk) -> None:

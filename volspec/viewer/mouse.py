@@ -1,4 +1,4 @@
-"""The mouse in the picture, and keys: from what a window reports to events.
+"""The mouse in the picture: from what a window reports to events.
 
 Window -> Input -> [mouse] -> Event -> state
 """
@@ -72,8 +72,6 @@ class Mouse:
                 state = reduced(state, Event(self._event, across / tall, down / tall))
             elif given.name == "wheel" and free:
                 state = reduced(state, Event("wheel", 0.0, given.y))
-            elif given.name == "key" and not io.want_text_input:
-                state = reduced(state, Event("key", key=given.key))
         inside = _inside(self._at, area) and not io.want_capture_mouse
         place = (self._at[0] - x) / max(width, 1), (self._at[1] - y) / tall
         self.over_picture = place if inside else None

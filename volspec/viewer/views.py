@@ -23,8 +23,16 @@ ZOOMS = (0.05, 200.0)
 ZOOM_RATE = 2.0
 # So many radii from the centre a target may be panned.
 _FURTHEST = 4.0
-# F3D's keys: front, right, top, isometric.
-VIEWS = {"1": (0.0, 0.0), "3": (90.0, 0.0), "7": (0.0, 90.0), "9": (45.0, 35.264)}
+# Where one looks from, in degrees of azimuth and elevation.
+VIEWS = {
+    "front": (0.0, 0.0),
+    "back": (180.0, 0.0),
+    "right": (90.0, 0.0),
+    "left": (-90.0, 0.0),
+    "top": (0.0, 90.0),
+    "bottom": (0.0, -90.0),
+    "isometric": (45.0, 35.264),
+}
 
 
 @dataclass(frozen=True, slots=True)

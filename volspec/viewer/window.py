@@ -202,6 +202,10 @@ class Window:
         """Another title."""
         glfw.set_window_title(self._window, title)
 
+    def leave(self) -> None:
+        """Close it after this frame."""
+        glfw.set_window_should_close(self._window, True)
+
     def close(self) -> None:
         """Give everything back."""
         self._renderer.shutdown()

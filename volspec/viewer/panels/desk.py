@@ -31,10 +31,13 @@ class Desk:
         Pixels of the window for each at 96 dpi.
     areas : {name: (x, y, width, height)}
         Where things were drawn, for the trace.
+    asked : list of str
+        Actions that are the app's to do.
     """
 
     scale: float = 1.0
     areas: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
+    asked: list[str] = field(default_factory=list)
     image: CoefficientImage | None = None
     search: str = ""
     path: str = ""

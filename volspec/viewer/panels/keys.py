@@ -6,24 +6,23 @@ from dataclasses import replace
 
 from imgui_bundle import imgui
 
+from volspec.viewer.actions import ACTIONS, shown
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
 
+_MOUSE = (
+    ("Left drag", "Orbit"),
+    ("Middle drag", "Pan"),
+    ("Right drag, wheel", "Zoom"),
+    ("Drop a file", "Open it"),
+)
 SHEET = (
-    ("Left drag", "orbit"),
-    ("Middle drag", "pan"),
-    ("Right drag, wheel", "zoom"),
-    ("1  3  7  9", "front, right, top, isometric"),
-    ("5", "perspective or orthographic"),
-    ("Enter", "the scene's own view"),
-    ("F", "fit the volume"),
-    ("Space", "next light"),
-    ("B", "keep this light beside the next"),
-    ("S", "save the picture as PNG"),
-    ("T", "dark or light window"),
-    ("Ctrl+O, drop a file", "open a scene or a volume"),
-    ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
-    ("H, Esc", "this sheet"),
+    *_MOUSE,
+    *(
+        (", ".join(shown(key) for key in action.keys), action.title)
+        for action in ACTIONS
+        if action.keys
+    ),
 )
 _FLAGS = (
     imgui.WindowFlags_.no_decoration

@@ -1,0 +1,60 @@
+"""Everything that can be asked for by name: for menus, keys, the command palette, the cheat sheet.
+
+key, menu, palette -> [actions] -> state, or a request to the app
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from volspec.viewer.events import camera, curve, lights
+from volspec.viewer.events.event import Action, Change
+from volspec.viewer.state import ViewState
+
+MENUS = ("File", "Edit", "View", "Light", "Window")
+
+
+def _flipped(name: str) -> Change:
+    """Turns a part of the interface on or off."""
+
+    def change(state: ViewState) -> ViewState:
+        other: dict[str, Any] = {name: not getattr(state.interface, name)}
+        return replace(state, interface=replace(state.interface, **other))
+
+    return change
+
+
+_FILES = (
+    Action("open", "File", "Open a scene or a volume …", ("ctrl+o",)),
+    Action("screenshot", "File", "Save the picture as PNG", ("s",)),
+    Action("quit", "File", "Quit", ("ctrl+q",)),
+)
+_EDITS = (
+    Action("undo", "Edit", "Undo", ("ctrl+z",)),
+    Action("redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y")),
+)
+_WINDOW = (
+    Action("dark", "Window", "Dark theme", ("t",), _flipped("dark"), lambda s: s.interface.dark),
+    Action("keys", "Window", "Keys", ("h",), _flipped("keys"), lambda s: s.interface.keys),
+)
+
+ACTIONS: tuple[Action, ...] = (
+    *_FILES,
+    *_EDITS,
+    *curve.ACTIONS,
+    *camera.ACTIONS,
+    *lights.ACTIONS,
+    *_WINDOW,
+)
+BY_NAME = {action.name: action for action in ACTIONS}
+BY_KEY = {key: action for action in ACTIONS for key in action.keys if key}
+
+
+def shown(key: str) -> str:
+    """A key as people write it.
+
+    >>> shown("ctrl+shift+z"), shown("enter")
+    ('Ctrl+Shift+Z', 'Enter')
+    """
+    return "+".join(part.capitalize() for part in key.split("+"))

@@ -1,0 +1,65 @@
+"""What happened, and what can be asked for by name.
+
+window -> [Event], menus, keys -> [Action] -> state
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from volspec.viewer.state import ViewState
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened.
+
+    Parameters
+    ----------
+    name : str
+        One of `volspec.viewer.events.EVENTS`.
+    x, y : float
+        Of a drag: shares of the picture's height to the right and down. Of the dial: the place.
+        Of a slider: ``x`` its value. Of the divide: ``x`` its share of the picture's width.
+    index : int
+        Of the light or the point that is meant.
+    key : str
+        What else names it.
+    """
+
+    name: str
+    x: float = 0.0
+    y: float = 0.0
+    index: int = 0
+    key: str = ""
+
+
+Reducer = Callable[[ViewState, Event], ViewState]
+Change = Callable[[ViewState], ViewState]
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """Something that menus, keys and the command palette offer.
+
+    Parameters
+    ----------
+    name : str
+    menu : str
+        Where it stands: one of `volspec.viewer.actions.MENUS`.
+    title : str
+    keys : tuple of str
+        As `volspec.viewer.inputs.Input.key`; the first is shown.
+    change : callable, optional
+        What it makes of a state; None where the app does it, by its name.
+    on : callable, optional
+        Whether a menu shows it ticked.
+    """
+
+    name: str
+    menu: str
+    title: str
+    keys: tuple[str, ...] = ()
+    change: Change | None = None
+    on: Callable[[ViewState], bool] | None = None

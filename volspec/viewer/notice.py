@@ -1,0 +1,27 @@
+"""One line told to the user, for a while."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+SECONDS = 8.0
+
+
+@dataclass(slots=True)
+class Notice:
+    """The line, and until when it stands."""
+
+    text: str = ""
+    until: float = 0.0
+
+    def say(self, text: str) -> None:
+        """Another line in place of the present one."""
+        self.text, self.until = " ".join(text.split()), time.perf_counter() + SECONDS
+
+    def ended(self, now: float) -> bool:
+        """Whether its time was over, and it is gone now."""
+        if not self.text or now <= self.until:
+            return False
+        self.text = ""
+        return True

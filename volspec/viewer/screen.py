@@ -1,0 +1,138 @@
+"""What the window shows of a scene: the picture of the last cast, relit, and where it stands.
+
+casts, state -> [screen] -> Painted -> window
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from imgui_bundle import imgui
+
+from volspec.errors import VolspecError
+from volspec.viewer.lighting import rig_of
+from volspec.viewer.meter import Meter
+from volspec.viewer.panels.desk import Desk
+from volspec.viewer.panels.probe import probed
+from volspec.viewer.pictures import Pictures
+from volspec.viewer.state import ViewState
+from volspec.viewer.trace import Trace
+from volspec.viewer.window import Painted
+from volspec.viewer.worker import CastDone
+
+Area = tuple[int, int, int, int]
+
+
+class Screen:
+    """Relights what was cast, only where something has changed.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        That of the window.
+    desk, meter, trace
+        What is measured is told to them.
+    say : callable
+        Takes messages to the user.
+    """
+
+    def __init__(
+        self, context: Any, desk: Desk, meter: Meter, trace: Trace, say: Callable[[str], None]
+    ) -> None:
+        self.pictures = Pictures(context)
+        self._desk, self._meter, self._trace, self._say = desk, meter, trace, say
+        self._cast: CastDone | None = None
+        self._relit = self._coarse = False
+
+    def take(self, done: CastDone, state: ViewState | None) -> None:
+        """A pass of a cast that has ended."""
+        how = "cancel" if done.image is None else "cast"
+        size = [-(-side // done.divisor) for side in done.job.size]
+        if done.error:
+            self._say(done.error)
+            how = "error"
+        self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
+        if done.image is None or state is None or done.job.document is not state.document:
+            return
+        try:
+            self.pictures.show(done.image)
+        except VolspecError as error:
+            self._say(str(error))
+            return
+        if done.divisor == 1 and not done.image.alpha.any():
+            self._say("Nothing is seen: the opacity is 0 everywhere in view, or the view misses it")
+        self._cast, self._relit = done, False
+        self._desk.image, self._desk.whole = done.image, done.divisor == 1
+        self._desk.ms["cast"] = done.ms
+
+    def stale(self) -> None:
+        """The picture no longer shows the state's light."""
+        self._relit = False
+
+    def relight(self, state: ViewState, held: bool) -> None:
+        """Draw the picture under the state's lights, where it does not show them yet.
+
+        Parameters
+        ----------
+        state : ViewState
+        held : bool
+            Whether a mouse button is down: then few pixels are drawn where many take long.
+        """
+        if self._coarse and not held:
+            self._relit = False
+        if self._relit or self.pictures.image is None:
+            return
+        self._relit = True
+        self._coarse = held and self._desk.whole and self._meter.slow
+        other = rig_of(state.other) if state.other else None
+        try:
+            relit = self.pictures.relight(
+                *(rig_of(state.lights), state.seen, other, state.divide, self._coarse)
+            )
+        except VolspecError as error:
+            self._say(" ".join(str(error).split()))
+        else:
+            self._meter.relights(relit, self._desk.whole and not self._coarse)
+
+    def probe(
+        self, state: ViewState, place: tuple[float, float] | None, held: bool
+    ) -> dict[str, str] | None:
+        """What is under the mouse; None where nothing is, or where a button is down."""
+        right = state.other is not None and place is not None and place[0] > state.divide
+        rig = rig_of(state.other if right and state.other else state.lights)
+        image = self.pictures.image
+        if place is None or rig is None or image is None or self._cast is None:
+            return None
+        if held or not self.pictures.framebuffer:
+            return None
+        width, height = image.size
+        pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
+        code = self.pictures.code(*pixel)
+        said = {"code": "  ".join(str(value) for value in code)}
+        return said | dict(probed(image, self._cast.job.camera, rig, state.seen, pixel))
+
+    def painted(self, area: Area, shown: ViewState | None) -> Painted | None:
+        """The picture behind the panels; one of another shape keeps its own."""
+        x, y, width, height = area
+        if not self.pictures.framebuffer or self._cast is None or shown is None:
+            _write("Opening …" if self._cast is None else "No light is on", area)
+            return None
+        of, now = self._cast.job.size, shown.size
+        wide = width if of == now else height * of[0] / of[1]
+        left = x + (width - wide) / 2
+        to = left, y, left + wide, y + height
+        return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
+
+    def close(self) -> None:
+        """Release everything."""
+        self.pictures.close()
+
+
+def _write(text: str, area: Area) -> None:
+    """A line in the middle of where the picture will be."""
+    x, y, width, height = area
+    size = imgui.calc_text_size(text)
+    place = x + (width - size.x) / 2, y + (height - size.y) / 2
+    grey = imgui.color_convert_float4_to_u32((0.6, 0.6, 0.6, 1.0))
+    imgui.get_background_draw_list().add_text(place, grey, text)
