@@ -25,6 +25,19 @@ def _flipped(name: str) -> Change:
     return change
 
 
+def _panel(title: str) -> Action:
+    """Opens or closes a panel."""
+
+    def change(state: ViewState) -> ViewState:
+        panels = state.interface.panels ^ {title}
+        return replace(state, interface=replace(state.interface, panels=panels))
+
+    return Action(
+        *(f"panel-{title.lower()}", "Window", f"{title} panel", (), change),
+        lambda state: title in state.interface.panels,
+    )
+
+
 _FILES = (
     Action("open", "File", "Open a scene or a volume …", ("ctrl+o",)),
     Action("screenshot", "File", "Save the picture as PNG", ("s",)),
@@ -35,6 +48,7 @@ _EDITS = (
     Action("redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y")),
 )
 _WINDOW = (
+    *(_panel(title) for title in ("Lights", "Viewing", "Transfer")),
     Action("dark", "Window", "Dark theme", ("t",), _flipped("dark"), lambda s: s.interface.dark),
     Action("keys", "Window", "Keys", ("h",), _flipped("keys"), lambda s: s.interface.keys),
 )

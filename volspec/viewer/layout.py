@@ -2,18 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
 from imgui_bundle import imgui
 
 from volspec.viewer.panels import divide, keys, lights, menu, probe, status, transfer, viewing
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
 
+Draw = Callable[[ViewState, Desk], ViewState | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One panel.
+
+    Parameters
+    ----------
+    title : str
+    draw : callable
+    place : {"upper", "lower", "left"}
+        Where it is docked at first.
+    """
+
+    title: str
+    draw: Draw
+    place: str
+
+
 PANEL_WIDTH = 350
+# Of panels at the left.
+_LEFT_WIDTH = 260
 # The lights' share of the height; below stand the others as tabs.
 _UPPER = 0.51
 # Frames until docked windows stand where they belong.
 _LAG = 2
-_PANELS = (("Lights", lights.draw), ("Viewing", viewing.draw), ("Transfer", transfer.draw))
+_PANELS = (
+    Panel("Lights", lights.draw, "upper"),
+    Panel("Viewing", viewing.draw, "lower"),
+    Panel("Transfer", transfer.draw, "lower"),
+)
+# Those that are in front of the tabs at first.
+_FIRST = "Viewing"
 _OVERLAYS = (divide.draw, probe.draw, keys.draw)
 _DOCKED = (
     imgui.DockNodeFlags_.passthru_central_node | imgui.DockNodeFlags_.no_docking_over_central_node
@@ -51,14 +82,19 @@ class Layout:
         return area
 
     def panels(self, state: ViewState, desk: Desk) -> ViewState:
-        """Draw all of them; the state that comes out."""
-        for title, draw in _PANELS:
-            shown = imgui.begin(title, None, imgui.WindowFlags_.no_collapse)[0]
+        """Draw those that are open; the state that comes out."""
+        for panel in _PANELS:
+            if panel.title not in state.interface.panels:
+                continue
+            shown, kept = imgui.begin(panel.title, True, imgui.WindowFlags_.no_collapse)
             if shown:
-                state = draw(state, desk) or state
+                state = panel.draw(state, desk) or state
             imgui.end()
+            if not kept:
+                rest = state.interface.panels - {panel.title}
+                state = replace(state, interface=replace(state.interface, panels=rest))
         if self._frames == 1:
-            imgui.set_window_focus(_PANELS[1][0])
+            imgui.set_window_focus(_FIRST)
         for overlay in _OVERLAYS:
             state = overlay(state, desk) or state
         return state
@@ -76,8 +112,14 @@ class Layout:
         share = min(desk.px(PANEL_WIDTH) / max(viewport.work_size.x, 1.0), 0.6)
         builder.dock_builder_remove_node_child_nodes(space)
         right = builder.dock_builder_split_node(space, imgui.Dir.right, share)
+        left_share = min(desk.px(_LEFT_WIDTH) / max(viewport.work_size.x * (1 - share), 1.0), 0.4)
+        left = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.left, left_share)
         lower = builder.dock_builder_split_node(right.id_at_dir, imgui.Dir.down, 1 - _UPPER)
-        builder.dock_builder_dock_window("Lights", lower.id_at_opposite_dir)
-        builder.dock_builder_dock_window("Transfer", lower.id_at_dir)
-        builder.dock_builder_dock_window("Viewing", lower.id_at_dir)
+        places = {
+            "upper": lower.id_at_opposite_dir,
+            "lower": lower.id_at_dir,
+            "left": left.id_at_dir,
+        }
+        for panel in _PANELS:
+            builder.dock_builder_dock_window(panel.title, places[panel.place])
         builder.dock_builder_finish(space)

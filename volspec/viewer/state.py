@@ -16,6 +16,9 @@ from volspec.viewer.document import Document
 from volspec.viewer.lighting import Rows
 from volspec.viewer.views import View
 
+# Open at first.
+PANELS = frozenset({"Lights", "Viewing", "Transfer"})
+
 
 @dataclass(frozen=True, slots=True)
 class Interface:
@@ -31,12 +34,15 @@ class Interface:
         Whether the cheat sheet is open.
     light : int
         The row whose spectrum stands out.
+    panels : set of str
+        The panels that are open, by their titles.
     """
 
     dark: bool = True
     logarithmic: bool = True
     keys: bool = False
     light: int = 0
+    panels: frozenset[str] = PANELS
 
 
 @dataclass(frozen=True, slots=True)
