@@ -145,6 +145,12 @@ class Robot:
         """Press a key."""
         self.do("key", name)
 
+    def memory(self) -> int:
+        """Bytes of RAM that only the viewer has."""
+        rollup = Path(f"/proc/{self.viewer.pid}/smaps_rollup").read_text(encoding="ascii")
+        own = [line.split() for line in rollup.splitlines() if line.startswith("Private_")]
+        return 1024 * sum(int(words[1]) for words in own)
+
     def drag(self, places: Sequence[Place], button: int = 1) -> None:
         """Press at the first place, go along the others as a mouse does, release at the last."""
         words: list[str | float] = ["mousemove", float(places[0][0]), float(places[0][1])]

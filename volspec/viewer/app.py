@@ -105,7 +105,9 @@ class _App:
         """Until the window closes."""
         try:
             while not self._window.closing:
-                inputs = self._window.wait(self._patience())
+                asked, patience = time.perf_counter(), self._patience()
+                inputs = self._window.wait(patience)
+                began = time.perf_counter()
                 news = self._take()
                 if not self._window.usable:
                     time.sleep(_BUSY_S)
@@ -116,7 +118,9 @@ class _App:
                 if self._settle > 0 or self._notice.text:
                     self._settle -= 1
                     self._draw(inputs)
-                self._casting.tick(time.perf_counter(), self._mouse.held)
+                ended = time.perf_counter()
+                self._casting.tick(ended, self._mouse.held)
+                self._meter.answered(began - asked - patience, ended - began)
         finally:
             self._casting.close()
             self._screen.close()
@@ -167,6 +171,8 @@ class _App:
         self._chores.draw(self._desk)
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
+        if said := self._window.error:
+            self._trace.note("gl-error", message=said)
         self._meter.frame(started)
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:

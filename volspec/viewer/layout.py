@@ -120,6 +120,10 @@ class Layout:
             "lower": lower.id_at_dir,
             "left": left.id_at_dir,
         }
+        # The tabs have their own.
+        no_close = imgui.internal.DockNodeFlagsPrivate_.no_close_button
+        for node in places.values():
+            builder.dock_builder_get_node(node).local_flags |= no_close
         for panel in _PANELS:
             builder.dock_builder_dock_window(panel.title, places[panel.place])
         builder.dock_builder_finish(space)

@@ -10,6 +10,8 @@ from volspec.viewer.trace import Trace
 
 # Frames further apart belong to no movement.
 _APART_S = 0.25
+# The window not looking for input so long is noted down.
+_UNANSWERED_MS = 40.0
 # A whole relight that takes longer leaves a frame no time for the rest.
 SLOW_MS = 18.0
 
@@ -45,6 +47,19 @@ class Meter:
         """
         if relit is not None:
             self._new = relit, whole
+
+    def answered(self, late_s: float, busy_s: float) -> None:
+        """A turn of the loop is over.
+
+        Parameters
+        ----------
+        late_s : float
+            By how much the wait for input outlasted what it was given.
+        busy_s : float
+            From input to the next wait for it.
+        """
+        if (ms := 1e3 * max(late_s, busy_s)) > _UNANSWERED_MS:
+            self._trace.note("unanswered", None, ms)
 
     def frame(self, began: float) -> None:
         """A frame has been shown that began at a time of `time.perf_counter`."""

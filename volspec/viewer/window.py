@@ -168,6 +168,12 @@ class Window:
         self._renderer.process_inputs()
         imgui.new_frame()
 
+    @property
+    def error(self) -> str:
+        """What OpenGL complains of since the last call; empty where nothing."""
+        said = self.context.error
+        return "" if said == "GL_NO_ERROR" else str(said)
+
     def end(self, background: tuple[float, float, float], picture: Painted | None = None) -> None:
         """Draw the frame over a picture and show it."""
         imgui.render()

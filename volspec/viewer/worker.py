@@ -134,6 +134,13 @@ class CastWorker:
             )
         except CastCancelled:
             return done()
-        except (VolspecError, MemoryError) as error:
-            return done(error=" ".join(str(error).split()) or "no memory for the picture")
+        except MemoryError:
+            return done(error="no memory for the picture; make the window smaller")
+        except VolspecError as error:
+            return done(error=" ".join(str(error).split()))
+        except Exception as error:  # a device that is lost, say: the thread must outlive it
+            said = " ".join(str(error).split()) or type(error).__name__
+            return done(
+                error=f"the cast failed: {said}; open the file again, or see volspec doctor"
+            )
         return done(image)

@@ -1,0 +1,101 @@
+"""Does the viewer answer whatever one does? ``python -m benchmarks.session [SECONDS]``.
+
+A robot uses mouse and keys at random, always in the same way, and its trace and memory are read.
+"""
+
+from __future__ import annotations
+
+import random
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.measure import Figure, report
+from benchmarks.robot import MOUSE_S, Robot, Row, missing
+
+SECONDS = 60.0
+# Before memory is first looked at: caches fill, every size has been drawn once.
+_SETTLED_S = 60.0
+# In the picture; what ends the program or opens another window is left out.
+_KEYS = (
+    *("1", "3", "7", "9", "5", "f", "b", "space", "t", "h", "Escape", "Return"),
+    *("ctrl+z", "ctrl+z", "ctrl+shift+z", "Left", "Right", "Up", "Down", "plus", "minus"),
+)
+_BUTTONS = (1, 1, 1, 2, 3)
+
+
+def figures(seconds: float = SECONDS) -> Iterator[Figure]:
+    """A session at random on the bundled engine, 1280 × 720."""
+    if why := missing():
+        yield Figure("viewer/random session", None, note=why)
+        return
+    with tempfile.TemporaryDirectory() as folder, Robot(Path(folder)) as robot:
+        robot.whole()
+        time.sleep(1.0)
+        began, sizes = robot.now(), list[int]()
+        dice = random.Random(7)
+        while (t := robot.now() - began) < seconds:
+            robot.do(*_gesture(robot, dice))
+            if t > min(_SETTLED_S, seconds / 2):
+                sizes.append(robot.memory())
+            if robot.viewer.poll() is not None:
+                break
+        time.sleep(1.0)
+        alive, rows = robot.viewer.poll() is None, robot.since(began)
+    label = f"viewer/random session of {seconds:.0f} s"
+    longest = max((row["ms"] for row in rows if row["event"] == "unanswered"), default=0.0)
+    yield Figure(f"{label}, longest unanswered", longest, 100.0, at_most=True, unit="ms")
+    faults = sum(row["event"] in ("error", "gl-error") for row in rows) + (not alive)
+    yield Figure(f"{label}, errors and crashes", float(faults), 0.0, at_most=True, unit="")
+    yield Figure(f"{label}, memory grown", 100 * _growth(sizes), 5.0, at_most=True, unit="%")
+
+
+def _growth(sizes: list[int]) -> float:
+    """Of the last tenth against the first, each at its median: one picture more is no growth."""
+    tenth = max(1, len(sizes) // 10)
+    first, last = (sorted(part)[tenth // 2] for part in (sizes[:tenth], sizes[-tenth:]))
+    return last / first - 1.0
+
+
+def _gesture(robot: Robot, dice: random.Random) -> list[str | float]:
+    """xdotool's words for one thing that a hand may do."""
+    areas = _areas(robot)
+    if dice.random() < 0.6:
+        area = areas["picture"]
+    else:
+        area = areas[dice.choice(sorted(set(areas) - {"picture"}))]
+    kind = dice.choice(("drag", "drag", "drag", "wheel", "key", "click"))
+    if kind == "key":
+        area = areas["picture"]
+    x, y = _place(area, dice)
+    words: list[str | float] = ["mousemove", x, y]
+    if kind == "key":
+        return [*words, "key", dice.choice(_KEYS)]
+    if kind == "wheel":
+        return [*words, "click", "--repeat", "3", "--delay", "40", dice.choice(("4", "5"))]
+    if kind == "click":
+        return [*words, "click", "1", "sleep", "0.1"]
+    button = str(dice.choice(_BUTTONS))
+    words += ["mousedown", button]
+    for _ in range(dice.randint(10, 60)):
+        x, y = x + dice.uniform(-12, 12), y + dice.uniform(-12, 12)
+        words += ["sleep", f"{MOUSE_S:.4f}", "mousemove", max(x, 0.0), max(y, 0.0)]
+    return [*words, "mouseup", button]
+
+
+def _areas(robot: Robot) -> dict[str, tuple[int, int, int, int]]:
+    """Where things are now; not the menu's entries, of which some open windows."""
+    rows: list[Row] = [row for row in robot.rows() if row["event"] == "layout"]
+    found = rows[-1]["areas"].items()
+    return {name: area for name, area in found if not name.startswith(("action", "menu"))}
+
+
+def _place(area: tuple[int, int, int, int], dice: random.Random) -> tuple[float, float]:
+    x, y, width, height = area
+    return x + dice.random() * max(width - 1, 0), y + dice.random() * max(height - 1, 0)
+
+
+if __name__ == "__main__":
+    print(report(list(figures(float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS))))
