@@ -1,6 +1,6 @@
 """Run the viewer in a display of its own and use it as a hand would; what happened is its trace.
 
-Needs Xvfb and xdotool.
+Needs Xvfb, xdotool and xprop.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ MOUSE_S = 1 / 60
 
 def missing() -> str:
     """What the machine lacks to run this; empty where nothing."""
-    lacking = [program for program in ("Xvfb", "xdotool") if shutil.which(program) is None]
+    lacking = [name for name in ("Xvfb", "xdotool", "xprop") if shutil.which(name) is None]
     if not lacking:
         return ""
-    return f"{' and '.join(lacking)} missing; on Debian or Ubuntu: apt-get install xvfb xdotool"
+    return f"{' and '.join(lacking)} missing; on Debian or Ubuntu: apt-get install xvfb xdotool x11-utils"
 
 
 class Robot:
@@ -42,15 +42,25 @@ class Robot:
         Of ``volspec view``.
     size : (width, height)
         Of screen and window.
+    dpi : int
+        Of the screen.
     """
 
     def __init__(
-        self, folder: Path, arguments: Sequence[str] = (), size: tuple[int, int] = (1280, 720)
+        self,
+        folder: Path,
+        arguments: Sequence[str] = (),
+        size: tuple[int, int] = (1280, 720),
+        dpi: int = 96,
     ) -> None:
         self.folder, self.trace = folder, folder / "trace.jsonl"
+        self._rows: list[Row] = []
+        self._read = 0
         width, height = size
+        screen = f"{width}x{height}x24"
+        window = f"{width * 96 // dpi}x{height * 96 // dpi}"
         self._server = subprocess.Popen(
-            ["Xvfb", "-displayfd", "1", "-screen", "0", f"{width}x{height}x24", "-nolisten", "tcp"],
+            ["Xvfb", "-displayfd", "1", "-screen", "0", screen, "-nolisten", "tcp", "-noreset"],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
@@ -62,11 +72,14 @@ class Robot:
             if key not in ("WAYLAND_DISPLAY", "XDG_SESSION_TYPE")
         }
         self._environment["DISPLAY"] = f":{self._server.stdout.readline().strip()}"
+        if dpi != 96:
+            said = ("-f", "RESOURCE_MANAGER", "8s", "-set", "RESOURCE_MANAGER", f"Xft.dpi: {dpi}")
+            subprocess.run(["xprop", "-root", *said], env=self._environment, check=True)
         self.started = time.time()
         self.viewer = subprocess.Popen(
             [
                 *(sys.executable, "-c", "from volspec.cli import main; main()", "view"),
-                *("--trace", str(self.trace), "--size", f"{width}x{height}", *arguments),
+                *("--trace", str(self.trace), "--size", window, *arguments),
             ],
             env=self._environment | {"PYTHONPATH": str(Path(__file__).resolve().parent.parent)},
             cwd=folder,
@@ -76,10 +89,13 @@ class Robot:
 
     def rows(self) -> list[Row]:
         """The trace so far."""
-        if not self.trace.exists():
-            return []
-        lines = self.trace.read_text(encoding="utf-8").splitlines(keepends=True)
-        return [json.loads(line) for line in lines if line.endswith("\n")]
+        if self.trace.exists():
+            with self.trace.open("rb") as file:
+                file.seek(self._read)
+                new, line_end, _ = file.read().rpartition(b"\n")
+            self._read += len(new) + len(line_end)
+            self._rows += [json.loads(line) for line in new.splitlines()]
+        return self._rows
 
     def since(self, t: float) -> list[Row]:
         """What has happened after a time of the trace."""

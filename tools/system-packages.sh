@@ -4,7 +4,8 @@
 #   gcc, libc6-dev  PoCL links each kernel with ld, libgcc and libc; nothing casts without
 #   libegl1, libgl1, libgl1-mesa-dri
 #                   headless OpenGL and its software driver; without it relighting uses NumPy
-#   xvfb, xdotool   a display and a hand for the viewer's tests; asked for as `… test`
+#   xvfb, xdotool, x11-utils
+#                   a display and a hand for the viewer's tests; asked for as `… test`
 #
 # Installs only as root with apt-get. Elsewhere it prints the command and goes on: the package
 # itself explains what is missing when it is needed.
@@ -17,6 +18,7 @@ packages=""
 if [ "${2:-}" = test ]; then
     command -v Xvfb >/dev/null 2>&1 || packages="$packages xvfb"
     command -v xdotool >/dev/null 2>&1 || packages="$packages xdotool"
+    command -v xprop >/dev/null 2>&1 || packages="$packages x11-utils"
 fi
 [ -n "$packages" ] || exit 0
 if command -v apt-get >/dev/null 2>&1 && [ "$(id -u)" = 0 ]; then

@@ -101,13 +101,19 @@ def test_a_missing_file_is_refused_before_anything_is_shown(tmp_path: Path) -> N
         assert "nosuch.toml: no such file" in robot.viewer.stderr.read()
 
 
-def test_a_window_of_next_to_nothing_does_not_end_it(tmp_path: Path) -> None:
-    with Robot(tmp_path, (), (400, 300)) as robot:
+def test_a_volume_of_one_voxel_on_a_dense_screen_in_a_window_of_next_to_nothing(
+    tmp_path: Path,
+) -> None:
+    np.save(tmp_path / "one.npy", np.ones((1, 1, 1), np.uint8))
+    with Robot(tmp_path, ["one.npy"], (1200, 800), dpi=192) as robot:
         robot.whole()
+        # 21 at 96 dpi: type of 15 and what stands around it.
+        assert robot.area("weight 1")[3] == pytest.approx(42, abs=3)
         window = robot.find()
-        for size in ((1, 1), (40, 30), (380, 280)):
+        for size in ((1, 1), (40, 30), (1100, 700)):
             before = robot.now()
             robot.do("windowsize", window, *size)
             time.sleep(0.4)
         robot.whole(before)
+        assert not [row for row in robot.rows() if row["event"] == "gl-error"]
         assert robot.viewer.poll() is None

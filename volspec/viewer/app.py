@@ -87,7 +87,7 @@ def view(options: Options) -> None:
 class _App:
     def __init__(self, options: Options, trace: Trace, tasks: Tasks, window: Window) -> None:
         self._trace, self._window = trace, window
-        self._desk = Desk(scale=window.scale)
+        self._desk = Desk()
         self._meter, self._notice = Meter(self._desk, trace), Notice()
         self._screen = Screen(window.context, self._desk, self._meter, trace, self._notice.say)
         self._chores = Chores(
@@ -152,6 +152,7 @@ class _App:
     def _draw(self, inputs: list[Input]) -> None:
         started = time.perf_counter()
         self._window.begin()
+        self._desk.scale = self._window.scale
         self._set_theme()
         state = self._history.present if self._history else None
         if state is not None:

@@ -22,15 +22,8 @@ def load_font(imgui: Any) -> None:
         imgui.get_io().fonts.add_font_from_file_ttf(str(file), FONT_SIZE)
 
 
-def set_sizes(imgui: Any, implot: Any, scale: float) -> None:
-    """Spacing and type size; once, as `scale_all_sizes` multiplies what is there.
-
-    Parameters
-    ----------
-    imgui, implot : modules
-    scale : float
-        Pixels of the window for each at 96 dpi.
-    """
+def set_sizes(imgui: Any, implot: Any) -> None:
+    """Spacing and type size at 96 dpi."""
     style = imgui.get_style()
     style.window_padding = (12, 10)
     style.frame_padding = (7, 3)
@@ -47,14 +40,25 @@ def set_sizes(imgui: Any, implot: Any, scale: float) -> None:
     style.popup_rounding = 5
     style.window_menu_button_position = imgui.Dir.none
     style.font_size_base = FONT_SIZE
-    style.font_scale_dpi = scale
-    style.scale_all_sizes(scale)
     plot = implot.get_style()
-    plot.plot_padding = (4 * scale, 4 * scale)
-    plot.label_padding = (3 * scale, 3 * scale)
     plot.plot_border_size = 0
-    plot.major_tick_len = (3 * scale, 3 * scale)
     plot.minor_tick_len = (0, 0)
+
+
+def set_scale(imgui: Any, implot: Any, scale: float, before: float = 1.0) -> None:
+    """All of that for another density of pixels.
+
+    Parameters
+    ----------
+    imgui, implot : modules
+    scale, before : float
+        Pixels of the window for each at 96 dpi: now, and what it was set for.
+    """
+    style, plot = imgui.get_style(), implot.get_style()
+    style.font_scale_dpi = scale
+    style.scale_all_sizes(scale / before)
+    plot.plot_padding = (4 * scale, 4 * scale)
+    plot.label_padding = plot.major_tick_len = (3 * scale, 3 * scale)
 
 
 def set_theme(imgui: Any, implot: Any, dark: bool) -> None:

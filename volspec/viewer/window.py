@@ -118,14 +118,20 @@ class Window:
         io.config_flags |= imgui.ConfigFlags_.docking_enable
         io.config_windows_move_from_title_bar_only = True
         style.load_font(imgui)
-        style.set_sizes(imgui, implot, self.scale)
+        style.set_sizes(imgui, implot)
+        self.scale = 1.0
+        self._rescale()
         self._renderer = GlfwRenderer(self._window, attach_callbacks=False)
 
-    @property
-    def scale(self) -> float:
-        """Window coordinates for each at 96 dpi: 1 where those are not pixels, as on macOS."""
-        scale, _ = glfw.get_window_content_scale(self._window)
-        return max(1.0, scale / self.pixel_ratio)
+    def _rescale(self) -> None:
+        """Follow the monitor, as windows move between those of few and of many pixels.
+
+        `scale` is in window coordinates: 1 where those are not pixels, as on macOS.
+        """
+        scale = max(1.0, glfw.get_window_content_scale(self._window)[0] / self.pixel_ratio)
+        if scale != self.scale:
+            style.set_scale(imgui, implot, scale, self.scale)
+            self.scale = scale
 
     @property
     def size(self) -> tuple[int, int]:
@@ -165,6 +171,7 @@ class Window:
 
     def begin(self) -> None:
         """Start a frame."""
+        self._rescale()
         self._renderer.process_inputs()
         imgui.new_frame()
 
