@@ -101,11 +101,11 @@ def test_a_missing_file_is_refused_before_anything_is_shown(tmp_path: Path) -> N
         assert "nosuch.toml: no such file" in robot.viewer.stderr.read()
 
 
-def test_a_volume_of_one_voxel_on_a_dense_screen_in_a_window_of_next_to_nothing(
+def test_the_least_volume_on_a_dense_screen_in_a_window_of_next_to_nothing(
     tmp_path: Path,
 ) -> None:
-    np.save(tmp_path / "one.npy", np.ones((1, 1, 1), np.uint8))
-    with Robot(tmp_path, ["one.npy"], (1200, 800), dpi=192) as robot:
+    np.save(tmp_path / "least.npy", np.arange(8, dtype=np.uint8).reshape(2, 2, 2))
+    with Robot(tmp_path, ["least.npy"], (1200, 800), dpi=192) as robot:
         robot.whole()
         # 21 at 96 dpi: type of 15 and what stands around it.
         assert robot.area("weight 1")[3] == pytest.approx(42, abs=3)
