@@ -28,7 +28,10 @@ def missing() -> str:
     lacking = [name for name in ("Xvfb", "xdotool", "xprop") if shutil.which(name) is None]
     if not lacking:
         return ""
-    return f"{' and '.join(lacking)} missing; on Debian or Ubuntu: apt-get install xvfb xdotool x11-utils"
+    return (
+        f"{' and '.join(lacking)} missing; "
+        "on Debian or Ubuntu: apt-get install xvfb xdotool x11-utils"
+    )
 
 
 class Robot:

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from volspec.pipeline import raycast
-from volspec.relight import RelightSpec
+from volspec.relight import LightRig, RelightSpec
 from volspec.viewer.document import Document
-from volspec.viewer.lighting import rig_of
 from volspec.viewer.state import ViewState
 
 desk = pytest.importorskip("volspec.viewer.panels.desk")
@@ -48,6 +47,28 @@ def test_settings_that_do_not_go_together_are_left_as_they_are() -> None:
     assert changed(seen, discount=True).viewing.discount
 
 
+def test_a_room_is_named_until_its_numbers_change() -> None:
+    from volspec.appearance.presets import PRESETS
+    from volspec.viewer.panels.viewing import preset_of
+
+    for name, each in PRESETS.items():
+        display = replace(each.display("Display P3", "reduce"), mark=True)
+        assert preset_of(display) == name
+        assert preset_of(replace(display, Y_b=33.0)) == "own numbers"
+
+
+def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
+    """L_A is E_v/π · Y_b/100."""
+    from volspec.viewer.panels.viewing import luminance, white_told
+
+    assert luminance(state.seen, state.lights) == pytest.approx(1000 / np.pi * 0.2)
+    lit = LightRig(state.lights[0].rig.lights, illuminance_lux=(50.0,))
+    rows = (replace(state.lights[0], rig=lit),)
+    assert luminance(state.seen, rows) == pytest.approx(50 / np.pi * 0.2)
+    # D65 of CIE 15:2004; bands of 10 nm lose the fourth digit.
+    assert white_told(state.lights).startswith("Adopted white: x 0.312")
+
+
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
     from volspec.viewer.panels.transfer import bars
@@ -55,32 +76,6 @@ def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
     for counts in (np.zeros(256), np.r_[1e9, np.ones(255)]):
         heights = bars(counts, logarithmic)
         assert np.isfinite(heights).all() and heights.min() >= 0 and heights.max() <= 1
-
-
-@pytest.mark.parametrize("orthographic", [False, True])
-def test_the_probe_says_where_a_ball_is_hit(
-    state: ViewState, document: Document, orthographic: bool
-) -> None:
-    """The middle of the picture is hit on the near side, on the camera's axis."""
-    from volspec.viewer.panels.probe import place_mm, probed
-
-    view = replace(state.view, orthographic=orthographic)
-    camera = view.camera(document.volume)
-    image = raycast(document.volume, document.transfer, camera, (33, 33))
-    rig = rig_of(state.lights)
-    assert rig is not None
-    said = probed(image, camera, rig, state.seen, (16, 16))
-    assert list(said) == ["XYZ", "J C h", "mm"]
-    place = place_mm(image, camera, (16, 16))
-    assert place is not None
-    centre = document.volume.corners_mm.mean(axis=0)
-    away = np.subtract(camera.position_mm, centre)
-    nearer = np.subtract(place, centre)
-    assert 0 < nearer @ away / np.linalg.norm(away) < 4.0
-    # 8-voxel ball: within a tenth of a voxel of the axis.
-    off = nearer - (nearer @ away) / (away @ away) * away
-    assert np.linalg.norm(off) < 0.1
-    assert place_mm(image, camera, (0, 0)) is None
 
 
 def test_the_status_line_tells_coarse_from_whole(state: ViewState, document: Document) -> None:

@@ -40,6 +40,7 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "seen": RelightSpec(backdrop=0.5),
         "other": state.lights,
         "divide": 0.25,
+        "error_map": True,
         "interface": Interface(dark=False),
     }
     assert stale_stage(state, replace(state, **{name: others[name]})) == STAGES[name]
@@ -70,7 +71,7 @@ def test_events_cost_what_their_names_say(state: ViewState) -> None:
 
 # What an action does at most, by its menu; others are in `_ODD`.
 _MENUS = {"View": "cast", "Light": "relight", "Window": "frame"}
-_ODD = {"reset-transfer": "cast"}
+_ODD = {"reset-transfer": "cast", "error-map": "frame", "mark": "relight"}
 
 
 def test_actions_cost_what_their_menus_say(state: ViewState) -> None:

@@ -50,6 +50,10 @@ _EDITS = (
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer")),
     Action("dark", "Window", "Dark theme", ("t",), _flipped("dark"), lambda s: s.interface.dark),
+    Action(
+        *("probe", "Window", "What is under the mouse", ("p",), _flipped("probe")),
+        lambda s: s.interface.probe,
+    ),
     Action("keys", "Window", "Keys", ("h",), _flipped("keys"), lambda s: s.interface.keys),
 )
 

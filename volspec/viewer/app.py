@@ -138,6 +138,8 @@ class _App:
         news, document = self._chores.take(first=self._history is None)
         if document is not None:
             self._open(document)
+        if self._history is not None:
+            news |= self._screen.heated(self._history.present, self._mouse.held)
         return self._notice.ended(time.perf_counter()) or news or bool(casts)
 
     def _open(self, document: Document) -> None:

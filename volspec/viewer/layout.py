@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from imgui_bundle import imgui
 
-from volspec.viewer.panels import divide, keys, lights, menu, probe, status, transfer, viewing
+from volspec.viewer.panels import divide, heat, keys, lights, menu, probe, status, transfer, viewing
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
 
@@ -45,7 +45,7 @@ _PANELS = (
 )
 # Those that are in front of the tabs at first.
 _FIRST = "Viewing"
-_OVERLAYS = (divide.draw, probe.draw, keys.draw)
+_OVERLAYS = (heat.draw, divide.draw, probe.draw, keys.draw)
 _DOCKED = (
     imgui.DockNodeFlags_.passthru_central_node | imgui.DockNodeFlags_.no_docking_over_central_node
 )

@@ -11,14 +11,15 @@ from typing import Any
 from imgui_bundle import imgui
 
 from volspec.errors import VolspecError
+from volspec.viewer.heat import Heat
 from volspec.viewer.lighting import rig_of
 from volspec.viewer.meter import Meter
 from volspec.viewer.panels.desk import Desk
-from volspec.viewer.panels.probe import probed
 from volspec.viewer.pictures import Pictures
+from volspec.viewer.reading import Reading, read
 from volspec.viewer.state import ViewState
 from volspec.viewer.trace import Trace
-from volspec.viewer.window import Painted
+from volspec.viewer.window import Painted, Window
 from volspec.viewer.worker import CastDone
 
 Area = tuple[int, int, int, int]
@@ -44,6 +45,9 @@ class Screen:
         self._desk, self._meter, self._trace, self._say = desk, meter, trace, say
         self._cast: CastDone | None = None
         self._relit = self._coarse = False
+        self._heat = Heat(context, Window.wake)
+        self._read_of: tuple[Any, ...] | None = None
+        self._reading: Reading | None = None
 
     def take(self, done: CastDone, state: ViewState | None) -> None:
         """A pass of a cast that has ended."""
@@ -97,20 +101,36 @@ class Screen:
 
     def probe(
         self, state: ViewState, place: tuple[float, float] | None, held: bool
-    ) -> dict[str, str] | None:
+    ) -> Reading | None:
         """What is under the mouse; None where nothing is, or where a button is down."""
         right = state.other is not None and place is not None and place[0] > state.divide
-        rig = rig_of(state.other if right and state.other else state.lights)
-        image = self.pictures.image
-        if place is None or rig is None or image is None or self._cast is None:
+        lights = state.other if right and state.other else state.lights
+        rig = rig_of(lights)
+        image, cast = self.pictures.image, self._cast
+        if place is None or rig is None or image is None or cast is None:
             return None
         if held or not self.pictures.framebuffer:
             return None
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
-        code = self.pictures.code(*pixel)
-        said = {"code": "  ".join(str(value) for value in code)}
-        return said | dict(probed(image, self._cast.job.camera, rig, state.seen, pixel))
+        key = image, lights, state.seen, pixel
+        if key != self._read_of:
+            self._read_of = key
+            code = self.pictures.code(*pixel)
+            camera, volume = cast.job.camera, cast.job.document.volume
+            try:
+                self._reading = read(image, camera, volume, rig, state.seen, pixel, code)
+            except VolspecError:  # said when it was relit
+                self._reading = None
+        return self._reading
+
+    def heated(self, state: ViewState, held: bool) -> bool:
+        """Have the error map made where it is wanted; whether a new one has come."""
+        image = self.pictures.image
+        if state.error_map and not held and self._desk.whole and image is not None:
+            self._desk.heat = self._heat
+            self._heat.want(image, state.lights, state.seen)
+        return self._heat.take()
 
     def painted(self, area: Area, shown: ViewState | None) -> Painted | None:
         """The picture behind the panels; one of another shape keeps its own."""
@@ -121,11 +141,12 @@ class Screen:
         of, now = self._cast.job.size, shown.size
         wide = width if of == now else height * of[0] / of[1]
         left = x + (width - wide) / 2
-        to = left, y, left + wide, y + height
+        to = self._desk.shown_at = left, y, left + wide, y + height
         return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
 
     def close(self) -> None:
         """Release everything."""
+        self._heat.close()
         self.pictures.close()
 
 

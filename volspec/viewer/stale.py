@@ -23,6 +23,7 @@ STAGES: dict[str, Stage] = {
     "seen": "relight",
     "other": "relight",
     "divide": "relight",
+    "error_map": "frame",
     "interface": "frame",
 }
 

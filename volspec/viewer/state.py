@@ -34,6 +34,8 @@ class Interface:
         Whether the cheat sheet is open.
     light : int
         The row whose spectrum stands out.
+    probe : bool
+        Whether what is under the mouse is told.
     panels : set of str
         The panels that are open, by their titles.
     """
@@ -42,6 +44,7 @@ class Interface:
     logarithmic: bool = True
     keys: bool = False
     light: int = 0
+    probe: bool = True
     panels: frozenset[str] = PANELS
 
 
@@ -68,6 +71,8 @@ class ViewState:
         The lights at the right of the divide, to compare with.
     divide : float
         Where that is, 0 to 1 of the picture's width.
+    error_map : bool
+        Whether it is laid over the picture.
     interface : Interface
     """
 
@@ -81,6 +86,7 @@ class ViewState:
     size: tuple[int, int] = (512, 512)
     other: Rows | None = None
     divide: float = 0.5
+    error_map: bool = False
     interface: Interface = field(default_factory=Interface)
 
     @classmethod

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 FONT_SIZE = 15.0
-# Greys of the two themes: (window, frame, hovered, active, line, dim text, text).
-_DARK = (0.135, 0.205, 0.255, 0.300, 0.260, 0.560, 0.880)
-_LIGHT = (0.925, 0.850, 0.805, 0.760, 0.770, 0.400, 0.110)
+# Greys of the two themes: (window, frame, hovered, active, line, grab, dim text, text); numbers
+# stand over a slider's grab.
+_DARK = (0.135, 0.205, 0.255, 0.300, 0.260, 0.400, 0.560, 0.880)
+_LIGHT = (0.925, 0.850, 0.805, 0.760, 0.770, 0.640, 0.400, 0.110)
 # What is switched on or held.
 ACCENT = {True: (0.88, 0.64, 0.30, 1.0), False: (0.70, 0.43, 0.08, 1.0)}
 
@@ -64,7 +65,7 @@ def set_scale(imgui: Any, implot: Any, scale: float, before: float = 1.0) -> Non
 def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
     """Colours, dark or light."""
     (imgui.style_colors_dark if dark else imgui.style_colors_light)()
-    window, frame, hovered, active, line, dim, text = _DARK if dark else _LIGHT
+    window, frame, hovered, active, line, grab, dim, text = _DARK if dark else _LIGHT
     style, plot = imgui.get_style(), implot.get_style()
 
     def grey(value: float, alpha: float = 1.0) -> tuple[float, float, float, float]:
@@ -79,7 +80,8 @@ def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
         "scrollbar_grab_active",
         line: "separator border table_border_light table_border_strong separator_hovered "
         "separator_active resize_grip",
-        dim: "text_disabled slider_grab",
+        grab: "slider_grab",
+        dim: "text_disabled",
         text: "text",
     }
     for value, names in greys.items():

@@ -75,6 +75,18 @@ EVENTS: dict[str, Reducer] = {
     "divide": _divide,
 }
 
+
+def _error_map(state: ViewState) -> ViewState:
+    return replace(state, error_map=not state.error_map)
+
+
+def _mark(state: ViewState) -> ViewState:
+    """Hatch what the display cannot show, or no longer."""
+    seen = state.seen
+    display = replace(seen.viewing.display, mark=not seen.viewing.display.mark)
+    return replace(state, seen=replace(seen, viewing=replace(seen.viewing, display=display)))
+
+
 ACTIONS = (
     Action("next-light", "Light", "Next light alone", ("space",), _next_light),
     Action(
@@ -84,5 +96,10 @@ ACTIONS = (
         ("b",),
         _compare,
         lambda state: state.other is not None,
+    ),
+    Action("error-map", "View", "Error map", ("e",), _error_map, lambda s: s.error_map),
+    Action(
+        *("mark", "View", "Mark what the display cannot show", ("m",), _mark),
+        lambda s: s.seen.viewing.display.mark,
     ),
 )

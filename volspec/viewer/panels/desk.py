@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,7 +13,9 @@ from volspec.errors import VolspecError
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import white_XYZ
+from volspec.viewer.heat import Heat
 from volspec.viewer.lighting import KELVIN
+from volspec.viewer.reading import Reading
 
 Colour = tuple[float, float, float]
 # Rows are few; a temperature that is dragged makes many.
@@ -33,6 +34,8 @@ class Desk:
         Where things were drawn, for the trace.
     asked : list of str
         Actions that are the app's to do.
+    shown_at : (left, top, right, bottom)
+        Where the picture was drawn last.
     """
 
     scale: float = 1.0
@@ -47,7 +50,9 @@ class Desk:
     fps: float = 0.0
     ms: dict[str, float] = field(default_factory=dict)
     whole: bool = False
-    under_mouse: Mapping[str, str] | None = None
+    under_mouse: Reading | None = None
+    heat: Heat | None = None
+    shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     _swatches: dict[tuple[LightRig, RelightSpec], tuple[Colour, Colour]] = field(
         default_factory=dict
     )

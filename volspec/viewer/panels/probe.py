@@ -1,18 +1,13 @@
-"""What is drawn under the mouse: code, XYZ, lightness, chroma and hue, and where it lies."""
+"""What is under the mouse: value, place, colour, and its spectrum beside the light's."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-
 import numpy as np
-from imgui_bundle import imgui
+from imgui_bundle import imgui, implot
 
-from volspec.appearance.models import MODELS
-from volspec.errors import VolspecError
-from volspec.raycast import Camera, CoefficientImage
-from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.viewer.panels.desk import Desk
+from volspec.viewer.panels.spectrum import band_colours
+from volspec.viewer.reading import Reading
 from volspec.viewer.state import ViewState
 
 _FLAGS = (
@@ -23,81 +18,56 @@ _FLAGS = (
     | imgui.WindowFlags_.no_focus_on_appearing
     | imgui.WindowFlags_.no_nav
 )
+_PLOT = implot.Flags_.canvas_only | implot.Flags_.no_inputs
+_SIZE = (196.0, 74.0)
+_HEADROOM = 1.06
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
     """Draw it over the picture's lower left corner."""
-    if not desk.under_mouse:
+    reading = desk.under_mouse
+    if reading is None or not state.interface.probe:
         return None
     x, y, _, height = desk.areas["picture"]
     corner = x + desk.px(12), y + height - desk.px(12)
     imgui.set_next_window_pos(corner, imgui.Cond_.always, (0.0, 1.0))
-    imgui.set_next_window_bg_alpha(0.78)
+    imgui.set_next_window_bg_alpha(0.82)
     imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(5))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(8), desk.px(3)))
     if imgui.begin("##probe", None, _FLAGS)[0]:
-        widest = max(imgui.calc_text_size(name).x for name in desk.under_mouse)
+        widest = max(imgui.calc_text_size(name).x for name, _ in reading.rows)
         label = widest + desk.px(14) + imgui.get_style().window_padding.x
-        for name, value in desk.under_mouse.items():
+        for name, value in reading.rows:
             imgui.text_disabled(name)
             imgui.same_line(label)
             imgui.text(value)
+        _spectra(reading, desk)
     imgui.end()
-    imgui.pop_style_var()
+    imgui.pop_style_var(2)
     return None
 
 
-def probed(
-    image: CoefficientImage,
-    camera: Camera,
-    rig: LightRig,
-    seen: RelightSpec,
-    pixel: tuple[int, int],
-) -> Mapping[str, str]:
-    """What a pixel of a picture is, in words.
-
-    Parameters
-    ----------
-    image, camera : CoefficientImage, Camera
-        The picture and where it was taken from.
-    rig, seen : LightRig, RelightSpec
-        How it is lit and looked at.
-    pixel : (x, y)
-        Row 0 is the top.
-    """
-    x, y = pixel
-    said = {}
-    try:
-        lit = Illumination.of(image.basis, rig, seen, image.groups)
-        XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
-        said["XYZ"] = "  ".join(f"{value:.1f}" for value in XYZ)
-        given = replace(lit.viewed(seen.viewing), adapting="given")
-        name = given.model if given.model in MODELS else "CIECAM02"
-        look = MODELS[name].forward(XYZ, given.conditions(lit.white_XYZ))
-        numbers = (float(look.J), float(look.C), float(look.h))
-        if np.isfinite(numbers).all():
-            said["J C h"] = f"{numbers[0]:.1f}  {numbers[1]:.1f}  {numbers[2]:.0f}°"
-    except VolspecError as error:
-        said["colour"] = str(error)
-    if (place := place_mm(image, camera, pixel)) is not None:
-        said["mm"] = "  ".join(f"{value:.1f}" for value in place)
-    return said
-
-
-def place_mm(
-    image: CoefficientImage, camera: Camera, pixel: tuple[int, int]
-) -> tuple[float, float, float] | None:
-    """Where in the world a pixel is first hit; None where nothing is."""
-    x, y = pixel
-    depths = image.depth_mm if image.first_mm is None else image.first_mm
-    depth = float(depths[y, x])
-    if not np.isfinite(depth):
-        return None
-    rays = camera.ray_field(*image.size)
-    offset = (x - rays.middle[0]) * rays.across + (y - rays.middle[1]) * rays.down
-    if rays.perspective:
-        start, direction = np.asarray(camera.position_mm), rays.forward * rays.distance + offset
-        direction = direction / np.linalg.norm(direction)
-    else:
-        start, direction = np.asarray(camera.position_mm) + offset, rays.forward
-    px, py, pz = (float(value) for value in start + depth * direction)
-    return px, py, pz
+def _spectra(reading: Reading, desk: Desk) -> None:
+    """The light as a line, what comes back filled with its colours."""
+    width, height = _SIZE
+    if not implot.begin_plot("##reflected", (desk.px(width), desk.px(height)), _PLOT):
+        return
+    bare = implot.AxisFlags_.no_decorations
+    implot.setup_axes("", "", bare, bare)
+    at = reading.grid.wavelengths_nm
+    half = float(at[1] - at[0]) / 2
+    implot.setup_axes_limits(at[0] - half, at[-1] + half, 0.0, _HEADROOM, imgui.Cond_.always)
+    implot.setup_finish()
+    draw_list = implot.get_plot_draw_list()
+    implot.push_plot_clip_rect()
+    colours = band_colours(reading.grid)
+    for middle, level, colour in zip(at, reading.reflected, colours, strict=True):
+        left = implot.plot_to_pixels(float(middle) - half, float(min(level, _HEADROOM)))
+        right = implot.plot_to_pixels(float(middle) + half, 0.0)
+        ends = (round(left.x), left.y), (round(right.x), right.y)
+        draw_list.add_rect_filled(*ends, colour)
+    implot.pop_plot_clip_rect()
+    text = imgui.get_style_color_vec4(imgui.Col_.text)
+    line = implot.Spec(line_color=text, line_weight=desk.px(1.2))
+    implot.plot_line("light", np.ascontiguousarray(at), reading.light, spec=line)
+    implot.end_plot()
