@@ -3,7 +3,8 @@
 #   make test    every check; what CI runs
 #   make bench   against peers, and what was asked of each figure
 #   make gallery docs/gallery/raycast.md, cast anew
-#   make trust   the slow figures: every basis against full spectra, the time of fits
+#   make trust   the slow figures: every basis against full spectra, the time of
+#                fits, ten minutes in the viewer
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -39,15 +40,16 @@ lint: $(VENV)/.installed-test
 test: lint
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
-bench: $(VENV)/.installed
+bench: $(VENV)/.installed-test
 	$(BIN)/python -m benchmarks
 
 gallery: $(VENV)/.installed
 	$(BIN)/python -m tools.gallery
 
-trust: $(VENV)/.installed
+trust: $(VENV)/.installed-test
 	$(BIN)/python -m benchmarks.basis_table
 	$(BIN)/python -m benchmarks.basis_fit
+	$(BIN)/python -m benchmarks.session 600
 
 clean:
 	rm -rf $(VENV) build dist volspec-demo .pytest_cache .mypy_cache .ruff_cache

@@ -19,7 +19,9 @@ from benchmarks import (
     models,
     palette,
     picture,
+    session,
     shadows,
+    viewer,
 )
 from benchmarks.measure import commit, report, save
 from benchmarks.page import PAGE, replaced
@@ -28,7 +30,7 @@ from volspec._gpu.opencl import Compute
 # Where VTK draws through GL, the windows that it opens end other contexts: those come last.
 MODULES = (
     *(memory, channels, edit, shadows, palette, limits, models, picture),
-    *(cast, gl_mapper, light),
+    *(cast, gl_mapper, light, viewer, session),
 )
 
 
