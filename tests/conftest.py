@@ -18,6 +18,15 @@ from volspec.volume import Volume, load_volume
 ROOT = Path(__file__).resolve().parent.parent
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _empty_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """What the user's cache holds is neither relied upon nor changed."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("volspec._cache.cache_folder", lambda: folder)
+        yield
+
+
 @pytest.fixture(scope="session")
 def engine() -> Volume:
     """The bundled engine CT, 256 x 256 x 110."""

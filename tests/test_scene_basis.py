@@ -51,7 +51,7 @@ def scene(
 
 
 @pytest.fixture
-def fits(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+def fits(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[dict[str, Any]]:
     """What every fit was asked for; a shipped basis is given instead."""
     asked: list[dict[str, Any]] = []
 
@@ -61,6 +61,8 @@ def fits(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
         return SpectralBasis.load("general-7")
 
     monkeypatch.setattr(SpectralBasis, "fit", fit)
+    # What was fitted before is read, and what is given here must not be read later.
+    monkeypatch.setattr("volspec._cache.cache_folder", lambda: tmp_path / "cache")
     return asked
 
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import map_coordinates
 
 from volspec.appearance import constants as k
 from volspec.appearance.passages import ClosedPassage, Passage, signed_power, triples
@@ -145,6 +144,8 @@ class TablePassage:
 
     def apply(self, XYZ: ArrayLike) -> Array:
         """(..., 3) scene XYZ to display XYZ."""
+        from scipy.ndimage import map_coordinates
+
         scene = triples("appearance table: XYZ", XYZ)
         adapted = scene @ self.space.adapted_from_XYZ.T
         if self.behind is None:

@@ -18,6 +18,7 @@ import numpy as np
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.display import visible_white
+from volspec.basis.kept import fitted
 from volspec.basis.storage import shipped_names
 from volspec.scene.tables import BasisTable
 from volspec.scene.transfer import TransferTable
@@ -132,7 +133,7 @@ def train_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> Spectral
     own = np.maximum(np.asarray(spectra.weights, dtype=np.float64), 0.0)
     own = np.maximum(own / max(own.max(), 1e-12), _LEAST_USE)
     shares = np.full(len(library), _LIBRARY_SHARE / len(library))
-    return SpectralBasis.fit(
+    return fitted(
         [*spectra.lights, *library],
         list(spectra.reflectances.values()),
         size=table.size,

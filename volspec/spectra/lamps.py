@@ -19,6 +19,7 @@ from types import MappingProxyType
 import numpy as np
 
 from volspec.errors import SpectrumError, nearest
+from volspec.spectra.datasets import observers
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.observer import color_matching_functions
 from volspec.spectra.photometry import LUMINOUS_EFFICACY, illuminance_lux
@@ -204,10 +205,8 @@ def monochromatic_lm(power_W: float, wavelength_nm: float) -> float:
 
 def luminosity(wavelength_nm: float) -> float:
     """V(λ) of CIE 1931, linear between whole nanometres; 0 outside of 360-830 nm."""
-    from volspec.spectra._colour import colour_science
-
-    table = colour_science().MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    return float(np.interp(wavelength_nm, table.wavelengths, table.values[:, 1], left=0, right=0))
+    nm, xyz = observers()["CIE 1931 2 Degree Standard Observer"]
+    return float(np.interp(wavelength_nm, nm, xyz[:, 1], left=0, right=0))
 
 
 def irradiance(light: Spectrum, illuminance: float, grid: SpectralGrid | None = None) -> Spectrum:

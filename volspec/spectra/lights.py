@@ -1,6 +1,6 @@
 """Named lights, Planck radiators, daylights, files, and mixes of them.
 
-    grid, spectrum, photometry, files -> [lights] -> library
+    grid, spectrum, photometry, datasets, files -> [lights] -> library
 
 Every light is scaled so that its luminous energy equals that of the flat light of ones
 (the V-weighted mean of its values is 1). A weight in a mix is therefore the component's
@@ -10,7 +10,7 @@ share of the illuminance.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache, reduce
 from operator import add
@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, nearest
-from volspec.spectra._colour import colour_science
 from volspec.spectra._paths import path_text
+from volspec.spectra.datasets import Table, daylight_components, illuminants, light_sources
 from volspec.spectra.files import (
     FILE_FORMS,
     given_in_palette,
@@ -38,8 +38,8 @@ from volspec.spectra.spectrum import Spectrum
 from volspec.spectra.tables import read_number
 from volspec.spectra.values import light_power
 
-# Second radiation constant h c / k in nm K (CODATA 2018; 000 eq. 7 has a misprint).
-_C2_NM_K = 1.438776877e7
+C2_NM_K = 1.438776877e7
+"""Second radiation constant h c / k (CODATA 2018; 000 eq. 7 has a misprint)."""
 
 # Thermal and xenon lamps are smooth; without them and the two "Natural" tubes the class
 # has the 89 lights of METHOD section 2.
@@ -162,11 +162,10 @@ def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
     if name == "smooth":
         names = [*_SMOOTH, *(f"planck:{kelvin}" for kelvin in range(2000, 10001, 500))]
     elif name == "spiky":
-        illuminants = set(colour_science().SDS_ILLUMINANTS)
         names = [
             n
             for n in light_names()
-            if n.startswith(("FL", "HP", "LED")) or (n not in illuminants and n not in _NOT_SPIKY)
+            if n.startswith(("FL", "HP", "LED")) or (n not in illuminants() and n not in _NOT_SPIKY)
         ]
     else:
         raise SpectrumError(
@@ -326,25 +325,34 @@ def _normalised(
 def _planck(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
     w = np.arange(grid.start_nm - grid.step_nm, grid.stop_nm + grid.step_nm + 0.5, 0.5)
     # Relative to 560 nm: at 500 K the plain formula underflows in the blue.
-    exponent = _C2_NM_K / (kelvin * w) - _C2_NM_K / (kelvin * 560.0)
-    floor = np.exp(-_C2_NM_K / (kelvin * 560.0))
+    exponent = C2_NM_K / (kelvin * w) - C2_NM_K / (kelvin * 560.0)
+    floor = np.exp(-C2_NM_K / (kelvin * 560.0))
     return grid.band_means(w, (560.0 / w) ** 5 / (np.exp(np.minimum(exponent, 600.0)) - floor))
 
 
 def _daylight(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
-    colour = colour_science()
-    xy = colour.temperature.CCT_to_xy_CIE_D(kelvin)
-    table = colour.sd_CIE_illuminant_D_series(xy)
-    return extended_band_means(table.wavelengths, table.values, grid)
+    x, y = _daylight_locus(kelvin)
+    M = 0.0241 + 0.2562 * x - 0.7341 * y
+    M1 = round((-1.3515 - 1.7703 * x + 5.9114 * y) / M, 3)
+    M2 = round((0.0300 - 31.4424 * x + 30.0717 * y) / M, 3)
+    (nm, S0), (_, S1), (_, S2) = (daylight_components()[name] for name in ("S0", "S1", "S2"))
+    return extended_band_means(nm, S0 + M1 * S1 + M2 * S2, grid)
+
+
+def _daylight_locus(kelvin: float) -> tuple[float, float]:
+    """x, y of a phase of daylight (CIE 15:2018, eq. 4.9-4.11)."""
+    if kelvin <= 7000:
+        x = -4.607e9 / kelvin**3 + 2.9678e6 / kelvin**2 + 0.09911e3 / kelvin + 0.244063
+    else:
+        x = -2.0064e9 / kelvin**3 + 1.9018e6 / kelvin**2 + 0.24748e3 / kelvin + 0.23704
+    return x, -3.000 * x * x + 2.870 * x - 0.275
 
 
 @cache
-def _tables() -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    colour = colour_science()
-    tables: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
-    for group in (colour.SDS_ILLUMINANTS, colour.SDS_LIGHT_SOURCES):
-        for name in group:
-            tables.setdefault(name, (group[name].wavelengths, group[name].values))
+def _tables() -> Mapping[str, Table]:
+    tables = dict(illuminants())
+    for name, table in light_sources().items():
+        tables.setdefault(name, table)
     return tables
 
 

@@ -1,6 +1,6 @@
 """The standard eye: colour-matching functions.
 
-    grid -> [observer] -> values, photometry, basis
+    grid, datasets -> [observer] -> values, photometry, basis
 
 CIE 1931 2 degrees and CIE 1964 10 degrees (CIE 15:2018, tables T.4 and T.5).
 """
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError
-from volspec.spectra._colour import colour_science
+from volspec.spectra.datasets import observers
 from volspec.spectra.grid import SpectralGrid
 
 _OBSERVERS = {
@@ -44,9 +44,8 @@ def color_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDArr
         If the grid leaves 360-830 nm or the observer is another.
     """
     check_observer(observer_deg)
-    cmfs = colour_science().MSDS_CMFS[_OBSERVERS[observer_deg]]
     try:
-        Q = grid.band_means(cmfs.wavelengths, cmfs.values).T
+        Q = grid.band_means(*observers()[_OBSERVERS[observer_deg]]).T
     except SpectrumError:
         raise SpectrumError(
             f"grid {grid}: the eye's colour-matching functions span 360-830 nm; stay within"

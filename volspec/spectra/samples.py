@@ -1,6 +1,6 @@
 """Measured reflectances that come with the package or with colour-science, by name and by set.
 
-    tables, colour-science -> [samples] -> reflectances
+    tables, datasets -> [samples] -> reflectances
 
 Two sets were never looked at while bases were made: ``natural`` and ``patches``.
 """
@@ -9,16 +9,11 @@ from __future__ import annotations
 
 from functools import cache
 
-import numpy as np
-from numpy.typing import NDArray
-
 from volspec._gpu.sources import asset
 from volspec.errors import SpectrumError, nearest
-from volspec.spectra._colour import colour_science
+from volspec.spectra.datasets import Table, reflectances
 from volspec.spectra.tables import read_table
 
-Table = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Wavelengths (nm) and values."""
 _SETS = {
     "training": ("CES/", "TCS/", "TCS 1995/"),
     "test": ("ColorChecker/", "PMC/", "VS/", "VS 7.4/"),
@@ -57,43 +52,16 @@ def reflectance_set_names(name: str) -> tuple[str, ...]:
 @cache
 def sample_tables() -> dict[str, Table]:
     """Every named measured reflectance."""
-    colour = colour_science()
-    samples = colour.quality.datasets
-    tables: dict[str, Table] = {}
-    for space, group in (
-        ("ColorChecker", colour.SDS_COLOURCHECKERS["BabelColor Average"]),
-        ("ColorChecker Ohta", colour.SDS_COLOURCHECKERS["ColorChecker N Ohta"]),
-        ("ISO 17321-1", colour.SDS_COLOURCHECKERS["ISO 17321-1"]),
-        ("PMC", colour.SDS_COLOURCHECKERS["PMC"]),
-        ("TCS", samples.SDS_TCS["CIE 2024"]),
-        ("TCS 1995", samples.SDS_TCS["CIE 1995"]),
-        ("VS", samples.SDS_VS["NIST CQS 9.0"]),
-        ("VS 7.4", samples.SDS_VS["NIST CQS 7.4"]),
-    ):
-        for key in group:
-            # TCS01 and VS1 become TCS/1 and VS/1; charts keep their patches' names.
-            short = key.removeprefix(space.split()[0]).lstrip("0") or key
-            tables[f"{space}/{short}"] = (group[key].wavelengths, group[key].values)
-    for number, values in enumerate(_colour_evaluation_samples(), start=1):
-        tables[f"CES/{number}"] = values
-    for number, values in enumerate(_camera_training_patches(), start=1):
-        if number not in _ACES_DROPPED:
-            tables[f"ACES/{number}"] = values
+    tables = dict(reflectances())
+    for number in _ACES_DROPPED:
+        del tables[f"ACES/{number}"]
+    for name, (nm, values) in tables.items():
+        if name.startswith("ACES/"):
+            # Some are 0 below 400 nm, where nothing was measured.
+            seen = (nm >= 400) & (nm <= 700)
+            tables[name] = (nm[seen], values[seen])
     for prefix, file in (("", "metals"), ("Vrhel/", "vrhel")):
         table = read_table(asset(f"data/spectra/{file}.csv"))
         for name, column in zip(table.names, table.columns.T, strict=True):
             tables[prefix + name] = (table.wavelengths_nm, column)
     return tables
-
-
-def _colour_evaluation_samples() -> list[Table]:
-    colour = colour_science()
-    samples = colour.quality.cfi2017.load_TCS_CIE2017(colour.SpectralShape(380, 780, 5))
-    return [(samples.wavelengths, column) for column in samples.values.T]
-
-
-def _camera_training_patches() -> list[Table]:
-    patches = colour_science().characterisation.read_training_data_rawtoaces_v1()
-    # Some are 0 below 400 nm, where nothing was measured.
-    seen = (patches.wavelengths >= 400) & (patches.wavelengths <= 700)
-    return [(patches.wavelengths[seen], column) for column in patches.values[seen].T]

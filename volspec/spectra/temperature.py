@@ -1,25 +1,29 @@
 """The temperature that a light's colour is named by: correlated, with the distance from Planck's.
 
-    photometry -> [temperature] -> volspec light
+    datasets, lights -> [temperature] -> volspec light
 
 References
 ----------
-[1] Ohno (2013), "Practical Use and Calculation of CCT and Duv", LEUKOS 10(1), 47-55.
+[1] Ohno (2013), "Practical Use and Calculation of CCT and Duv", LEUKOS 10(1), 47-55: a table of
+    the locus, and a parabola through the distances from it.
 [2] CIE 15:2004, section 9.5: no correlated temperature further than 0.05 from the locus.
 """
 
 from __future__ import annotations
 
-import warnings
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from volspec.spectra._colour import colour_science
+from volspec.spectra.datasets import observers
+from volspec.spectra.lights import C2_NM_K
 
-# Where the tables of [1] go to, K, and how far from Planck's locus a temperature has a meaning.
+# Where the table goes to, K, and how far from Planck's locus a temperature has a meaning.
 _KELVIN, _FURTHEST = (1_000.0, 100_000.0), 0.05
+# From row to row.
+_RATIO = 1.002
 
 
 class Temperature(NamedTuple):
@@ -50,12 +54,40 @@ def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
     >>> round(kelvin), round(Duv, 4)
     (6503, 0.0032)
     """
-    X, Y, Z = np.asarray(white_XYZ, dtype=np.float64)
-    total = X + 15.0 * Y + 3.0 * Z
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # beyond its tables, as is refused below
-        found = colour_science().temperature.uv_to_CCT_Ohno2013([4 * X / total, 6 * Y / total])
-    kelvin, Duv = (float(value) for value in found)
-    if not (_KELVIN[0] <= kelvin <= _KELVIN[1] and abs(Duv) <= _FURTHEST):
+    u, v = _uv(np.asarray(white_XYZ, dtype=np.float64))
+    kelvin, locus = _planckian()
+    squares = ((locus - [u, v]) ** 2).sum(axis=1)
+    nearest = int(squares.argmin())
+    if not 0 < nearest < len(kelvin) - 1:
         return None
-    return Temperature(kelvin, Duv)
+    # The vertex of the parabola through three squares: unlike distances, they have no kink where
+    # the light is on the locus.
+    before, here, after = squares[nearest - 1 : nearest + 2]
+    rows = 0.5 * (before - after) / (before - 2.0 * here + after)
+    found = float(kelvin[nearest] * _RATIO**rows)
+    u_0, v_0 = _uv(_planck_XYZ(np.array([found])))[0]
+    Duv = float(np.copysign(np.hypot(u - u_0, v - v_0), v - v_0))
+    if not (_KELVIN[0] <= found <= _KELVIN[1] and abs(Duv) <= _FURTHEST):
+        return None
+    return Temperature(found, Duv)
+
+
+@cache
+def _planckian() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Temperatures (K,) and their u, v (K, 2), a row further than `_KELVIN` at both ends."""
+    low, high = np.log(_KELVIN) / np.log(_RATIO)
+    kelvin = _RATIO ** np.arange(low - 1.0, high + 2.0)
+    return kelvin, _uv(_planck_XYZ(kelvin))
+
+
+def _planck_XYZ(kelvin: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, 3), on no scale."""
+    nm, xyz = observers()["CIE 1931 2 Degree Standard Observer"]
+    power = (560.0 / nm) ** 5 / np.expm1(C2_NM_K / (nm * kelvin[:, None]))
+    return power @ xyz
+
+
+def _uv(XYZ: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(..., 2) CIE 1960 u, v."""
+    X, Y, Z = np.moveaxis(XYZ, -1, 0)
+    return np.stack([4.0 * X, 6.0 * Y], axis=-1) / (X + 15.0 * Y + 3.0 * Z)[..., None]

@@ -208,9 +208,25 @@ def chessboard_leaps(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
     >>> chessboard_leaps(np.array([[[True, False, False, False]]])).tolist()
     [[[0, 1, 2, 3]]]
     """
-    from scipy.ndimage import distance_transform_cdt
+    # scipy.ndimage has this too, about as quick, and takes a quarter of a second to import.
+    leaps = np.where(visible, 0, 255).astype(np.uint8)
+    reached = visible
+    for distance in range(1, 255):
+        grown = _grown(reached)
+        new = grown > reached
+        if not new.any():
+            break
+        leaps[new] = distance
+        reached = grown
+    return leaps
 
-    if not visible.any():
-        return np.full(visible.shape, 255, np.uint8)
-    distance = distance_transform_cdt(~visible, metric="chessboard")
-    return np.minimum(distance, 255).astype(np.uint8)
+
+def _grown(bricks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The bricks and all that touch them, by a face, an edge or a corner."""
+    for axis in range(bricks.ndim):
+        before = np.moveaxis(bricks, axis, 0)
+        bricks = bricks.copy()
+        after = np.moveaxis(bricks, axis, 0)
+        after[1:] |= before[:-1]
+        after[:-1] |= before[1:]
+    return bricks

@@ -1,0 +1,114 @@
+"""colour-science's tables of lights, reflectances and observers; kept on disk once they were read.
+
+    colour-science -> [datasets] -> observer, lights, samples
+
+To import colour-science takes over a second; later runs read what was read from it in the user's
+cache folder (`volspec._cache`), in milliseconds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._cache import kept
+from volspec.spectra._colour import colour_science
+
+Table = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Wavelengths (L,), nm, and values (L,) or (L, K); read-only."""
+
+
+@cache
+def observers() -> Mapping[str, Table]:
+    """Colour-matching functions x, y, z by colour-science's name: values are (L, 3)."""
+    names = ("CIE 1931 2 Degree Standard Observer", "CIE 1964 10 Degree Standard Observer")
+    return _kept("observers", lambda: _of(colour_science().MSDS_CMFS, names))
+
+
+@cache
+def illuminants() -> Mapping[str, Table]:
+    """Illuminants of the CIE and ISO."""
+    return _kept("illuminants", lambda: _of(colour_science().SDS_ILLUMINANTS))
+
+
+@cache
+def light_sources() -> Mapping[str, Table]:
+    """Measured lamps."""
+    return _kept("light-sources", lambda: _of(colour_science().SDS_LIGHT_SOURCES))
+
+
+@cache
+def daylight_components() -> Mapping[str, Table]:
+    """S0, S1 and S2, of which daylight of any temperature is a sum (CIE 15:2018, table T.2)."""
+    return _kept(
+        "daylight",
+        lambda: _of(colour_science().colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES),
+    )
+
+
+@cache
+def reflectances() -> Mapping[str, Table]:
+    """Charts and test samples as ``SET/name``; the numbers of a set begin at 1."""
+    return _kept("reflectances", _reflectances)
+
+
+def _reflectances() -> dict[str, Table]:
+    colour = colour_science()
+    samples = colour.quality.datasets
+    tables: dict[str, Table] = {}
+    for space, group in (
+        ("ColorChecker", colour.SDS_COLOURCHECKERS["BabelColor Average"]),
+        ("ColorChecker Ohta", colour.SDS_COLOURCHECKERS["ColorChecker N Ohta"]),
+        ("ISO 17321-1", colour.SDS_COLOURCHECKERS["ISO 17321-1"]),
+        ("PMC", colour.SDS_COLOURCHECKERS["PMC"]),
+        ("TCS", samples.SDS_TCS["CIE 2024"]),
+        ("TCS 1995", samples.SDS_TCS["CIE 1995"]),
+        ("VS", samples.SDS_VS["NIST CQS 9.0"]),
+        ("VS 7.4", samples.SDS_VS["NIST CQS 7.4"]),
+    ):
+        for name, table in _of(group).items():
+            # TCS01 and VS1 become TCS/1 and VS/1; charts keep their patches' names.
+            short = name.removeprefix(space.split()[0]).lstrip("0") or name
+            tables[f"{space}/{short}"] = table
+    sets = {
+        "CES": colour.quality.cfi2017.load_TCS_CIE2017(colour.SpectralShape(380, 780, 5)),
+        "ACES": colour.characterisation.read_training_data_rawtoaces_v1(),
+    }
+    for space, spectra in sets.items():
+        for number, column in enumerate(spectra.values.T, start=1):
+            tables[f"{space}/{number}"] = (spectra.wavelengths, column)
+    return tables
+
+
+def _of(group: Mapping[str, Any], names: Iterable[str] | None = None) -> dict[str, Table]:
+    """The tables of colour-science's distributions."""
+    return {name: (group[name].wavelengths, group[name].values) for name in names or group}
+
+
+def _kept(group: str, read: Callable[[], Mapping[str, Table]]) -> dict[str, Table]:
+    """Tables from the cache, or as read from colour-science."""
+    reader = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+    maker = f"colour-science {version('colour-science')}, reader {reader}"
+    return _unpacked(kept(f"spectra/{group}", maker, lambda: _packed(read())))
+
+
+def _packed(tables: Mapping[str, Table]) -> dict[str, NDArray[Any]]:
+    """Tables in few arrays, one after the other: an archive of hundreds is slow to read."""
+    return {
+        "names": np.array(list(tables)),
+        "ends": np.cumsum([len(nm) for nm, _ in tables.values()]),
+        "nm": np.concatenate([nm for nm, _ in tables.values()], dtype=np.float64),
+        "values": np.concatenate([values for _, values in tables.values()], dtype=np.float64),
+    }
+
+
+def _unpacked(packed: Mapping[str, NDArray[Any]]) -> dict[str, Table]:
+    nm, values = (np.split(packed[key], packed["ends"][:-1]) for key in ("nm", "values"))
+    return dict(zip(packed["names"].tolist(), zip(nm, values, strict=True), strict=True))
