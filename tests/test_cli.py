@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
 import subprocess
 import sys
-import time
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.test_cli_render import TELLING_BANDS
 from volspec import cli
 from volspec._gpu import devices
 from volspec.basis import SpectralBasis
@@ -145,11 +146,13 @@ def test_a_light_the_basis_does_not_know_is_warned_about(
 
 
 def test_an_interrupted_demo_says_so_and_leaves_nothing(tmp_path: Path) -> None:
-    words = [sys.executable, "-c", "from volspec.cli import main; main()", "demo", "--out", "out"]
-    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-    time.sleep(1.5)
+    words = [sys.executable, "-c", TELLING_BANDS, "demo", "--out", "out"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen(words, cwd=tmp_path, text=True, **pipes)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "band\n"
     process.send_signal(signal.SIGINT)
-    said = process.communicate(timeout=30)[1]
+    said = process.communicate(timeout=60)[1]
     assert process.returncode == 130 and "nothing half-written" in said
     assert not (tmp_path / "out" / "sheet.png").exists()
 
@@ -226,24 +229,28 @@ def test_bad_input_gives_one_line_and_its_exit_code(
 @pytest.mark.parametrize(
     ("words", "exotic"),
     [
-        (("info", "data/engine.nrrd"), "█"),
-        (("basis", "general-7"), "Δ"),
+        (("info", str(ROOT / "data" / "engine.nrrd")), "█"),
+        (("reflectance", "#b05020"), "Δ"),
         (("relight", "--help"), "─"),
     ],
 )
 def test_what_an_encoding_lacks_is_a_question_mark(
-    words: tuple[str, ...], exotic: str, encoding: str
+    words: tuple[str, ...], exotic: str, encoding: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", "from volspec.cli import main; main()", *words],
-        capture_output=True,
-        check=False,
-        cwd=ROOT,
-        env=os.environ | {"PYTHONIOENCODING": encoding},
-    )
-    assert done.returncode == 0 and b"Traceback" not in done.stderr, done.stderr
-    said = done.stdout.decode(encoding)
+    printed = io.BytesIO()
+    with io.TextIOWrapper(printed, encoding, "strict") as stdout:
+        monkeypatch.setattr(sys, "stdout", stdout)
+        assert call(*words) == 0
+        stdout.flush()
+        said = printed.getvalue().decode(encoding)
+        monkeypatch.undo()
     assert (exotic in said) == (encoding == "utf-8")
+
+
+def test_a_process_prints_what_its_terminal_s_encoding_has() -> None:
+    done = run("basis", "general-7", env=os.environ | {"PYTHONIOENCODING": "ascii"})
+    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
+    assert "general-7" in done.stdout and "?" in done.stdout
 
 
 def test_bad_input_shows_no_traceback_unless_asked(tmp_path: Path) -> None:

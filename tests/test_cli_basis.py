@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -66,10 +68,17 @@ def scene(tmp_path: Path) -> str:
     return str(tmp_path / "metals.toml")
 
 
-def test_without_a_subject_the_general_basis_is_measured(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    data = report(capsys)
+@pytest.fixture(scope="module")
+def general() -> dict:
+    """What the command reports without a subject."""
+    with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as complaints:
+        assert call("--json") == 0
+    assert complaints.getvalue() == ""
+    return json.loads(out.getvalue())
+
+
+def test_without_a_subject_the_general_basis_is_measured(general: dict) -> None:
+    data = general
     assert (data["name"], data["method"], data["size"]) == ("general-7", "virtual-sensors", 7)
     assert data["fingerprint"] == load_basis("general-7").fingerprint
     smooth, spiky = data["classes"]["smooth"], data["classes"]["spiky"]
@@ -135,6 +144,7 @@ def test_a_basis_is_fitted_to_the_training_set_and_written(
     assert again["worst"]["delta_e"] == pytest.approx(data["worst"]["delta_e"])
 
 
+@pytest.mark.usefixtures("few_lights")
 def test_the_observer_of_ten_degrees_is_another_eye(capsys: pytest.CaptureFixture[str]) -> None:
     words = ("--method", "pca", "--size", "5")
     two, ten = (report(capsys, *words, "--observer", n) for n in ("2", "10"))
@@ -144,7 +154,7 @@ def test_the_observer_of_ten_degrees_is_another_eye(capsys: pytest.CaptureFixtur
 
 @pytest.fixture
 def few_lights(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reports under one light: these tests ask what was fitted, not how well."""
+    """Reports under one light of each class: these tests do not ask for figures under all."""
     monkeypatch.setattr(table, "light_set", lambda name, grid: light_set(name, grid)[:1])
 
 
@@ -202,6 +212,7 @@ def test_a_basis_is_fitted_under_the_lights_that_are_asked_for(
     assert (f"weighted {SPIKY_SHARE:g}" in said) == weighed
 
 
+@pytest.mark.usefixtures("few_lights")
 @pytest.mark.parametrize("kind", ["general", "materials"])
 def test_a_coefficient_image_is_measured_by_its_basis(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -286,6 +297,7 @@ def test_names_are_shown_as_they_are_spelt(
     assert "Glyph" not in said.err and figure.exists()
 
 
+@pytest.mark.usefixtures("few_lights")
 def test_the_worst_pair_is_of_the_way_a_method_is_made_for(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -323,9 +335,7 @@ def test_an_unwritable_figure_is_refused_before_the_fit(
     assert "cannot write there" in capsys.readouterr().err
 
 
-def test_the_report_s_worst_colours_differ_where_the_error_is_large(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    worst = report(capsys, "general-7")["worst"]
+def test_the_report_s_worst_colours_differ_where_the_error_is_large(general: dict) -> None:
+    worst = general["worst"]
     assert worst["sRGB"] != worst["sRGB_shown"]
     assert np.abs(np.subtract(worst["XYZ"], worst["XYZ_shown"])).max() > 1

@@ -114,20 +114,23 @@ def refusal(capsys: pytest.CaptureFixture[str]) -> str:
     return line
 
 
+# The command, which says on stdout that a band of the picture is there.
+TELLING_BANDS = (
+    "import sys; from volspec.raycast.bands import Bands; fetch = Bands._fetch\n"
+    "def told(*a): fetch(*a); sys.stdout.write('band\\n'); sys.stdout.flush()\n"
+    "Bands._fetch = told; from volspec.cli import main; main()"
+)
+
+
 def test_an_interrupted_cast_leaves_the_image_that_was_there(tmp_path: Path) -> None:
     """A picture of half a minute or so, interrupted once its first band is there."""
     text = (ROOT / "data/scenes/engine-groups.toml").read_text()
     (tmp_path / "s.toml").write_text(text.replace('"../', f'"{ROOT}/data/'))
     out = tmp_path / "i.exr"
     out.write_bytes(b"mine")
-    code = (
-        "import sys; from volspec.raycast.bands import Bands; fetch = Bands._fetch\n"
-        "def told(*a): fetch(*a); sys.stdout.write('band\\n'); sys.stdout.flush()\n"
-        "Bands._fetch = told; from volspec.cli import main; main()"
-    )
     words = ("render", str(tmp_path / "s.toml"), "-o", str(out), "--size", "4096x4096", "--half")
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    process = subprocess.Popen([sys.executable, "-c", code, *words], text=True, **pipes)
+    process = subprocess.Popen([sys.executable, "-c", TELLING_BANDS, *words], text=True, **pipes)
     watchdog = threading.Timer(120, process.kill)
     watchdog.start()
     assert process.stdout is not None

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,7 @@ LAYERS = (
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT or path.stem in LAYERS)
 
 
+@cache
 def imports(path: Path) -> list[tuple[str, bool]]:
     """(module, whether at module level) of every import in a file."""
     tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -17,7 +17,7 @@ from volspec.raycast.gpu import Raycaster
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 
-BASIS = vs.SpectralBasis.load("general-5")
+BASIS = vs.SpectralBasis.load("general-7")
 COPPER = {"copper": vs.reflectance("copper")}
 TRANSFER = vs.TransferFunction([(60, 0.0, "copper"), (200, 0.3, "copper")], COPPER, BASIS)
 
@@ -122,7 +122,7 @@ def test_groups_come_with_their_shares(engine: Volume) -> None:
     spec = vs.RaycastSpec(ambient=0.25, diffuse=0.75, groups=(sky, key))
     image = vs.raycast(engine, TRANSFER, vs.Camera.orbit(engine), (48, 48), spec)
     assert image.groups == {"sky": 0.25, "key": 0.75}
-    assert image.coefficients.shape == (48, 48, 10)
+    assert image.coefficients.shape == (48, 48, 14)
     with vs.Relighter(image) as relighter:
         rig = vs.LightRig((vs.light("A"), vs.light("D65")), groups=("key", "sky"))
         mixed, plain = relighter.frame(rig), relighter.frame(vs.light("D65"))

@@ -16,7 +16,7 @@ FLAT = RaycastSpec(ambient=1, diffuse=0, alpha_stop=1)
 
 def homogeneous(opacity: float, reference_step_mm: float = 1.0) -> TransferTable:
     return TransferTable(
-        (0.0, 2.0), np.full(1024, opacity), np.full((1024, 3), 0.5), reference_step_mm
+        (0.0, 2.0), np.full(1024, opacity), np.full((1024, 1), 0.5), reference_step_mm
     )
 
 

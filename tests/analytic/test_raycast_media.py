@@ -80,7 +80,7 @@ def test_a_cut_oblique_body_matches_beer_lambert_in_opacity_and_depth() -> None:
     )
     crop = ((3.25, 22.0), (-3.0, 17.5), (2.0, 18.75))
     spec = replace(FLAT, jitter=1, seed=5, crop_voxels=crop, clip_planes=planes)
-    table = TransferTable((0.0, 2.0), np.full(8, 0.2), np.full((8, 2), 0.5), 1.7)
+    table = TransferTable((0.0, 2.0), np.full(8, 0.2), np.full((8, 1), 0.5), 1.7)
     camera = Camera.orbit(volume, azimuth_deg=33, elevation_deg=12)
     coefficients, alpha, depth, _ = Raycaster(volume).cast(table, camera, (40, 40), spec)
 
@@ -92,7 +92,7 @@ def test_a_cut_oblique_body_matches_beer_lambert_in_opacity_and_depth() -> None:
     expected = 1 - np.exp(-sigma * length)
     assert expected.max() > 0.9
     assert np.abs(alpha.ravel() - expected).max() < 1e-5
-    assert np.abs(coefficients.reshape(-1, 2) - 0.5 * expected[:, None]).max() < 1e-5
+    assert np.abs(coefficients.reshape(-1, 1) - 0.5 * expected[:, None]).max() < 1e-5
     seen = expected > 0.02
     passed = np.exp(-sigma * length[seen])
     centroid = near[seen] + 1 / sigma - length[seen] * passed / (1 - passed)
@@ -273,14 +273,14 @@ def test_the_colour_of_labels_changes_half_way_and_is_never_mixed() -> None:
     values = np.full((9, 9, 16), 1, np.uint8)
     values[..., 8:] = 3
     opacity = np.array([0, 0.2, 1, 0.2])
-    table = TransferTable((0.0, 3.0), opacity, np.eye(4), 1.0, labels=True)
+    table = TransferTable((0.0, 3.0), opacity, np.eye(4)[:, 1:], 1.0, labels=True)
     camera = Camera((7.5, 4, 40), (7.5, 4, 4), up=(0, 1, 0), height_mm=4)
     coefficients, alpha, *_ = Raycaster(Volume(values)).cast(table, camera, (12, 12), FLAT)
     # The pixels' middles, at ±1/6, ±1/2 … of the border: none on it.
     expected = 1 - 0.8**8
     assert np.abs(alpha - expected).max() < 1e-5
-    assert np.abs(coefficients[:, :6] - expected * np.eye(4)[1]).max() < 1e-5
-    assert np.abs(coefficients[:, 6:] - expected * np.eye(4)[3]).max() < 1e-5
+    assert np.abs(coefficients[:, :6] - expected * np.eye(3)[0]).max() < 1e-5
+    assert np.abs(coefficients[:, 6:] - expected * np.eye(3)[2]).max() < 1e-5
 
 
 def test_the_border_of_a_label_is_as_smooth_as_its_opacity() -> None:

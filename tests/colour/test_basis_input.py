@@ -47,18 +47,24 @@ def test_lights_and_negative_spectra_are_no_reflectances() -> None:
 
 
 @pytest.mark.parametrize(
-    ("lights", "reflectances", "size"),
-    [(LIGHTS, [GOLD, COPPER], 20), (LIGHTS, [GOLD, COPPER], 12), (LIGHTS[:1], [GOLD], 9)],
+    ("lights", "reflectances", "size", "restarts"),
+    # Every start of 20 sensors takes seconds: the first alone is refused too.
+    [
+        (LIGHTS, [GOLD, COPPER], 20, 0),
+        (LIGHTS, [GOLD, COPPER], 12, None),
+        (LIGHTS[:1], [GOLD], 9, None),
+    ],
 )
 def test_more_sensors_than_the_spectra_determine_are_refused(
-    lights: Any, reflectances: Any, size: int
+    lights: Any, reflectances: Any, size: int, restarts: int | None
 ) -> None:
     with pytest.raises(
         BasisError, match=rf"size {size}: .* do not determine .* use a size of"
     ) as e:
-        SpectralBasis.fit(lights, reflectances, size=size)
+        SpectralBasis.fit(lights, reflectances, size=size, restarts=restarts)
     works = int(str(e.value).split("use a size of ")[1].split()[0])
-    assert SpectralBasis.fit(lights, reflectances, size=works).size == works
+    basis = SpectralBasis.fit(lights, reflectances, size=works, restarts=restarts)
+    assert basis.size == works
 
 
 @pytest.mark.parametrize(

@@ -21,30 +21,37 @@ from volspec.raycast import (
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, phantom
 
+FLAT = RaycastSpec(ambient=1, diffuse=0)
 SKY = LightGroup("sky", (Ambient(),))
 KEY = LightGroup("key", (Directional((1, 2, 1), frame="camera"), Headlight(0.2)))
 LAMP = LightGroup("lamp", (Point((140, 10, 200), falloff_mm=150), Point((-30, 20, 10), "camera")))
 
 
+@pytest.fixture(scope="session")
+def tables(engine_table: TransferTable, three_channels: TransferTable) -> dict[int, TransferTable]:
+    """By lanes: one ray with shares in vectors of eight, several with shares in vectors of four."""
+    return {1: engine_table, 4: three_channels, 8: three_channels}
+
+
 @pytest.mark.parametrize("lanes", [1, 4, 8])
 @pytest.mark.parametrize("specular", [0.0, 0.4])
 def test_light_groups_match_reference(
-    engine: Volume, engine_table: TransferTable, lanes: int, specular: float
+    engine: Volume, tables: dict[int, TransferTable], lanes: int, specular: float
 ) -> None:
     spec = RaycastSpec(groups=(SKY, KEY, LAMP), specular=specular)
-    ours = assert_alike(engine, engine_table, Camera.orbit(engine), spec, lanes=lanes)
-    assert ours.coefficients.shape[2] == 3 * engine_table.size
+    ours = assert_alike(engine, tables[lanes], Camera.orbit(engine), spec, lanes=lanes)
+    assert ours.coefficients.shape[2] == 3 * tables[lanes].size
 
 
 def test_groups_together_are_one_group_of_all_sources(
-    engine: Volume, engine_table: TransferTable
+    engine: Volume, three_channels: TransferTable
 ) -> None:
     from volspec.raycast.gpu import Raycaster
 
     caster, camera = Raycaster(engine), Camera.orbit(engine)
     apart = RaycastSpec(groups=(SKY, KEY, LAMP), specular=0.4)
     one = replace(apart, groups=(LightGroup("all", SKY.sources + KEY.sources + LAMP.sources),))
-    layers, sum_ = (caster.cast(engine_table, camera, (64, 64), s)[0] for s in (apart, one))
+    layers, sum_ = (caster.cast(three_channels, camera, (64, 64), s)[0] for s in (apart, one))
     total = layers.reshape(64, 64, 3, -1).sum(axis=2)
     assert np.abs(total - sum_).max() < 1e-5 * sum_.max()
 
@@ -130,7 +137,7 @@ def test_labels_show_no_value_between_them() -> None:
     from volspec.raycast.gpu import Raycaster
 
     bare = replace(table, opacity=opacity)
-    picture = Raycaster(volume).cast(bare, Camera.orbit(volume), (64, 64), RaycastSpec())
+    picture = Raycaster(volume).cast(bare, Camera.orbit(volume), (64, 64), FLAT)
     assert picture.coefficients[..., 0].max() == 0
     assert picture.coefficients[..., 1].max() > 0.5
 
@@ -160,15 +167,12 @@ def test_first_hit_is_where_the_opacity_passes_its_threshold() -> None:
     assert (ours.first_mm[hit] <= ours.depth_mm[hit] + 12).all()
 
 
-FLAT = RaycastSpec(ambient=1, diffuse=0)
-
-
 @pytest.mark.parametrize("mode", ["maximum", "average"])
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_projections_match_reference(
-    engine: Volume, engine_table: TransferTable, mode: str, lanes: int
+    engine: Volume, tables: dict[int, TransferTable], mode: str, lanes: int
 ) -> None:
-    table = replace(engine_table, domain=(0.0, 255.0))
+    table = replace(tables[lanes], domain=(0.0, 255.0))
     for spec in (replace(FLAT, mode=mode), RaycastSpec(mode=mode, groups=(SKY, KEY))):
         assert_alike(engine, table, Camera.orbit(engine), spec, lanes=lanes, plateaus=True)
 
@@ -185,7 +189,7 @@ SURFACES = SurfaceTable(
 def test_isosurfaces_match_reference(engine: Volume, lanes: int) -> None:
     """A ray that grazes a surface may meet it in one precision and not in the other."""
     spec = RaycastSpec(specular=0.3, groups=(SKY, KEY))
-    assert_alike(engine, SURFACES, Camera.orbit(engine), spec, lanes=lanes, grazing=4)
+    assert_alike(engine, SURFACES, Camera.orbit(engine), spec, lanes=lanes, grazing=2)
 
 
 def test_an_isosurface_of_a_ball_is_a_sphere() -> None:
@@ -222,12 +226,12 @@ def steep(engine_table: TransferTable) -> TransferTable:
 
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_preintegrated_steps_match_reference(
-    engine: Volume, engine_table: TransferTable, lanes: int
+    engine: Volume, tables: dict[int, TransferTable], lanes: int
 ) -> None:
     """A shell one value thick turns the positions' rounding into some 4e-4 of opacity."""
     spec, camera = RaycastSpec(preintegrated=True, groups=(SKY, KEY)), Camera.orbit(engine)
-    assert_alike(engine, engine_table, camera, spec, lanes=lanes)
-    assert_alike(engine, steep(engine_table), camera, spec, lanes=lanes, tolerance=1e-3)
+    assert_alike(engine, tables[lanes], camera, spec, lanes=lanes)
+    assert_alike(engine, steep(tables[lanes]), camera, spec, lanes=lanes, tolerance=1e-3)
 
 
 def test_preintegration_needs_fewer_steps_for_a_steep_transfer_function(
@@ -247,26 +251,14 @@ def test_preintegration_needs_fewer_steps_for_a_steep_transfer_function(
 @pytest.mark.parametrize("specular", [0.0, 0.5])
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_spectral_absorption_matches_reference(
-    engine: Volume, engine_table: TransferTable, specular: float, lanes: int
+    engine: Volume, tables: dict[int, TransferTable], specular: float, lanes: int
 ) -> None:
     rng = np.random.default_rng(4)
-    knots = rng.uniform(0, 1, (7, 5))
+    knots = rng.uniform(0, 1, (tables[lanes].size, 5))
     filters = np.stack([np.interp(np.linspace(0, 4, 1024), range(5), row) for row in knots], axis=1)
-    table = replace(engine_table, filters=filters)
+    table = replace(tables[lanes], filters=filters)
     spec = RaycastSpec(specular=specular, groups=(SKY, KEY))
     assert_alike(engine, table, Camera.orbit(engine), spec, lanes=lanes)
-
-
-def test_grey_filters_are_flat_absorption(engine: Volume, engine_table: TransferTable) -> None:
-    from volspec.raycast.gpu import Raycaster
-
-    caster, camera = Raycaster(engine), Camera.orbit(engine)
-    grey = replace(engine_table, filters=np.zeros((1024, 7)))
-    a, b = (
-        caster.cast(t, camera, (64, 64), RaycastSpec(specular=0.3)) for t in (engine_table, grey)
-    )
-    assert np.abs(a.coefficients - b.coefficients).max() < 2e-5
-    assert np.abs(a.alpha - b.alpha).max() < 2e-5
 
 
 @pytest.mark.parametrize("preintegrated", [False, True])
@@ -283,11 +275,13 @@ def test_adaptive_steps_stay_near_the_whole_truth(
     assert np.abs(ours.coefficients - true.coefficients).mean() < 2e-3
 
 
-def test_shadows_and_occlusion_match_reference(engine: Volume, engine_table: TransferTable) -> None:
+def test_shadows_and_occlusion_match_reference(
+    engine: Volume, three_channels: TransferTable
+) -> None:
     sources = (
         LightGroup("sky", (Ambient(occlusion=True),)),
         LightGroup("sun", (Directional((1, -1, 2), shadows=True), Headlight(0.1))),
         LightGroup("lamp", (Point((128, -60, 160), shadows=True),)),
     )
     spec = RaycastSpec(specular=0.3, groups=sources, light_cells=40)
-    assert_alike(engine, engine_table, Camera.orbit(engine), spec)
+    assert_alike(engine, three_channels, Camera.orbit(engine), spec)

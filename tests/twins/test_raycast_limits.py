@@ -110,7 +110,7 @@ def test_faint_media_keep_their_opacity_and_depth() -> None:
 
 def test_a_constant_volume_casts_without_a_gradient() -> None:
     volume = Volume(np.full((5, 5, 5), 3.0, np.float32))
-    table = TransferTable((0.0, 4.0), np.full(64, 0.2), np.ones((64, 1)), 1.0)
+    table = TransferTable((0.0, 4.0), np.full(64, 0.2), np.ones((64, 2)), 1.0)
     assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(specular=0.5), size=(16, 16))
 
 

@@ -14,7 +14,7 @@ from volspec.appearance.gamut import clip, reduce_chroma
 from volspec.appearance.models import cam
 from volspec.appearance.models.cielab import cielab
 from volspec.appearance.models.conditions import Conditions
-from volspec.appearance.passages import CurvePassage, LinearPassage
+from volspec.appearance.passages import CurvePassage, LinearPassage, Passage
 from volspec.appearance.screen import (
     HATCH_CODE,
     HATCH_PERIOD,
@@ -62,9 +62,25 @@ def difference(one: np.ndarray, other: np.ndarray, space: ColourSpace) -> np.nda
     return np.asarray(colour.delta_E(lab(one), lab(other), method="CIE 2000"))
 
 
+@pytest.fixture
+def tables(monkeypatch: pytest.MonkeyPatch) -> list[TablePassage]:
+    """Those that are made, in order; each takes the host up to a second."""
+    made: list[TablePassage] = []
+    make = TablePassage.of
+
+    def noted(passage: Passage, space: TableSpace) -> TablePassage:
+        made.append(make(passage, space))
+        return made[-1]
+
+    monkeypatch.setattr(TablePassage, "of", noted)
+    return made
+
+
 @pytest.mark.parametrize("name", DISPLAYS)
 @pytest.mark.parametrize("model", MODELS)
-def test_the_shader_shows_a_model_on_every_display_as_numpy_does(model: str, name: str) -> None:
+def test_the_shader_shows_a_model_on_every_display_as_numpy_does(
+    model: str, name: str, tables: list[TablePassage]
+) -> None:
     white = white_XYZ(light("A"))
     coefficients, alpha, lit = bright_cube(white)
     viewing = Viewing(model=model, display=DISPLAYS[name])
@@ -73,8 +89,10 @@ def test_the_shader_shows_a_model_on_every_display_as_numpy_does(model: str, nam
     gl.close()
     if model in TABLES:
         # The table's own error is not the display's (test_a_table_is_near_the_closed_form).
+        (passage,) = tables
         space = TableSpace.between(white, viewing.display.colours)
-        passage = TablePassage.of(passage_of(viewing, white), space)
+        assert np.array_equal(passage.space.adapted_from_XYZ, space.adapted_from_XYZ)
+        assert passage.space.space == space.space
         truth = screen_of(viewing).codes(passage.apply(coefficients.astype(np.float64)))
     else:
         truth = HostEngine(coefficients, alpha).render(lit, viewing, np.float32)
