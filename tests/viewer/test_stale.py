@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from volspec.raycast import ClipPlane
 from volspec.relight import RelightSpec
 from volspec.viewer.actions import ACTIONS, BY_NAME
 from volspec.viewer.document import Document
@@ -58,10 +59,23 @@ _COSTS = {
     **dict.fromkeys(("point", "add-point", "remove-point", "shift"), "cast"),
     **dict.fromkeys(("weight", "kelvin", "dial", "solo", "mute", "remove", "divide"), "relight"),
     "select": "frame",
+    **dict.fromkeys(("roll", "roll-wheel", "fov", "face"), "cast"),
+    **dict.fromkeys(("crop", "plane-shift", "plane-tilt", "plane-flip", "plane-remove"), "cast"),
+    **dict.fromkeys(("slice", "slice-step", "slice-point", "slice-greys"), "frame"),
+    "plane-select": "frame",
 }
 
 
-def test_events_cost_what_their_names_say(state: ViewState) -> None:
+@pytest.fixture
+def cut(state: ViewState) -> ViewState:
+    """Something to reset and remove: a crop and two planes."""
+    planes = (ClipPlane((3.0, 3.0, 3.0), (1.0, 0.0, 0.0)),) * 2
+    shading = replace(state.shading, crop_voxels=((1, 6), (0, 7), (0, 7)), clip_planes=planes)
+    return replace(state, shading=shading)
+
+
+def test_events_cost_what_their_names_say(cut: ViewState) -> None:
+    state = cut
     assert set(_COSTS) == set(EVENTS)
     for name, cost in _COSTS.items():
         index = 3 if name == "kelvin" else 1
@@ -70,11 +84,17 @@ def test_events_cost_what_their_names_say(state: ViewState) -> None:
 
 
 # What an action does at most, by its menu; others are in `_ODD`.
-_MENUS = {"View": "cast", "Light": "relight", "Window": "frame"}
-_ODD = {"reset-transfer": "cast", "error-map": "frame", "mark": "relight"}
+_MENUS = {"View": "cast", "Light": "relight", "Window": "frame", "Cut": "cast", "": "cast"}
+_ODD = {"reset-transfer": "cast", "mark": "relight"} | dict.fromkeys(
+    ("cube", "scale", "crop", "planes", "error-map")
+    + ("axial-down", "axial-up", "coronal-forward", "coronal-backward")
+    + ("sagittal-right", "sagittal-left"),
+    "frame",
+)
 
 
-def test_actions_cost_what_their_menus_say(state: ViewState) -> None:
+def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
+    state = reduced(reduced(cut, Event("slice", 0.3, index=1)), Event("slice-greys", 0.2, 0.4))
     old = reduced(replace(state, view=replace(state.view, zoom=3.0)), Event("shift", 0.1))
     for action in ACTIONS:
         if action.change is not None:

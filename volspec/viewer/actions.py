@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from volspec.viewer.events import camera, curve, lights
+from volspec.viewer.events import camera, curve, cuts, lights, slices
 from volspec.viewer.events.event import Action, Change
 from volspec.viewer.state import ViewState
 
-MENUS = ("File", "Edit", "View", "Light", "Window")
+MENUS = ("File", "Edit", "View", "Cut", "Light", "Window")
 
 
 def _flipped(name: str) -> Change:
@@ -48,10 +48,11 @@ _EDITS = (
     Action("redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y")),
 )
 _WINDOW = (
-    *(_panel(title) for title in ("Lights", "Viewing", "Transfer")),
+    *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Cuts")),
+    replace(_panel("Slices"), keys=("x",)),
     Action("dark", "Window", "Dark theme", ("t",), _flipped("dark"), lambda s: s.interface.dark),
     Action(
-        *("probe", "Window", "What is under the mouse", ("p",), _flipped("probe")),
+        *("probe", "Window", "What is under the mouse", ("i",), _flipped("probe")),
         lambda s: s.interface.probe,
     ),
     Action("keys", "Window", "Keys", ("h",), _flipped("keys"), lambda s: s.interface.keys),
@@ -64,6 +65,8 @@ ACTIONS: tuple[Action, ...] = (
     *camera.ACTIONS,
     *lights.ACTIONS,
     *_WINDOW,
+    *cuts.ACTIONS,
+    *slices.ACTIONS,
 )
 BY_NAME = {action.name: action for action in ACTIONS}
 BY_KEY = {key: action for action in ACTIONS for key in action.keys if key}

@@ -95,7 +95,7 @@ class _App:
             *(options.device, options.screenshot),
         )
         self._casting = Casting(Window.wake)
-        self._layout, self._mouse = Layout(), Mouse()
+        self._layout, self._mouse = Layout(), Mouse(window.scale)
         self._history: History | None = None
         self._shown: ViewState | None = None  # what casts and relights were last asked for
         self._dark: bool | None = None

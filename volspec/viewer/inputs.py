@@ -19,6 +19,23 @@ _MODIFIERS = (
     (glfw.MOD_ALT, imgui.Key.mod_alt),
     (glfw.MOD_SUPER, imgui.Key.mod_super),
 )
+# As a system without Ctrl has it on another key, as glfw counts them.
+_KEYS_OF_MODIFIERS = {
+    glfw.MOD_CONTROL: (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
+    glfw.MOD_SHIFT: (glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT),
+    glfw.MOD_ALT: (glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT),
+    glfw.MOD_SUPER: (glfw.KEY_LEFT_SUPER, glfw.KEY_RIGHT_SUPER),
+}
+_ARROWS = {
+    glfw.KEY_LEFT: "left",
+    glfw.KEY_RIGHT: "right",
+    glfw.KEY_UP: "up",
+    glfw.KEY_DOWN: "down",
+    glfw.KEY_PAGE_UP: "pageup",
+    glfw.KEY_PAGE_DOWN: "pagedown",
+}
+# What goes on step by step while it is held down.
+_STEPPING = frozenset({*_ARROWS.values(), "+", "=", "-"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +52,10 @@ class Input:
         As `volspec.viewer.events.KEYS`; with ``ctrl+`` or ``ctrl+shift+`` in front.
     paths : tuple of str
         What was dropped.
+    modifiers : str
+        Keys held with the mouse: ``ctrl``, ``shift``, ``alt``, or several as ``ctrl+shift``.
+    repeated : bool
+        Whether a key comes again as it is held down.
     """
 
     name: str
@@ -43,6 +64,8 @@ class Input:
     button: str = ""
     key: str = ""
     paths: tuple[str, ...] = ()
+    modifiers: str = ""
+    repeated: bool = False
 
 
 class Inputs:
@@ -82,7 +105,8 @@ class Inputs:
         if button in BUTTONS:
             x, y = glfw.get_cursor_pos(self._window)
             imgui.get_io().add_mouse_button_event(button, down)
-            self._inputs.append(Input("press" if down else "release", x, y, button=BUTTONS[button]))
+            name, held = "press" if down else "release", _held(modifiers)
+            self._inputs.append(Input(name, x, y, button=BUTTONS[button], modifiers=held))
 
     def _on_move(self, _: Any, x: float, y: float) -> None:
         imgui.get_io().add_mouse_pos_event(x, y)
@@ -95,7 +119,12 @@ class Inputs:
 
     def _on_wheel(self, _: Any, x: float, y: float) -> None:
         imgui.get_io().add_mouse_wheel_event(x, y)
-        self._inputs.append(Input("wheel", x, y))
+        bits = sum(
+            bit
+            for bit, keys in _KEYS_OF_MODIFIERS.items()
+            if any(glfw.get_key(self._window, key) == glfw.PRESS for key in keys)
+        )
+        self._inputs.append(Input("wheel", x, y, modifiers=_held(bits)))
 
     def _on_change(self, *_: Any) -> None:
         self._inputs.append(Input("resize"))
@@ -107,10 +136,24 @@ class Inputs:
         self._to_imgui(window, key, code, action, modifiers)
         for bit, modifier in _MODIFIERS:
             imgui.get_io().add_key_event(modifier, bool(modifiers & bit))
-        if action == glfw.PRESS and (name := _key_name(key, code)):
+        name = _key_name(key, code)
+        repeated = action == glfw.REPEAT and name in _STEPPING
+        if name and (action == glfw.PRESS or repeated):
             ctrl = modifiers & (glfw.MOD_CONTROL | glfw.MOD_SUPER)
-            shift = "shift+" if ctrl and modifiers & glfw.MOD_SHIFT else ""
-            self._inputs.append(Input("key", key=f"{'ctrl+' if ctrl else ''}{shift}{name}"))
+            # Of keys that write, Shift has already made another.
+            shift = "shift+" if (ctrl or key in _ARROWS) and modifiers & glfw.MOD_SHIFT else ""
+            whole = f"{'ctrl+' if ctrl else ''}{shift}{name}"
+            self._inputs.append(Input("key", key=whole, repeated=repeated))
+
+
+def _held(bits: int) -> str:
+    """Modifier keys as `Input.modifiers`; the Mac's Command counts as Ctrl."""
+    names = (
+        ("ctrl", glfw.MOD_CONTROL | glfw.MOD_SUPER),
+        ("shift", glfw.MOD_SHIFT),
+        ("alt", glfw.MOD_ALT),
+    )
+    return "+".join(name for name, bit in names if bits & bit)
 
 
 def _key_name(key: int, code: int) -> str:
@@ -120,6 +163,7 @@ def _key_name(key: int, code: int) -> str:
         glfw.KEY_KP_ENTER: "enter",
         glfw.KEY_SPACE: "space",
         glfw.KEY_ESCAPE: "escape",
+        **_ARROWS,
     }
     if key in named:
         return named[key]

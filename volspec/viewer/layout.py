@@ -7,7 +7,21 @@ from dataclasses import dataclass, replace
 
 from imgui_bundle import imgui
 
-from volspec.viewer.panels import divide, heat, keys, lights, menu, probe, status, transfer, viewing
+from volspec.viewer.panels import (
+    cube,
+    cuts,
+    divide,
+    heat,
+    keys,
+    lights,
+    menu,
+    probe,
+    scale,
+    slices,
+    status,
+    transfer,
+    viewing,
+)
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
 
@@ -42,10 +56,20 @@ _PANELS = (
     Panel("Lights", lights.draw, "upper"),
     Panel("Viewing", viewing.draw, "lower"),
     Panel("Transfer", transfer.draw, "lower"),
+    Panel("Cuts", cuts.draw, "lower"),
+    Panel("Slices", slices.draw, "left"),
 )
 # Those that are in front of the tabs at first.
 _FIRST = "Viewing"
-_OVERLAYS = (heat.draw, divide.draw, probe.draw, keys.draw)
+_OVERLAYS = (
+    heat.draw,
+    divide.draw,
+    probe.draw,
+    keys.draw,
+    cuts.draw_handles,
+    cube.draw,
+    scale.draw,
+)
 _DOCKED = (
     imgui.DockNodeFlags_.passthru_central_node | imgui.DockNodeFlags_.no_docking_over_central_node
 )

@@ -17,6 +17,7 @@ from volspec.viewer.meter import Meter
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.pictures import Pictures
 from volspec.viewer.reading import Reading, read
+from volspec.viewer.slice_pictures import SlicePictures
 from volspec.viewer.state import ViewState
 from volspec.viewer.trace import Trace
 from volspec.viewer.window import Painted, Window
@@ -42,6 +43,7 @@ class Screen:
         self, context: Any, desk: Desk, meter: Meter, trace: Trace, say: Callable[[str], None]
     ) -> None:
         self.pictures = Pictures(context)
+        self._slices = desk.slices = SlicePictures(context)
         self._desk, self._meter, self._trace, self._say = desk, meter, trace, say
         self._cast: CastDone | None = None
         self._relit = self._coarse = False
@@ -148,6 +150,7 @@ class Screen:
         """Release everything."""
         self._heat.close()
         self.pictures.close()
+        self._slices.close()
 
 
 def _write(text: str, area: Area) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.transfer import Transfer
+from volspec.viewer.aids import Aids, Slices
 from volspec.viewer.document import Document
 from volspec.viewer.lighting import Rows
 from volspec.viewer.views import View
@@ -38,6 +39,9 @@ class Interface:
         Whether what is under the mouse is told.
     panels : set of str
         The panels that are open, by their titles.
+    aids : Aids
+        What stands over the picture.
+    slices : Slices
     """
 
     dark: bool = True
@@ -46,6 +50,8 @@ class Interface:
     light: int = 0
     probe: bool = True
     panels: frozenset[str] = PANELS
+    aids: Aids = field(default_factory=Aids)
+    slices: Slices = field(default_factory=Slices)
 
 
 @dataclass(frozen=True, slots=True)

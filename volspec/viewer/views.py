@@ -1,4 +1,4 @@
-"""Where the viewer looks from: an orbit, and what mouse and keys make of it.
+"""Where the viewer looks from: an orbit, what mouse and keys make of it.
 
 input -> [views] -> Camera -> raycast
 """
@@ -19,8 +19,12 @@ Vector = tuple[float, float, float]
 # A drag over the picture's height turns by this much.
 TURN_DEG = 180.0
 ZOOMS = (0.05, 200.0)
+FOVS_DEG = (5.0, 120.0)
 # What a drag over the picture's height multiplies the zoom by: e to this.
 ZOOM_RATE = 2.0
+# What a notch of the wheel multiplies the field of view by: e to this.
+FOV_RATE = 0.06
+_POLE_DEG = 89.9
 # So many radii from the centre a target may be panned.
 _FURTHEST = 4.0
 # Where one looks from, in degrees of azimuth and elevation.
@@ -50,6 +54,8 @@ class View:
         The axis to turn around.
     target_mm : (x, y, z), optional
         None is the volume's centre.
+    roll_deg : float
+        By how much the picture is turned clockwise.
     """
 
     azimuth_deg: float = 30.0
@@ -59,22 +65,18 @@ class View:
     orthographic: bool = False
     up: Vector = (0.0, 0.0, 1.0)
     target_mm: Vector | None = None
+    roll_deg: float = 0.0
 
     @classmethod
     def of(cls, camera: Camera, volume: Volume) -> View:
         """The orbit that stands where a camera does, turning around its up."""
-        up = np.asarray(camera.up)
-        front = np.array([0.0, -1.0, 0.0]) - up * np.dot([0.0, -1.0, 0.0], up)
-        if np.linalg.norm(front) < 1e-6:
-            front = np.array([-1.0, 0.0, 0.0]) - up * np.dot([-1.0, 0.0, 0.0], up)
-        front /= np.linalg.norm(front)
         away = np.subtract(camera.position_mm, camera.target_mm) / camera.distance_mm
-        around = float(away @ np.cross(up, front)), float(away @ front)
+        azimuth_deg, elevation_deg = orbit_deg(away, camera.up)
         sine = math.sin(math.radians(camera.fov_deg) / 2)
         tall = 2 * camera.distance_mm * sine if camera.height_mm is None else camera.height_mm
         return cls(
-            azimuth_deg=math.degrees(math.atan2(*around)),
-            elevation_deg=math.degrees(math.asin(min(1.0, max(-1.0, float(away @ up))))),
+            azimuth_deg=azimuth_deg,
+            elevation_deg=elevation_deg,
             zoom=_clamped(2 * radius_mm(volume) / tall, *ZOOMS),
             fov_deg=camera.fov_deg,
             orthographic=camera.height_mm is not None,
@@ -84,7 +86,7 @@ class View:
 
     def camera(self, volume: Volume) -> Camera:
         """The camera that stands there."""
-        return Camera.orbit(
+        level = Camera.orbit(
             volume,
             azimuth_deg=self.azimuth_deg,
             elevation_deg=self.elevation_deg,
@@ -94,9 +96,17 @@ class View:
             target_mm=self.target_mm,
             orthographic=self.orthographic,
         )
+        if self.roll_deg == 0.0:
+            return level
+        right, up, _ = level.frame()
+        angle = math.radians(self.roll_deg)
+        return replace(level, up=vector(math.cos(angle) * up - math.sin(angle) * right))
 
     def orbited(self, right: float, down: float) -> View:
         """Turned by a drag; shares of the picture's height."""
+        # A picture that is rolled follows the mouse all the same.
+        cosine, sine = (f(math.radians(self.roll_deg)) for f in (math.cos, math.sin))
+        right, down = cosine * right + sine * down, cosine * down - sine * right
         return replace(
             self,
             azimuth_deg=math.remainder(self.azimuth_deg - TURN_DEG * right, 360.0),
@@ -121,14 +131,41 @@ class View:
         far *= min(1.0, most / max(float(np.linalg.norm(far)), 1e-12))
         return replace(self, target_mm=vector(centre + far))
 
+    def rolled(self, degrees: float) -> View:
+        """The picture turned clockwise."""
+        return replace(self, roll_deg=math.remainder(self.roll_deg + degrees, 360.0))
+
+    def widened(self, notches: float) -> View:
+        """Another field of view; the target keeps its size."""
+        factor = math.exp(_clamped(FOV_RATE * notches, -5.0, 5.0))
+        return replace(self, fov_deg=_clamped(self.fov_deg * factor, *FOVS_DEG))
+
     def from_side(self, key: str) -> View:
         """One of `VIEWS`."""
         azimuth, elevation = VIEWS[key]
-        return replace(self, azimuth_deg=azimuth, elevation_deg=elevation)
+        return replace(self, azimuth_deg=azimuth, elevation_deg=elevation, roll_deg=0.0)
+
+    def looking_from(self, direction: Vector) -> View:
+        """The target seen from a direction of the world."""
+        azimuth, elevation = orbit_deg(np.asarray(direction, dtype=np.float64), self.up)
+        # Straight from above or below any azimuth will do: the front stays at the bottom.
+        azimuth = 0.0 if abs(elevation) > _POLE_DEG else azimuth
+        return replace(self, azimuth_deg=azimuth, elevation_deg=elevation, roll_deg=0.0)
 
     def fitted(self, aspect: float) -> View:
         """The whole volume in a picture of width / height."""
         return replace(self, zoom=_clamped(min(1.0, aspect), *ZOOMS), target_mm=None)
+
+
+def orbit_deg(away: NDArray[np.float64], up: Vector) -> tuple[float, float]:
+    """Azimuth and elevation of a unit vector from the target to the camera."""
+    axis = np.asarray(up) / np.linalg.norm(up)
+    front = np.array([0.0, -1.0, 0.0]) - axis * np.dot([0.0, -1.0, 0.0], axis)
+    if np.linalg.norm(front) < 1e-6:
+        front = np.array([-1.0, 0.0, 0.0]) - axis * np.dot([-1.0, 0.0, 0.0], axis)
+    front /= np.linalg.norm(front)
+    azimuth = math.atan2(float(away @ np.cross(axis, front)), float(away @ front))
+    return math.degrees(azimuth), math.degrees(math.asin(_clamped(float(away @ axis), -1.0, 1.0)))
 
 
 def radius_mm(volume: Volume) -> float:

@@ -9,13 +9,19 @@ from __future__ import annotations
 
 import math
 
-from volspec.viewer.events import camera, curve, lights
+from volspec.viewer.events import camera, curve, cuts, lights, slices
 from volspec.viewer.events.event import Event, Reducer
 from volspec.viewer.state import ViewState
 
 __all__ = ["EVENTS", "Event", "reduced"]
 
-EVENTS: dict[str, Reducer] = {**camera.EVENTS, **lights.EVENTS, **curve.EVENTS}
+EVENTS: dict[str, Reducer] = {
+    **camera.EVENTS,
+    **lights.EVENTS,
+    **curve.EVENTS,
+    **cuts.EVENTS,
+    **slices.EVENTS,
+}
 
 
 def reduced(state: ViewState, event: Event) -> ViewState:

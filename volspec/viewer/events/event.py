@@ -47,7 +47,7 @@ class Action:
     ----------
     name : str
     menu : str
-        Where it stands: one of `volspec.viewer.actions.MENUS`.
+        Where it stands: one of `volspec.viewer.actions.MENUS`; empty where none has it.
     title : str
     keys : tuple of str
         As `volspec.viewer.inputs.Input.key`; the first is shown.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from imgui_bundle import imgui
@@ -15,7 +17,10 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import white_XYZ
 from volspec.viewer.heat import Heat
 from volspec.viewer.lighting import KELVIN
+from volspec.viewer.projection import Projection
 from volspec.viewer.reading import Reading
+from volspec.viewer.slice_pictures import SlicePictures
+from volspec.viewer.state import ViewState
 
 Colour = tuple[float, float, float]
 # Rows are few; a temperature that is dragged makes many.
@@ -53,6 +58,8 @@ class Desk:
     under_mouse: Reading | None = None
     heat: Heat | None = None
     shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    slices: SlicePictures | None = None
+    _projected: tuple[Any, Projection] | None = None
     _swatches: dict[tuple[LightRig, RelightSpec], tuple[Colour, Colour]] = field(
         default_factory=dict
     )
@@ -60,6 +67,14 @@ class Desk:
     def px(self, size: float) -> float:
         """A size in the window's pixels."""
         return size * self.scale
+
+    def projection(self, state: ViewState) -> Projection:
+        """Where the state's camera shows things in the window."""
+        of = state.view, state.document.volume, self.areas["picture"]
+        if self._projected is None or self._projected[0] != of:
+            camera = state.view.camera(state.document.volume)
+            self._projected = of, Projection(camera, self.areas["picture"])
+        return self._projected[1]
 
     def note(self, name: str) -> None:
         """Note down where the last item is."""
@@ -95,6 +110,12 @@ def swatch_colours(rig: LightRig, seen: RelightSpec) -> tuple[Colour, Colour]:
 def _colour(values: np.ndarray) -> Colour:
     r, g, b = (float(value) for value in values)
     return r, g, b
+
+
+@lru_cache(maxsize=256)
+def packed(colour: tuple[float, float, float, float]) -> int:
+    """A colour, 0 to 1, as draw lists take it."""
+    return imgui.color_convert_float4_to_u32(colour)
 
 
 def kelvin_slider(label: str, kelvin: float) -> tuple[bool, float]:

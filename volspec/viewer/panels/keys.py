@@ -12,16 +12,22 @@ from volspec.viewer.state import ViewState
 
 _MOUSE = (
     ("Left drag", "Orbit"),
-    ("Middle drag", "Pan"),
+    ("Middle or Shift + right drag", "Pan"),
     ("Right drag, wheel", "Zoom"),
+    ("Shift + left drag or wheel", "Roll"),
+    ("Ctrl + wheel", "Field of view"),
     ("Drop a file", "Open it"),
+    ("Arrows, with Shift", "Orbit, pan"),
+    ("+, −", "Zoom"),
+    ("Page up and down", "Axial slice"),
+    ("with Shift, Ctrl", "Coronal, sagittal slice"),
 )
 SHEET = (
     *_MOUSE,
     *(
         (", ".join(shown(key) for key in action.keys), action.title)
         for action in ACTIONS
-        if action.keys
+        if action.keys and action.menu
     ),
 )
 _FLAGS = (
@@ -42,11 +48,18 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(8))
     imgui.set_next_window_bg_alpha(0.94)
     imgui.begin("##keys", None, _FLAGS)
-    column = max(imgui.calc_text_size(keys).x for keys, _ in SHEET) + desk.px(54)
-    for keys, what in SHEET:
+    half = -(-len(SHEET) // 2)
+    keys_wide, what_wide = (max(imgui.calc_text_size(row[k]).x for row in SHEET) for k in (0, 1))
+    column, second = keys_wide + desk.px(40), keys_wide + what_wide + desk.px(90)
+    for i, (keys, what) in enumerate(SHEET[:half]):
         imgui.text(keys)
         imgui.same_line(column)
         imgui.text_disabled(what)
+        for keys, what in SHEET[half + i : half + i + 1]:
+            imgui.same_line(second)
+            imgui.text(keys)
+            imgui.same_line(second + column - desk.px(22))
+            imgui.text_disabled(what)
     closed = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
     closed = closed or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()

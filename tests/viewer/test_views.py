@@ -1,0 +1,279 @@
+"""Views, handles over the picture, the cube and the scale bar: what is seen is what is dragged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from volspec.raycast import ClipPlane
+from volspec.viewer import cuts
+from volspec.viewer.actions import BY_KEY, BY_NAME
+from volspec.viewer.aids import Aids
+from volspec.viewer.document import Document
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.handles import dragged, handles
+from volspec.viewer.mouse import DRAGS, WHEELS
+from volspec.viewer.panels import cube, scale
+from volspec.viewer.panels.cuts import nearest
+from volspec.viewer.projection import Projection
+from volspec.viewer.state import ViewState
+from volspec.viewer.views import View
+from volspec.volume import Volume
+
+AREA = (40, 20, 800, 600)
+VIEWS = (
+    View(30.0, 20.0),
+    View(30.0, 20.0, orthographic=True),
+    View(-140.0, -35.0, zoom=1.7, fov_deg=70.0, roll_deg=35.0),
+    View(200.0, 60.0, zoom=0.6, orthographic=True, up=(0.0, 1.0, 0.0), roll_deg=-120.0),
+)
+
+
+def oblique(shape: tuple[int, int, int] = (30, 40, 50)) -> Volume:
+    """Anisotropic voxels on axes that lie along none of the world's."""
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    world = np.eye(4)
+    world[:3, :3] = turn @ np.diag([0.7, 1.2, 2.5])
+    world[:3, 3] = 12.0, -40.0, 900.0
+    values = np.random.default_rng(4).random(shape, dtype=np.float32)
+    return Volume(values, world_from_index=world)
+
+
+@pytest.fixture
+def tilted(state: ViewState) -> ViewState:
+    """A state of an oblique volume."""
+    return replace(state, document=replace(state.document, volume=oblique()))
+
+
+def seen_of(state: ViewState) -> Projection:
+    return Projection(state.view.camera(state.document.volume), AREA)
+
+
+def place(seen: Projection, point: NDArray[np.float64]) -> tuple[float, float]:
+    x, y, _ = seen.placed(point)
+    return float(x), float(y)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_points_are_placed_where_the_raycaster_sees_them(state: ViewState, view: View) -> None:
+    """A point on a pixel's ray is drawn at that pixel's middle, half a pixel from its corner."""
+    camera = view.camera(state.document.volume)
+    seen, rays = Projection(camera, AREA), camera.ray_field(800, 600)
+    for x, y, depth in ((0, 0, 0.7), (399, 299, 1.3), (731, 120, 1.0)):
+        offset = (x - rays.middle[0]) * rays.across + (y - rays.middle[1]) * rays.down
+        start = np.asarray(camera.position_mm)
+        if rays.perspective:
+            point = start + depth * (rays.forward * rays.distance + offset)
+        else:
+            point = start + offset + depth * rays.forward * rays.distance
+        np.testing.assert_allclose(place(seen, point), (x + 40.5, y + 20.5), atol=1e-6)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("face", range(6))
+def test_a_face_dragged_by_what_ten_voxels_cover_moves_by_ten(
+    tilted: ViewState, view: View, face: int
+) -> None:
+    """Also in perspective, where pixels are not alike along the way."""
+    state = replace(tilted, view=view)
+    seen, volume = seen_of(state), state.document.volume
+    aids = Aids(crop=True)
+    found = handles(state.shading, volume, seen, aids, 1.0)
+    handle = next(each for each in found if each.index == face)
+    axis, far = divmod(face, 2)
+    middle = (np.array(volume.shape_xyz) - 1) / 2
+    middle[axis] = (volume.shape_xyz[axis] - 1) * far
+    np.testing.assert_allclose(place(seen, cuts.world_mm(volume, middle)), handle.place, atol=1e-6)
+
+    wanted = middle[axis] + (-10 if far else 10)
+    middle[axis] = wanted
+    x, y = dragged(state.shading, volume, handle, place(seen, cuts.world_mm(volume, middle)), seen)
+    moved = reduced(state, Event("crop", x, y, face))
+    assert cuts.crop_of(moved.shading, volume)[axis][far] == pytest.approx(wanted, abs=0.5)
+    assert abs(x - wanted) < 1e-6  # the half voxel is for hands; geometry is exact
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
+    state = BY_NAME["plane-x"].change(replace(tilted, view=view))  # type: ignore[misc]
+    seen, volume = seen_of(state), state.document.volume
+    tilt_handle = None
+    for handle in handles(state.shading, volume, seen, Aids(), 1.0):
+        plane = state.shading.clip_planes[0]
+        if handle.name == "plane-shift":
+            there = np.asarray(plane.point_mm) + 5.0 * np.asarray(plane.normal)
+            x, y = dragged(state.shading, volume, handle, place(seen, there), seen)
+            assert x == pytest.approx(5.0, abs=1e-6)
+        else:
+            tilt_handle = handle
+    assert tilt_handle is not None
+    # Where it is: nothing changes. Elsewhere: the axis stands where the mouse is.
+    plane = state.shading.clip_planes[0]
+    x, y = dragged(state.shading, volume, tilt_handle, tilt_handle.held, seen)
+    same = reduced(state, Event("plane-tilt", x, y)).shading.clip_planes[0]
+    np.testing.assert_allclose(same.normal, plane.normal, atol=1e-6)
+    right, up, forward = seen.camera.frame()
+    middle = place(seen, np.asarray(plane.point_mm))
+    to = middle[0] + 0.6 * tilt_handle.arm, middle[1] - 0.5 * tilt_handle.arm
+    x, y = dragged(state.shading, volume, tilt_handle, to, seen)
+    normal = np.asarray(reduced(state, Event("plane-tilt", x, y)).shading.clip_planes[0].normal)
+    normal *= -math.copysign(1.0, float(normal @ forward))
+    np.testing.assert_allclose([normal @ right, normal @ up], [0.6, 0.5], atol=1e-6)
+
+
+def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state: ViewState) -> None:
+    for view in VIEWS:
+        facing = BY_KEY["p"].change(replace(state, view=view))  # type: ignore[misc]
+        seen, volume = seen_of(facing), state.document.volume
+        shift, tilt = handles(facing.shading, volume, seen, Aids(), 1.0)
+        assert math.dist(shift.place, tilt.place) > 20
+        assert nearest((shift, tilt), tilt.place, 1.0) is tilt
+        to = shift.place[0], shift.place[1] - 30
+        x, _ = dragged(facing.shading, volume, shift, to, seen)
+        assert x == pytest.approx(30 * seen.mm_per_px, rel=1e-6)
+
+
+def test_a_crop_leaves_a_voxel_and_a_whole_volume_is_no_crop(state: ViewState) -> None:
+    volume = state.document.volume  # 8 voxels along each axis
+    cropped = reduced(state, Event("crop", 99.0, index=0))
+    assert cropped.shading.crop_voxels == ((6.0, 7.0), (0.0, 7.0), (0.0, 7.0))
+    cropped.shading.kept(volume)
+    assert reduced(cropped, Event("crop", -99.0, index=0)).shading == state.shading
+    assert reduced(cropped, Event("crop", 3.0, index=7)).shading is cropped.shading
+
+
+def test_six_planes_are_the_most_and_flipping_twice_is_nothing(state: ViewState) -> None:
+    for _ in range(8):
+        state = BY_KEY["p"].change(state)  # type: ignore[misc]
+    assert len(state.shading.clip_planes) == 6 and state.interface.aids.plane == 5
+    twice = reduced(reduced(state, Event("plane-flip", index=2)), Event("plane-flip", index=2))
+    assert twice.shading == state.shading
+    assert len(reduced(state, Event("plane-remove", index=5)).shading.clip_planes) == 5
+
+
+def test_a_plane_cuts_a_hexagon_out_of_a_cube_across_its_diagonal() -> None:
+    corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1)
+    normal = np.ones(3) / math.sqrt(3)
+    ring = cuts.outline_mm(np.full(3, 0.5), normal, corners)
+    sides = np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1)
+    np.testing.assert_allclose(sides, [math.sqrt(0.5)] * 6)
+    assert len(cuts.outline_mm(np.full(3, 5.0), normal, corners)) == 0
+
+
+def test_lines_that_pass_the_camera_are_cut_there(document: Document) -> None:
+    camera = View().camera(document.volume)
+    seen = Projection(camera, AREA)
+    behind = 2 * np.asarray(camera.position_mm) - camera.target_mm
+    ahead = np.asarray(camera.target_mm) + 1.0
+    one, none = seen.segments(np.stack([ahead, behind]), np.stack([behind, 2 * behind - ahead]))
+    assert none is None and one is not None
+    assert one[0] == pytest.approx(place(seen, ahead)) and np.isfinite(one).all()
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_the_scale_bar_is_as_long_as_it_says(state: ViewState, view: View) -> None:
+    """A line of its length in the plane through the target covers its pixels exactly."""
+    seen = seen_of(replace(state, view=view))
+    mm = scale.length_mm(seen.mm_per_px, 130.0)
+    right = seen.camera.frame()[0]
+    target = np.asarray(seen.camera.target_mm)
+    ends = [place(seen, target + share * mm * right) for share in (-0.5, 0.5)]
+    assert math.dist(*ends) == pytest.approx(mm / seen.mm_per_px)
+    assert 130 / 2.5 - 1 <= math.dist(*ends) <= 130
+    assert float(f"{mm:.0e}"[0]) in (1, 2, 5)
+
+
+def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
+    for up in ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0)):
+        for view in (replace(each, up=up) for each in VIEWS):
+            seen = seen_of(replace(state, view=view))
+            shown = cube.faces(seen.camera)
+            assert 1 <= len(shown) <= 3
+            for face, corners, _ in shown:
+                x, y = cube.middle(seen, 1.0) + cube.HALF * corners.mean(axis=0)
+                assert cube.face_at(seen, (x, y), 1.0) == face
+                there = seen_of(reduced(replace(state, view=view), Event("face", index=face)))
+                # Now it alone is seen, and whole.
+                assert [each[0] for each in cube.faces(there.camera)] == [face]
+    assert cube.face_at(seen, (400.0, 300.0), 1.0) is None
+
+
+def test_a_face_is_named_by_where_it_looks() -> None:
+    assert [cube.label(face, True) for face in range(6)] == ["R", "L", "A", "P", "I", "S"]
+    assert [cube.label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
+
+
+def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(document: Document) -> None:
+    volume, view = document.volume, View(20.0, 10.0)
+    rolled = view.rolled(90.0)
+    right, up, forward = view.camera(volume).frame()
+    turned = rolled.camera(volume).frame()
+    # What was on top is at the right now.
+    np.testing.assert_allclose(turned, [up, -right, forward], atol=1e-12)
+    down, across = rolled.orbited(0.0, 0.1), view.orbited(0.1, 0.0)
+    assert (down.azimuth_deg, down.elevation_deg) == pytest.approx(
+        (across.azimuth_deg, across.elevation_deg)
+    )
+    assert view.rolled(270.0).roll_deg == -90.0
+
+
+def test_the_field_of_view_changes_and_the_volume_keeps_its_size(state: ViewState) -> None:
+    wide = reduced(state, Event("fov", 0.0, -5.0))
+    assert wide.view.fov_deg > state.view.fov_deg
+    radius = [
+        view.camera(state.document.volume).distance_mm * math.sin(math.radians(view.fov_deg) / 2)
+        for view in (state.view, wide.view)
+    ]
+    assert radius[0] == pytest.approx(radius[1])
+    assert reduced(state, Event("fov", 0.0, 1e6)).view.fov_deg == 5.0
+
+
+def test_everything_the_mouse_does_to_the_view_has_a_key(state: ViewState) -> None:
+    for pair in (("left", "right"), ("up", "down"), ("shift+left", "shift+right"), ("=", "-")):
+        there, back = (BY_KEY[key].change for key in pair)
+        assert there is not None and back is not None
+        assert there(state).view != state.view
+        again, first = back(there(state)).view.camera(state.document.volume), state.view
+        np.testing.assert_allclose(
+            again.position_mm, first.camera(state.document.volume).position_mm, atol=1e-6
+        )
+
+
+def test_drags_with_ctrl_are_left_to_others() -> None:
+    assert not {("ctrl", "left"), ("ctrl", "right")} & set(DRAGS)
+    assert DRAGS["shift", "left"] == "roll" and WHEELS["ctrl"] == "fov"
+
+
+BAD: dict[str, Callable[[], Volume]] = {
+    "least": lambda: Volume(np.arange(8, dtype=np.uint8).reshape(2, 2, 2)),
+    "flat": lambda: Volume(np.zeros((2, 64, 64), np.int16), spacing_mm=(1.0, 1.0, 40.0)),
+    "constant": lambda: Volume(np.full((3, 4, 5), 7.0, np.float32)),
+    "oblique": oblique,
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str) -> None:
+    volume = BAD[name]()
+    state = replace(state, document=replace(state.document, volume=volume))
+    for view in VIEWS:
+        odd = replace(state, view=view)
+        for event in (Event("crop", 1.0, index=1), Event("plane-shift", 1e6), Event("slice", 0.7)):
+            odd = reduced(BY_KEY["p"].change(odd), event)  # type: ignore[misc]
+        odd.shading.kept(volume)
+        seen = seen_of(odd)
+        found = handles(odd.shading, volume, seen, Aids(crop=True), 1.0)
+        assert np.isfinite([each.place for each in found]).all()
+        assert len(cuts.box_edges(cuts.crop_of(odd.shading, volume), volume, seen)) == 12
+
+
+def test_a_scenes_plane_far_off_is_held_near_the_volume(document: Document) -> None:
+    far = ClipPlane((1e5, 3.0, 3.0), (0.0, 0.0, 1.0))
+    at = cuts.anchor_mm(far, document.volume)
+    assert at[2] == pytest.approx(3.0)
+    assert np.linalg.norm(at - document.volume.corners_mm.mean(axis=0)) < 10

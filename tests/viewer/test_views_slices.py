@@ -1,0 +1,258 @@
+"""Slices: the volume's values, where they point, and their colours under the lights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from volspec.pipeline import Relighter
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig
+from volspec.spectra import light
+from volspec.transfer import (
+    Isosurfaces,
+    LabelFunction,
+    Region,
+    TransferFunction,
+    TransferFunction2D,
+)
+from volspec.viewer import slices
+from volspec.viewer.aids import Slices
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.events.slices import with_slices
+from volspec.viewer.panels.slices import drawn_sizes, said
+from volspec.viewer.slice_pictures import SlicePictures
+from volspec.viewer.slices import PLANES, edge_letters, layout_of, letters, pointed, sliced
+from volspec.viewer.state import ViewState
+from volspec.volume import Volume, load_volume
+
+
+def numbered(world: Any = None) -> Volume:
+    """Values that tell their index: x + 10 y + 100 z."""
+    z, y, x = np.meshgrid(range(4), range(5), range(6), indexing="ij")
+    return Volume((x + 10 * y + 100 * z).astype(np.uint16), world_from_index=world)
+
+
+def test_slices_show_the_volumes_values_as_they_are_looked_at() -> None:
+    volume = numbered()
+    axial, coronal, sagittal = (sliced(volume, layout_of(volume, plane), 2) for plane in PLANES)
+    # World axes are those of the voxels: rows run to +y, or from +z down.
+    np.testing.assert_array_equal(axial, volume.values[2])
+    np.testing.assert_array_equal(coronal, volume.values[::-1, 2, :])
+    np.testing.assert_array_equal(sagittal, volume.values[::-1, :, 2])
+    assert all(np.shares_memory(each, volume.values) for each in (axial, coronal, sagittal))
+    assert sliced(volume, layout_of(volume, PLANES[0]), 2, step=2).shape == (3, 3)
+
+
+def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:
+    """The patient's right is at the left and the face on top, for every order and direction."""
+    plain = numbered()
+    expected = sliced(plain, layout_of(plain, PLANES[0]), 1)
+    for order in ((0, 1, 2), (2, 0, 1), (1, 2, 0), (2, 1, 0)):
+        for flips in np.ndindex(2, 2, 2):
+            # Voxel axis n runs along world axis order[n], or against it.
+            values = np.transpose(plain.values, [2 - order[2 - k] for k in range(3)])
+            values = values[tuple(slice(None, None, -1 if f else 1) for f in flips[::-1])]
+            world = np.eye(4)
+            world[:3, :3] = 0.0
+            for own in range(3):
+                world[order[own], own] = -1.0 if flips[own] else 1.0
+            volume = Volume(np.ascontiguousarray(values), world_from_index=world)
+            layout = layout_of(volume, PLANES[0])
+            along = layout.normal
+            number = volume.shape_xyz[along] - 2 if flips[along] else 1
+            np.testing.assert_array_equal(sliced(volume, layout, number), expected)
+            assert edge_letters(volume, layout, True) == ("R", "L", "A", "P")
+
+
+def test_letters_of_a_nifti_file_are_the_patients(tmp_path: Path) -> None:
+    """A file whose voxels run to the right, the front and the top (RAS+), as NIfTI has them."""
+    import SimpleITK as sitk
+
+    image = sitk.GetImageFromArray(np.arange(60, dtype=np.int16).reshape(3, 4, 5))
+    image.SetDirection((-1, 0, 0, 0, -1, 0, 0, 0, 1))  # ITK counts to the left and the back
+    image.SetSpacing((0.7, 0.7, 2.5))
+    path = tmp_path / "head.nii.gz"
+    sitk.WriteImage(image, str(path))
+    volume = load_volume(path)
+    assert slices.is_patient(volume, None)
+    found = [edge_letters(volume, layout_of(volume, plane), True) for plane in PLANES]
+    assert found == [("R", "L", "A", "P"), ("R", "L", "S", "I"), ("A", "P", "S", "I")]
+    # The voxel at index 0 is the leftmost, hindmost one: the axial picture's lower right.
+    axial = sliced(volume, layout_of(volume, PLANES[0]), 0)
+    assert axial[-1, -1] == volume.values[0, 0, 0] and axial[0, 0] == volume.values[0, -1, -1]
+
+
+def test_a_volume_without_orientation_has_axes_for_letters() -> None:
+    volume = Volume(np.zeros((3, 4, 5), np.uint8), spacing_mm=(1.0, 2.0, 3.0))
+    assert not slices.is_patient(volume, None) and slices.is_patient(volume, True)
+    assert edge_letters(volume, layout_of(volume, PLANES[1]), False) == ("-x", "+x", "+z", "-z")
+    assert letters(np.array([0.8, -0.6, 0.1]), True) == "LA"
+
+
+def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
+    volume = numbered(np.diag([-1.0, 1.0, 2.0, 1.0]))
+    state = replace(state, document=replace(state.document, volume=volume))
+    layout = layout_of(volume, PLANES[0])
+    # The middle of the second column and the last row; x runs against the picture.
+    moved = reduced(state, Event("slice-point", 1.5 / 6, 4.6 / 5, index=0))
+    at = moved.interface.slices.at
+    numbers = [slices.number_of(volume, axis, at[axis]) for axis in range(3)]
+    assert numbers == [4, 4, 2]  # z as it was, in the middle
+    assert slices.shown_at(volume, layout, moved.interface.slices) == pytest.approx((0.25, 0.9))
+    assert pointed(volume, layout, moved.interface.slices, 0.25, 0.9) == pytest.approx(at)
+    assert said(moved).startswith("244  at  -4.0  4.0  4.0")
+
+
+def test_what_a_crop_leaves_is_seen_in_the_slices() -> None:
+    volume = numbered(np.diag([-1.0, 1.0, 2.0, 1.0]))  # x runs against the picture
+    layout = layout_of(volume, PLANES[0])
+    assert slices.kept(volume, layout, ((0.0, 5.0), (0.0, 4.0), (0.0, 3.0))) == (0, 0, 1, 1)
+    left, top, right, bottom = slices.kept(volume, layout, ((0.0, 2.0), (1.0, 4.0), (0.0, 3.0)))
+    assert (left, top, right, bottom) == pytest.approx((0.5, 0.2, 1.0, 1.0))
+
+
+def test_steps_go_up_whichever_way_the_voxels_run(state: ViewState) -> None:
+    for sign in (1.0, -1.0):
+        volume = numbered(np.diag([1.0, 1.0, sign, 1.0]))
+        given = replace(state, document=replace(state.document, volume=volume))
+        before, after = (
+            sign * slices.number_of(volume, 2, each.interface.slices.at[2])
+            for each in (given, reduced(given, Event("slice-step", 1.0)))
+        )
+        assert after == before + 1
+
+
+class _Texture:
+    def __init__(self, size: tuple[int, int]) -> None:
+        self.size, self.glo, self.written = size, 7, []
+
+    def write(self, data: Any) -> None:
+        self.written.append(np.array(data))
+
+
+class _Context:
+    """Stands in for OpenGL: keeps what is written into textures."""
+
+    def __init__(self) -> None:
+        self.textures: list[_Texture] = []
+
+    def texture(self, size: tuple[int, int], components: int) -> _Texture:
+        self.textures.append(_Texture(size))
+        return self.textures[-1]
+
+
+def test_a_slice_is_written_again_only_where_it_changes(state: ViewState) -> None:
+    context = _Context()
+    pictures = SlicePictures(context)
+    layouts = [layout_of(state.document.volume, plane) for plane in PLANES]
+
+    def written(shown: ViewState) -> list[int]:
+        for plane, layout in zip(PLANES, layouts, strict=True):
+            assert pictures.texture(shown, plane.name, layout, 200.0) == 7
+        return [len(texture.written) for texture in context.textures]
+
+    assert written(state) == [1, 1, 1]
+    assert written(replace(state, view=replace(state.view, zoom=2.0))) == [1, 1, 1]
+    assert written(reduced(state, Event("slice", 0.9, index=0))) == [2, 1, 1]
+    assert written(reduced(state, Event("slice", 0.9, index=0))) == [2, 1, 1]
+    lit = reduced(reduced(state, Event("slice", 0.9, index=0)), Event("weight", 1.0, index=1))
+    assert written(lit) == [3, 2, 2]
+    assert written(reduced(lit, Event("orbit", 0.1))) == [3, 2, 2]
+
+
+def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
+    """Voxels that are shown have their material's colour, under each light; to one code.
+
+    The material comes to 1 - (1 - opacity)^16 of a voxel, which is all of gold's at 0.6.
+    """
+    for name in ("D65", "HP1"):
+        rows = (replace(state.lights[0], rig=LightRig((light(name),))),)
+        lit = replace(state, lights=rows, transfer=_gold(state, 0.6))
+        context = _Context()
+        layout = layout_of(state.document.volume, PLANES[0])
+        SlicePictures(context).texture(lit, "Axial", layout, 200.0)
+        pixels = context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)
+        gold = state.transfer.basis.analyze(state.transfer.materials["gold"].values)
+        one = np.ones((1, 1), np.float32)
+        image = CoefficientImage(gold[None, None].astype(np.float32), one, one, lit.transfer.basis)
+        with Relighter(image, backend="numpy") as relighter:
+            expected = relighter.frame(rows[0].rig, lit.seen.viewing)[0, 0]
+        assert np.abs(pixels[4, 4, :3].astype(int) - expected).max() <= 1
+        assert (pixels[..., 3] == 255).all()
+
+
+def _gold(state: ViewState, opacity: float) -> TransferFunction:
+    assert isinstance(state.transfer, TransferFunction)
+    return replace(state.transfer, points=[(0.0, 0.0, "gold"), (0.01, opacity, "gold")])
+
+
+def test_greys_are_the_values_between_black_and_white(state: ViewState) -> None:
+    plain = with_slices(state, lit=False, greys=(0.0, 1.0))
+    context, volume = _Context(), state.document.volume
+    layout = layout_of(volume, PLANES[2])
+    SlicePictures(context).texture(plain, "Sagittal", layout, 200.0)
+    low, high = volume.range
+    shown = sliced(volume, layout, slices.number_of(volume, 0, 0.5))
+    grey = context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)[..., 1]
+    # 4096 entries and rounding to codes: half a code.
+    assert np.abs(grey - 255 * (shown - low) / (high - low)).max() <= 0.6
+    narrow = reduced(plain, Event("slice-greys", 0.7, 0.2)).interface.slices.greys
+    assert narrow is not None and narrow[0] < narrow[1]
+
+
+def test_greys_run_where_most_values_lie_unless_they_are_set() -> None:
+    counts = np.zeros(256)
+    counts[0], counts[100:151], counts[255] = 1e6, 1e3, 1.0
+    low, high = slices.window_of(Slices(), counts)
+    assert (low, high) == pytest.approx((100 / 256, 151 / 256), abs=2 / 256)
+    assert slices.window_of(Slices(), np.zeros(256)) == (0.0, 1.0)
+    assert slices.window_of(Slices(greys=(0.2, 0.3)), counts) == (0.2, 0.3)
+
+
+def test_every_kind_of_transfer_function_has_a_table(state: ViewState) -> None:
+    assert isinstance(state.transfer, TransferFunction)
+    materials, basis = state.transfer.materials, state.transfer.basis
+    region = Region((0.4, 0.9), (0.0, float("inf")), 0.8, "gold")
+    kinds = {
+        "labels": LabelFunction({0: (0.0, "gold"), 500: (1.0, "gold")}, materials, basis),
+        "surfaces": Isosurfaces([(250.0, 1.0, "gold")], materials, basis),
+        "regions": TransferFunction2D([region], materials, basis),
+    }
+    volume = numbered()
+    gold = basis.analyze(materials["gold"].values)
+    for name, transfer in kinds.items():
+        image = slices.table_image(volume, transfer, state.shading, (0.0, 1.0))
+        assert image.size == (346, 1) and np.isfinite(image.coefficients).all(), name
+        assert image.coefficients[0, 0] == pytest.approx(0.0, abs=1e-6)  # black, not seen
+    surfaces = slices.table_image(volume, kinds["surfaces"], state.shading, (0.0, 1.0))
+    np.testing.assert_allclose(surfaces.coefficients[0, 300], gold, rtol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:.*finite")
+def test_odd_volumes_have_slices(state: ViewState) -> None:
+    rng = np.random.default_rng(1)
+    holes = rng.random((4, 5, 6), dtype=np.float32)
+    holes[1:3, 2, 2] = np.nan
+    for volume in (
+        Volume(np.arange(8, dtype=np.uint8).reshape(2, 2, 2)),
+        Volume(np.full((2, 3, 4), 5, np.int16)),
+        Volume(holes),
+    ):
+        odd = replace(state, document=replace(state.document, volume=volume))
+        context = _Context()
+        pictures = SlicePictures(context)
+        for plane in PLANES:
+            pictures.texture(odd, plane.name, layout_of(volume, plane), 5.0)
+        assert len(context.textures) == 3
+        assert np.isfinite(float(said(odd).split()[0]))
+
+
+def test_slices_one_above_the_other_keep_one_scale_and_stay_within_the_room() -> None:
+    sizes = drawn_sizes([(250.0, 250.0), (250.0, 100.0), (250.0, 2.0)], (240.0, 300.0), 10.0)
+    assert sizes[0][0] / 250.0 == pytest.approx(sizes[1][1] / 100.0)
+    assert sum(height for _, height in sizes[:2]) <= 300 and sizes[2][1] == 10.0

@@ -1,0 +1,184 @@
+"""Three slices beside the volume, under the same lights; a click in one moves the others."""
+
+from __future__ import annotations
+
+import numpy as np
+from imgui_bundle import imgui
+
+from volspec.viewer.cuts import crop_of, world_mm
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.events.slices import with_slices
+from volspec.viewer.panels.cuts import SLICE_COLOURS
+from volspec.viewer.panels.desk import Desk, packed
+from volspec.viewer.slice_pictures import SlicePictures
+from volspec.viewer.slices import (
+    PLANES,
+    Layout,
+    edge_letters,
+    is_patient,
+    kept,
+    layout_of,
+    number_of,
+    shown_at,
+    size_mm,
+    window_of,
+)
+from volspec.viewer.state import ViewState
+
+# Pixels at 96 dpi: the least height for all slices, the least side of one, and letters' distance
+# from its edge.
+_LEAST, _FLATTEST, _MARGIN = 150.0, 10.0, 4.0
+# Lines of the panel beside the pictures: one for each slice, and two below.
+_LINES = 5
+
+
+def draw(state: ViewState, desk: Desk) -> ViewState | None:
+    """Draw the panel."""
+    if desk.slices is None:
+        return None
+    new, volume = state, state.document.volume
+    layouts = [layout_of(volume, plane) for plane in PLANES]
+    avail = imgui.get_content_region_avail()
+    beside = _LINES * imgui.get_frame_height_with_spacing() + 4 * imgui.get_style().item_spacing.y
+    sizes = drawn_sizes(
+        [size_mm(volume, layout) for layout in layouts],
+        (avail.x, max(avail.y - beside, desk.px(_LEAST))),
+        desk.px(_FLATTEST),
+    )
+    for index, (layout, size) in enumerate(zip(layouts, sizes, strict=True)):
+        new = _slider(new, desk, index, layout)
+        new = _picture(new, desk, desk.slices, index, layout, size)
+    new = _looks(new, desk)
+    imgui.text_disabled(said(state))
+    return None if new is state else new
+
+
+def drawn_sizes(
+    sizes_mm: list[tuple[float, float]], room: tuple[float, float], least: float
+) -> list[tuple[float, float]]:
+    """Width and height of slices one above the other in a room, all to one scale.
+
+    Those that would be next to nothing are stretched to ``least``.
+    """
+    wide, tall = max(width for width, _ in sizes_mm), sum(height for _, height in sizes_mm)
+    by = min(room[0] / wide, room[1] / tall)
+    return [(max(width * by, least), max(height * by, least)) for width, height in sizes_mm]
+
+
+def said(state: ViewState) -> str:
+    """What is where the slices cross."""
+    volume, at = state.document.volume, state.interface.slices.at
+    i, j, k = (number_of(volume, axis, at[axis]) for axis in range(3))
+    x, y, z = world_mm(volume, np.array([i, j, k], dtype=np.float64))
+    value = float(volume.values[k, j, i])
+    return f"{value:.5g}  at  {x:.1f}  {y:.1f}  {z:.1f} mm"
+
+
+def _slider(state: ViewState, desk: Desk, index: int, layout: Layout) -> ViewState:
+    volume, plane = state.document.volume, PLANES[index]
+    last = volume.shape_xyz[layout.normal] - 1
+    number = number_of(volume, layout.normal, state.interface.slices.at[layout.normal])
+    patient = is_patient(volume, state.interface.aids.patient)
+    title = plane.name if patient else f"Across {'xyz'[plane.normal]}"
+    imgui.set_next_item_width(-1)
+    moved, new = imgui.slider_int(f"##{plane.name}", number, 0, last, f"{title}  %d / {last}")
+    desk.note(f"slider {plane.name}")
+    return reduced(state, Event("slice", new / last, index=index)) if moved else state
+
+
+def _picture(
+    state: ViewState,
+    desk: Desk,
+    pictures: SlicePictures,
+    index: int,
+    layout: Layout,
+    size: tuple[float, float],
+) -> ViewState:
+    """One slice with its crosshair; a drag points, the wheel goes through."""
+    name, (width, high) = PLANES[index].name, size
+    texture = pictures.texture(state, name, layout, width)
+    corner = imgui.get_cursor_screen_pos()
+    x, y = round(corner.x + (imgui.get_content_region_avail().x - width) / 2), round(corner.y)
+    imgui.set_cursor_screen_pos((x, y))
+    imgui.image(imgui.ImTextureRef(texture), size)
+    imgui.set_cursor_screen_pos((x, y))
+    imgui.invisible_button(f"slice {name}", size)
+    desk.note(f"slice {name}")
+    new = state
+    if imgui.is_item_active():
+        mouse = imgui.get_mouse_pos()
+        share = (mouse.x - x) / width, (mouse.y - y) / high
+        new = reduced(new, Event("slice-point", *share, index=index))
+    if imgui.is_item_hovered():
+        imgui.set_item_key_owner(imgui.Key.mouse_wheel_y)
+        if turned := imgui.get_io().mouse_wheel:
+            new = reduced(new, Event("slice-step", round(turned) or turned, index=index))
+    _crosshair(new, desk, layout, (x, y, width, high))
+    return new
+
+
+def _crosshair(
+    state: ViewState, desk: Desk, layout: Layout, area: tuple[float, float, float, float]
+) -> None:
+    """What a crop leaves, the other two slices' lines in their colours, and the edges' letters."""
+    x, y, width, height = area
+    volume, slices = state.document.volume, state.interface.slices
+    draw_list = imgui.get_window_draw_list()
+    left, top, right, bottom = kept(volume, layout, crop_of(state.shading, volume))
+    for x0, y0, x1, y1 in (
+        *((0.0, 0.0, 1.0, top), (0.0, bottom, 1.0, 1.0)),
+        *((0.0, top, left, bottom), (right, top, 1.0, bottom)),
+    ):
+        ends = (x + x0 * width, y + y0 * height), (x + x1 * width, y + y1 * height)
+        draw_list.add_rect_filled(*ends, packed((0.0, 0.0, 0.0, 0.55)))
+    across, down = shown_at(volume, layout, slices)
+    at = x + across * width, y + down * height
+    for axis, ends in (
+        (layout.across, ((at[0], y), (at[0], y + height))),
+        (layout.down, ((x, at[1]), (x + width, at[1]))),
+    ):
+        draw_list.add_line(*ends, packed((*SLICE_COLOURS[axis], 0.75)), desk.px(1))
+    own = packed((*SLICE_COLOURS[layout.normal], 0.9))
+    draw_list.add_rect((x, y), (x + width, y + height), own, 0.0, desk.px(1))
+    patient = is_patient(volume, state.interface.aids.patient)
+    letters = edge_letters(volume, layout, patient)
+    edges = (0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0)
+    margin = desk.px(_MARGIN)
+    for text, (px, py) in zip(letters, edges, strict=True):
+        size = imgui.calc_text_size(text)
+        place = (
+            x + margin + px * (width - size.x - 2 * margin),
+            y + margin / 2 + py * (height - size.y - margin),
+        )
+        draw_list.add_text((place[0] + 1, place[1] + 1), packed((0, 0, 0, 0.8)), text)
+        draw_list.add_text(place, packed((1, 1, 1, 0.95)), text)
+
+
+def _looks(state: ViewState, desk: Desk) -> ViewState:
+    slices = state.interface.slices
+    pressed, lit = imgui.checkbox("Lit", slices.lit)
+    desk.note("lit")
+    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
+        imgui.set_tooltip("Under the same lights as the volume; else plain greys")
+    new = with_slices(state, lit=lit) if pressed else state
+    imgui.same_line()
+    low, high = state.document.volume.range
+    span = (high - low) or 1.0
+    window = window_of(slices, state.document.histogram)
+    black, white = (low + share * span for share in window)
+    imgui.set_next_item_width(-desk.px(52))
+    digits = "%.0f" if state.document.volume.values.dtype.kind in "iu" else "%.4g"
+    moved, black, white = imgui.drag_float_range2(
+        "##greys", black, white, span / 300, low, high, digits, digits
+    )
+    desk.note("greys")
+    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
+        imgui.set_tooltip("Values shown black and white, where the transfer function shows nothing")
+    if moved:
+        new = reduced(new, Event("slice-greys", (black - low) / span, (white - low) / span))
+    imgui.same_line()
+    imgui.begin_disabled(slices.greys is None)
+    if imgui.button("Auto", (-1, 0)):
+        new = with_slices(new, greys=None)
+    imgui.end_disabled()
+    return new
