@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from volspec import Display
+from volspec._tables import DisplayTable
 from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ViewingError
 from volspec.export.frames import read_frame_text, write_frame
 from volspec.export.icc import icc_profile
-from volspec.scene.tables import DisplayTable, ViewingTable
+from volspec.scene.tables import ViewingTable
 
 
 def test_an_empty_table_is_the_default_display() -> None:

@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 
 # A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
 LAYERS = (
-    *("errors", "_files", "_cache", "_exr", "_gpu", "spectra", "appearance", "basis", "palette"),
+    *("errors", "_files", "_cache", "_toml", "_exr", "_gpu", "spectra", "appearance", "_tables"),
+    *("basis", "palette"),
     *("volume", "transfer", "raycast", "relight", "pipeline", "scene", "wizard", "export"),
     *("doctor", "viewer", "cli"),
 )

@@ -206,7 +206,7 @@ CHANGES = {
     ),
     "unknown table": ("[output]", "[otuput]", "otuput"),
     "missing table": ("[transfer]", "[transfr]", "transfr: unknown key; did you mean 'transfer'"),
-    "missing key": ('spectrum = "D65"', "", r"light\.1\.spectrum: Field required"),
+    "missing key": ('spectrum = "D65"', "", r"light\.1: spectrum is missing; add spectrum = .D65."),
     "blank name": ('name = "shell"', 'name = " "', r"material\.1\.name: is blank; give a name"),
     "wrong type": ("width = 24", 'width = "wide"', r"output\.width: .*'wide'"),
     "picture of no pixels": ("width = 24", "width = 0", r"output\.width: .*it is 0"),
@@ -244,7 +244,7 @@ CHANGES = {
     "two spacings": (
         '"ball.npy"',
         '"ball.npy"\nspacing_mm = [1, 1]',
-        r"volume\.spacing_mm\.3: Field required",
+        r"volume\.spacing_mm: number 3 is missing; add it \(it is \[1, 1\]",
     ),
     **{
         row: ("[output]", f"[raycast]\n{row}\n[output]", message)
@@ -255,8 +255,11 @@ CHANGES = {
             ("light_cell = 40", r"raycast\.light_cell: unknown key; did you mean 'light_cells'"),
             ("crop_voxels = [[9, 2], [0, 9], [0, 9]]", r"\[raycast\] .*along x is 9 to 2"),
             ("crop_voxels = [[90, 99], [0, 9], [0, 9]]", "along x is 90 to 99.*reaches from 0"),
-            ("crop_voxels = [[2, 9]]", r"raycast\.crop_voxels\.2: Field required"),
-            ("clip_planes = [{ point_mm = [5, 5, 5] }]", r"clip_planes\.1\.normal: Field required"),
+            ("crop_voxels = [[2, 9]]", r"raycast\.crop_voxels: number 2 is missing"),
+            (
+                "clip_planes = [{ point_mm = [5, 5, 5] }]",
+                r"raycast\.clip_planes\.1: normal is missing; add normal = \[0, 0, 1\]",
+            ),
             (
                 "clip_planes = [{ point_mm = [5, 5, 5], normal = [0, 0, 0] }]",
                 r"\[raycast\] clip plane: normal is \(0, 0, 0\)",

@@ -237,7 +237,7 @@ WRONG = {
     "a word for a source": (group('"ambient"') + DAY, r"group\.1\.sources\.1: give a table"),
     "no direction": (
         group('{ kind = "directional" }') + DAY,
-        r"group\.1\.sources\.1\.towards: Field required",
+        r"group\.1\.sources\.1: towards is missing; add towards = \[1",
     ),
     "direction 0": (
         group('{ kind = "directional", towards = [0, 0, 0] }') + DAY,

@@ -187,7 +187,7 @@ WRONG = {
     ),
     "one value": (
         f"regions = [{{ values = [9], gradients = [0, 1], {LOOK} }}]",
-        r"transfer\.regions\.1\.values\.2: Field required",
+        r"transfer\.regions\.1\.values: number 2 is missing",
     ),
     "nine surfaces": (
         f"surfaces = [{', '.join(f'{{ value = {v}, {LOOK} }}' for v in range(9))}]",

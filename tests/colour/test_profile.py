@@ -167,7 +167,7 @@ def test_a_scene_may_give_a_measured_display_in_numbers(tmp_path: Path) -> None:
     for numbers, what in {
         f"{xy}, transfer = 0.0": "gamma is 0.0",
         f"{xy}, transfer = {{ power = 0.4, toe = 0.5 }}": "the pieces are",
-        xy: r"viewing.display.space.transfer: Field required",
+        xy: r"viewing.display.space: transfer is missing; add transfer = 2.2",
         f"{xy}, transfr = 2.2": r"viewing.display.space.transfr: unknown key; did you mean",
         f'{xy}, transfer = "2.2"': r"viewing.display.space.transfer: .*'2.2'",
         xy.replace("0.329]", "3.0]") + ", transfer = 2.2": "lies outside of the primaries",

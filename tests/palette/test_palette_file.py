@@ -384,7 +384,7 @@ def test_a_byte_order_mark_is_read_and_line_ends_are_kept(tmp_path: Path) -> Non
     [
         ("rounds = 2", "grid_nm = [400, 700, 0.01]", "grid_nm has 30001 bands; a design takes up"),
         ('name = "red"', 'name = " "', "reflectance.1.name: is blank; give a name"),
-        ('name = "red"', "", "reflectance.1.name: is missing; give it"),
+        ('name = "red"', "", 'reflectance.1: name is missing; add name = "day"'),
         ("upper = 4", "upper = 0", "lower 0 is not below upper 0; leave a range between them"),
     ],
 )

@@ -13,6 +13,7 @@ from volspec.cli import (
     inspect,
     light,
     reflectance,
+    scene,
     view,
     wizard,
 )
@@ -29,6 +30,7 @@ __all__ = [
     "light",
     "main",
     "reflectance",
+    "scene",
     "view",
     "wizard",
 ]

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from volspec._tables import explained
 from volspec.basis import SpectralBasis, load_basis
 from volspec.errors import InputError, PaletteError, nearest
 from volspec.palette.colours import parsed_colour
@@ -31,7 +32,6 @@ from volspec.palette.tables import (
     PaletteTable,
     ReflectanceTable,
     SpectrumTable,
-    explained,
 )
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light, reflectance
 
@@ -90,7 +90,7 @@ def palette_table(path: FileName) -> PaletteTable:
     except tomllib.TOMLDecodeError as error:
         raise PaletteError(f"{name}: not valid TOML: {error}") from error
     except ValidationError as error:
-        raise PaletteError(f"{name}: {explained(error)}") from error
+        raise PaletteError(f"{name}: {explained(error, PaletteTable)}") from error
 
 
 def palette_text(path: FileName) -> str:
@@ -146,7 +146,7 @@ class _Reader:
                     )
             criteria, basis = table.criteria.criteria(), self._basis(table.criteria)
         with _named(name, "[viewing]"):
-            viewing = table.viewing.viewing()
+            viewing = table.viewing.beside(self.path.parent).viewing()
         reflectances = tuple(self._member(row, grid) for row in table.reflectance)
         lights = tuple(self._member(row, grid) for row in table.light)
         cells = self._cells()

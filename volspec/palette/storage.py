@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from volspec._files import line_end, write_whole
+from volspec._tables import DisplayTable
+from volspec._tables.written import plain
+from volspec._toml import put
 from volspec.basis.storage import shipped_names
 from volspec.errors import PaletteError, SpectrumError
 from volspec.palette.colours import hexadecimal, parsed_colour
@@ -21,6 +24,7 @@ from volspec.palette.file import palette_table, palette_text
 from volspec.palette.members import PaletteSpectrum
 from volspec.palette.model import Cell, Palette
 from volspec.palette.solve import Design
+from volspec.palette.tables import ViewingTable
 from volspec.spectra import Spectrum, light
 from volspec.spectra.moved import moved_address, moved_file, moved_light
 from volspec.spectra.values import stack
@@ -28,7 +32,6 @@ from volspec.spectra.values import stack
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument
 
-_A_LINE = 8
 _DECIMALS = 6
 
 
@@ -94,9 +97,11 @@ def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
                 entry["mixture"] = [moved_light(str(lamp), *folders) for lamp in entry["mixture"]]
             if member.open:
                 if "design" not in entry:
-                    _put(entry, "design", "true")
+                    put(entry, "design", True)
                 if member.spectrum is not None:
-                    _put(entry, "values", _numbers(_values(member, palette)))
+                    put(entry, "values", _values(member, palette))
+    if elsewhere and (profile := table.viewing.display.profile):
+        document["viewing"]["display"]["space"] = moved_file(profile, *folders)
     if table.viewing.exposure == "auto":
         document["viewing"]["exposure"] = float(f"{palette.viewing.exposure:.6g}")
     if (basis := table.criteria.basis) and basis.endswith(".json"):
@@ -104,33 +109,11 @@ def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
     return document
 
 
-def _put(entry: Any, key: str, text: str) -> None:
-    """Set a key; a new one goes below the last.
-
-    Added as tomlkit does it, it would go below the comments that lead the next table.
-    """
-    import tomlkit
-
-    value = tomlkit.parse(f"{key} = {text}\n")[key]
-    body = getattr(getattr(entry, "value", None), "body", None)
-    if key in entry or body is None or entry.is_inline_table():
-        entry[key] = value
-        return
-    last = next(name for name, _ in reversed(body) if name is not None)
-    entry.value._insert_after(last, key, value)
-
-
 def _values(member: PaletteSpectrum, palette: Palette) -> list[float]:
     """A spectrum on the palette's bands; a light as `volspec.light`'s: 1 is an even one's."""
     assert member.spectrum is not None
     values = stack(member.spectrum, palette.grid)
     return [float(value) + 0.0 for value in values.round(_DECIMALS)]  # never -0
-
-
-def _numbers(values: Sequence[float]) -> str:
-    lines = [values[at : at + _A_LINE] for at in range(0, len(values), _A_LINE)]
-    text = "".join(f"    {', '.join(map(repr, line))},\n" for line in lines)
-    return f"[\n{text}]"
 
 
 def _new(palette: Palette, comment: str) -> TOMLDocument:
@@ -147,7 +130,7 @@ def _new(palette: Palette, comment: str) -> TOMLDocument:
     for kind in ("light", "reflectance"):
         for entry in document[kind]:
             if "values" in entry:
-                _put(entry, "values", _numbers(entry["values"]))
+                put(entry, "values", entry["values"])
     return document
 
 
@@ -166,15 +149,11 @@ def _viewing(palette: Palette) -> dict[str, Any]:
     viewing, default = palette.viewing, type(palette.viewing)()
     if viewing.adapting != default.adapting or viewing.fov_deg is not None:
         raise PaletteError("palette: its viewing adapts to pictures, which no palette has")
-    names = ("illuminance_lux", "L_A", "Y_b", "surround", "D", "discount", "exposure")
-    changed = {n: getattr(viewing, n) for n in names if getattr(viewing, n) != getattr(default, n)}
-    told = {"model": viewing.model, **changed}
+    names = ("model", "illuminance_lux", "L_A", "Y_b", "surround", "D", "discount", "exposure")
+    settings = {name: getattr(viewing, name) for name in names}
     if viewing.display != default.display:
-        display = viewing.display
-        own = {n: getattr(display, n) for n in ("white_cd_m2", "L_A", "Y_b", "surround")}
-        told["display"] = {k: v for k, v in own.items() if v is not None}
-        told["display"]["space"] = display.colours.name
-    return told
+        settings["display"] = DisplayTable.of(viewing.display)
+    return {"model": viewing.model, **plain(ViewingTable(**settings))}
 
 
 def _criteria(palette: Palette) -> dict[str, Any]:

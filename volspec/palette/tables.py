@@ -7,21 +7,16 @@ The keys' meaning is told to users in docs/palettes.md.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from volspec.appearance import Display, Viewing
-from volspec.appearance.presets import preset
-from volspec.errors import nearest, require_name
+from volspec._tables import Name, Pair, Table, Vector, ViewedTable
+from volspec.appearance import Viewing
 from volspec.palette.model import Criteria
 
 # TOML has lists where Python has tuples; all else is taken as it is written.
-Pair = Annotated[tuple[float, float], Field(strict=False)]
-Vector = Annotated[tuple[float, float, float], Field(strict=False)]
 Place = Annotated[tuple[str, str], Field(strict=False)]
-Name = Annotated[str, AfterValidator(require_name)]
 Colour = str | list[float]
 Bound = float | Literal["none"]
 _VIEW, _CRITERIA = Viewing(), Criteria()
@@ -30,48 +25,22 @@ EVERY = "*"
 WANTS = ("colour", "free", "black", "same", "distinct")
 
 
-class Table(BaseModel):
-    """One table of the file; an unknown key is an error, so that no wish is lost in silence."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class DisplayTable(Table):
-    """``[viewing.display]``: see `volspec.Display`; what is left out is the preset's."""
-
-    preset: str = "sRGB"
-    space: str = "sRGB"
-    white_cd_m2: float | None = None
-    L_A: float | None = None
-    Y_b: float | None = None
-    surround: str | float | None = None
-
-    def display(self) -> Display:
-        """The display that is meant."""
-        given = self.model_dump(exclude={"preset", "space"}, exclude_none=True)
-        if self.white_cd_m2 is not None and self.L_A is None:
-            given["L_A"] = None
-        return replace(preset(self.preset).display(self.space), **given)
-
-
-class ViewingTable(Table):
+class ViewingTable(ViewedTable):
     """``[viewing]``: see `volspec.Viewing`."""
 
     model: str = "none"
-    illuminance_lux: float = _VIEW.illuminance_lux
-    L_A: float | None = _VIEW.L_A
-    Y_b: float = _VIEW.Y_b
-    surround: str | float = _VIEW.surround
-    D: float | None = _VIEW.D
-    discount: bool = _VIEW.discount
     exposure: float | Literal["auto"] = _VIEW.exposure
-    display: DisplayTable = Field(default_factory=DisplayTable)
 
     def viewing(self) -> Viewing:
-        """The viewing that is meant; an exposure that is to be found begins at 1."""
-        settings = self.model_dump(exclude={"display", "exposure"})
-        exposure = 1.0 if self.exposure == "auto" else self.exposure
-        return Viewing(**settings, exposure=exposure, display=self.display.display())
+        """The viewing that is meant; an exposure that is to be found begins at 1.
+
+        Raises
+        ------
+        ViewingError
+            If a name is unknown or a number out of range.
+        """
+        settings = self.model_dump(exclude={"display"})
+        return self.viewed(settings | ({"exposure": 1.0} if self.exposure == "auto" else {}))
 
 
 class CriteriaTable(Table):
@@ -93,7 +62,7 @@ class CriteriaTable(Table):
 class SpectrumTable(Table):
     """What ``[[light]]`` and ``[[reflectance]]`` share."""
 
-    name: Name
+    name: Annotated[Name, Field(examples=["day"])]
     spectrum: Name | None = None
     values: list[float] | None = None
     design: bool | None = None
@@ -183,44 +152,3 @@ class PaletteTable(Table):
     light: Annotated[list[LightTable], Field(min_length=1)]
     reflectance: Annotated[list[ReflectanceTable], Field(min_length=1)]
     cell: Annotated[list[CellTable], Field(min_length=1)]
-
-
-_TABLES: dict[str, type[Table]] = {
-    "viewing": ViewingTable,
-    "display": DisplayTable,
-    "criteria": CriteriaTable,
-    "light": LightTable,
-    "reflectance": ReflectanceTable,
-    "cell": CellTable,
-}
-
-
-def explained(error: ValidationError) -> str:
-    """pydantic's first complaint in one line: field, what is wrong, the value."""
-    first = error.errors()[0]
-    # A misspelt key comes with the complaint that the right one is missing; name the former.
-    first = next((e for e in error.errors() if e["type"] == "extra_forbidden"), first)
-    table: type[Table] = PaletteTable
-    words: list[str] = []
-    for part in first["loc"]:
-        if isinstance(part, int):
-            words.append(str(part + 1))
-        elif not words or part in table.model_fields or first["type"] == "extra_forbidden":
-            words.append(part)
-            table = _TABLES.get(part, table) if part in table.model_fields else table
-    field = ".".join(words)
-    if first["type"] == "extra_forbidden":
-        known = list(table.model_fields)
-        return f"{field}: unknown key; {nearest(words[-1], known)}known: {', '.join(known)}"
-    if len(first["loc"]) == 1 and first["type"] in ("missing", "too_short"):
-        return f"there is no [[{field}]]; add one"
-    if first["type"] == "missing":
-        return f"{field}: is missing; give it"
-    what = first["msg"].removeprefix("Value error, ")
-    if first["type"].startswith("model_"):
-        what = "give a table, { key = value, … }"
-    for other in error.errors():  # a number or a word
-        if other["type"] == "literal_error" and other["loc"][:-1] == first["loc"][:-1]:
-            what += f", or {other['ctx']['expected']}"
-    told = first["type"] == "value_error" and isinstance(first["input"], dict)
-    return f"{field}: {what}" + ("" if told else f" (it is {first['input']!r:.60})")

@@ -3,5 +3,6 @@
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import NamedLight
 from volspec.scene.model import Scene, viewing_of
+from volspec.scene.writing import write_scene
 
-__all__ = ["NamedLight", "Scene", "SceneFile", "viewing_of"]
+__all__ = ["NamedLight", "Scene", "SceneFile", "viewing_of", "write_scene"]

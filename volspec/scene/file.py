@@ -6,10 +6,11 @@ TOML -> [file] -> Scene
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, get_args
+from typing import Annotated
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
+from volspec._tables import Table
 from volspec.errors import nearest
 from volspec.raycast import RaycastSpec
 from volspec.scene.lights import GroupTable, LightTable, rows_by_name
@@ -19,27 +20,40 @@ from volspec.scene.tables import (
     MaterialTable,
     OutputTable,
     RaycastTable,
-    Table,
     ViewingTable,
     VolumeTable,
 )
 from volspec.scene.transfer import TransferTable
+from volspec.scene.versions import FIRST
 
 
 class SceneFile(Table):
-    """The whole file."""
+    """Everything a picture needs; files named in it are relative to it."""
 
+    version: Annotated[int, Field(ge=FIRST)] = FIRST
+    """Of the file's form."""
     title: str = ""
+    """Caption; kept in the image."""
     volume: VolumeTable
+    """What is cast."""
     material: Annotated[list[MaterialTable], Field(min_length=1)]
+    """What the transfer function is made of."""
     transfer: TransferTable
+    """Which value is how opaque, and of what."""
     basis: BasisTable = BasisTable()
+    """Channels of the cast."""
     camera: CameraTable = CameraTable()
+    """Where it is seen from."""
     raycast: RaycastTable = RaycastTable()
+    """Settings of the cast."""
     group: list[GroupTable] = Field(default_factory=list)
+    """Where light comes from; left out, one group of ambient light and a headlight."""
     light: Annotated[list[LightTable], Field(min_length=1)]
+    """What shines."""
     viewing: ViewingTable = ViewingTable()
+    """The eye, and what the picture is made for."""
     output: OutputTable = OutputTable()
+    """The picture's size."""
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> SceneFile:
@@ -83,60 +97,6 @@ class SceneFile(Table):
                     f"{self.transfer.kind}; leave it out"
                 )
         return self
-
-
-def explained(error: ValidationError) -> str:
-    """pydantic's first complaint in one line: field, what is wrong, the value."""
-    first = error.errors()[0]
-    # A misspelt key comes with the complaint that the right one is missing; name the former.
-    first = next((e for e in error.errors() if e["type"] == "extra_forbidden"), first)
-    field, tables = _place(first["loc"])
-    if first["type"] == "extra_forbidden":
-        known = list(tables[0].model_fields)
-        guess = nearest(field.rpartition(".")[2], known)
-        return f"{field}: unknown key; {guess}known: {', '.join(known)}"
-    if first["type"].startswith("union_tag"):
-        kinds = [_kind(table) for table in tables]
-        tag = first["ctx"].get("tag")
-        what = f"is {tag!r}; {nearest(tag, kinds)}give" if tag else "is missing; give"
-        return f"{field}: kind {what} {', '.join(kinds)}"
-    if len(first["loc"]) == 1 and first["type"] in ("missing", "too_short"):
-        table = f"[[{field}]]" if field in ("material", "light") else f"[{field}]"
-        return f"there is no {table}; add one"
-    what = first["msg"].removeprefix("Value error, ")
-    if first["type"].startswith("model_"):
-        what = "give a table, { key = value, … }"
-    if not field:
-        return what
-    told = first["type"] in ("missing", "value_error") and isinstance(first["input"], dict)
-    return f"{field}: {what}" + ("" if told else f" (it is {first['input']!r:.60})")
-
-
-def _place(loc: Sequence[int | str]) -> tuple[str, list[type[Table]]]:
-    """Where pydantic complains, as a user would write it, and which tables it may be."""
-    words: list[str] = []
-    tables: list[type[Table]] = [SceneFile]
-    for part in loc:
-        if isinstance(part, int):
-            words.append(str(part + 1))
-        elif len(tables) > 1:  # pydantic says which kind it took: no word of the file
-            tables = [table for table in tables if _kind(table) == part]
-        elif not part.startswith("<"):
-            words.append(part)
-            if part in tables[0].model_fields:
-                tables = _tables_in(tables[0].model_fields[part].annotation) or tables
-    return ".".join(words), tables
-
-
-def _kind(table: type[Table]) -> str:
-    """The word that tells a table from others at its place."""
-    return str(get_args(table.model_fields["kind"].annotation)[0])
-
-
-def _tables_in(annotation: Any) -> list[type[Table]]:
-    if inner := get_args(annotation):
-        return [table for part in inner for table in _tables_in(part)]
-    return [annotation] if isinstance(annotation, type) and issubclass(annotation, Table) else []
 
 
 def _twice(names: Sequence[str]) -> str | None:

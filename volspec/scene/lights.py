@@ -10,16 +10,18 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from volspec._tables import Name, Table, Vector
 from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point
 from volspec.raycast.lights import Source
 from volspec.relight import LightRig
-from volspec.scene.tables import Name, Table, Vector
-from volspec.spectra import SpectralGrid, Spectrum, light
+from volspec.scene.spectra import Given, given_light
+from volspec.spectra import SpectralGrid, Spectrum
 from volspec.spectra.lamps import lamp_illuminance_lux, lamp_of
 
 _AMBIENT, _HEAD = Ambient(), Headlight()
@@ -33,6 +35,7 @@ _COUNTED = ("power_W", "distance_m", "beam_deg")
 class _SourceTable(Table):
     """A source of a group; the subclass says which keys it has."""
 
+    row_keys = ("kind",)
     source_type: ClassVar[type]
 
     def source(self) -> Source:
@@ -52,9 +55,13 @@ class AmbientTable(_SourceTable):
 
     source_type = Ambient
     kind: Literal["ambient"]
+    """What it is."""
     intensity: float = _AMBIENT.intensity
+    """Factor of its light."""
     occlusion: bool = _AMBIENT.occlusion
+    """Whether what is near takes light away."""
     radius_mm: float | None = _AMBIENT.radius_mm
+    """How far occluders reach; left out, a tenth of the volume's diagonal."""
 
 
 class HeadlightTable(_SourceTable):
@@ -62,7 +69,9 @@ class HeadlightTable(_SourceTable):
 
     source_type = Headlight
     kind: Literal["headlight"]
+    """What it is."""
     intensity: float = _HEAD.intensity
+    """Factor of its light."""
 
 
 class DirectionalTable(_SourceTable):
@@ -70,10 +79,15 @@ class DirectionalTable(_SourceTable):
 
     source_type = Directional
     kind: Literal["directional"]
-    towards: Vector
+    """What it is."""
+    towards: Annotated[Vector, Field(examples=[[1, 0.75, 0.6]])]
+    """From the volume to the light."""
     frame: str = _FAR.frame
+    """world, or camera: right, up, back; the light moves with the camera."""
     intensity: float = _FAR.intensity
+    """Factor of its light."""
     shadows: bool = _FAR.shadows
+    """Whether the volume casts shadows."""
 
 
 class PointLightTable(_SourceTable):
@@ -81,11 +95,17 @@ class PointLightTable(_SourceTable):
 
     source_type = Point
     kind: Literal["point"]
-    position_mm: Vector
+    """What it is."""
+    position_mm: Annotated[Vector, Field(examples=[[0, 0, -500]])]
+    """Where it stands; of frame camera counted from the camera."""
     frame: str = _NEAR.frame
+    """world or camera."""
     intensity: float = _NEAR.intensity
+    """Factor of its light."""
     shadows: bool = _NEAR.shadows
+    """Whether the volume casts shadows."""
     falloff_mm: float | None = _NEAR.falloff_mm
+    """Where the light has its intensity, falling with the distance squared; left out, it stays."""
 
 
 AnySource = Annotated[
@@ -96,8 +116,11 @@ AnySource = Annotated[
 class GroupTable(Table):
     """``[[group]]``: sources that share a spectrum and a weight; see `volspec.LightGroup`."""
 
-    name: Name
-    sources: Annotated[list[AnySource], Field(min_length=1)]
+    row_keys = ("name",)
+    name: Annotated[Name, Field(examples=["lamp"])]
+    """Any but = and ;."""
+    sources: Annotated[list[AnySource], Field(min_length=1, examples=[[{"kind": "headlight"}]])]
+    """What shines."""
 
     @field_validator("name")
     @classmethod
@@ -125,15 +148,25 @@ class LightTable(Table):
     place a lamp's may be counted, from the watts that it takes and how far away it is.
     """
 
-    name: Name
-    spectrum: str
+    row_keys = ("name", "group")
+    name: Annotated[Name, Field(examples=["day"])]
+    """Names the frame's file; rows of one name and different groups are one setting."""
     label: str | None = None
+    """Caption; left out, the name."""
+    spectrum: Annotated[Given, Field(examples=["D65"])]
+    """D65, planck:3200, FILE.csv, a mix D65*0.7+A*0.3, …, or a table of numbers."""
     group: Name | None = None
+    """The group it shines from; left out, all of them."""
     weight: float = 1.0
+    """Times its power."""
     illuminance_lux: float | None = None
+    """What it gives a surface that faces every source; sets the eye's adaptation."""
     power_W: float | None = None
+    """In its place, of lamp:NAME: what the lamp takes."""
     distance_m: float | None = None
+    """With power_W: how far away it is."""
     beam_deg: float | None = None
+    """With both: full angle of the cone it shines into; left out, all around."""
 
     @model_validator(mode="after")
     def _one_measure(self) -> LightTable:
@@ -148,6 +181,11 @@ class LightTable(Table):
             raise ValueError(
                 f"{' and '.join(counted)} without {' and '.join(missing)}; a lamp's lux are "
                 "counted from power_W and distance_m"
+            )
+        if not isinstance(self.spectrum, str):
+            raise ValueError(
+                'power_W is for lamps by name, as spectrum = "lamp:tungsten-2850", not for '
+                "numbers; give illuminance_lux"
             )
         return self
 
@@ -165,7 +203,7 @@ class LightTable(Table):
             If it is to be counted, and the spectrum is no lamp, has no known lumens per watt,
             or a number is out of range.
         """
-        if self.power_W is None or self.distance_m is None:
+        if self.power_W is None or self.distance_m is None or not isinstance(self.spectrum, str):
             return self.illuminance_lux
         source = lamp_of(self.spectrum)
         return lamp_illuminance_lux(source, self.power_W, self.distance_m, self.beam_deg)
@@ -227,9 +265,7 @@ def named_light(
     SpectrumError, ViewingError
         If a spectrum is unknown, a lamp's light cannot be counted, or the rows give no light.
     """
-    spectra = tuple(
-        known.get(row.spectrum) or light(row.spectrum, grid, folder=folder) for row in rows
-    )
+    spectra = tuple(given_light(row.spectrum, row.name, grid, Path(folder), known) for row in rows)
     lux = tuple(lux for row in rows if (lux := row.lux()) is not None)
     weights, groups = tuple(row.weight for row in rows), tuple(row.group or "" for row in rows)
     rig = LightRig(spectra, weights, lux or None, groups)

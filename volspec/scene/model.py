@@ -9,36 +9,22 @@ from __future__ import annotations
 
 import json
 import os
-import tomllib
-import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
-import numpy as np
-from pydantic import ValidationError
-
-from volspec.basis import load_basis
-from volspec.errors import ImageError, InputError, SceneError, VolspecWarning
+from volspec.errors import ImageError
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.bands import Cancel, Progress
-from volspec.scene.basis import (
-    ChosenBasis,
-    SceneSpectra,
-    choose_basis,
-    grid_of,
-    retrained,
-    use_of,
-)
-from volspec.scene.file import SceneFile, explained
-from volspec.scene.lights import named_light, rows_by_name
+from volspec.scene.basis import ChosenBasis, choose_basis, retrained
+from volspec.scene.file import SceneFile
+from volspec.scene.reading import scene_data, scene_file
+from volspec.scene.resolve import Resolver
 from volspec.scene.tables import ViewingTable
-from volspec.spectra import SpectralGrid, Spectrum, reflectance
-from volspec.volume import Volume, load_volume
-
-# What two spacings may differ by, relatively, before anyone is told.
-_SPACING_ERROR = 1e-4
+from volspec.scene.writing import write_scene
+from volspec.spectra import Spectrum
+from volspec.volume import Volume
 
 
 def viewing_of(image: CoefficientImage) -> ViewingTable:
@@ -82,40 +68,29 @@ class Scene:
         known: Mapping[str, Spectrum] | None = None,
     ) -> None:
         self.file = file
-        self._known = dict(known or {})
         self.path = Path(path)
         self.folder = self.path.parent
-        _named = self._named
-        with _named("[basis]"):
-            shipped = None
-            if file.basis.name is not None:
-                shipped = load_basis(self._basis_file(file.basis.name))
-            grid = shipped.grid if shipped else grid_of(file.basis)
-        self.materials = self._reflectances("reflectance", grid)
-        filters = self._reflectances("filter", grid)
-        groups = []
-        for row in file.group:
-            with _named(f"[[group]] {row.name}:"):
-                groups.append(row.group())
-        with _named("[raycast]"):
-            self.raycast = file.raycast.spec(tuple(groups) or RaycastSpec().groups)
-        self.lights = []
-        for name, rows in rows_by_name(file.light).items():
-            with _named(f"[[light]] {name}:"):
-                shares = self.raycast.shares()
-                self.lights.append(named_light(rows, shares, grid, self.folder, self._known))
-        with _named("[basis]"):
+        self._known = dict(known or {})
+        names = Resolver(file, self.path, self._known)
+        self._names = names
+        shipped = names.shipped_basis()
+        grid = names.grid(shipped)
+        self.materials = names.reflectances("reflectance", grid)
+        filters = names.reflectances("filter", grid)
+        self.raycast = names.raycast()
+        self.lights = names.lights(grid, self.raycast)
+        with names.named("[basis]"):
             if shipped:
                 chosen = ChosenBasis(shipped, "the scene names it")
             else:
-                spectra = self._spectra(filters)
-                chosen = choose_basis(file.basis, spectra, self._basis_name(), file.viewing.mode)
+                spectra = names.spectra(self.lights, self.materials, filters)
+                name = file.title or self.path.stem
+                chosen = choose_basis(file.basis, spectra, name, file.viewing.mode)
             self.basis, self.basis_reason = chosen.basis, chosen.reason
-        with _named("[transfer]"):
+        with names.named("[transfer]"):
             self.transfer = file.transfer.function(self.materials, filters, self.basis)
-        with _named("[viewing]"):
-            self.viewing = file.viewing.beside(self.folder)
-            self.relight = self.viewing.spec()
+        self.viewing = names.viewing()
+        self.relight = self.viewing.spec()
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], basis: Mapping[str, object] | None = None) -> Scene:
@@ -134,43 +109,38 @@ class Scene:
             If the file is missing, is no TOML, or a field is unknown or wrong; the message
             names file, field and value.
         """
-        name = os.fspath(path)
-        try:
-            data = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
-        except FileNotFoundError:
-            raise SceneError(f"{name}: no such file; check the path") from None
-        except IsADirectoryError:
-            raise SceneError(f"{name}: is a folder; give a scene file") from None
-        except OSError as error:
-            raise SceneError(
-                f"{name}: cannot be read: {error.strerror or error}; check the path and its "
-                "permissions"
-            ) from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise SceneError(f"{name}: not valid TOML: {error}") from error
-        try:
-            if basis:
-                data["basis"] = retrained(data.get("basis", {}), basis)
-            return cls(SceneFile.model_validate(data), path)
-        except ValidationError as error:
-            raise SceneError(f"{name}: {explained(error)}") from error
+        data = scene_data(path)
+        if basis:
+            data["basis"] = retrained(data.get("basis", {}), basis)
+        return cls(scene_file(data, path), path)
+
+    def save(self, path: str | os.PathLike[str] | None = None) -> Path:
+        """Write the scene's file, whole or not at all; `write_scene` says how.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where to; by default where it was read.
+
+        Returns
+        -------
+        path
+        """
+        return write_scene(self.file, self.path if path is None else path, self)
+
+    @property
+    def known(self) -> Mapping[str, Spectrum]:
+        """What texts of the file stand for that are no files yet."""
+        return MappingProxyType(self._known)
 
     def volume(self) -> Volume:
         """Read the volume; its spacing and size as the scene wants them."""
-        table = self.file.volume
-        with self._named("[volume]"):
-            volume = load_volume(self._file(table.file))
-            if table.spacing_mm:
-                self._warn_of_spacing(volume, table.spacing_mm)
-                volume = volume.with_spacing(table.spacing_mm)
-            if table.downsample == 1:
-                return volume
-            return volume.downsampled(table.downsample, labels=self.file.transfer.kind == "labels")
+        return self._names.volume()
 
     def camera(self, volume: Volume) -> Camera:
         """The camera, placed for a volume."""
         table = self.file.camera
-        with self._named("[camera]"):
+        with self._names.named("[camera]"):
             if table.position_mm is None:
                 return Camera.orbit(volume, **table.model_dump(exclude={"position_mm"}))
             target = table.target_mm or tuple(volume.corners_mm.mean(axis=0))
@@ -210,7 +180,7 @@ class Scene:
         volume = volume or self.volume()
         output = self.file.output
         camera = self.camera(volume)
-        with self._named():
+        with self._names.named():
             return raycast(
                 *(volume, self.transfer, camera, size or (output.width, output.height)),
                 spec or self.raycast,
@@ -220,60 +190,3 @@ class Scene:
                 caster=caster,
                 notes={"scene": self.file.title, "viewing": self.viewing.model_dump_json()},
             )
-
-    @contextmanager
-    def _named(self, table: str = "") -> Iterator[None]:
-        """Put the file's and the table's name before the message of what goes wrong inside."""
-        try:
-            yield
-        except InputError as error:
-            where = f"{self.path}: {table} " if table else f"{self.path}: "
-            # "[raycast] raycast: shininess is …" would say it twice.
-            said = str(error).removeprefix(f"{table.strip('[]')}: ")
-            raise SceneError(f"{where}{said}") from error
-
-    def _reflectances(self, key: str, grid: SpectralGrid) -> dict[str, Spectrum]:
-        """What the materials have under a key, by name."""
-        found = {}
-        for row in self.file.material:
-            if (text := getattr(row, key)) is not None:
-                with self._named(f"[[material]] {row.name}: {key}:"):
-                    known = self._known.get(text)
-                    found[row.name] = known or reflectance(text, grid, folder=self.folder)
-        return found
-
-    def _spectra(self, filters: Mapping[str, Spectrum]) -> SceneSpectra:
-        use = use_of(self.file.transfer)
-        # A material that the function does not name is not seen, but may be picked later.
-        unseen = dict.fromkeys(self.materials, min(use.values(), default=1.0))
-        rigs = [light.rig for light in self.lights]
-        return SceneSpectra(
-            [spectrum for rig in rigs for spectrum in rig.lights],
-            [weight for rig in rigs for weight in rig.weights],
-            self.materials,
-            unseen | use,
-            filters,
-        )
-
-    def _warn_of_spacing(self, volume: Volume, given: tuple[float, float, float]) -> None:
-        # A file without a spacing loads with ones.
-        own = volume.spacing_mm
-        if own == (1.0, 1.0, 1.0) or np.allclose(given, own, rtol=_SPACING_ERROR, atol=0):
-            return
-        ours, theirs = (" × ".join(f"{s:g}" for s in spacing) for spacing in (given, own))
-        warnings.warn(
-            f"{self.path}: [volume] spacing_mm is {ours}, {volume.name} says {theirs}; the "
-            "scene's is taken, leave it out to take the file's",
-            VolspecWarning,
-            stacklevel=3,
-        )
-
-    def _basis_name(self) -> str:
-        return self.file.title or self.path.stem
-
-    def _basis_file(self, name: str) -> str:
-        return self._file(name) if name.endswith(".json") else name
-
-    def _file(self, name: str) -> str:
-        """A file named in the scene: relative to the scene, never to where the program runs."""
-        return os.fspath(self.folder / name)

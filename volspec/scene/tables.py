@@ -2,64 +2,47 @@
 
     TOML -> [tables] -> Scene
 
-Those of transfer functions and of lights stand in `volspec.scene.transfer` and
-`volspec.scene.lights`, the whole file in `volspec.scene.file`. The keys' meaning is told to users
-in docs/scenes.md.
+Those of transfer functions, of lights and of spectra stand in `volspec.scene.transfer`,
+`volspec.scene.lights` and `volspec.scene.spectra`, what palettes have too in `volspec._tables`,
+the whole file in `volspec.scene.file`. The keys' meaning is told to users in docs/scenes.md.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Discriminator,
-    Field,
-    Tag,
-    model_validator,
-)
+from pydantic import Field, model_validator
 
-from volspec.appearance import Display, Viewing
-from volspec.appearance.curves import Transfer
-from volspec.appearance.presets import preset
-from volspec.appearance.profile import read_profile
-from volspec.appearance.spaces import ColourSpace
-from volspec.errors import require_name
+from volspec._tables import Box, Name, Table, Vector, ViewedTable
+from volspec.appearance import Viewing
 from volspec.raycast import ClipPlane, LightGroup, RaycastSpec
 from volspec.relight import RelightSpec
+from volspec.scene.spectra import Given
 
-# TOML has lists where Python has tuples; all else is taken as it is written.
-Pair = Annotated[tuple[float, float], Field(strict=False)]
-Vector = Annotated[tuple[float, float, float], Field(strict=False)]
-Box = Annotated[tuple[Pair, Pair, Pair], Field(strict=False)]
-Name = Annotated[str, AfterValidator(require_name)]
 _CAST, _VIEW, _SEEN = RaycastSpec(), Viewing(), RelightSpec()
-
-
-class Table(BaseModel):
-    """One table of the file; an unknown key is an error, so that no setting is lost in silence."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class VolumeTable(Table):
     """``[volume]``: the file, and what is changed of it."""
 
-    file: str
+    file: Annotated[str, Field(examples=["volume.nrrd"])]
+    """NRRD, MHD/MHA, NIfTI, VTI/VTK, .npy, or FILE.raw?shape=256x256x110&dtype=uint8."""
     spacing_mm: Vector | None = None
+    """x, y, z in place of the file's."""
     downsample: int = 1
+    """2 keeps a voxel for every block of 2³: the mean, or of labels the most frequent."""
 
 
 class MaterialTable(Table):
     """``[[material]]``: a name the transfer function uses, a reflectance and a filter."""
 
-    name: Name
-    reflectance: str
-    filter: str | None = None
+    row_keys = ("name",)
+    name: Annotated[Name, Field(examples=["bone"])]
+    """What [transfer] calls it."""
+    reflectance: Annotated[Given, Field(examples=["copper"])]
+    """A name, FILE.csv, PALETTE.toml#name, …, or a table of numbers."""
+    filter: Given | None = None
+    """The spectrum that passes it at opacity 1; left out, every wavelength is held back alike."""
 
 
 class BasisTable(Table):
@@ -70,14 +53,21 @@ class BasisTable(Table):
     """
 
     name: str | None = None
+    """A basis that ships, or FILE.json; alone."""
     train: Literal["scene"] | None = None
+    """Train for the scene in any case."""
     method: Literal["virtual-sensors", "pca-sharpened", "pca", "reduced-rank", "materials"] = (
         "virtual-sensors"
     )
+    """How it is fitted; materials: the materials are the channels, exact under any light."""
     size: Annotated[int, Field(ge=3, le=16)] = 7
+    """Channels."""
     positive: bool = False
+    """Sensors without negative parts."""
     grid_nm: Vector | None = None
+    """First, last, step of the bands; left out, 400 to 700 by 10."""
     observer_deg: Literal[2, 10] = 2
+    """The CIE observer's field."""
 
     @model_validator(mode="after")
     def _one_source(self) -> BasisTable:
@@ -92,18 +82,31 @@ class BasisTable(Table):
             )
         return self
 
+    @property
+    def file(self) -> str | None:
+        """The file that ``name`` names; None where it is none."""
+        return self.name if self.name is not None and self.name.endswith(".json") else None
+
 
 class CameraTable(Table):
     """``[camera]``: an orbit around the volume, or an explicit position."""
 
     azimuth_deg: float = 30.0
+    """0 stands at −y, 90 at +x."""
     elevation_deg: float = 20.0
+    """Towards up."""
     zoom: float = 1.0
+    """1 fits the sphere around the volume into the picture's height."""
     fov_deg: float = 30.0
+    """The picture's height as an angle."""
     orthographic: bool = False
+    """Parallel rays."""
     position_mm: Vector | None = None
+    """x, y, z, in place of the orbit."""
     target_mm: Vector | None = None
+    """What it looks at; left out, the volume's centre."""
     up: Vector = (0.0, 0.0, 1.0)
+    """What is above in the picture."""
 
     @model_validator(mode="after")
     def _one_way(self) -> CameraTable:
@@ -116,30 +119,49 @@ class CameraTable(Table):
 class PlaneTable(Table):
     """One of ``clip_planes``."""
 
-    point_mm: Vector
-    normal: Vector
+    point_mm: Annotated[Vector, Field(examples=[[0, 0, 0]])]
+    """Any point of the plane."""
+    normal: Annotated[Vector, Field(examples=[[0, 0, 1]])]
+    """Towards what stays."""
 
 
 class RaycastTable(Table):
     """``[raycast]``: see `volspec.RaycastSpec`."""
 
     step_mm: float | None = _CAST.step_mm
+    """Distance of samples; left out, half the smallest spacing."""
     ambient: float = _CAST.ambient
+    """How surfaces reflect light from everywhere."""
     diffuse: float = _CAST.diffuse
+    """How they reflect light from a direction."""
     specular: float = _CAST.specular
+    """Highlights."""
     shininess: int = _CAST.shininess
+    """Their sharpness, 1 to 1024."""
     alpha_stop: float = _CAST.alpha_stop
+    """A ray ends at this opacity."""
     flat_gradient: float = _CAST.flat_gradient
+    """Gradients below this share of the range per voxel are not shaded."""
     mode: str = _CAST.mode
+    """composite, or maximum or average of the values along a ray."""
     jitter: float = _CAST.jitter
+    """Share of a step by which rays are shifted at random: no rings."""
     seed: int = _CAST.seed
+    """Of the jitter."""
     preintegrated: bool = _CAST.preintegrated
+    """Far fewer bands where points are steep."""
     adaptive: float = _CAST.adaptive
+    """Longer steps where opacity varies by less than this."""
     crop_voxels: Box | None = _CAST.crop_voxels
+    """From and to along x, y, z: what stays, in voxels after downsample."""
     clip_planes: list[PlaneTable] = Field(default_factory=list)
+    """Up to six; the normal's side stays."""
     light_cells: int = _CAST.light_cells
+    """Of the light volume for shadows and occlusion, along the longest axis."""
     half: bool = _CAST.half
+    """Channels as float16: half the memory, three digits."""
     first_opacity: float = _CAST.first_opacity
+    """Opacity that counts as the first hit."""
 
     def spec(self, groups: tuple[LightGroup, ...]) -> RaycastSpec:
         """The settings as `volspec.raycast` takes them.
@@ -154,125 +176,21 @@ class RaycastTable(Table):
         return RaycastSpec(**settings, clip_planes=planes, groups=groups)
 
 
-class CurveTable(Table):
-    """``transfer`` of a space: see `volspec.appearance.curves.Transfer`."""
-
-    power: float
-    gain: float = 1.0
-    slope: float = 1.0
-    toe: float = 0.0
-
-
-def _kind(value: object) -> str:
-    """Which of a table and a single value is meant; ``<`` keeps it out of messages."""
-    return "<table>" if isinstance(value, dict | Table) else "<value>"
-
-
-class SpaceTable(Table):
-    """``space`` of a display in numbers: see `volspec.appearance.spaces.ColourSpace`."""
-
-    name: Name = "display"
-    primaries_xy: Box
-    white_xy: Pair
-    transfer: Annotated[
-        Annotated[float, Tag("<value>")] | Annotated[CurveTable, Tag("<table>")],
-        Discriminator(_kind),
-    ]
-
-    @classmethod
-    def of(cls, space: ColourSpace) -> SpaceTable:
-        """The table of a space."""
-        curve = CurveTable(**asdict(space.transfer))
-        return cls(
-            name=space.name,
-            primaries_xy=space.primaries_xy,
-            white_xy=space.white_xy,
-            transfer=curve,
-        )
-
-    def colours(self) -> ColourSpace:
-        """The space.
-
-        Raises
-        ------
-        ViewingError
-            If there is none of these numbers.
-        """
-        given = self.transfer
-        if isinstance(given, CurveTable):
-            curve = Transfer(**given.model_dump())
-        else:
-            curve = Transfer.gamma(given)
-        return ColourSpace(self.name, self.primaries_xy, self.white_xy, curve)
-
-
-class DisplayTable(Table):
-    """``[viewing.display]``: see `volspec.Display`; what is left out is the preset's."""
-
-    preset: str = "sRGB"
-    space: Annotated[
-        Annotated[str, Tag("<value>")] | Annotated[SpaceTable, Tag("<table>")],
-        Discriminator(_kind),
-    ] = "sRGB"
-    gamut: str = "clip"
-    mark: bool = False
-    white_cd_m2: float | None = None
-    L_A: float | None = None
-    Y_b: float | None = None
-    surround: str | float | None = None
-
-    def display(self) -> Display:
-        """The display that is meant.
-
-        Where the white's luminance is given and ``L_A`` is not, that is ``Y_b`` percent of it.
-
-        Raises
-        ------
-        ViewingError
-            If a name is unknown or a number out of range.
-        """
-        space = self.space if isinstance(self.space, str) else self.space.colours()
-        seen = preset(self.preset).display(space, self.gamut)
-        given = self.model_dump(exclude={"preset", "space", "gamut"}, exclude_none=True)
-        if self.white_cd_m2 is not None and self.L_A is None:
-            given["L_A"] = None
-        return replace(seen, **given)
-
-
-class ViewingTable(Table):
+class ViewingTable(ViewedTable):
     """``[viewing]``: see `volspec.Viewing`; and the backdrop's reflectance."""
 
-    model: str = _VIEW.model
-    illuminance_lux: float = _VIEW.illuminance_lux
-    L_A: float | None = _VIEW.L_A
-    Y_b: float = _VIEW.Y_b
-    surround: str | float = _VIEW.surround
-    D: float | None = _VIEW.D
-    discount: bool = _VIEW.discount
     exposure: float = _VIEW.exposure
+    """Factor of all light."""
     adapting: str = _VIEW.adapting
+    """given, or picture or pixel: Y_b and L_A measured in the picture."""
     fov_deg: float | None = _VIEW.fov_deg
+    """The picture's height as an angle, to measure with; left out, the camera's."""
     backdrop: float = 0.2
+    """Reflectance of the diffuser behind."""
     mode: str = _SEEN.mode
+    """componentwise, exact or linear-model."""
     level: str = _SEEN.level
-    display: DisplayTable = Field(default_factory=DisplayTable)
-
-    def beside(self, scene: Path) -> ViewingTable:
-        """The same, with what a display's profile beside the scene says in place of its name.
-
-        So an image's note needs no file.
-
-        Raises
-        ------
-        ViewingError
-            If the profile cannot be used.
-        """
-        name = self.display.space
-        if not (isinstance(name, str) and name.lower().endswith((".icc", ".icm"))):
-            return self
-        space = SpaceTable.of(read_profile(scene / name))
-        display = self.display.model_copy(update={"space": space})
-        return self.model_copy(update={"display": display})
+    """relative: white has Y = 100; absolute: lights add, and need lux."""
 
     def spec(self) -> RelightSpec:
         """The settings as `volspec.relight` takes them.
@@ -284,11 +202,13 @@ class ViewingTable(Table):
         """
         settings = self.model_dump(exclude={"display"})
         relit = {key: settings.pop(key) for key in ("backdrop", "mode", "level")}
-        return RelightSpec(viewing=Viewing(**settings, display=self.display.display()), **relit)
+        return RelightSpec(viewing=self.viewed(settings), **relit)
 
 
 class OutputTable(Table):
     """``[output]``: the picture's size in pixels."""
 
     width: Annotated[int, Field(ge=1, le=8192)] = 512
+    """Pixels."""
     height: Annotated[int, Field(ge=1, le=8192)] = 512
+    """Pixels."""

@@ -11,8 +11,8 @@ from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from volspec._tables import Pair, Table
 from volspec.basis import Basis
-from volspec.scene.tables import Pair, Table
 from volspec.spectra import Spectrum
 from volspec.transfer import (
     Isosurfaces,
@@ -34,8 +34,10 @@ Material = Annotated[
 class LookTable(Table):
     """What every row has: how opaque, and of what."""
 
-    opacity: float
-    material: Material
+    opacity: Annotated[float, Field(examples=[0.5])]
+    """0 to 1, over the reference step; a surface's for the surface."""
+    material: Annotated[Material, Field(examples=["bone"])]
+    """A name, or shares by name that sum to at most 1; the rest is black."""
 
     @property
     def shares(self) -> Mapping[str, float]:
@@ -46,32 +48,46 @@ class LookTable(Table):
 class PointTable(LookTable):
     """One of ``points`` or ``surfaces``."""
 
-    value: float
+    row_keys = ("value",)
+    value: Annotated[float, Field(examples=[100])]
+    """Rising; two points of one value make a step."""
 
 
 class RegionTable(LookTable):
     """One of ``regions``; see `volspec.Region`."""
 
-    values: Pair
-    gradients: Pair
+    row_keys = ("values", "gradients")
+    values: Annotated[Pair, Field(examples=[[60, 130]])]
+    """From, to."""
+    gradients: Annotated[Pair, Field(examples=[[20, 200]])]
+    """From, to; value per mm, from 0; to may be inf."""
     softness: float = 0.25
+    """Share of each side's half-width over which opacity falls to 0."""
 
 
 class LabelTable(LookTable):
     """One of ``labels``."""
 
-    label: int
+    row_keys = ("label",)
+    label: Annotated[int, Field(examples=[1])]
+    """0 to 65535; labels left out are transparent."""
 
 
 class TransferTable(Table):
     """``[transfer]``: one kind of function, and the length over which an opacity holds."""
 
     points: Annotated[list[PointTable], Field(min_length=1)] | None = None
+    """A curve over values."""
     gradient_opacity: Annotated[list[Pair], Field(min_length=1)] | None = None
+    """With points: magnitude (value per mm, rising) and factor of the opacity, pair by pair."""
     regions: Annotated[list[RegionTable], Field(min_length=1)] | None = None
+    """Rectangles of values and gradients."""
     labels: Annotated[list[LabelTable], Field(min_length=1)] | None = None
+    """Of a segmentation."""
     surfaces: Annotated[list[PointTable], Field(min_length=1)] | None = None
+    """Isosurfaces, up to eight."""
     reference_step_mm: float | None = None
+    """Length over which an opacity holds; left out, the smallest spacing."""
 
     @property
     def kind(self) -> str:

@@ -285,21 +285,44 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
     raise _unknown(name)
 
 
-def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
-    measured = read_spectrum(path, kind="emissive")
+def as_light(
+    measured: Spectrum, grid: SpectralGrid, label: str = "", *, stacklevel: int = 2
+) -> Spectrum:
+    """A measured spectrum as `light` gives it: on the grid, its V-weighted mean 1, notes kept.
+
+    Parameters
+    ----------
+    measured : Spectrum
+        Relative power.
+    grid : SpectralGrid
+    label : str, optional
+        What messages call it; its own name by default.
+    stacklevel : int
+        As for `warnings.warn`, counted from here.
+
+    Raises
+    ------
+    SpectrumError
+        If its power is negative, or none is seen, or it does not cover the grid.
+    """
+    label = label or f"light {measured.name!r}"
     # A spectrometer's dark noise dips below zero a little; a wrong column dips a lot.
     peak = float(np.abs(measured.values).max())
     if measured.values.min() < -0.01 * peak:
         worst = int(measured.values.argmin())
         raise SpectrumError(
-            f"{path}: power {measured.values[worst]:g} at {measured.wavelengths_nm[worst]:g} nm "
+            f"{label}: power {measured.values[worst]:g} at {measured.wavelengths_nm[worst]:g} nm "
             "is negative; a light's values are 0 or more"
         )
-    # Sums of values near the ends of float64 overflow, or vanish, unless the peak is 1. The
-    # caller of `light` is four calls up.
-    values = on_grid(measured, grid, path, unit=peak or 1.0, stacklevel=4)
+    # Sums of values near the ends of float64 overflow, or vanish, unless the peak is 1.
+    values = on_grid(measured, grid, label, unit=peak or 1.0, stacklevel=stacklevel)
     values /= np.abs(values).max() or 1.0
-    return replace(_normalised(values, grid, measured.name, path), notes=measured.notes)
+    return replace(_normalised(values, grid, measured.name, label), notes=measured.notes)
+
+
+def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
+    # The caller of `light` is four calls up from `as_light`.
+    return as_light(read_spectrum(path, kind="emissive"), grid, path, stacklevel=5)
 
 
 def _unknown(name: str, where: str = "") -> SpectrumError:

@@ -48,4 +48,5 @@ def moved_file(file: str, folder: Path, to: Path) -> str:
     """A file's name as it reads from another folder; absolute ones stay."""
     if os.path.isabs(file):
         return file
-    return Path(os.path.relpath(folder / file, to)).as_posix()
+    # Of a folder behind a link, `..` is what stands above the folder, not above the link.
+    return Path(os.path.relpath(folder.resolve() / file, to.resolve())).as_posix()

@@ -112,27 +112,50 @@ def _flat(name: str, level: str, grid: SpectralGrid) -> Spectrum:
     return Spectrum(grid.wavelengths_nm, np.full(grid.size, value), name)
 
 
-def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
-    measured = read_spectrum(path, kind="reflective")
+def as_reflectance(
+    measured: Spectrum, grid: SpectralGrid, label: str = "", *, stacklevel: int = 2
+) -> Spectrum:
+    """A measured spectrum as `reflectance` gives it: on the grid, checked, notes kept.
+
+    Parameters
+    ----------
+    measured : Spectrum
+        0 to 1; to 2 with a warning.
+    grid : SpectralGrid
+    label : str, optional
+        What messages call it; its own name by default.
+    stacklevel : int
+        As for `warnings.warn`, counted from here.
+
+    Raises
+    ------
+    SpectrumError
+        If a value is negative or above 2, or it does not cover the grid.
+    """
+    label = label or f"reflectance {measured.name!r}"
     w, v = measured.wavelengths_nm, measured.values
     low, high = int(v.argmin()), int(v.argmax())
     if v[low] < 0:
         raise SpectrumError(
-            f"{path}: reflectance {v[low]:g} at {w[low]:g} nm is negative; if it is the "
+            f"{label}: reflectance {v[low]:g} at {w[low]:g} nm is negative; if it is the "
             "instrument's noise, write 0"
         )
     if v[high] > 2:
         raise SpectrumError(
-            f"{path}: reflectance {v[high]:g} at {w[high]:g} nm, expected 0..1; are the values "
+            f"{label}: reflectance {v[high]:g} at {w[high]:g} nm, expected 0..1; are the values "
             "per cent? divide by 100"
         )
     if v[high] > 1:
-        # The caller of `reflectance` is two calls up, of on_grid three.
         warnings.warn(
-            f"{path}: reflectance {v[high]:g} at {w[high]:g} nm is above 1, kept as it is; "
+            f"{label}: reflectance {v[high]:g} at {w[high]:g} nm is above 1, kept as it is; "
             "only fluorescence does that",
             VolspecWarning,
-            stacklevel=3,
+            stacklevel=stacklevel,
         )
-    values = on_grid(measured, grid, path, stacklevel=3)
+    values = on_grid(measured, grid, label, stacklevel=stacklevel)
     return Spectrum(grid.wavelengths_nm, values, measured.name, measured.notes)
+
+
+def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
+    # The caller of `reflectance` is three calls up from `as_reflectance`.
+    return as_reflectance(read_spectrum(path, kind="reflective"), grid, path, stacklevel=4)

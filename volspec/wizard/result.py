@@ -98,7 +98,7 @@ def redesigned(
         for row in scene.file.material
     ]
     update: dict[str, object] = {"material": rows}
-    name, lux = None, None
+    name = None
     if light is not None:
         name = light.member.name
         lux = light.like.rig.facing(scene.raycast.shares()).total_lux
@@ -108,7 +108,7 @@ def redesigned(
         update["light"] = [*scene.file.light, row]
     file = scene.file.model_copy(update=update)
     after, exact = _well_based(Scene(file, scene.path, spectra), spectra)
-    changes = Changes(tuple(materials), name, lux, exact)
+    changes = Changes(tuple(materials), name, exact)
     figures = reached(scene, after, materials, light.like if light else None)
     return Redesigned(after, made, tuple(materials), figures, changes)
 

@@ -9,15 +9,15 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from volspec._files import line_end, require_writable, write_whole
+from volspec._files import require_writable
 from volspec.errors import SceneError, SpectrumError
 from volspec.palette import Design, save_palette
-from volspec.scene import Scene
+from volspec.scene import Scene, write_scene
+from volspec.scene.writing import require_toml
 from volspec.spectra.files import split_address
 from volspec.spectra.lights import light_terms
-from volspec.spectra.moved import moved_address, moved_file, moved_light
+from volspec.spectra.moved import moved_file
 
 # A palette that begins so is replaced by the next wizard; any other is somebody's own.
 _OURS = "Written by volspec wizard, which replaces it"
@@ -33,15 +33,12 @@ class Changes:
         Their reflectances come from the palette.
     light : str, optional
         A new light, from the palette too.
-    lux : float, optional
-        Its illuminance, where the light it is like has one.
     exact : bool
         Whether the scene is now cast by its materials, as its basis would blur the design.
     """
 
     materials: tuple[str, ...]
     light: str | None = None
-    lux: float | None = None
     exact: bool = False
 
 
@@ -61,8 +58,7 @@ def require_place(scene: Scene, path: Path) -> Path:
     InputError
         If there is no writing there.
     """
-    if path.suffix.lower() != ".toml":
-        raise SceneError(f"{path}: scenes are TOML; name it .toml")
+    require_toml(path)
     beside = path.with_name(f"{path.stem}-palette.toml")
     for each in (path, beside):
         require_writable(each)
@@ -85,10 +81,11 @@ def require_place(scene: Scene, path: Path) -> Path:
 
 def _files_of(scene: Scene) -> Iterator[str]:
     """The files that a scene takes spectra from."""
-    names = [row.reflectance for row in scene.file.material]
+    names = [row.reflectance for row in scene.file.material if isinstance(row.reflectance, str)]
     for row in scene.file.light:
-        with suppress(SpectrumError):  # one that was just designed is in no file yet
-            names += [name for name, _ in light_terms(row.spectrum, scene.folder)]
+        if isinstance(row.spectrum, str):
+            with suppress(SpectrumError):  # one that was just designed is in no file yet
+                names += [name for name, _ in light_terms(row.spectrum, scene.folder)]
     yield from (address[0] for name in names if (address := split_address(name)))
 
 
@@ -98,56 +95,28 @@ def _same(one: Path, other: Path) -> bool:
 
 def write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Path, Path]:
     """Write both files; `Redesigned.save` says what can go wrong."""
-    import tomlkit
-
     beside = require_place(scene, path)
-    try:
-        document: Any = tomlkit.parse(scene.path.read_text(encoding="utf-8-sig"))
-        ends = line_end(scene.path)
-    except OSError as error:
+    if not scene.path.is_file():
         raise SceneError(
-            f"{scene.path}: cannot be read again ({error.strerror}); load the scene from a file, "
-            "whose comments are kept"
-        ) from error
-    if path.parent.resolve() != scene.folder.resolve():
-        _lead_from(document, scene, path.parent)
-    for row in document["material"]:
-        if row["name"] in changes.materials:
-            row["reflectance"] = f"{beside.name}#{row['name']}"
-    if changes.light is not None:
-        row = tomlkit.table()
-        row["name"] = changes.light
-        row["spectrum"] = f"{beside.name}#{changes.light}"
-        if changes.lux is not None:
-            row["illuminance_lux"] = changes.lux
-        row.add(tomlkit.nl())
-        document["light"].append(row)
-    if changes.exact:
-        basis = document.setdefault("basis", tomlkit.table())
-        for key in [key for key in basis if key in ("name", "size", "positive", "train")]:
-            del basis[key]
-        basis["method"] = "materials"
+            f"{scene.path}: cannot be read again; load the scene from a file, whose comments are "
+            "kept"
+        )
+    # Written as all names of the scene's files are: counted from the scene's own folder.
+    palette = moved_file(beside.name, beside.parent, scene.folder)
+    update: dict[str, object] = {
+        "material": [
+            row.model_copy(update={"reflectance": f"{palette}#{row.name}"})
+            if row.name in changes.materials
+            else row
+            for row in scene.file.material
+        ],
+        "light": [
+            row.model_copy(update={"spectrum": f"{palette}#{row.name}"})
+            if row.name == changes.light
+            else row
+            for row in scene.file.light
+        ],
+    }
     # The palette first: a scene without its palette would be broken, not the other way round.
     save_palette(made, beside, comment=f"{_OURS}; delete this line to keep it")
-    with write_whole(path) as temporary:
-        temporary.write_text(tomlkit.dumps(document), encoding="utf-8", newline=ends)
-    return path, beside
-
-
-def _lead_from(document: Any, scene: Scene, folder: Path) -> None:
-    """Let file names start from another folder than the scene's."""
-    ways = scene.folder, folder
-    for row in document["light"]:
-        row["spectrum"] = moved_light(str(row["spectrum"]), *ways)
-    for row in document["material"]:
-        for key in ("reflectance", "filter"):
-            if key in row:
-                row[key] = moved_address(str(row[key]), *ways)
-    tables = [(document["volume"], "file")]
-    if "name" in document.get("basis", {}):
-        tables.append((document["basis"], "name"))
-    for table, key in tables:
-        text = str(table[key])
-        file = text.partition("?")[0]
-        if (scene.folder / file).exists():
-            table[key] = moved_file(file, *ways) + text[len(file) :]
+    return write_scene(scene.file.model_copy(update=update), path, scene), beside

@@ -1,0 +1,113 @@
+"""``volspec scene``: files checked without being cast; the schema."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec import cli
+from volspec.volume import phantom
+
+TEXT = """
+[volume]
+file = "ball.npy"
+[[material]]
+name = "shell"
+reflectance = "white"
+[[material]]
+name = "core"
+reflectance = "copper"
+[transfer]
+points = [
+    { value = 0.1, opacity = 0.0, material = "shell" },
+    { value = 0.6, opacity = 0.4, material = "core" },
+]
+[[light]]
+name = "day"
+spectrum = "D65"
+"""
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    np.save(tmp_path / "ball.npy", phantom.ball(12).values[:, :11, :10])
+    return written(tmp_path / "good.toml", TEXT)
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def call(*words: object) -> int:
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["scene", *map(str, words)])
+    return int(caught.value.code or 0)
+
+
+def test_a_scene_that_is_well_is_one_line(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("check", good) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith(
+        f"{good}: ok: 2 materials, 1 light, volume 10 × 11 × 12, basis general-7 (general-7 is off"
+    )
+
+
+def test_every_error_is_a_line_that_names_the_file(
+    good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = TEXT.replace('"white"', '"whit"').replace('"D65"', '"D56"').replace("ball", "bell")
+    lost = written(good.with_name("lost.toml"), text + '[viewing]\nsurround = "dimm"\n')
+    text = TEXT.replace("spectrum", "spectrm").replace("opacity = 0.4", 'opacity = "much"')
+    wrong = written(good.with_name("wrong.toml"), text.replace("[volume]", "[camera]"))
+    apart = written(good.with_name("apart.toml"), TEXT.replace("0.6", "0.05"))
+    none = good.with_name("none.toml")
+    assert call("check", lost, wrong, apart, none, good) == 1
+    said = capsys.readouterr()
+    lines = said.out.splitlines()
+    assert not said.err
+    for line, (path, part) in zip(
+        lines,
+        [
+            (lost, "[[material]] shell: reflectance: reflectance 'whit' is unknown; did you mean"),
+            (lost, "[[light]] day: light 'D56' is unknown; did you mean"),
+            (lost, "[viewing] surround is 'dimm'; did you mean 'dim'"),
+            (lost, f"[volume] {good.with_name('bell.npy')}: no such file; check the path"),
+            (wrong, "camera.file: unknown key; "),
+            (wrong, "light.1.spectrm: unknown key; did you mean 'spectrum'"),
+            (wrong, "there is no [volume]; add one"),
+            (wrong, "transfer.points.2.opacity: Input should be a valid number (it is 'much')"),
+            (apart, "[transfer] transfer function: "),
+            (none, "no such file; check the path"),
+            (good, "ok: "),
+        ],
+        strict=True,
+    ):
+        assert line.startswith(f"{path}: {part}"), line
+
+
+def test_figures_are_json(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bad = written(good.with_name("bad.toml"), "volume = 3\n")
+    assert call("check", "--json", good, bad) == 1
+    first, second = json.loads(capsys.readouterr().out)
+    assert first == {
+        "path": str(good),
+        "ok": True,
+        "errors": [],
+        "materials": 2,
+        "lights": 1,
+        "volume": [10, 11, 12],
+        "basis": "general-7",
+        "reason": first["reason"],
+    }
+    assert not second["ok"] and len(second["errors"]) == 4
+    assert f"{bad}: volume: give a table, {{ key = value, … }} (it is 3)" in second["errors"]
+
+
+def test_the_schema_is_the_one_that_ships(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("schema") == 0
+    shipped = Path(__file__).resolve().parent.parent / "data" / "scenes" / "scene.schema.json"
+    assert capsys.readouterr().out == shipped.read_text(encoding="utf-8")

@@ -1,0 +1,197 @@
+"""Any scene, written and read again, is the same scene; those that ship to the letter."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from volspec.scene import Scene, SceneFile, write_scene
+from volspec.scene.moving import moved_scene
+from volspec.scene.reading import scene_data, scene_file
+
+SHIPPED = sorted((Path(__file__).resolve().parent.parent / "data" / "scenes").glob("*.toml"))
+
+# Numbers that TOML and Python write apart, and texts that need quotes.
+NUMBERS = st.floats(-1e6, 1e6, allow_nan=False) | st.sampled_from([0.0, 1e-9, 1e300, 30.0, 0.2])
+TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="=;"), min_size=1, max_size=12)
+NAMES = TEXTS.filter(lambda text: bool(text.strip()))
+VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
+PAIRS = st.tuples(NUMBERS, NUMBERS)
+FLAGS = st.booleans()
+
+
+def some(**keys: st.SearchStrategy[Any]) -> st.SearchStrategy[dict[str, Any]]:
+    """Any of these keys."""
+    return st.fixed_dictionaries({}, optional=keys)
+
+
+def has(needed: dict[str, Any], **keys: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    return st.fixed_dictionaries(needed, optional=keys)
+
+
+SPECTRA = st.lists(NUMBERS, min_size=2, max_size=20).map(
+    lambda values: {"wavelengths_nm": list(range(400, 400 + len(values))), "values": values}
+)
+MIXES = NAMES | st.dictionaries(NAMES, NUMBERS, min_size=1, max_size=3)
+ROW = {"opacity": NUMBERS, "material": MIXES}
+POINTS = st.lists(has({"value": NUMBERS, **ROW}), min_size=1, max_size=6)
+TRANSFERS = (
+    has({"points": POINTS}, gradient_opacity=st.lists(PAIRS, min_size=1, max_size=12))
+    | has({"points": POINTS}, reference_step_mm=NUMBERS)
+    | has({"surfaces": POINTS})
+    | has({"regions": st.lists(has({"values": PAIRS, "gradients": PAIRS, **ROW}), min_size=1)})
+    | has(
+        {
+            "labels": st.lists(
+                has({"label": st.integers(0, 65535), **ROW}),
+                min_size=1,
+                unique_by=lambda row: row["label"],
+            )
+        }
+    )
+)
+SOURCES = (
+    has({"kind": st.just("ambient")}, occlusion=FLAGS, radius_mm=NUMBERS, intensity=NUMBERS)
+    | has({"kind": st.just("headlight")}, intensity=NUMBERS)
+    | has({"kind": st.just("directional"), "towards": VECTORS}, shadows=FLAGS)
+    | has({"kind": st.just("point"), "position_mm": VECTORS}, falloff_mm=NUMBERS, frame=TEXTS)
+)
+CAMERAS = some(azimuth_deg=NUMBERS, zoom=NUMBERS, up=VECTORS) | has(
+    {"position_mm": VECTORS}, fov_deg=NUMBERS, target_mm=VECTORS
+)
+BASES = (
+    has({"name": TEXTS})
+    | some(size=st.integers(3, 16), train=st.just("scene"), positive=FLAGS, grid_nm=VECTORS)
+    | has({"method": st.just("materials")}, observer_deg=st.just(10))
+)
+SPACES = TEXTS | has(
+    {
+        "primaries_xy": st.tuples(PAIRS, PAIRS, PAIRS),
+        "white_xy": PAIRS,
+        "transfer": NUMBERS | has({"power": NUMBERS}, toe=NUMBERS),
+    }
+)
+VIEWINGS = some(
+    model=TEXTS,
+    exposure=NUMBERS,
+    surround=TEXTS | NUMBERS,
+    backdrop=NUMBERS,
+    D=NUMBERS,
+    display=some(preset=TEXTS, space=SPACES, mark=FLAGS, L_A=NUMBERS),
+)
+CASTS = some(
+    ambient=NUMBERS,
+    shininess=st.integers(1, 1024),
+    half=FLAGS,
+    crop_voxels=st.tuples(PAIRS, PAIRS, PAIRS),
+    clip_planes=st.lists(has({"point_mm": VECTORS, "normal": VECTORS}), max_size=3),
+)
+
+
+def lines(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines()
+
+
+def comments(text: str) -> list[str]:
+    return re.findall(r"(?:^|\s)(# .*)$", text, re.MULTILINE)
+
+
+def read(path: Path) -> SceneFile:
+    return scene_file(scene_data(path), path)
+
+
+@st.composite
+def scene_files(draw: st.DrawFn) -> SceneFile:
+    transfer = draw(TRANSFERS)
+    names = draw(st.lists(NAMES, min_size=1, max_size=3, unique=True))
+    materials = [{"name": name, "reflectance": draw(TEXTS | SPECTRA)} for name in names]
+    if "points" in transfer and draw(FLAGS):
+        materials[0]["filter"] = draw(TEXTS | SPECTRA)
+    groups = draw(st.lists(NAMES, max_size=2, unique=True))
+    places = [None, *(groups or ["light"])]
+    lights = draw(
+        st.lists(
+            st.tuples(NAMES, st.sampled_from(places)), min_size=1, max_size=4, unique_by=lambda p: p
+        )
+    )
+    lit = draw(FLAGS)
+    data = {
+        "title": draw(st.text(st.characters(codec="utf-8"), max_size=9)),
+        "volume": draw(has({"file": TEXTS}, spacing_mm=VECTORS, downsample=st.integers(1, 4))),
+        "material": materials,
+        "transfer": transfer,
+        "basis": draw(BASES),
+        "camera": draw(CAMERAS),
+        "raycast": draw(CASTS),
+        "group": [
+            {"name": name, "sources": draw(st.lists(SOURCES, min_size=1, max_size=3))}
+            for name in groups
+        ],
+        "light": [
+            {"name": name, "spectrum": draw(TEXTS | SPECTRA), "weight": draw(NUMBERS)}
+            | ({"group": group} if group else {})
+            | ({"illuminance_lux": draw(NUMBERS)} if lit else {"label": draw(TEXTS)})
+            for name, group in lights
+        ],
+        "viewing": draw(VIEWINGS),
+        "output": draw(some(width=st.integers(1, 8192))),
+    }
+    return SceneFile.model_validate(data)
+
+
+MANY = settings(
+    max_examples=150,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+@MANY
+@given(scene_files())
+def test_any_scene_reads_back_as_it_was(tmp_path: Path, file: SceneFile) -> None:
+    path = write_scene(file, tmp_path / "any.toml")
+    assert read(path) == file
+
+
+@MANY
+@given(scene_files(), st.sampled_from(SHIPPED))
+def test_any_scene_is_written_into_any_file_and_leaves_its_first_lines(
+    tmp_path: Path, file: SceneFile, shipped: Path
+) -> None:
+    """Whatever is put into a file, what stands at its top is nobody's but the reader's."""
+    source = tmp_path / shipped.name
+    shutil.copy(shipped, source)
+    like = Unresolved(read(source), source)
+    path = write_scene(file, tmp_path / "into.toml", like)
+    assert read(path) == file
+    assert lines(path)[:2] == lines(shipped)[:2]
+
+
+class Unresolved(Scene):
+    """A scene whose spectra nobody looks up: writing wants names only."""
+
+    def __init__(self, file: SceneFile, path: Path) -> None:
+        self.file, self.path, self.folder, self._known = file, path, path.parent, {}
+
+
+@pytest.mark.parametrize("shipped", SHIPPED, ids=lambda path: path.stem)
+def test_a_scene_that_ships_is_written_as_it_stands(tmp_path: Path, shipped: Path) -> None:
+    """Beside it letter by letter; elsewhere its names of files lead back, its comments stay."""
+    beside = tmp_path / "scenes" / shipped.name
+    beside.parent.mkdir()
+    shutil.copy(shipped, beside)
+    like = Unresolved(read(beside), beside)
+    again = write_scene(like.file, beside.with_name("again.toml"), like)
+    assert again.read_bytes() == shipped.read_bytes()
+    away = write_scene(like.file, tmp_path / "a" / "b" / "away.toml", like)
+    assert moved_scene(read(away), away.parent, beside) == like.file
+    assert comments(away.read_text("utf-8")) == comments(shipped.read_text("utf-8"))
+    assert lines(away)[0] == "#:schema ../../scenes/scene.schema.json"
+    anew = write_scene(like.file, tmp_path / "anew.toml")
+    assert read(anew) == like.file

@@ -1,0 +1,168 @@
+"""Spectra as numbers in a scene's own file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec.errors import SceneError, VolspecWarning
+from volspec.scene import Scene, write_scene
+from volspec.scene.spectra import SpectrumTable
+from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
+from volspec.volume import phantom
+
+TEXT = """
+[volume]
+file = "ball.npy"
+[[material]]
+name = "ball"
+reflectance = REFLECTANCE
+[transfer]
+points = [
+    { value = 0.1, opacity = 0.0, material = "ball" },
+    { value = 0.6, opacity = 0.4, material = "ball" },
+]
+[[light]]
+name = "day"
+spectrum = LIGHT
+"""
+RAMP = "{ wavelengths_nm = [390, 710], values = [0.2, 0.8] }"
+
+
+def load(folder: Path, spectrum: str = '"D65"', paint: str = '"copper"', more: str = "") -> Scene:
+    np.save(folder / "ball.npy", phantom.ball(12).values)
+    text = TEXT.replace("LIGHT", spectrum).replace("REFLECTANCE", paint) + more
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    return Scene.load(folder / "scene.toml")
+
+
+def test_numbers_are_what_a_file_of_them_is(tmp_path: Path) -> None:
+    (tmp_path / "ramp.csv").write_text("nm,value\n390,0.2\n710,0.8\n")
+    named, numbers = load(tmp_path, '"ramp.csv"', '"ramp.csv"'), load(tmp_path, RAMP, RAMP)
+    assert np.array_equal(named.materials["ball"].values, numbers.materials["ball"].values)
+    one, other = named.lights[0].spectrum, numbers.lights[0].spectrum
+    assert np.array_equal(one.values, other.values)
+    assert (other.name, numbers.materials["ball"].name) == ("day", "ball")
+    assert np.array_equal(named.render().coefficients, numbers.render().coefficients)
+
+
+def test_a_filter_may_be_numbers(tmp_path: Path) -> None:
+    scene = load(tmp_path, paint=f'"copper"\nfilter = {RAMP}')
+    assert scene.render().alpha.max() > 0.5
+    assert scene.file.material[0].filter == SpectrumTable(
+        wavelengths_nm=(390, 710), values=(0.2, 0.8)
+    )
+
+
+def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path: Path) -> None:
+    scene = load(tmp_path)
+    lamp = light("FL2")
+    paint = Spectrum(
+        DEFAULT_GRID.wavelengths_nm,
+        reflectance("ColorChecker/orange").values,
+        "orange",
+        {"designed": "by hand", "instrument": "a mouse"},
+    )
+    file = scene.file.model_copy(
+        update={
+            "light": [scene.file.light[0].model_copy(update={"spectrum": SpectrumTable.of(lamp)})],
+            "material": [
+                scene.file.material[0].model_copy(update={"reflectance": SpectrumTable.of(paint)})
+            ],
+        }
+    )
+    path = write_scene(file, tmp_path / "numbers.toml", scene)
+    again = Scene.load(path)
+    # A light is scaled to its luminous energy again: one rounding.
+    np.testing.assert_allclose(again.lights[0].spectrum.values, lamp.values, rtol=1e-15)
+    back = again.materials["ball"]
+    assert np.array_equal(back.values, paint.values)
+    assert back.name == "orange" and back.notes == paint.notes
+    assert again.basis_reason == "orange came from a designer"
+    assert again.file == file
+
+
+def test_numbers_have_a_header_of_their_own_and_eight_to_a_line(tmp_path: Path) -> None:
+    scene = load(tmp_path)
+    table = SpectrumTable(wavelengths_nm=tuple(range(400, 410)), values=(0.5,) * 10)
+    row = scene.file.light[0].model_copy(update={"spectrum": table})
+    file = scene.file.model_copy(update={"light": [row]})
+    text = write_scene(file, tmp_path / "new.toml", scene).read_text()
+    assert text.endswith(
+        """[[light]]
+name = "day"
+
+[light.spectrum]
+wavelengths_nm = [
+    400, 401, 402, 403, 404, 405, 406, 407,
+    408, 409,
+]
+values = [
+    0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5,
+    0.5, 0.5,
+]
+"""
+    )
+
+
+def test_a_reflectance_above_one_is_warned_about(tmp_path: Path) -> None:
+    with pytest.warns(VolspecWarning) as said:
+        load(tmp_path, paint=RAMP.replace("0.8", "1.2"))
+    assert str(said[0].message).startswith("values: reflectance 1.2 at 710 nm is above 1")
+
+
+WRONG = {
+    "lengths": (RAMP.replace("0.8", "0.8, 1"), r"{}: spectrum: wavelengths have shape \(2,\)"),
+    "one number": ("{ wavelengths_nm = [500], values = [1] }", r"{}: .*length.* at least 2"),
+    "order": (RAMP.replace("390", "720"), r"{}: .*720 nm is followed by 710 nm; sort"),
+    "not finite": (RAMP.replace("0.8", "nan"), "{}: .*value number 2 is nan, not finite"),
+    "text": (RAMP.replace("0.8", '"0.8"'), r"{}\.values\.2: .*number \(it is '0.8'\)"),
+    "missing": (
+        "{ values = [1, 2] }",
+        r"{}: wavelengths_nm is missing; add wavelengths_nm = \[400, 700\]",
+    ),
+    "misspelt": (RAMP.replace("values", "value"), r"{}\.value: unknown key; did you mean 'values'"),
+    "a number": ("7", r"{}: Input should be a valid string \(it is 7\)"),
+}
+
+
+@pytest.mark.parametrize("where", ["light.1.spectrum", "material.1.reflectance"])
+@pytest.mark.parametrize("case", WRONG)
+def test_numbers_that_are_no_spectrum_are_refused_by_name(
+    tmp_path: Path, case: str, where: str
+) -> None:
+    given, message = WRONG[case]
+    words = {"spectrum": given} if where.startswith("light") else {"paint": given}
+    with pytest.raises(SceneError, match=message.format(where.replace(".", r"\."))) as caught:
+        load(tmp_path, **words)
+    assert "\n" not in str(caught.value) and "scene.toml: " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            {"spectrum": RAMP.replace("0.2", "-0.5")},
+            r"\[\[light\]\] day: spectrum\.values: power -0\.5 at 390 nm is negative",
+        ),
+        (
+            {"spectrum": RAMP.replace("710", "500")},
+            r"\[\[light\]\] day: spectrum\.values: spectrum covers 390-500 nm",
+        ),
+        (
+            {"paint": RAMP.replace("0.8", "80")},
+            r"\[\[material\]\] ball: reflectance: values: reflectance 80 .*divide by 100",
+        ),
+        (
+            {"spectrum": RAMP, "more": "power_W = 100\ndistance_m = 1\n"},
+            r"light\.1: power_W is for lamps by name.*give illuminance_lux",
+        ),
+    ],
+)
+def test_numbers_that_nothing_shines_or_reflects_with_are_refused(
+    tmp_path: Path, words: dict[str, str], message: str
+) -> None:
+    with pytest.raises(SceneError, match=message):
+        load(tmp_path, **words)

@@ -1,0 +1,289 @@
+"""Scenes written: they load into the same tables, and what somebody wrote stays."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec.errors import InputError, SceneError
+from volspec.scene import Scene, SceneFile, write_scene
+from volspec.scene.reading import scene_data, scene_file
+from volspec.scene.tables import BasisTable, CameraTable, MaterialTable, OutputTable
+from volspec.scene.transfer import PointTable
+from volspec.spectra import Spectrum
+from volspec.volume import phantom
+
+ROOT = Path(__file__).resolve().parent.parent
+
+TEXT = """# What begins the file.
+title = "Ball"  # a caption
+
+[volume]
+file = "ball.npy"
+
+# The outer one.
+[[material]]
+name = "shell"  # thin
+reflectance = "shell.csv"
+
+# The inner one.
+[[material]]
+name = "core"
+reflectance = "copper"
+
+[transfer]
+points = [
+    # air
+    { value = 0.1, opacity = 0.0, material = "shell" },  # nothing
+    { value = 0.6, opacity = 0.4, material = { shell = 0.5, core = 0.5 } },
+    { value = 0.9, opacity = 0.5, material = "core" },  # dense
+]
+
+[camera]
+azimuth_deg = 30  # the default, but said
+zoom=   1.5
+
+# By day.
+[[light]]
+name = "day"
+spectrum = "D65"
+
+# By night.
+[[light]]
+name = "night"
+spectrum = "A*0.5+lamp.csv*0.5"
+
+[output]
+width = 24
+height = 16
+# The last line.
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    folder = tmp_path / "here"
+    folder.mkdir()
+    np.save(folder / "ball.npy", phantom.ball(12).values)
+    for name in ("shell", "lamp"):
+        (folder / f"{name}.csv").write_text("nm,value\n390,0.2\n710,0.8\n")
+    (folder / "scene.toml").write_text(TEXT, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def scene(folder: Path) -> Scene:
+    return Scene.load(folder / "scene.toml")
+
+
+def changed(scene: Scene, **update: object) -> SceneFile:
+    return scene.file.model_copy(update=update)
+
+
+def lines(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines()
+
+
+def comments(text: str) -> list[str]:
+    return re.findall(r"(?:^|\s)(# .*)$", text, re.MULTILINE)
+
+
+def read(path: Path) -> SceneFile:
+    return scene_file(scene_data(path), path)
+
+
+def test_saving_where_it_was_read_changes_nothing(scene: Scene) -> None:
+    before = scene.path.read_bytes()
+    assert scene.save() == scene.path
+    assert scene.path.read_bytes() == before
+
+
+def test_one_changed_value_is_one_changed_line(scene: Scene) -> None:
+    camera = scene.file.camera.model_copy(update={"zoom": 2.5})
+    path = write_scene(changed(scene, camera=camera), scene.folder / "new.toml", scene)
+    old, new = lines(scene.path), lines(path)
+    assert [pair for pair in zip(old, new, strict=True) if pair[0] != pair[1]] == [
+        ("zoom=   1.5", "zoom=   2.5")
+    ]
+
+
+def test_defaults_are_left_out_unless_the_file_says_them(scene: Scene) -> None:
+    table = CameraTable(azimuth_deg=30.0, elevation_deg=20.0, zoom=1.0, fov_deg=10.0)
+    path = write_scene(changed(scene, camera=table), scene.folder / "new.toml", scene)
+    there = lines(path)
+    assert "azimuth_deg = 30  # the default, but said" in there
+    assert "zoom=   1" in there and "fov_deg = 10" in there
+    assert not any(line.startswith("elevation_deg") for line in there)
+
+
+def test_keys_that_exclude_each_other_take_turns(scene: Scene) -> None:
+    placed = CameraTable(position_mm=(0, -40, 5))
+    path = write_scene(changed(scene, camera=placed), scene.folder / "new.toml", scene)
+    assert read(path).camera == placed
+    based = changed(scene, basis=BasisTable(name="general-5"))
+    there = Scene.load(write_scene(based, path, scene))
+    back = write_scene(changed(there, basis=BasisTable(method="materials")), path, there)
+    assert read(back).basis == BasisTable(method="materials")
+    assert comments(back.read_text()) == comments(TEXT)
+
+
+def test_comments_go_with_the_rows_below_them(scene: Scene) -> None:
+    """Rows swapped, one renamed, one added: each keeps the comment above it."""
+    shell, core = scene.file.material
+    hull = MaterialTable(name="hull", reflectance="white")
+    file = changed(scene, material=[core, hull, shell])
+    text = write_scene(file, scene.folder / "new.toml", scene).read_text()
+    core_at, hull_at, shell_at = (text.index(f'name = "{n}"') for n in ("core", "hull", "shell"))
+    assert text.index("# The inner one.") < core_at < hull_at
+    assert hull_at < text.index("# The outer one.") < shell_at < text.index("[transfer]")
+    assert '\n\n[[material]]\nname = "hull"\n' in text
+
+
+def test_a_row_that_goes_takes_its_comment_and_no_other(scene: Scene) -> None:
+    night = scene.file.light[1]
+    path = write_scene(changed(scene, light=[night]), scene.folder / "new.toml", scene)
+    assert comments(path.read_text()) == [c for c in comments(TEXT) if c != "# By day."]
+    assert [row.name for row in read(path).light] == ["night"]
+
+
+def test_a_renamed_row_keeps_its_lines(scene: Scene) -> None:
+    day = scene.file.light[0].model_copy(update={"name": "noon"})
+    file = changed(scene, light=[day, scene.file.light[1]])
+    path = write_scene(file, scene.folder / "new.toml", scene)
+    assert path.read_text() == TEXT.replace('name = "day"', 'name = "noon"')
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_points_are_added_and_taken_away_line_by_line(scene: Scene, count: int) -> None:
+    low, middle, high = scene.file.transfer.points or ()
+    added = PointTable(value=0.75, opacity=0.45, material="core")
+    points = {2: [low, high], 3: [low, added, high], 4: [low, middle, added, high]}[count]
+    table = scene.file.transfer.model_copy(update={"points": points})
+    path = write_scene(changed(scene, transfer=table), scene.folder / "new.toml", scene)
+    assert read(path).transfer == table
+    there = lines(path)
+    assert '    { value = 0.1, opacity = 0.0, material = "shell" },  # nothing' in there
+    assert '    { value = 0.9, opacity = 0.5, material = "core" },  # dense' in there
+    assert ('    { value = 0.75, opacity = 0.45, material = "core" },' in there) == (count > 2)
+
+
+def test_new_tables_stand_apart_and_the_last_comment_stays_last(scene: Scene) -> None:
+    display = scene.file.viewing.display.model_copy(update={"white_cd_m2": 120.0})
+    viewing = scene.file.viewing.model_copy(update={"exposure": 2.0, "display": display})
+    path = write_scene(changed(scene, viewing=viewing), scene.folder / "new.toml", scene)
+    end = "\n[viewing]\nexposure = 2\n\n[viewing.display]\nwhite_cd_m2 = 120\n"
+    assert path.read_text() == TEXT + end
+
+
+def test_a_new_title_stands_on_top_below_what_begins_the_file(folder: Path) -> None:
+    source = folder / "scene.toml"
+    source.write_text(TEXT.replace('title = "Ball"  # a caption\n\n', ""))
+    scene = Scene.load(source)
+    path = write_scene(changed(scene, title="New"), folder / "new.toml", scene)
+    assert lines(path)[:2] == ["# What begins the file.", 'title = "New"']
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        lambda text: text.replace('[volume]\nfile = "ball.npy"\n', 'volume.file = "ball.npy"\n'),
+        lambda text: text.replace(
+            '[volume]\nfile = "ball.npy"\n', 'volume = { file = "ball.npy" }\n'
+        ),
+        lambda text: (
+            text + "[viewing]\nexposure = 1\n[basis]\nsize = 5\n[viewing.display]\nL_A = 9"
+        ),
+        lambda text: text + '[[light]]\nname = "dawn"\nspectrum = "D50"\n',
+        lambda text: text.replace("\n", "\r\n"),
+    ],
+    ids=["dotted", "inline", "in pieces", "rows in pieces", "of another system"],
+)
+def test_any_layout_says_what_it_is_told(folder: Path, layout: Callable[[str], str]) -> None:
+    source = folder / "scene.toml"
+    source.write_bytes(layout(TEXT).encode())
+    scene = Scene.load(source)
+    volume = scene.file.volume.model_copy(update={"spacing_mm": (1.0, 1.0, 2.0)})
+    display = scene.file.viewing.display.model_copy(update={"L_A": None, "mark": True})
+    update = {"exposure": 3.0, "mode": "exact", "display": display}
+    viewing = scene.file.viewing.model_copy(update=update)
+    made = {"volume": volume, "viewing": viewing, "output": OutputTable(), "basis": BasisTable()}
+    file = changed(scene, **made)
+    path = write_scene(file, folder / "new.toml", scene)
+    assert read(path) == file
+    if b"\r\n" in source.read_bytes():
+        assert path.read_bytes().count(b"\r\n") == path.read_bytes().count(b"\n")
+
+
+def test_every_name_of_a_file_leads_back_from_another_folder(folder: Path) -> None:
+    (folder / "paint.toml").write_text(
+        '[[light]]\nname = "x+y"\nspectrum = "D65"\n[[reflectance]]\nname = "red"\n'
+        'spectrum = "copper"\n[[cell]]\nat = ["red", "x+y"]\nblack = true\n'
+    )
+    phantom.ball(12).values.astype("<f4").tofile(folder / "ball.raw")
+    shutil.copy(ROOT / "data" / "bases" / "general-5.json", folder / "own.json")
+    text = TEXT.replace("ball.npy", "ball.raw?shape=12x12x12&dtype=float32&spacing=1,1,2")
+    text = text.replace('"copper"', '"paint.toml#red"\nfilter = "lamp.csv"')
+    text = text.replace('"D65"', '"paint.toml#x+y"')
+    source = folder / "scene.toml"
+    source.write_text(text + '[basis]\nname = "own.json"\n')
+    scene = Scene.load(source)
+    path = scene.save(folder.parent / "far" / "away" / "scene.toml")
+    away = Scene.load(path)
+    assert away.file != scene.file and away.volume().spacing_mm == (1, 1, 2)
+    assert 'file = "../../here/ball.raw?shape=12x12x12' in path.read_text()
+    assert 'spectrum = "A*0.5+../../here/lamp.csv*0.5"' in path.read_text()
+    for one, other in zip(scene.lights, away.lights, strict=True):
+        assert np.array_equal(one.spectrum.values, other.spectrum.values)
+    assert away.basis.fingerprint == scene.basis.fingerprint
+    assert np.array_equal(away.render().coefficients, scene.render().coefficients)
+
+
+def test_a_link_to_a_folder_is_no_detour(folder: Path) -> None:
+    """`..` of a folder behind a link is what stands above the folder itself."""
+    inner = folder / "inner"
+    inner.mkdir()
+    (inner / "scene.toml").write_text(
+        TEXT.replace('file = "', 'file = "../')
+        .replace("lamp", "../lamp")
+        .replace("shell.csv", "../shell.csv")
+    )
+    link = folder.parent / "deep" / "link"
+    link.parent.mkdir()
+    link.symlink_to(inner)
+    scene = Scene.load(link / "scene.toml")
+    assert Scene.load(scene.save(folder.parent / "new.toml")).volume().shape_xyz == (12, 12, 12)
+
+
+def test_what_is_no_file_yet_is_written_as_numbers(scene: Scene) -> None:
+    paint = Spectrum(scene.basis.grid.wavelengths_nm, np.linspace(0.1, 0.7, 31), "paint")
+    row = scene.file.material[0].model_copy(update={"reflectance": "new.toml#paint"})
+    file = changed(scene, material=[row, scene.file.material[1]])
+    made = Scene(file, scene.path, {"new.toml#paint": paint})
+    again = Scene.load(made.save(scene.folder / "made.toml"))
+    assert np.array_equal(again.materials["shell"].values, paint.values)
+
+
+def test_a_scene_whose_file_is_gone_is_written_anew(scene: Scene) -> None:
+    scene.path.unlink()
+    path = scene.save()
+    assert read(path) == scene.file and not comments(path.read_text())
+
+
+def test_what_is_no_scene_is_not_written(scene: Scene) -> None:
+    before = scene.path.read_bytes()
+    both = scene.file.camera.model_copy(update={"position_mm": (0.0, 9.0, 0.0)})
+    with pytest.raises(SceneError, match=r"scene\.toml: is not written.*position_mm or") as caught:
+        write_scene(changed(scene, camera=both), scene.path, scene)
+    assert "\n" not in str(caught.value) and scene.path.read_bytes() == before
+    with pytest.raises(SceneError, match=r"scene\.txt: scenes are TOML; name it \.toml"):
+        scene.save(scene.folder / "scene.txt")
+    with pytest.raises(InputError, match="cannot write there"):
+        scene.save(scene.path / "below.toml")
+    lost = scene.file.light[0].model_copy(update={"spectrum": "D56*0.5+A"})
+    with pytest.raises(SceneError, match=r"\[\[light\]\] day: .*D56"):
+        write_scene(changed(scene, light=[lost]), scene.folder.parent / "x.toml", scene)

@@ -1,0 +1,135 @@
+"""TOML as people write it: values as text, and keys put where a reader looks for them.
+
+[_toml] -> palettes, scenes
+
+tomlkit keeps what stands in a document. What is added to one is laid out here: a row of a list to
+a line, many numbers in lines of eight, keys below the last key and not below the comments that
+lead the next table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tomlkit.items import Item
+
+_A_LINE = 8
+
+
+def toml_text(value: Any) -> str:
+    """A value in TOML: text, number, list or inline table.
+
+    Examples
+    --------
+    >>> toml_text({"value": 90.0, "material": "bone", "up": (0, 0, 1)})
+    '{ value = 90.0, material = "bone", up = [0, 0, 1] }'
+    """
+    import tomlkit
+
+    if isinstance(value, Mapping):
+        if not value:
+            return "{}"
+        return "{ " + ", ".join(f"{key_text(k)} = {toml_text(v)}" for k, v in value.items()) + " }"
+    if not isinstance(value, list | tuple):
+        return tomlkit.item(value).as_string()
+    if any(isinstance(each, Mapping) for each in value):
+        return "[\n" + "".join(f"    {toml_text(each)},\n" for each in value) + "]"
+    if len(value) <= _A_LINE:
+        return "[" + ", ".join(map(toml_text, value)) + "]"
+    lines = [value[at : at + _A_LINE] for at in range(0, len(value), _A_LINE)]
+    return "[\n" + "".join(f"    {', '.join(map(toml_text, line))},\n" for line in lines) + "]"
+
+
+def key_text(key: str) -> str:
+    """A key as it stands before ``=``: quoted where it must be."""
+    import tomlkit
+
+    return tomlkit.key(key).as_string()
+
+
+def toml_item(value: Any) -> Item:
+    """A value for a document of tomlkit, laid out as `toml_text` has it."""
+    import tomlkit
+
+    parsed: Any = tomlkit.parse(f"x = {toml_text(value)}\n")["x"]
+    return parsed
+
+
+def put(table: Any, key: str, value: Any) -> None:
+    """Set a key of a document's table; a new one goes below the last.
+
+    Added as tomlkit does it, it would go below the comments that lead the next table.
+    """
+    item = toml_item(value)
+    if key in table:
+        table[key] = item
+        return
+    body = getattr(getattr(table, "value", None), "body", None)
+    plain = [name for name, each in body or () if name is not None and not _is_table(each)]
+    if not plain or table.is_inline_table():
+        table[key] = item
+    else:
+        table.value._insert_after(plain[-1], key, item)
+
+
+def lead_with_comments(document: Any) -> None:
+    """Bind the comments above each header to it, so that they move and go with their table.
+
+    tomlkit counts them to the table before, whose last lines they are.
+    """
+    from tomlkit.items import Comment, Null, Whitespace
+
+    run: list[tuple[list[Any], int]] = []  # blank lines and comments since the last key
+    first = True
+    for body, index, header in _walk(document):
+        if header is None:
+            blank = isinstance(body[index][1], Comment | Whitespace)
+            run = [*run, (body, index)] if blank else []
+            first = first and blank
+            continue
+        # What begins the file is about the file.
+        if not first:
+            led = _led(run)
+            above = "".join(b[i][1].as_string() for b, i in led)
+            header.trivia.indent = above + header.trivia.indent
+            for b, i in led:
+                b[i] = (None, Null())
+        run, first = [], False
+
+
+def _led(run: Sequence[tuple[list[Any], int]]) -> list[tuple[list[Any], int]]:
+    """The comments that touch what follows, and the blank lines before them."""
+    from tomlkit.items import Comment
+
+    at = len(run)
+    while at and isinstance(run[at - 1][0][run[at - 1][1]][1], Comment):
+        at -= 1
+    while at and not isinstance(run[at - 1][0][run[at - 1][1]][1], Comment):
+        at -= 1
+    return list(run[at:])
+
+
+def _walk(container: Any) -> Iterator[tuple[list[Any], int, Any]]:
+    """What a document renders, in order: (body, index, None), or a table's header as third."""
+    from tomlkit.items import AoT, Table
+
+    body = container.body
+    for index, (_, item) in enumerate(body):
+        if isinstance(item, Table):
+            if not item.is_super_table():
+                yield body, index, item
+            yield from _walk(item.value)
+        elif isinstance(item, AoT):
+            for row in item.body:
+                yield body, index, row
+                yield from _walk(row.value)
+        else:
+            yield body, index, None
+
+
+def _is_table(item: Any) -> bool:
+    from tomlkit.items import AoT, Table
+
+    return isinstance(item, AoT | Table)

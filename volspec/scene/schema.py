@@ -1,0 +1,59 @@
+"""The JSON schema of scene files, for editors that complete and check TOML.
+
+SceneFile -> [schema] -> data/scenes/scene.schema.json, volspec scene schema
+
+Editors of TOML read the oldest drafts, so that only words are used which all drafts have.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from volspec.scene.file import SceneFile
+
+_NULL = {"type": "null"}
+
+
+def scene_schema() -> dict[str, Any]:
+    """The schema; keys are described by the docstrings of the tables' fields."""
+    return {"title": "volspec scene", **_simple(SceneFile.model_json_schema())}
+
+
+def scene_schema_text() -> str:
+    """The schema as the file that ships has it."""
+    return json.dumps(scene_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def _simple(schema: Any) -> Any:
+    """In words of all drafts, and without nulls, which TOML has not."""
+    if isinstance(schema, list):
+        return [_simple(each) for each in schema]
+    if not isinstance(schema, dict):
+        return schema
+    said = {key: value for key, value in schema.items() if key not in ("discriminator", "title")}
+    # A table that is left out says nothing; its keys have defaults of their own.
+    if isinstance(said.get("default", {}), dict | type(None)):
+        said.pop("default", None)
+    if "description" in said:
+        said["description"] = said["description"].replace("``", "`")
+    if "properties" in said or "$defs" in said:
+        # Names of keys and tables, not words of a schema.
+        for key in ("properties", "$defs"):
+            said |= {key: {name: _simple(each) for name, each in said.get(key, {}).items()}}
+        said = {key: value for key, value in said.items() if value != {}}
+        return {
+            key: value if key in ("properties", "$defs") else _simple(value)
+            for key, value in said.items()
+        }
+    if "anyOf" in said and _NULL in said["anyOf"]:
+        others = [each for each in said.pop("anyOf") if each != _NULL]
+        said = {**(others[0] if len(others) == 1 else {"anyOf": others}), **said}
+    if "const" in said:
+        said["enum"] = [said.pop("const")]
+    if "prefixItems" in said:
+        # Pairs and vectors: every entry is of one kind.
+        said["items"] = said.pop("prefixItems")[0]
+    if "$ref" in said and len(said) > 1:
+        said = {"allOf": [{"$ref": said.pop("$ref")}], **said}
+    return {key: _simple(value) for key, value in said.items()}
