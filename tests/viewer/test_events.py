@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from volspec.errors import SpectrumError
 from volspec.raycast import Camera
 from volspec.transfer import TransferFunction
-from volspec.viewer import lighting
+from volspec.viewer import blending, lighting
 from volspec.viewer.actions import ACTIONS, BY_KEY
 from volspec.viewer.casting import DIVISORS, Pace
 from volspec.viewer.document import Document, plain_scene
@@ -49,7 +49,7 @@ def test_ten_thousand_random_events_never_raise(
     rig = lighting.rig_of(state.lights)
     assert rig is None or any(rig.weights)
     assert state.lights and isinstance(state.transfer, TransferFunction)
-    assert 0 <= state.interface.light < 8
+    assert 0 <= state.interface.light < lighting.MOST_ROWS
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
@@ -94,18 +94,18 @@ def test_front_right_and_top_look_along_the_axes(document: Document) -> None:
 def test_dial_weights_share_one_and_come_back_to_their_place(
     count: int, x: float, y: float
 ) -> None:
-    weights = lighting.dial_weights(count, x, y)
+    weights = blending.dial_weights(count, x, y)
     assert min(weights) >= 0 and sum(weights) == pytest.approx(1.0)
     # Weights on the dial are those of its place, which is where they are drawn.
-    again = lighting.dial_weights(count, *lighting.dial_place(weights))
+    again = blending.dial_weights(count, *blending.dial_place(weights))
     np.testing.assert_allclose(again, weights, atol=1e-9)
 
 
 def test_lights_stand_where_the_dial_takes_them_alone() -> None:
     for count in (2, 3, 5, 8):
-        for i, place in enumerate(lighting.corners(count)):
+        for i, place in enumerate(blending.corners(count)):
             np.testing.assert_allclose(
-                lighting.dial_weights(count, *place), np.eye(count)[i], atol=1e-12
+                blending.dial_weights(count, *place), np.eye(count)[i], atol=1e-12
             )
 
 

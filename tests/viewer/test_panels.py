@@ -16,7 +16,7 @@ desk = pytest.importorskip("volspec.viewer.panels.desk")
 
 
 def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
-    from volspec.viewer.panels.lights import matching
+    from volspec.viewer.panels.library import matching
 
     assert matching("d65")[0] == "D65"
     found = matching("fl")

@@ -13,6 +13,7 @@ from volspec.viewer.actions import ACTIONS, BY_NAME
 from volspec.viewer.document import Document
 from volspec.viewer.events import EVENTS, Event, reduced
 from volspec.viewer.history import MOST_STEPS, History
+from volspec.viewer.lightstates import Fade, LightState
 from volspec.viewer.stale import STAGES, stale_stage
 from volspec.viewer.state import Interface, ViewState
 
@@ -43,6 +44,8 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "divide": 0.25,
         "error_map": True,
         "interface": Interface(dark=False),
+        "kept": (LightState("State 1", state.lights, state.seen),),
+        "fade": Fade(state.lights, state.seen, 1.0),
     }
     assert stale_stage(state, replace(state, **{name: others[name]})) == STAGES[name]
 
@@ -63,6 +66,7 @@ _COSTS = {
     **dict.fromkeys(("crop", "plane-shift", "plane-tilt", "plane-flip", "plane-remove"), "cast"),
     **dict.fromkeys(("slice", "slice-step", "slice-point", "slice-greys"), "frame"),
     "plane-select": "frame",
+    **dict.fromkeys(("lux", "part-weight", "draw"), "relight"),
 }
 
 
@@ -85,7 +89,7 @@ def test_events_cost_what_their_names_say(cut: ViewState) -> None:
 
 # What an action does at most, by its menu; others are in `_ODD`.
 _MENUS = {"View": "cast", "Light": "relight", "Window": "frame", "Cut": "cast", "": "cast"}
-_ODD = {"reset-transfer": "cast", "mark": "relight"} | dict.fromkeys(
+_ODD = {"reset-transfer": "cast", "mark": "relight", "save-state": "frame"} | dict.fromkeys(
     ("cube", "scale", "crop", "planes", "error-map")
     + ("axial-down", "axial-up", "coronal-forward", "coronal-backward")
     + ("sagittal-right", "sagittal-left"),
@@ -96,6 +100,10 @@ _ODD = {"reset-transfer": "cast", "mark": "relight"} | dict.fromkeys(
 def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
     state = reduced(reduced(cut, Event("slice", 0.3, index=1)), Event("slice-greys", 0.2, 0.4))
     old = reduced(replace(state, view=replace(state.view, zoom=3.0)), Event("shift", 0.1))
+    states = [LightState(str(i), state.lights[1:], state.seen) for i in range(9)]
+    drawn = reduced(old, Event("draw", 0.5, 2.0, index=2))
+    old = replace(drawn, other=state.lights, kept=tuple(states))
+    old = replace(old, interface=replace(old.interface, light=2))
     for action in ACTIONS:
         if action.change is not None:
             cost = _ODD.get(action.name) or _MENUS[action.menu]

@@ -50,7 +50,7 @@ def test_handles_cube_and_slices_take_the_mouse(tmp_path: Path) -> None:
 
         # Slices: a click moves the other two, and nothing is cast.
         before = robot.now()
-        robot.key("x")
+        robot.key("o")
         robot.wait_for(lambda row: "slice Axial" in row.get("areas", {}), before)
         robot.whole(before)
         time.sleep(1.0)

@@ -49,7 +49,7 @@ _EDITS = (
 )
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Cuts")),
-    replace(_panel("Slices"), keys=("x",)),
+    replace(_panel("Slices"), keys=("o",)),
     Action("dark", "Window", "Dark theme", ("t",), _flipped("dark"), lambda s: s.interface.dark),
     Action(
         *("probe", "Window", "What is under the mouse", ("i",), _flipped("probe")),

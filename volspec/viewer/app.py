@@ -19,6 +19,7 @@ from volspec.viewer.casting import Casting
 from volspec.viewer.chores import Chores
 from volspec.viewer.document import Document, opened
 from volspec.viewer.events.event import Action
+from volspec.viewer.fader import Fader
 from volspec.viewer.history import History
 from volspec.viewer.inputs import Input
 from volspec.viewer.layout import Layout
@@ -96,6 +97,7 @@ class _App:
         )
         self._casting = Casting(Window.wake)
         self._layout, self._mouse = Layout(), Mouse(window.scale)
+        self._fader = Fader()
         self._history: History | None = None
         self._shown: ViewState | None = None  # what casts and relights were last asked for
         self._dark: bool | None = None
@@ -156,16 +158,21 @@ class _App:
         self._window.begin()
         self._desk.scale = self._window.scale
         self._set_theme()
-        state = self._history.present if self._history else None
+        kept = self._history.present if self._history else None
+        state = shown = self._fader.shown(kept, started) if kept else None
         if state is not None:
             state = self._layout.bars(state, self._desk)
         area = self._layout.picture(self._desk, state is not None)
         if state is not None and self._history is not None:
             state = self._next(state, inputs, area)
+            assert kept is not None and shown is not None
+            state = self._fader.kept(kept, shown, state)
             self._history = self._history.then(state, self._mouse.gesture)
             self._ask()
             if self._layout.settled:
-                self._update(self._history.present, started)
+                self._update(self._fader.shown(self._history.present, started), started)
+            if self._fader.running:
+                self._settle = max(self._settle, _SETTLE)
         else:
             self._mouse.take(inputs)
         painted = self._screen.painted(area, self._shown)
@@ -220,7 +227,7 @@ class _App:
         """Have done what a state needs."""
         stage = stale_stage(self._shown, state)
         self._shown = state
-        held = self._mouse.held
+        held = self._mouse.held or self._fader.running
         if stage == "cast":
             self._casting.change(state, now, held)
             self._desk.whole = False

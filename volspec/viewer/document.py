@@ -18,6 +18,7 @@ from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.file import SceneFile
+from volspec.scene.lights import rows_by_name
 from volspec.spectra import SpectralGrid
 from volspec.transfer import Transfer
 from volspec.viewer.lighting import Rows, rows_of
@@ -44,6 +45,8 @@ class Document:
         As the file has them.
     histogram : (256,) float64
         Voxels by value over the volume's range.
+    folder : str
+        What the relative names of its files start from.
     """
 
     title: str
@@ -55,6 +58,7 @@ class Document:
     lights: Rows
     seen: RelightSpec
     histogram: NDArray[np.float64]
+    folder: str = "."
 
     @property
     def grid(self) -> SpectralGrid:
@@ -71,9 +75,10 @@ class Document:
             view=_view_of(scene, volume),
             transfer=scene.transfer,
             shading=scene.raycast,
-            lights=rows_of(scene.lights),
+            lights=rows_of(scene.lights, rows_by_name(scene.file.light)),
             seen=scene.relight,
             histogram=histogram(volume),
+            folder=str(scene.folder),
         )
 
 

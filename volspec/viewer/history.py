@@ -31,7 +31,8 @@ class History:
     def then(self, state: ViewState, gesture: int) -> History:
         """Go on to a state; of one gesture only the start is kept."""
         old = self.present
-        if stale_stage(old, replace(state, size=old.size)) in (None, "frame"):
+        same = state.kept == old.kept
+        if same and stale_stage(old, replace(state, size=old.size)) in (None, "frame"):
             return replace(self, present=state)
         if gesture == self.gesture:
             return replace(self, present=state, future=())
@@ -52,4 +53,5 @@ class History:
         return History(self._here(self.future[-1]), past, self.future[:-1])
 
     def _here(self, state: ViewState) -> ViewState:
-        return replace(state, size=self.present.size, interface=self.present.interface)
+        now = self.present
+        return replace(state, size=now.size, interface=now.interface, fade=None)

@@ -49,7 +49,7 @@ class Input:
         Where the mouse is in the window; of the wheel its notches.
     button : str
     key : str
-        As `volspec.viewer.events.KEYS`; with ``ctrl+`` or ``ctrl+shift+`` in front.
+        As `volspec.viewer.events.KEYS`; with ``ctrl+``, ``alt+`` or ``ctrl+shift+`` in front.
     paths : tuple of str
         What was dropped.
     modifiers : str
@@ -133,16 +133,18 @@ class Inputs:
         self._inputs.append(Input("drop", paths=tuple(paths)))
 
     def _on_key(self, window: Any, key: int, code: int, action: int, modifiers: int) -> None:
-        self._to_imgui(window, key, code, action, modifiers)
+        # Before the key: imgui takes events one after the other, and Ctrl+A is none without Ctrl.
         for bit, modifier in _MODIFIERS:
             imgui.get_io().add_key_event(modifier, bool(modifiers & bit))
+        self._to_imgui(window, key, code, action, modifiers)
         name = _key_name(key, code)
         repeated = action == glfw.REPEAT and name in _STEPPING
         if name and (action == glfw.PRESS or repeated):
             ctrl = modifiers & (glfw.MOD_CONTROL | glfw.MOD_SUPER)
             # Of keys that write, Shift has already made another.
             shift = "shift+" if (ctrl or key in _ARROWS) and modifiers & glfw.MOD_SHIFT else ""
-            whole = f"{'ctrl+' if ctrl else ''}{shift}{name}"
+            alt = "alt+" if modifiers & glfw.MOD_ALT else ""
+            whole = f"{'ctrl+' if ctrl else ''}{alt}{shift}{name}"
             self._inputs.append(Input("key", key=whole, repeated=repeated))
 
 

@@ -1,27 +1,23 @@
-"""The lights of the viewer: rows with weights, solo and mute, and the dial that blends them.
+"""The lights of the viewer: rows with weights, solo and mute; added, heated, removed.
 
 rows -> [lighting] -> LightRig -> relight
-
-References
-----------
-[1] Bergner, Möller, Tory & Drew (2005), "A practical approach to spectral volume rendering",
-    IEEE TVCG 11(2), 207-216: the light dial.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from pathlib import Path
+from types import MappingProxyType
 
-from volspec.errors import SpectrumError
+from volspec.errors import SpectrumError, ViewingError
 from volspec.relight import LightRig
-from volspec.scene.lights import NamedLight
-from volspec.spectra import SpectralGrid, light
+from volspec.scene.lights import LightTable, NamedLight
+from volspec.spectra import SpectralGrid, Spectrum, light
+from volspec.spectra.files import split_address
 
 KELVIN = (1000.0, 20000.0)
-MOST_ROWS = 24
+MOST_ROWS = 99
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +36,16 @@ class LightRow:
     solo, muted : bool
     kelvin : float, optional
         Of a Planck radiator, whose temperature can be changed.
+    texts : tuple of (str or None), optional
+        What each light of the rig was made from, in `volspec.light`'s notation; None where it was
+        drawn. Relative files start from the document's folder.
+    before : LightRow, optional
+        What it was until its spectrum was drawn.
+
+    Raises
+    ------
+    ViewingError
+        If there is not one text for each light of the rig.
     """
 
     name: str
@@ -49,17 +55,60 @@ class LightRow:
     solo: bool = False
     muted: bool = False
     kelvin: float | None = None
+    texts: tuple[str | None, ...] = ()
+    before: LightRow | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.rig.lights)
+        texts = tuple(self.texts) or (None,) * count
+        if len(texts) != count:
+            raise ViewingError(f"light {self.name!r} has {len(texts)} texts for {count} spectra")
+        object.__setattr__(self, "texts", texts)
+
+    @property
+    def text(self) -> str | None:
+        """What it was made from; None where it was drawn, or has several spectra."""
+        return self.texts[0] if len(self.texts) == 1 else None
 
 
 Rows = tuple[LightRow, ...]
 
 
-def rows_of(lights: Sequence[NamedLight]) -> Rows:
-    """A scene's lights, of which the first is on."""
-    return tuple(
-        LightRow(light.name, light.label, light.rig, 1.0 if i == 0 else 0.0)
-        for i, light in enumerate(lights)
-    )
+def rows_of(
+    lights: Sequence[NamedLight],
+    tables: Mapping[str, Sequence[LightTable]] = MappingProxyType({}),
+) -> Rows:
+    """A scene's lights, of which the first is on.
+
+    Parameters
+    ----------
+    lights : sequence of NamedLight
+    tables : {name: rows}, optional
+        What the file has of each (`volspec.scene.lights.rows_by_name`): the notation.
+    """
+    rows = []
+    for i, named in enumerate(lights):
+        given = [table.spectrum for table in tables.get(named.name, ())]
+        texts = tuple(each if isinstance(each, str) else None for each in given)
+        kelvin = kelvin_of(texts[0]) if len(texts) == 1 else None
+        weight = 1.0 if i == 0 else 0.0
+        rows.append(
+            LightRow(named.name, named.label, named.rig, weight, kelvin=kelvin, texts=texts)
+        )
+    return tuple(rows)
+
+
+def kelvin_of(text: str | None) -> float | None:
+    """The temperature that ``planck:KELVIN`` names; None for any other light.
+
+    >>> kelvin_of("planck:3200"), kelvin_of("D65")
+    (3200.0, None)
+    """
+    prefix, _, number = (text or "").partition(":")
+    try:
+        return float(number) if prefix.strip().casefold() == "planck" else None
+    except ValueError:
+        return None
 
 
 def shining(rows: Rows) -> tuple[float, ...]:
@@ -117,29 +166,85 @@ def heated(rows: Rows, index: int, kelvin: float) -> Rows:
     if not (0 <= index < len(rows)) or rows[index].kelvin is None:
         return rows
     kelvin = min(max(round(kelvin), KELVIN[0]), KELVIN[1])
-    grid = rows[index].rig.lights[0].grid
-    rig = LightRig((light(f"planck:{kelvin:g}", grid),))
-    return changed(rows, index, rig=rig, kelvin=kelvin, name=f"{kelvin:g} K")
+    row, text = rows[index], f"planck:{kelvin:g}"
+    rig = replace(row.rig, lights=(light(text, row.rig.lights[0].grid),))
+    name = unused(f"{kelvin:g} K", (*rows[:index], *rows[index + 1 :]))
+    return changed(rows, index, rig=rig, kelvin=kelvin, name=name, texts=(text,))
 
 
-def added(rows: Rows, text: str, grid: SpectralGrid) -> Rows:
-    """A light of the library, in `volspec.light`'s notation, at the end of the list.
+def unused(name: str, rows: Rows) -> str:
+    """A name that no row has: with a number behind it where it is taken.
+
+    Rows of one name would be one setting of a scene file.
+    """
+    taken = {row.name for row in rows}
+    names = (name, *(f"{name} ({number})" for number in range(2, len(rows) + 3)))
+    return next(each for each in names if each not in taken)
+
+
+def spectrum_of(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[Spectrum, str]:
+    """A light in `volspec.light`'s notation, and that notation as it is kept.
+
+    A file's relative name starts from the document's folder, or from where the program runs if
+    it is only there; then it is kept whole.
+
+    Raises
+    ------
+    SpectrumError
+        If there is no such light.
+    """
+    text = text.strip()
+    address = split_address(text) if text else None
+    if address is None:
+        spectrum = light(text, grid, folder=folder)
+        return spectrum, spectrum.name
+    file, selector = address
+    if not Path(folder, file).exists() and Path(file).exists():
+        text = f"{Path(file).absolute()}{'#' if selector else ''}{selector}"
+    return light(text, grid, folder=folder), text
+
+
+def added(rows: Rows, text: str, grid: SpectralGrid, folder: str = ".") -> Rows:
+    """A light of the library, in `volspec.light`'s notation, alone and at the end of the list.
+
+    It gets as many lux as shine now, where all the others have some.
 
     Raises
     ------
     SpectrumError
         If there is no such light, or no room.
     """
+    spectrum, kept = spectrum_of(text, grid, folder)
+    kelvin = kelvin_of(kept)
+    name, label = (kept if split_address(kept) is None else spectrum.name or kept), kept
+    if kelvin is not None:
+        name, label = f"{kelvin:g} K", "Planck radiator"
+    rig = LightRig((spectrum,), illuminance_lux=_present_lux(rows))
+    return with_row(rows, LightRow(name, label, rig, kelvin=kelvin, texts=(kept,)))
+
+
+def with_row(rows: Rows, row: LightRow) -> Rows:
+    """One more row at the end, alone, under a name of its own.
+
+    Raises
+    ------
+    SpectrumError
+        If there is no room.
+    """
     if len(rows) >= MOST_ROWS:
         raise SpectrumError(f"{MOST_ROWS} lights are the most; remove one first")
-    spectrum = light(text, grid)
-    prefix, _, number = text.partition(":")
-    if prefix == "planck":
-        kelvin = float(number)
-        row = LightRow(f"{kelvin:g} K", "Planck radiator", LightRig((spectrum,)), kelvin=kelvin)
-    else:
-        row = LightRow(text, spectrum.name or text, LightRig((spectrum,)))
-    return alone((*rows, row), len(rows))
+    return alone((*rows, replace(row, name=unused(row.name, rows))), len(rows))
+
+
+def _present_lux(rows: Rows) -> tuple[float] | None:
+    if any(row.rig.illuminance_lux is None for row in rows):
+        return None
+    rig = rig_of(rows) or rows[0].rig
+    lux = rig.illuminance_lux
+    # Of one group's light a surface gets that group's share.
+    named = any(rig.groups)
+    total = max(lux or (0.0,)) if named else rig.total_lux
+    return (total,) if total else None
 
 
 def removed(rows: Rows, index: int) -> Rows:
@@ -148,61 +253,3 @@ def removed(rows: Rows, index: int) -> Rows:
         return rows
     rest = (*rows[:index], *rows[index + 1 :])
     return rest if any(shining(rest)) else alone(rest, min(index, len(rest) - 1))
-
-
-@cache
-def corners(count: int) -> tuple[tuple[float, float], ...]:
-    """Where lights stand on the dial's rim, clockwise from the top; y runs down."""
-    angles = [2 * math.pi * i / count for i in range(count)]
-    return tuple((math.sin(angle), -math.cos(angle)) for angle in angles)
-
-
-def dial_weights(count: int, x: float, y: float) -> tuple[float, ...]:
-    """Weights of a place on the dial, whose rim has radius 1; they sum to 1.
-
-    The polygon of the lights is a fan of triangles around the centre, where all count alike; in
-    each triangle weights are linear. Places outside go to its edge.
-
-    >>> dial_weights(4, 0.0, -1.0)
-    (1.0, 0.0, 0.0, 0.0)
-    >>> dial_weights(3, 0.0, 0.0)
-    (0.333..., 0.333..., 0.333...)
-    """
-    if count < 2:
-        return (1.0,) * count
-    rim = corners(count)
-    if count == 2:
-        share = min(max((1.0 - y) / 2, 0.0), 1.0)
-        return (share, 1.0 - share)
-    sector = int(math.atan2(x, -y) % (2 * math.pi) / (2 * math.pi / count)) % count
-    after = (sector + 1) % count
-    (ax, ay), (bx, by) = rim[sector], rim[after]
-    area = ax * by - bx * ay
-    first, second = max((x * by - bx * y) / area, 0.0), max((ax * y - x * ay) / area, 0.0)
-    total = first + second
-    if total > 1.0:
-        first, second, total = first / total, second / total, 1.0
-    weights = [(1.0 - total) / count] * count
-    weights[sector] += first
-    weights[after] += second
-    return tuple(weights)
-
-
-def dial_place(weights: Sequence[float]) -> tuple[float, float]:
-    """Where weights are on the dial: `dial_weights` undone, the lights' centre of gravity."""
-    total = sum(weights)
-    if total <= 0:
-        return 0.0, 0.0
-    rim = corners(len(weights))
-    x, y = (sum(w * p[k] for w, p in zip(weights, rim, strict=True)) / total for k in (0, 1))
-    return x, y
-
-
-def blended(rows: Rows, x: float, y: float) -> Rows:
-    """The lights at a place of the dial; the strongest at weight 1, none solo or muted."""
-    weights = dial_weights(len(rows), x, y)
-    most = max(weights, default=1.0)
-    return tuple(
-        replace(row, weight=weight / most, solo=False, muted=False)
-        for row, weight in zip(rows, weights, strict=True)
-    )

@@ -25,6 +25,8 @@ STAGES: dict[str, Stage] = {
     "divide": "relight",
     "error_map": "frame",
     "interface": "frame",
+    "kept": "frame",
+    "fade": "frame",
 }
 
 

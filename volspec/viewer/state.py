@@ -15,6 +15,7 @@ from volspec.transfer import Transfer
 from volspec.viewer.aids import Aids, Slices
 from volspec.viewer.document import Document
 from volspec.viewer.lighting import Rows
+from volspec.viewer.lightstates import Fade, LightState
 from volspec.viewer.views import View
 
 # Open at first.
@@ -42,6 +43,8 @@ class Interface:
     aids : Aids
         What stands over the picture.
     slices : Slices
+    fade_s : float
+        How long the lights take to become those of a saved state.
     """
 
     dark: bool = True
@@ -52,6 +55,7 @@ class Interface:
     panels: frozenset[str] = PANELS
     aids: Aids = field(default_factory=Aids)
     slices: Slices = field(default_factory=Slices)
+    fade_s: float = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +84,10 @@ class ViewState:
     error_map : bool
         Whether it is laid over the picture.
     interface : Interface
+    kept : tuple of LightState
+        Lights that were saved under a name.
+    fade : Fade, optional
+        Where the lights come from, as long as they fade to those of this state.
     """
 
     document: Document
@@ -94,6 +102,8 @@ class ViewState:
     divide: float = 0.5
     error_map: bool = False
     interface: Interface = field(default_factory=Interface)
+    kept: tuple[LightState, ...] = ()
+    fade: Fade | None = None
 
     @classmethod
     def first(

@@ -26,6 +26,10 @@ class Event:
         Of the light or the point that is meant.
     key : str
         What else names it.
+    part : int
+        Of the light's spectra, where it has several.
+    start : (x, y), optional
+        Of a stroke of the pen: where that was before.
     """
 
     name: str
@@ -33,6 +37,8 @@ class Event:
     y: float = 0.0
     index: int = 0
     key: str = ""
+    part: int = 0
+    start: tuple[float, float] | None = None
 
 
 Reducer = Callable[[ViewState, Event], ViewState]

@@ -1,4 +1,4 @@
-"""Events and actions of the lights: weights, dial, solo, mute, the divide.
+"""Events and actions of the lights: weights, lux, dial, pen, solo, mute, the divide.
 
 mouse, keys -> [lights] -> rows
 """
@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from volspec.viewer import lighting
-from volspec.viewer.events.event import Action, Event, Reducer
+from volspec.errors import VolspecError
+from volspec.viewer import blending, drawing, lighting, mixes, parts
+from volspec.viewer.events import lightstates
+from volspec.viewer.events.event import Action, Change, Event, Reducer
 from volspec.viewer.state import ViewState
 
 
@@ -20,8 +22,24 @@ def _kelvin(state: ViewState, event: Event) -> ViewState:
     return replace(state, lights=lighting.heated(state.lights, event.index, event.x))
 
 
+def _lux(state: ViewState, event: Event) -> ViewState:
+    return replace(state, lights=parts.lit_with(state.lights, event.index, event.x, event.part))
+
+
+def _part_weight(state: ViewState, event: Event) -> ViewState:
+    rows = parts.part_weighted(state.lights, event.index, event.part, event.x)
+    return replace(state, lights=rows)
+
+
+def _draw(state: ViewState, event: Event) -> ViewState:
+    """The pen on a light's spectrum: shares of the wavelengths' range, and power."""
+    end = event.x, event.y
+    rows = drawing.drawn(state.lights, event.index, event.part, event.start or end, end)
+    return replace(state, lights=rows)
+
+
 def _dial(state: ViewState, event: Event) -> ViewState:
-    return replace(state, lights=lighting.blended(state.lights, event.x, event.y))
+    return replace(state, lights=blending.blended(state.lights, event.x, event.y))
 
 
 def _solo(state: ViewState, event: Event) -> ViewState:
@@ -40,7 +58,9 @@ def _toggled(state: ViewState, index: int, name: str) -> ViewState:
 
 
 def _remove(state: ViewState, event: Event) -> ViewState:
-    return replace(state, lights=lighting.removed(state.lights, event.index))
+    rows = lighting.removed(state.lights, event.index)
+    chosen = min(state.interface.light, len(rows) - 1)
+    return replace(state, lights=rows, interface=replace(state.interface, light=chosen))
 
 
 def _select(state: ViewState, event: Event) -> ViewState:
@@ -64,6 +84,43 @@ def _compare(state: ViewState) -> ViewState:
     return replace(state, other=None if state.other else state.lights, divide=0.5)
 
 
+def _swap(state: ViewState) -> ViewState:
+    """The lights of both sides of the divide change places."""
+    if state.other is None:
+        return state
+    return replace(state, lights=state.other, other=state.lights)
+
+
+def _keep_mix(state: ViewState) -> ViewState:
+    try:
+        rows = mixes.with_mix(state.lights, state.document.grid, state.document.folder)
+    except VolspecError:  # no room
+        return state
+    if rows is state.lights:
+        return state
+    return replace(state, lights=rows, interface=replace(state.interface, light=len(rows) - 1))
+
+
+def _blend_all(state: ViewState) -> ViewState:
+    return replace(state, lights=blending.blended(state.lights, 0.0, 0.0))
+
+
+def reset_spectrum(state: ViewState) -> ViewState:
+    """The chosen light's spectrum as it was before it was drawn."""
+    return replace(state, lights=drawing.undrawn(state.lights, state.interface.light))
+
+
+def _alone(state: ViewState) -> ViewState:
+    if not 0 <= state.interface.light < len(state.lights):
+        return state
+    return replace(state, lights=lighting.alone(state.lights, state.interface.light))
+
+
+def _chosen(reducer: Reducer) -> Change:
+    """What an event does to the chosen light."""
+    return lambda state: reducer(state, Event("", index=state.interface.light))
+
+
 EVENTS: dict[str, Reducer] = {
     "weight": _weight,
     "kelvin": _kelvin,
@@ -73,6 +130,9 @@ EVENTS: dict[str, Reducer] = {
     "remove": _remove,
     "select": _select,
     "divide": _divide,
+    "lux": _lux,
+    "part-weight": _part_weight,
+    "draw": _draw,
 }
 
 
@@ -102,4 +162,15 @@ ACTIONS = (
         *("mark", "View", "Mark what the display cannot show", ("m",), _mark),
         lambda s: s.seen.viewing.display.mark,
     ),
+    Action("swap", "Light", "Swap the two sides", ("x",), _swap),
+    Action("alone", "Light", "The chosen light alone", (), _alone),
+    Action("solo", "Light", "Solo the chosen light", (), _chosen(_solo)),
+    Action("mute", "Light", "Mute the chosen light", (), _chosen(_mute)),
+    Action("blend-all", "Light", "All lights alike", (), _blend_all),
+    Action("keep-mix", "Light", "Keep this mix as a light", ("k",), _keep_mix),
+    Action(
+        "reset-spectrum", "Light", "Undo the drawing of the chosen spectrum", (), reset_spectrum
+    ),
+    Action("remove-light", "Light", "Remove the chosen light", (), _chosen(_remove)),
+    *lightstates.ACTIONS,
 )

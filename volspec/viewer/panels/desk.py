@@ -17,6 +17,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import white_XYZ
 from volspec.viewer.heat import Heat
 from volspec.viewer.lighting import KELVIN
+from volspec.viewer.panels.light_scraps import LightScraps
 from volspec.viewer.projection import Projection
 from volspec.viewer.reading import Reading
 from volspec.viewer.slice_pictures import SlicePictures
@@ -60,6 +61,7 @@ class Desk:
     shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     slices: SlicePictures | None = None
     _projected: tuple[Any, Projection] | None = None
+    lights: LightScraps = field(default_factory=LightScraps)
     _swatches: dict[tuple[LightRig, RelightSpec], tuple[Colour, Colour]] = field(
         default_factory=dict
     )

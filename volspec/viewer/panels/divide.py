@@ -6,33 +6,87 @@ from imgui_bundle import imgui
 
 from volspec.viewer.lighting import Rows, shining
 from volspec.viewer.panels.desk import Desk
+from volspec.viewer.panels.light_look import fitting, packed
 from volspec.viewer.state import ViewState
 
-_LINE, _SHADE, _TEXT = (1.0, 1.0, 1.0, 0.85), (0.0, 0.0, 0.0, 0.45), (1.0, 1.0, 1.0, 1.0)
+Box = tuple[float, float, float, float]
+_WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+_TOP, _GAP, _WIDEST = 16.0, 12.0, 260.0
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
     """Draw it over the picture, and which lights are on either side."""
     if state.other is None:
         return None
-    x, y, width, height = desk.areas["picture"]
+    area = desk.areas["picture"]
+    x, y, width, height = area
     at = round(x + state.divide * width)
     draw_list = imgui.get_background_draw_list()
     draw_list.push_clip_rect((x, y), (x + width, y + height))
-    line, shade, white = (imgui.color_convert_float4_to_u32(c) for c in (_LINE, _SHADE, _TEXT))
-    draw_list.add_line((at, y), (at, y + height), line, desk.px(1.5))
-    draw_list.add_circle_filled((at, y + height / 2), desk.px(6), line)
-    pad = desk.px(7)
-    for rows, side in ((state.lights, -1), (state.other, 1)):
-        text = called(rows)
-        size = imgui.calc_text_size(text)
-        left = at + pad * 2 if side > 0 else at - pad * 2 - size.x
-        top = y + desk.px(18)
-        ends = (left - pad, top - pad / 2), (left + size.x + pad, top + size.y + pad / 2)
-        draw_list.add_rect_filled(*ends, shade, desk.px(4))
-        draw_list.add_text((left, top), white, text)
+    # White on black: seen over any picture.
+    draw_list.add_line((at, y), (at, y + height), packed(_BLACK, 0.5), desk.px(3.5))
+    draw_list.add_line((at, y), (at, y + height), packed(_WHITE, 0.95), desk.px(1.5))
+    _handle(desk, (at, y + height / 2))
+    pad, most = desk.px(8), min(width * 0.45, desk.px(_WIDEST))
+    texts = [fitting(called(rows), most) for rows in (state.lights, state.other)]
+    letters = imgui.calc_text_size("A").x + 2 * pad
+    sizes = [imgui.calc_text_size(text) for text in texts]
+    wide = sizes[0].x + 2 * pad + letters, sizes[1].x + 2 * pad + letters
+    tall = sizes[0].y + pad
+    boxes = label_boxes(area, at, wide, tall, desk.px(_TOP), desk.px(_GAP))
+    for letter, text, (left, top, breadth, _) in zip("AB", texts, boxes, strict=True):
+        ends = (left, top), (left + breadth, top + tall)
+        draw_list.add_rect_filled(*ends, packed(_BLACK, 0.72), desk.px(5))
+        badge = (left, top), (left + letters, top + tall)
+        draw_list.add_rect_filled(*badge, packed(_WHITE, 0.92), desk.px(5))
+        draw_list.add_text((left + pad, top + pad / 2), packed(_BLACK), letter)
+        draw_list.add_text((left + letters + pad, top + pad / 2), packed(_WHITE), text)
     draw_list.pop_clip_rect()
     return None
+
+
+def label_boxes(
+    area: tuple[int, int, int, int],
+    at: float,
+    widths: tuple[float, float],
+    height: float,
+    top: float,
+    gap: float,
+) -> tuple[Box, Box]:
+    """Where the names stand: beside the line, inside the picture; one that has no room, lower.
+
+    Parameters
+    ----------
+    area : (x, y, width, height)
+        Of the picture.
+    at : float
+        The line's x.
+    widths : (left, right)
+        Of the two labels.
+    height, top, gap : float
+        Of a label; from the picture's edge; from the line.
+    """
+    x, y, width, _ = area
+    left, right = at - gap - widths[0], at + gap
+    a = min(max(left, x + gap), x + width - gap - widths[0]), y + top, widths[0], height
+    b = max(min(right, x + width - gap - widths[1]), x + gap), y + top, widths[1], height
+    lower = y + top + height + gap / 2
+    if a[0] > left:
+        a = a[0], lower, a[2], a[3]
+    if b[0] < right:
+        b = b[0], lower, b[2], b[3]
+    return a, b
+
+
+def _handle(desk: Desk, at: tuple[float, float]) -> None:
+    draw_list, radius, (x, y) = imgui.get_background_draw_list(), desk.px(11), at
+    draw_list.add_circle_filled(at, radius + desk.px(1), packed(_BLACK, 0.5))
+    draw_list.add_circle_filled(at, radius, packed(_WHITE, 0.95))
+    near, far, half = desk.px(2.5), desk.px(7), desk.px(4)
+    for side in (-1, 1):
+        tip, upper, lower = (x + side * far, y), (x + side * near, y - half), y + half
+        dark = packed((0.15, 0.15, 0.15))
+        draw_list.add_triangle_filled(tip, upper, (x + side * near, lower), dark)
 
 
 def called(rows: Rows) -> str:

@@ -27,8 +27,9 @@ SHEET = (
     *(
         (", ".join(shown(key) for key in action.keys), action.title)
         for action in ACTIONS
-        if action.keys and action.menu
+        if action.keys and action.menu and not action.name.startswith("recall-")
     ),
+    ("Alt+1 … 9", "Fade to a saved light state"),
 )
 _FLAGS = (
     imgui.WindowFlags_.no_decoration

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from imgui_bundle import imgui, implot
+from imgui_bundle import imgui
 
 from volspec.viewer.panels.desk import Desk
-from volspec.viewer.panels.spectrum import band_colours
+from volspec.viewer.panels.light_look import fill, outline
 from volspec.viewer.reading import Reading
 from volspec.viewer.state import ViewState
 
@@ -18,7 +17,6 @@ _FLAGS = (
     | imgui.WindowFlags_.no_focus_on_appearing
     | imgui.WindowFlags_.no_nav
 )
-_PLOT = implot.Flags_.canvas_only | implot.Flags_.no_inputs
 _SIZE = (196.0, 74.0)
 _HEADROOM = 1.06
 
@@ -49,25 +47,11 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
 
 def _spectra(reading: Reading, desk: Desk) -> None:
     """The light as a line, what comes back filled with its colours."""
-    width, height = _SIZE
-    if not implot.begin_plot("##reflected", (desk.px(width), desk.px(height)), _PLOT):
-        return
-    bare = implot.AxisFlags_.no_decorations
-    implot.setup_axes("", "", bare, bare)
-    at = reading.grid.wavelengths_nm
-    half = float(at[1] - at[0]) / 2
-    implot.setup_axes_limits(at[0] - half, at[-1] + half, 0.0, _HEADROOM, imgui.Cond_.always)
-    implot.setup_finish()
-    draw_list = implot.get_plot_draw_list()
-    implot.push_plot_clip_rect()
-    colours = band_colours(reading.grid)
-    for middle, level, colour in zip(at, reading.reflected, colours, strict=True):
-        left = implot.plot_to_pixels(float(middle) - half, float(min(level, _HEADROOM)))
-        right = implot.plot_to_pixels(float(middle) + half, 0.0)
-        ends = (round(left.x), left.y), (round(right.x), right.y)
-        draw_list.add_rect_filled(*ends, colour)
-    implot.pop_plot_clip_rect()
-    text = imgui.get_style_color_vec4(imgui.Col_.text)
-    line = implot.Spec(line_color=text, line_weight=desk.px(1.2))
-    implot.plot_line("light", np.ascontiguousarray(at), reading.light, spec=line)
-    implot.end_plot()
+    x, y = imgui.get_cursor_screen_pos()
+    width, height = (desk.px(side) for side in _SIZE)
+    imgui.dummy((width, height))
+    rect = x, y + desk.px(4), width, height - desk.px(4)
+    draw_list = imgui.get_window_draw_list()
+    fill(draw_list, rect, reading.reflected, _HEADROOM, reading.grid)
+    text = imgui.get_color_u32(imgui.Col_.text)
+    outline(draw_list, rect, reading.light, _HEADROOM, text, desk.px(1.2))

@@ -1,0 +1,190 @@
+"""Saved light states and the fades between them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from volspec.appearance import Viewing
+from volspec.relight import LightRig, RelightSpec
+from volspec.spectra import DEFAULT_GRID, light
+from volspec.viewer import lighting
+from volspec.viewer.drawing import drawn
+from volspec.viewer.events import Event, lightstates, reduced
+from volspec.viewer.fader import Fader
+from volspec.viewer.history import History
+from volspec.viewer.lighting import LightRow, Rows, rig_of, shining
+from volspec.viewer.lightstates import faded, recalled
+from volspec.viewer.stale import stale_stage
+from volspec.viewer.state import ViewState
+
+_SHARE = st.floats(0.001, 0.999)
+DIM, BRIGHT = RelightSpec(), RelightSpec(Viewing(illuminance_lux=10.0, Y_b=40.0), backdrop=0.6)
+
+
+def row(text: str, weight: float, lux: float | None = None) -> LightRow:
+    rig = LightRig((light(text),), illuminance_lux=None if lux is None else (lux,))
+    return LightRow(text, text, rig, weight, texts=(text,), kelvin=lighting.kelvin_of(text))
+
+
+START: Rows = (row("D65", 1.0, 100.0), row("A", 0.5, 200.0), row("planck:2000", 0.2, 50.0))
+
+
+def after(rows: Rows) -> Rows:
+    """D65 muted, A solo and drawn, the radiator hotter, and one light more."""
+    rows = drawn(lighting.changed(rows, 0, muted=True), 1, 0, (0.1, 3.0), (0.4, 3.0))
+    rows = lighting.heated(rows, 2, 8000.0)
+    return (*rows, row("FL2", 0.8, 400.0))
+
+
+END = after(START)
+
+
+def test_a_fade_begins_and_ends_exactly_at_its_ends() -> None:
+    start, end = (START, DIM), (END, BRIGHT)
+    assert faded(start, end, 0.0) is start and faded(start, end, -1.0) is start
+    assert faded(start, end, 1.0) is end and faded(start, end, 2.0) is end
+
+
+@given(share=_SHARE)
+def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
+    rows, seen = faded((START, DIM), (END, BRIGHT), share)
+    assert len(rows) == 4 and not any(each.solo or each.muted for each in rows)
+    a, b = shining((*START, replace(END[3], weight=0.0))), shining(END)
+    expected = [(1 - share) * p + share * q for p, q in zip(a, b, strict=True)]
+    np.testing.assert_allclose([each.weight for each in rows], expected)
+    values = [of.rig.lights[0].values for of in (START[1], rows[1], END[1])]
+    np.testing.assert_allclose(values[1], (1 - share) * values[0] + share * values[2])
+    # A temperature is set in whole kelvins, by equal steps of its reciprocal.
+    kelvin = rows[2].kelvin
+    assert kelvin is not None
+    assert kelvin == pytest.approx(1 / ((1 - share) / 2000 + share / 8000), abs=0.51)
+    np.testing.assert_array_equal(rows[2].rig.lights[0].values, light(f"planck:{kelvin}").values)
+    viewing = seen.viewing
+    assert viewing.illuminance_lux == pytest.approx(1000 ** (1 - share) * 10**share)
+    assert viewing.Y_b == pytest.approx(20 + 20 * share)
+    assert seen.backdrop == pytest.approx(0.2 + 0.4 * share)
+
+
+def test_a_fade_moves_without_jumps_from_end_to_end() -> None:
+    """A hundredth of the way changes no band by more than its part of the whole difference."""
+    mixes = []
+    for share in np.linspace(0, 1, 101):
+        rig = rig_of(faded((START, DIM), (END, DIM), float(share))[0])
+        assert rig is not None
+        mixes.append(rig.mixed(DEFAULT_GRID).values)
+    steps = np.abs(np.diff(mixes, axis=0)).max(axis=1)
+    assert steps.max() < 6 * np.abs(mixes[-1] - mixes[0]).max() / 100
+
+
+@given(share=_SHARE)
+def test_lux_of_a_light_lie_between(share: float) -> None:
+    brighter = (replace(START[0], rig=replace(START[0].rig, illuminance_lux=(500.0,))), *START[1:])
+    rows, _ = faded((START, DIM), (brighter, DIM), share)
+    lux = rows[0].rig.illuminance_lux
+    assert lux is not None and lux[0] == pytest.approx(100 + 400 * share)
+
+
+def test_a_fade_of_words_that_do_not_go_together_takes_those_of_its_end() -> None:
+    pixel = RelightSpec(Viewing(adapting="pixel"))
+    hunt = RelightSpec(Viewing(model="Hunt", illuminance_lux=20.0))
+    for start, end in ((pixel, hunt), (hunt, pixel)):
+        _, seen = faded((START, start), (START, end), 0.5)
+        assert seen.viewing.model == end.viewing.model
+
+
+def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
+    now = after(START)
+    back = recalled(now, START)
+    assert back[:3] == START and back[3].name == "FL2" and back[3].weight == 0.0
+    assert recalled(back, START) == back
+
+
+def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None:
+    one = lightstates.saved(state)
+    two = lightstates.saved(reduced(one, Event("weight", 0.3, index=2)))
+    assert [kept.name for kept in two.kept] == ["State 1", "State 2"]
+    assert lightstates.renamed(two, 0, "  Day\n light ").kept[0].name == "Day light"
+    assert lightstates.renamed(two, 0, "State 2") is two
+    assert lightstates.renamed(two, 0, " ") is two
+    over = lightstates.saved_over(two, 0)
+    assert over.kept[0].lights is two.lights and over.kept[0].name == "State 1"
+    back = lightstates.recall(two, 0)
+    assert back.lights == state.lights and back.seen == state.seen and back.fade is not None
+    gone = lightstates.deleted(two, 0)
+    assert [kept.name for kept in lightstates.saved(gone).kept] == ["State 2", "State 1"]
+    for index in (-1, 2, 99):
+        assert lightstates.recall(two, index) is two
+        assert lightstates.deleted(two, index) is two
+        assert lightstates.saved_over(two, index) is two
+
+
+def test_saving_and_deleting_a_state_can_be_undone(state: ViewState) -> None:
+    history = History(state).then(lightstates.saved(state), 1)
+    history = history.then(lightstates.deleted(history.present, 0), 2)
+    assert history.present.kept == () and len(history.undone().present.kept) == 1
+
+
+def recalling(state: ViewState, seconds: float) -> ViewState:
+    """A state on its way from A alone to D65 alone."""
+    kept = lightstates.saved(lightstates.fade_lasting(state, seconds))
+    other = replace(kept, lights=lighting.alone(kept.lights, 1))
+    return lightstates.recall(other, 0)
+
+
+def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> None:
+    fader, new = Fader(), recalling(state, 2.0)
+    first = fader.shown(new, 10.0)
+    assert shining(first.lights)[:2] == (0.0, 1.0) and fader.running
+    half = fader.shown(new, 11.0)
+    assert shining(half.lights)[:2] == (0.5, 0.5)
+    assert fader.shown(new, 12.0) is new and not fader.running
+    assert new.lights == state.lights
+    assert stale_stage(first, half) == "relight"
+
+
+def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
+    fader, before = Fader(), replace(state, lights=lighting.alone(state.lights, 1))
+    before = replace(before, kept=lightstates.saved(state).kept)
+    history = History(before).then(lightstates.recall(before, 0), 1)
+    for i in range(1, 4):
+        present = history.present
+        shown = fader.shown(present, float(i) / 10)
+        turned = reduced(shown, Event("orbit", 0.1))
+        history = history.then(fader.kept(present, shown, turned), 1 + i)
+    assert history.present.lights == state.lights and fader.running
+    for _ in range(4):
+        history = history.undone()
+    assert history.present.lights == before.lights
+    assert fader.shown(history.present, 0.5) is history.present and not fader.running
+    # Redone, its end is there at once.
+    again = history.redone().present
+    assert again.lights == state.lights and fader.shown(again, 0.6) is again
+
+
+def test_a_hand_on_a_light_stops_the_fade_where_it_is(state: ViewState) -> None:
+    fader, new = Fader(), recalling(state, 1.0)
+    fader.shown(new, 0.0)
+    shown = fader.shown(new, 0.5)
+    stopped = fader.kept(new, shown, reduced(shown, Event("weight", 0.9, index=2)))
+    assert stopped.fade is None and shining(stopped.lights)[:3] == (0.5, 0.5, 0.9)
+    assert fader.shown(stopped, 0.6) is stopped and not fader.running
+
+
+def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None:
+    fader, new = Fader(), recalling(state, 1.0)
+    fader.shown(new, 0.0)
+    shown = fader.shown(new, 0.5)
+    again = fader.kept(new, shown, lightstates.recall(shown, 0))
+    assert again.fade is not None and shining(again.fade.lights)[:2] == (0.5, 0.5)
+    assert shining(fader.shown(again, 0.7).lights)[:2] == (0.5, 0.5)
+
+
+def test_a_fade_of_no_time_is_a_cut(state: ViewState) -> None:
+    fader, new = Fader(), recalling(state, 0.0)
+    assert fader.shown(new, 0.0) is new and not fader.running
+    assert lightstates.fade_lasting(state, 99.0).interface.fade_s == 10.0
