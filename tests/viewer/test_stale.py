@@ -10,6 +10,7 @@ import pytest
 from volspec.raycast import ClipPlane
 from volspec.relight import RelightSpec
 from volspec.viewer.actions import ACTIONS, BY_NAME
+from volspec.viewer.design import Board
 from volspec.viewer.document import Document
 from volspec.viewer.events import EVENTS, Event, reduced
 from volspec.viewer.history import MOST_STEPS, History
@@ -46,6 +47,7 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "interface": Interface(dark=False),
         "kept": (LightState("State 1", state.lights, state.seen),),
         "fade": Fade(state.lights, state.seen, 1.0),
+        "board": Board(),
     }
     assert stale_stage(state, replace(state, **{name: others[name]})) == STAGES[name]
 
@@ -67,6 +69,20 @@ _COSTS = {
     **dict.fromkeys(("slice", "slice-step", "slice-point", "slice-greys"), "frame"),
     "plane-select": "frame",
     **dict.fromkeys(("lux", "part-weight", "draw"), "relight"),
+    # The first wish makes the materials channels, which is the one cast; later ones relight.
+    **dict.fromkeys(("wish", "wish-kind", "open", "constant", "lamp", "assign", "recast"), "cast"),
+    **dict.fromkeys(("smoothness", "rounds", "metric", "pick-cell"), "relight"),
+    # Of a wish that is not there.
+    **dict.fromkeys(("wish-weight", "wish-group", "wish-distance"), None),
+}
+_KEYS = {
+    "wish": "#804020",
+    "wish-kind": "colour",
+    "open": "light",
+    "lamp": "A",
+    "metric": "RGB",
+    "assign": "gold",
+    "recast": "copper",
 }
 
 
@@ -83,7 +99,7 @@ def test_events_cost_what_their_names_say(cut: ViewState) -> None:
     assert set(_COSTS) == set(EVENTS)
     for name, cost in _COSTS.items():
         index = 3 if name == "kelvin" else 1
-        new = reduced(state, Event(name, 0.3, 0.4, index))
+        new = reduced(state, Event(name, 0.3, 0.4, index, _KEYS.get(name, "")))
         assert stale_stage(state, new) == cost, name
 
 
@@ -95,6 +111,8 @@ _ODD = {"reset-transfer": "cast", "mark": "relight", "save-state": "frame"} | di
     + ("sagittal-right", "sagittal-left"),
     "frame",
 )
+_ODD |= {"palette-light": "cast", "palette-anew": None}
+_ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
 
 
 def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
@@ -106,7 +124,7 @@ def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
     old = replace(old, interface=replace(old.interface, light=2))
     for action in ACTIONS:
         if action.change is not None:
-            cost = _ODD.get(action.name) or _MENUS[action.menu]
+            cost = _ODD.get(action.name, _MENUS.get(action.menu))
             assert stale_stage(old, action.change(old)) == cost, action.name
 
 

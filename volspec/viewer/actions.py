@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from volspec.viewer.events import camera, curve, cuts, lights, slices
+from volspec.viewer.events import camera, curve, cuts, lights, palette, slices
 from volspec.viewer.events.event import Action, Change
 from volspec.viewer.state import ViewState
 
-MENUS = ("File", "Edit", "View", "Cut", "Light", "Window")
+MENUS = ("File", "Edit", "View", "Cut", "Light", "Palette", "Window")
 
 
 def _flipped(name: str) -> Change:
@@ -48,7 +48,7 @@ _EDITS = (
     Action("redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y")),
 )
 _WINDOW = (
-    *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Cuts")),
+    *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
     replace(_panel("Slices"), keys=("o",)),
     Action("dark", "Window", "Dark theme", ("t",), _flipped("dark"), lambda s: s.interface.dark),
     Action(
@@ -64,6 +64,7 @@ ACTIONS: tuple[Action, ...] = (
     *curve.ACTIONS,
     *camera.ACTIONS,
     *lights.ACTIONS,
+    *palette.ACTIONS,
     *_WINDOW,
     *cuts.ACTIONS,
     *slices.ACTIONS,

@@ -17,6 +17,7 @@ from volspec.viewer import style
 from volspec.viewer.actions import BY_KEY
 from volspec.viewer.casting import Casting
 from volspec.viewer.chores import Chores
+from volspec.viewer.designing import Designing
 from volspec.viewer.document import Document, opened
 from volspec.viewer.events.event import Action
 from volspec.viewer.fader import Fader
@@ -96,6 +97,7 @@ class _App:
             *(options.device, options.screenshot),
         )
         self._casting = Casting(Window.wake)
+        self._designing = Designing(Window.wake, self._desk, self._notice, trace)
         self._layout, self._mouse = Layout(), Mouse(window.scale)
         self._fader = Fader()
         self._history: History | None = None
@@ -124,6 +126,7 @@ class _App:
                 self._casting.tick(ended, self._mouse.held)
                 self._meter.answered(began - asked - patience, ended - began)
         finally:
+            self._designing.close()
             self._casting.close()
             self._screen.close()
 
@@ -138,6 +141,9 @@ class _App:
         for done in casts:
             self._screen.take(done, self._history.present if self._history else None)
         news, document = self._chores.take(first=self._history is None)
+        if self._history is not None:
+            history = self._designing.taken(self._history)
+            news, self._history = news or history is not self._history, history
         if document is not None:
             self._open(document)
         if self._history is not None:
@@ -179,6 +185,7 @@ class _App:
         if self._notice.text:
             overlay.message(self._notice.text, self._desk)
         self._chores.draw(self._desk)
+        self._designing.draw()
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
         if said := self._window.error:
@@ -216,10 +223,14 @@ class _App:
         for name in asked:
             if name == "undo":
                 self._history = self._history.undone()
+                self._designing.forget()
             elif name == "redo":
                 self._history = self._history.redone()
+                self._designing.forget()
             elif name == "quit":
                 self._window.leave()
+            elif name in self._designing.asks:
+                self._designing.do(name, self._history.present)
             else:
                 self._chores.do(name, self._history.present)
 
@@ -233,6 +244,7 @@ class _App:
             self._desk.whole = False
         if stage in ("cast", "relight"):
             self._screen.stale()
+        self._designing.follow(state)
         self._screen.relight(state, held)
         self._desk.under_mouse = self._screen.probe(state, self._mouse.over_picture, held)
 

@@ -38,6 +38,14 @@ class History:
             return replace(self, present=state, future=())
         return History(state, (*self.past, old)[-MOST_STEPS:], (), gesture)
 
+    def step(self, state: ViewState) -> History:
+        """Go on to a state that nobody's hand made: a step of its own."""
+        return History(state, (*self.past, self.present)[-MOST_STEPS:])
+
+    def amended(self, state: ViewState) -> History:
+        """The present step, completed: what follows from it took its time."""
+        return replace(self, present=state)
+
     def undone(self) -> History:
         """One step back; the window stays as it is."""
         if not self.past:

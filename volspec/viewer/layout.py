@@ -15,6 +15,7 @@ from volspec.viewer.panels import (
     keys,
     lights,
     menu,
+    palette,
     probe,
     scale,
     slices,
@@ -58,6 +59,7 @@ _PANELS = (
     Panel("Transfer", transfer.draw, "lower"),
     Panel("Cuts", cuts.draw, "lower"),
     Panel("Slices", slices.draw, "left"),
+    Panel("Palette", palette.draw, "lower"),
 )
 # Those that are in front of the tabs at first.
 _FIRST = "Viewing"

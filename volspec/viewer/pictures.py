@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
+from volspec.viewer.design_spectra import same_channels
 
 # Sizes kept: the whole picture, two coarser, and those of a window before it was resized.
 MOST_SIZES = 5
@@ -47,6 +49,7 @@ class Pictures:
         self._relighters: dict[tuple[int, ...], Relighter] = {}
         self._shown: Relighter | None = None
         self._half: Relighter | None = None
+        self._painted: tuple[Relighter, Basis] | None = None
         self._frame: Any = None
         self._queries = [context.query(time=True) for _ in range(2)]
         self.image: CoefficientImage | None = None
@@ -66,6 +69,19 @@ class Pictures:
         """Take a picture; `relight` draws it."""
         self._shown, self.image = self._relighter_of(image), image
         self._frame = self._half = None
+
+    def repaint(self, basis: Basis) -> None:
+        """Give the picture's materials other reflectances, where they are its channels.
+
+        Parameters
+        ----------
+        basis : Basis
+            Of the state that is to be shown; a picture cast otherwise stays as it is.
+        """
+        if self.image is None or self.image.basis is basis:
+            return
+        if same_channels(self.image.basis, basis):
+            self.image = replace(self.image, basis=basis)
 
     def _halved(self) -> Relighter:
         """A quarter of the picture's pixels."""
@@ -129,6 +145,10 @@ class Pictures:
             return None
         started = time.perf_counter()
         shown = self._halved() if coarse else self._shown
+        basis = self.image.basis if self.image else None
+        if isinstance(basis, MaterialBasis) and self._painted != (shown, basis):
+            shown.set_reflectances(basis.materials)
+            self._painted = shown, basis
         how = seen.viewing, seen.mode, seen.backdrop, seen.level
         self._queries.reverse()
         with self._queries[0]:

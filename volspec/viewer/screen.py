@@ -90,6 +90,8 @@ class Screen:
         if self._relit or self.pictures.image is None:
             return
         self._relit = True
+        self.pictures.repaint(state.transfer.basis)
+        self._desk.image = self.pictures.image
         self._coarse = held and self._desk.whole and self._meter.slow
         other = rig_of(state.other) if state.other else None
         try:

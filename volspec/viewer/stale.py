@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from volspec.viewer.design_spectra import repainted
 from volspec.viewer.state import ViewState
 
 Stage = Literal["cast", "relight", "frame"]
@@ -27,6 +28,7 @@ STAGES: dict[str, Stage] = {
     "interface": "frame",
     "kept": "frame",
     "fade": "frame",
+    "board": "relight",
 }
 
 
@@ -49,6 +51,10 @@ def stale_stage(old: ViewState | None, new: ViewState) -> Stage | None:
         return "cast"
     if old is new:
         return None
-    found = {stage for name, stage in STAGES.items() if getattr(old, name) != getattr(new, name)}
+    differ = [name for name in STAGES if getattr(old, name) != getattr(new, name)]
+    found = {STAGES[name] for name in differ}
+    if "transfer" in differ and repainted(old.transfer, new.transfer):
+        # Other reflectances of materials that are channels are read when the picture is lit.
+        found = {STAGES[name] for name in differ if name != "transfer"} | {"relight"}
     order: tuple[Stage, ...] = ("cast", "relight", "frame")
     return next((stage for stage in order if stage in found), None)

@@ -13,13 +13,14 @@ from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.transfer import Transfer
 from volspec.viewer.aids import Aids, Slices
+from volspec.viewer.design import Board, Pick
 from volspec.viewer.document import Document
 from volspec.viewer.lighting import Rows
 from volspec.viewer.lightstates import Fade, LightState
 from volspec.viewer.views import View
 
 # Open at first.
-PANELS = frozenset({"Lights", "Viewing", "Transfer"})
+PANELS = frozenset({"Lights", "Viewing", "Transfer", "Palette"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,8 @@ class Interface:
     slices : Slices
     fade_s : float
         How long the lights take to become those of a saved state.
+    pick : Pick
+        What is chosen in the palette.
     """
 
     dark: bool = True
@@ -56,6 +59,7 @@ class Interface:
     aids: Aids = field(default_factory=Aids)
     slices: Slices = field(default_factory=Slices)
     fade_s: float = 1.5
+    pick: Pick = field(default_factory=Pick)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +92,8 @@ class ViewState:
         Lights that were saved under a name.
     fade : Fade, optional
         Where the lights come from, as long as they fade to those of this state.
+    board : Board
+        What the palette asks for; its spectra stand in ``transfer`` and ``lights``.
     """
 
     document: Document
@@ -104,6 +110,7 @@ class ViewState:
     interface: Interface = field(default_factory=Interface)
     kept: tuple[LightState, ...] = ()
     fade: Fade | None = None
+    board: Board = field(default_factory=Board)
 
     @classmethod
     def first(

@@ -91,6 +91,7 @@ def redesigned(
 ) -> Redesigned:
     """Put a design into a scene and measure what it shows."""
     spectra = {f"{_PALETTE}#{name}": made.reflectance(name) for name in materials}
+    spectra = {**scene.known, **spectra}
     rows = [
         row.model_copy(update={"reflectance": f"{_PALETTE}#{row.name}"})
         if row.name in materials

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from volspec.viewer.events import camera, curve, cuts, lights, slices
+from volspec.viewer.events import camera, curve, cuts, lights, palette, slices
 from volspec.viewer.events.event import Event, Reducer
 from volspec.viewer.state import ViewState
 
@@ -21,6 +21,7 @@ EVENTS: dict[str, Reducer] = {
     **curve.EVENTS,
     **cuts.EVENTS,
     **slices.EVENTS,
+    **palette.EVENTS,
 }
 
 

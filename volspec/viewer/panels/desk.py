@@ -15,6 +15,7 @@ from volspec.errors import VolspecError
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import white_XYZ
+from volspec.viewer.design import News
 from volspec.viewer.heat import Heat
 from volspec.viewer.lighting import KELVIN
 from volspec.viewer.panels.light_scraps import LightScraps
@@ -62,6 +63,9 @@ class Desk:
     slices: SlicePictures | None = None
     _projected: tuple[Any, Projection] | None = None
     lights: LightScraps = field(default_factory=LightScraps)
+    design: News = field(default_factory=News)
+    popup: str = ""
+    member: tuple[str, int] = ("", 0)
     _swatches: dict[tuple[LightRig, RelightSpec], tuple[Colour, Colour]] = field(
         default_factory=dict
     )
