@@ -47,6 +47,11 @@ class Robot:
         Of screen and window.
     dpi : int
         Of the screen.
+
+    Attributes
+    ----------
+    environment : {name: text}
+        Of programs that shall see the same screen.
     """
 
     def __init__(
@@ -69,22 +74,24 @@ class Robot:
             text=True,
         )
         assert self._server.stdout is not None
-        self._environment = {
+        self.environment = {
             key: value
             for key, value in os.environ.items()
             if key not in ("WAYLAND_DISPLAY", "XDG_SESSION_TYPE")
         }
-        self._environment["DISPLAY"] = f":{self._server.stdout.readline().strip()}"
+        # What it remembers is not the user's.
+        self.environment.setdefault("VOLSPEC_STATE", str(folder / "state"))
+        self.environment["DISPLAY"] = f":{self._server.stdout.readline().strip()}"
         if dpi != 96:
             said = ("-f", "RESOURCE_MANAGER", "8s", "-set", "RESOURCE_MANAGER", f"Xft.dpi: {dpi}")
-            subprocess.run(["xprop", "-root", *said], env=self._environment, check=True)
+            subprocess.run(["xprop", "-root", *said], env=self.environment, check=True)
         self.started = time.time()
         self.viewer = subprocess.Popen(
             [
                 *(sys.executable, "-c", "from volspec.cli import main; main()", "view"),
                 *("--trace", str(self.trace), "--size", window, *arguments),
             ],
-            env=self._environment | {"PYTHONPATH": str(Path(__file__).resolve().parent.parent)},
+            env=self.environment | {"PYTHONPATH": str(Path(__file__).resolve().parent.parent)},
             cwd=folder,
             stderr=subprocess.PIPE,
             text=True,
@@ -150,13 +157,13 @@ class Robot:
     def do(self, *words: str | float) -> None:
         """Have xdotool do something."""
         whole = [str(round(word)) if isinstance(word, float) else str(word) for word in words]
-        subprocess.run(["xdotool", *whole], env=self._environment, check=True)
+        subprocess.run(["xdotool", *whole], env=self.environment, check=True)
 
     def find(self) -> str:
         """xdotool's number of the window."""
         command = ["xdotool", "search", "--pid", str(self.viewer.pid)]
         found = subprocess.run(
-            command, env=self._environment, check=True, capture_output=True, text=True
+            command, env=self.environment, check=True, capture_output=True, text=True
         )
         return found.stdout.split()[-1]
 
@@ -182,7 +189,7 @@ class Robot:
         """A picture of the whole screen."""
         from PIL import ImageGrab
 
-        ImageGrab.grab(xdisplay=self._environment["DISPLAY"]).save(path)
+        ImageGrab.grab(xdisplay=self.environment["DISPLAY"]).save(path)
 
     def __enter__(self) -> Self:
         return self

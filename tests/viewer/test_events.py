@@ -181,8 +181,3 @@ def test_a_volume_without_a_scene_gets_one_that_holds(document: Document) -> Non
     assert file.title == "ball.nrrd" and len(file.light) == 4
     assert file.transfer.points is not None
     assert file.transfer.points[0].opacity == 0.0
-
-
-def test_no_key_stands_for_two_actions() -> None:
-    keys = [key for action in ACTIONS for key in action.keys]
-    assert sorted(keys) == sorted(set(keys))

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from volspec._files import require_writable
 from volspec.cli.cast import _check_size, _pixels
 from volspec.cli.shell import Device, app
+from volspec.errors import InputError
 
 
 @app.command
@@ -19,6 +20,7 @@ def view(
     *,
     size: Annotated[str, Parameter(validator=_check_size)] = "1280x720",
     screenshot: Annotated[str | None, Parameter(validator=_check_size)] = None,
+    restore: bool = False,
     trace: Path | None = None,
     device: Device = None,
 ) -> None:
@@ -28,21 +30,28 @@ def view(
 
     Example: `volspec view engine.toml --screenshot 3840x2160`
 
+    Example: `volspec view --restore`
+
     Parameters
     ----------
     file
-        A scene file or a volume; the bundled engine when left out.
+        A scene file, a volume or a session; the bundled engine when left out.
     size
         WIDTHxHEIGHT of the window.
     screenshot
         WIDTHxHEIGHT of the pictures that S saves; as shown when left out.
+    restore
+        Go on from the last session; FILE is opened where there is none.
     trace
         Write what happens to a file of JSON lines: `t`, `event`, `stage`, `ms`.
     """
     if trace is not None:
         require_writable(trace)
+    # Before a window opens for nothing.
+    if file is not None and not Path(file.partition("?")[0]).exists():
+        raise InputError(f"{file.partition('?')[0]}: no such file; check the path")
     from volspec.viewer.app import Options
     from volspec.viewer.app import view as open_window
 
     wanted = _pixels(screenshot) if screenshot else None
-    open_window(Options(file, trace, _pixels(size), wanted, device))
+    open_window(Options(file, trace, _pixels(size), wanted, device, restore))

@@ -75,12 +75,13 @@ class Camera:
         up: Vector = (0.0, 0.0, 1.0),
         target_mm: Vector | None = None,
         orthographic: bool = False,
+        roll_deg: float = 0.0,
     ) -> Camera:
         """Look at a volume's centre, or a target, from a direction around its ``up`` axis.
 
         At zoom 1 the sphere around the volume just fills the picture's height. Azimuth 0
         stands at −y (z up), +90 at +x; an elevation of ±90 looks along ``up`` and takes the
-        direction of azimuth as the picture's top.
+        direction of azimuth as the picture's top. ``roll_deg`` turns the picture clockwise.
 
         >>> import numpy as np
         >>> camera = Camera.orbit(Volume(np.zeros((3, 3, 3))), azimuth_deg=0, elevation_deg=0)
@@ -88,7 +89,8 @@ class Camera:
         [1.0, -5.692, 1.0]
         """
         volume = Volume.of(volume)
-        for name, angle in (("azimuth_deg", azimuth_deg), ("elevation_deg", elevation_deg)):
+        angles = {"azimuth_deg": azimuth_deg, "elevation_deg": elevation_deg, "roll_deg": roll_deg}
+        for name, angle in angles.items():
             number(f"camera: {name}", angle, CameraError)
         positive("camera: zoom", zoom, CameraError)
         _check_fov(fov_deg)
@@ -111,6 +113,9 @@ class Camera:
         around = math.cos(azimuth) * front + math.sin(azimuth) * side
         direction = _snapped(math.cos(elevation) * around + math.sin(elevation) * axis)
         top = _snapped(math.cos(elevation) * axis - math.sin(elevation) * around)
+        if roll_deg:
+            roll = math.radians(math.fmod(roll_deg, 360))
+            top = _snapped(math.cos(roll) * top + math.sin(roll) * np.cross(direction, top))
         distance = radius / math.sin(math.radians(fov_deg) / 2) / zoom
         if not math.isfinite(distance):
             raise CameraError(

@@ -101,6 +101,8 @@ class CameraTable(Table):
     """The picture's height as an angle."""
     orthographic: bool = False
     """Parallel rays."""
+    roll_deg: float = 0.0
+    """Turns the picture clockwise."""
     position_mm: Vector | None = None
     """x, y, z, in place of the orbit."""
     target_mm: Vector | None = None
@@ -110,7 +112,8 @@ class CameraTable(Table):
 
     @model_validator(mode="after")
     def _one_way(self) -> CameraTable:
-        orbit = {"azimuth_deg", "elevation_deg", "zoom", "orthographic"} & self.model_fields_set
+        orbit = set(type(self).model_fields) - {"position_mm", "target_mm", "up", "fov_deg"}
+        orbit &= self.model_fields_set
         if self.position_mm is not None and orbit:
             raise ValueError(f"give position_mm or {' and '.join(sorted(orbit))}, not both")
         return self

@@ -39,13 +39,25 @@ def _panel(title: str) -> Action:
 
 
 _FILES = (
-    Action("open", "File", "Open a scene or a volume …", ("ctrl+o",)),
-    Action("screenshot", "File", "Save the picture as PNG", ("s",)),
+    Action("open", "File", "Open …", ("ctrl+o",)),
+    Action("open-folder", "File", "Open a folder of slices …"),
+    Action("reload", "File", "Reload, keeping the view", ("f5", "ctrl+r")),
+    Action("export-scene", "File", "Export as scene …", ("ctrl+s",)),
+    Action("export-python", "File", "Export as Python …", ("ctrl+e",)),
+    Action("save-session", "File", "Save the session as …", ("ctrl+shift+s",)),
+    Action("open-session", "File", "Open a session …", ("ctrl+shift+o",)),
+    Action("restore", "File", "Restore the last session", ("ctrl+shift+r",)),
+    Action("screenshot", "File", "Save the picture", ("s",)),
+    Action("picture", "File", "Save the picture as …", ("ctrl+i",)),
+    Action("cancel", "File", "Give up the picture that is being cast"),
+    Action("clear-recent", "File", "Clear the recent files"),
     Action("quit", "File", "Quit", ("ctrl+q",)),
 )
 _EDITS = (
     Action("undo", "Edit", "Undo", ("ctrl+z",)),
     Action("redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y")),
+    Action("copy-picture", "Edit", "Copy the picture", ("ctrl+c",)),
+    Action("copy-values", "Edit", "Copy the values under the mouse", ("ctrl+shift+c",)),
 )
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
@@ -55,6 +67,9 @@ _WINDOW = (
         *("probe", "Window", "What is under the mouse", ("i",), _flipped("probe")),
         lambda s: s.interface.probe,
     ),
+    Action("commands", "Window", "Commands …", ("ctrl+p", "f1")),
+    Action("focus", "Window", "Next panel by keyboard", ("f6",)),
+    Action("menu", "Window", "Menus by keyboard", ("f10",)),
     Action("keys", "Window", "Keys", ("h",), _flipped("keys"), lambda s: s.interface.keys),
 )
 

@@ -18,19 +18,21 @@ from volspec.viewer.actions import BY_KEY
 from volspec.viewer.casting import Casting
 from volspec.viewer.chores import Chores
 from volspec.viewer.designing import Designing
-from volspec.viewer.document import Document, opened
+from volspec.viewer.document import opened
 from volspec.viewer.events.event import Action
 from volspec.viewer.fader import Fader
+from volspec.viewer.focus import Focus
 from volspec.viewer.history import History
 from volspec.viewer.inputs import Input
 from volspec.viewer.layout import Layout
 from volspec.viewer.meter import Meter
 from volspec.viewer.mouse import Mouse
 from volspec.viewer.notice import Notice
-from volspec.viewer.opening import Tasks
+from volspec.viewer.opening import Opened, Tasks
 from volspec.viewer.panels import overlay
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.screen import Area, Screen
+from volspec.viewer.session import SUFFIX
 from volspec.viewer.stale import stale_stage
 from volspec.viewer.state import ViewState
 from volspec.viewer.trace import Trace
@@ -58,6 +60,8 @@ class Options:
     screenshot : (width, height), optional
         Of pictures that S writes; None is as shown.
     device : str, optional
+    restore : bool
+        Go on from the last session, if there is one.
     """
 
     path: str | None = None
@@ -65,6 +69,7 @@ class Options:
     size: tuple[int, int] = (1280, 720)
     screenshot: tuple[int, int] | None = None
     device: str | None = None
+    restore: bool = False
 
 
 def view(options: Options) -> None:
@@ -77,8 +82,10 @@ def view(options: Options) -> None:
     """
     with Trace(options.trace) as trace:
         tasks = Tasks(Window.wake)
-        # Reading goes on while the window opens.
-        tasks.start("open", lambda: opened(options.path, options.device))
+        path = options.path
+        if not options.restore and not (path and path.lower().endswith(SUFFIX)):
+            # Reading goes on while the window opens.
+            tasks.start("open", lambda: Opened.at_first(opened(path, options.device), path))
         window = Window("volspec", options.size)
         try:
             _App(options, trace, tasks, window).run()
@@ -93,13 +100,15 @@ class _App:
         self._meter, self._notice = Meter(self._desk, trace), Notice()
         self._screen = Screen(window.context, self._desk, self._meter, trace, self._notice.say)
         self._chores = Chores(
-            *(tasks, self._screen.pictures, self._notice, trace),
+            *(tasks, self._screen.pictures, self._desk, self._notice, trace),
             *(options.device, options.screenshot),
         )
+        if options.restore or (options.path or "").lower().endswith(SUFFIX):
+            self._chores.resume(options.path, options.restore)
         self._casting = Casting(Window.wake)
         self._designing = Designing(Window.wake, self._desk, self._notice, trace)
         self._layout, self._mouse = Layout(), Mouse(window.scale)
-        self._fader = Fader()
+        self._fader, self._focus = Fader(), Focus()
         self._history: History | None = None
         self._shown: ViewState | None = None  # what casts and relights were last asked for
         self._dark: bool | None = None
@@ -124,8 +133,12 @@ class _App:
                     self._draw(inputs)
                 ended = time.perf_counter()
                 self._casting.tick(ended, self._mouse.held)
-                self._meter.answered(began - asked - patience, ended - began)
+                if self._history is not None:
+                    self._chores.tick(self._history.present, ended)
+                self._meter.answered(began - asked - patience, time.perf_counter() - began)
         finally:
+            # At the end, and where an error ends it.
+            self._chores.close(self._history.present if self._history else None)
             self._designing.close()
             self._casting.close()
             self._screen.close()
@@ -140,20 +153,25 @@ class _App:
         casts = self._casting.take()
         for done in casts:
             self._screen.take(done, self._history.present if self._history else None)
-        news, document = self._chores.take(first=self._history is None)
+        news, opened = self._chores.take(first=self._history is None)
         if self._history is not None:
             history = self._designing.taken(self._history)
             news, self._history = news or history is not self._history, history
-        if document is not None:
-            self._open(document)
+        if opened is not None:
+            self._open(opened)
         if self._history is not None:
             news |= self._screen.heated(self._history.present, self._mouse.held)
         return self._notice.ended(time.perf_counter()) or news or bool(casts)
 
-    def _open(self, document: Document) -> None:
-        interface = self._history.present.interface if self._history else None
-        size = self._history.present.size if self._history else (0, 0)
-        self._history = History(ViewState.first(document, size, interface))
+    def _open(self, opened: Opened) -> None:
+        before = self._history.present if self._history else None
+        state = opened.state
+        if before is not None:
+            kept = state.interface if opened.session else before.interface
+            state = replace(state, size=before.size, interface=kept)
+        self._chores.begin(replace(opened, state=state), before)
+        self._history = History(state)
+        document = state.document
         if document.caster is not None:
             self._desk.device = document.caster.device
         self._window.name(f"{document.title} – volspec")
@@ -163,6 +181,7 @@ class _App:
         started = time.perf_counter()
         self._window.begin()
         self._desk.scale = self._window.scale
+        self._focus.frame()
         self._set_theme()
         kept = self._history.present if self._history else None
         state = shown = self._fader.shown(kept, started) if kept else None
@@ -184,7 +203,7 @@ class _App:
         painted = self._screen.painted(area, self._shown)
         if self._notice.text:
             overlay.message(self._notice.text, self._desk)
-        self._chores.draw(self._desk)
+        self._chores.draw(self._history.present if self._history else None)
         self._designing.draw()
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
@@ -203,8 +222,10 @@ class _App:
             if given.name != "move":
                 self._trace.note(given.name, key=given.key, button=given.button)
             if given.name == "drop" and given.paths:
-                self._chores.open(given.paths[0])
-            elif given.name == "key" and not typing and given.key in BY_KEY:
+                self._chores.drop(given.paths)
+            elif given.name != "key" or typing or self._focus.takes(given.key):
+                continue
+            elif given.key in BY_KEY:
                 state = self._act(BY_KEY[given.key], state)
         state = self._mouse.applied(state, inputs, area)
         return self._layout.panels(state, self._desk)
@@ -231,6 +252,11 @@ class _App:
                 self._window.leave()
             elif name in self._designing.asks:
                 self._designing.do(name, self._history.present)
+            elif name == "focus":
+                self._focus.next(self._layout.open_panels(self._history.present))
+            elif name == "menu":
+                self._desk.menu = True
+                self._focus.enter(menu=True)
             else:
                 self._chores.do(name, self._history.present)
 

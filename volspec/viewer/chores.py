@@ -1,24 +1,32 @@
 """What actions ask of the app beyond the state: files opened and written, beside the window.
 
-    action -> [chores] -> threads -> document, PNG
+    action -> [chores] -> threads -> state, scene, script, session, PNG
 
-Names are those of `volspec.viewer.actions`.
+Names are those of `volspec.viewer.actions`; a path may follow after a blank.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from volspec.errors import InputError, VolspecError
-from volspec.raycast import CoefficientImage
-from volspec.viewer.document import Document, opened
+from volspec.viewer.as_python import export_python
+from volspec.viewer.as_scene import export_scene
+from volspec.viewer.asking import WISHES, Asking
+from volspec.viewer.clipboard import copy_shown, copy_values
+from volspec.viewer.document import opened
 from volspec.viewer.notice import Notice
-from volspec.viewer.opening import Outcome, Tasks
-from volspec.viewer.panels import overlay
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.opening import Opened, Outcome, Tasks
+from volspec.viewer.panels.desk import Desk, Search
+from volspec.viewer.panels.dialogs import PictureDialog, progress
+from volspec.viewer.paths import Wish, dropped
 from volspec.viewer.pictures import Pictures
-from volspec.viewer.screenshot import cast_for_file, save
+from volspec.viewer.recent import RecentFiles, state_folder
+from volspec.viewer.screenshot import CUSTOM, Progress, Shot, taken
+from volspec.viewer.session import SUFFIX, BrokenSession, resumed, save_session
+from volspec.viewer.session_store import SessionStore
 from volspec.viewer.state import ViewState
 from volspec.viewer.trace import Trace
 
@@ -30,12 +38,12 @@ class Chores:
     ----------
     tasks : Tasks
     pictures : Pictures
-        Relights what is written.
-    notice, trace
+        What is shown, to be copied.
+    desk, notice, trace
         What came of it is told to them.
     device : str, optional
         For casts.
-    screenshot : (width, height), optional
+    size : (width, height), optional
         Of pictures; None is as shown.
     """
 
@@ -43,30 +51,89 @@ class Chores:
         self,
         tasks: Tasks,
         pictures: Pictures,
+        desk: Desk,
         notice: Notice,
         trace: Trace,
         device: str | None,
-        screenshot: tuple[int, int] | None,
+        size: tuple[int, int] | None,
     ) -> None:
-        self._tasks, self._pictures, self._notice, self._trace = tasks, pictures, notice, trace
-        self._device, self._size = device, screenshot
-        self._asking = False
-        self._done: dict[str, Callable[[ViewState], None]] = {
-            "open": self._ask,
-            "screenshot": self._screenshot,
+        self._tasks, self._desk = tasks, desk
+        self._notice, self._trace, self._device = notice, trace, device
+        folder = state_folder()
+        self._recent, self._store = RecentFiles(folder), SessionStore(folder)
+        self._asking, self._picture = Asking(), PictureDialog()
+        if size is not None:
+            self._picture.shot = Shot(CUSTOM, size)
+        self._progress: Progress | None = None
+        self._state: ViewState | None = None
+        # What is opened at the start where the last session cannot be restored.
+        self._besides: tuple[str | None, ...] = ()
+        self._done: dict[str, Callable[[ViewState, str], None]] = {
+            **{name: self._ask(name) for name in WISHES},
+            "reload": self._reload,
+            "restore": self._restore,
+            "screenshot": lambda state, _: self._cast(state),
+            "picture": lambda *_: self._picture.ask(),
+            "cancel": lambda *_: self._give_up(),
+            "clear-recent": self._clear,
+            "copy-picture": lambda *_: self._copied(lambda: copy_shown(pictures)),
+            "copy-values": lambda *_: self._copied(lambda: copy_values(desk.under_mouse)),
+            "commands": self._commands,
         }
+        self._desk.recent = self._recent.rows()
 
     def do(self, name: str, state: ViewState) -> None:
-        """Begin what an action asks for."""
-        self._done[name](state)
+        """Begin what an action asks for; ``open PATH`` opens a file."""
+        word, _, path = name.partition(" ")
+        self._state = state
+        if word == "open" and path:
+            self.open(path)
+        else:
+            self._done[word](state, path)
 
-    def open(self, path: str) -> None:
-        """Read a scene or a volume; `take` gives it when it is there."""
-        self._notice.say(f"Opening {path} …")
-        self._tasks.start("open", lambda: opened(path, self._device))
+    def open(self, path: str | None, say: bool = True) -> None:
+        """Read a scene, a volume or a session; `take` gives it when it is there.
 
-    def take(self, first: bool) -> tuple[bool, Document | None]:
-        """What threads have brought: whether anything, and a document that was opened.
+        Parameters
+        ----------
+        path : str, optional
+            None is the bundled demo.
+        say : bool
+            Whether a message that stands there may go.
+        """
+        if path is not None and path.lower().endswith(SUFFIX):
+            self._resume(Path(path))
+            return
+        if say:
+            self._notice.say(f"Opening {path or 'the demo'} …")
+        self._tasks.start("open", lambda: Opened.at_first(opened(path, self._device), path))
+
+    def drop(self, paths: tuple[str, ...]) -> None:
+        """Open what was dropped."""
+        try:
+            self.open(dropped(paths))
+        except InputError as error:
+            self._notice.say(str(error))
+
+    def resume(self, path: str | None, last: bool) -> None:
+        """At the start: go on from the last session, or from the one in a file.
+
+        Parameters
+        ----------
+        path : str, optional
+            A session; or what is opened where there is no last session.
+        last : bool
+        """
+        found = self._store.last() if last else None
+        self._besides = (path,) if found else ()
+        if last and found is None:
+            self._say_error("There is no session to restore")
+            self.open(path)
+        else:
+            self._resume(found or Path(path or ""))
+
+    def take(self, first: bool) -> tuple[bool, Opened | None]:
+        """What threads have brought: whether anything, and what was opened.
 
         Parameters
         ----------
@@ -78,45 +145,157 @@ class Chores:
         InputError
             If then nothing can be.
         """
+        if answer := self._asking.take():
+            self._answered(*answer)
         outcomes = self._tasks.take()
-        document = None
+        found = None
         for outcome in outcomes:
+            given_up = False
+            if outcome.kind == "picture" and self._progress is not None:
+                given_up, self._progress = self._progress.ended, None
             if outcome.error and outcome.kind == "open" and first:
                 raise InputError(outcome.error)
-            if outcome.error:
-                self._notice.say(outcome.error)
-                self._trace.note("error", message=outcome.error)
-            elif outcome.kind == "open":
-                document = outcome.result
-            else:
+            if given_up:
+                self._notice.say("The picture was given up")
+            elif outcome.error:
+                self._say_error(outcome.error)
+                if outcome.kind == "resume" and first:
+                    self._instead(outcome.error)
+            elif outcome.kind in ("open", "resume"):
+                found = outcome.result
+            elif outcome.kind != "session":
                 self._finish(outcome)
-        return bool(outcomes), document
+        return bool(outcomes), found
 
-    def draw(self, desk: Desk) -> None:
-        """Fields that ask for something."""
-        path = overlay.ask_path(desk, self._asking)
-        self._asking = False
-        if path:
+    def begin(self, opened: Opened, before: ViewState | None) -> None:
+        """Something is open now: what was before is kept, and the list of files grows."""
+        if before is not None:
+            self.keep(before)
+        self._store.begin(opened.state, opened.session)
+        if self._notice.text.endswith("…"):  # what was under way is done
+            self._notice.say("")
+        if opened.path is not None:
+            self._recent.add(opened.path)
+            self._desk.recent = self._recent.rows()
+
+    def tick(self, state: ViewState, now: float) -> None:
+        """Keep the session from time to time."""
+        if self._store.due(state, now):
+            self._tasks.start("session", lambda: self._store.save(state))
+
+    def close(self, state: ViewState | None) -> None:
+        """The end: nothing is cast any more, and the session is kept."""
+        self._give_up()
+        if state is not None:
+            self.keep(state)
+
+    def keep(self, state: ViewState) -> None:
+        """Keep the session now; that it cannot be stops nothing."""
+        try:
+            self._store.save(state)
+        except (VolspecError, OSError) as error:
+            self._say_error(f"The session is not kept: {error}")
+
+    def draw(self, state: ViewState | None) -> None:
+        """Dialogs, and how far a picture is."""
+        if answer := self._asking.draw(self._desk):
+            self._answered(*answer)
+        if state is not None and self._picture.draw(state, self._desk):
+            self._cast(state)
+        if self._progress is not None and progress(self._progress, self._desk):
+            self._give_up()
+
+    def _ask(self, name: str) -> Callable[[ViewState, str], None]:
+        return lambda state, _: self._asking.ask(WISHES[name], state.document)
+
+    def _answered(self, wish: Wish, path: str) -> None:
+        """A path that was asked for is there."""
+        state = self._state
+        if wish.kind == "open":
             self.open(path)
+        elif wish.kind == "resume":
+            self._resume(Path(path))
+        elif state is not None:
+            write = {
+                "export-scene": export_scene,
+                "export-python": export_python,
+                "save-session": save_session,
+            }[wish.kind]
+            self._tasks.start(wish.kind, lambda: write(state, path))
 
-    def _ask(self, _: ViewState) -> None:
-        self._asking = True
+    def _resume(self, path: Path) -> None:
+        self._notice.say("Restoring the session …")
+        self._tasks.start("resume", lambda: self._resumed(path))
 
-    def _screenshot(self, state: ViewState) -> None:
-        size = self._size or state.size
-        self._notice.say(f"Casting {size[0]} × {size[1]} …")
-        self._tasks.start("screenshot", lambda: (cast_for_file(state, size), state))
+    def _resumed(self, path: Path) -> Opened:
+        session = self._store.read(path)
+        try:
+            state = resumed(session, self._device)
+        except BrokenSession as error:
+            raise self._store.broken(path, error) from error
+        return Opened(state, None if self._store.holds(path) else str(path), path)
+
+    def _instead(self, error: str) -> None:
+        """Nothing is open yet, and a session cannot be: the file that was named besides, if any."""
+        if not self._besides:
+            raise InputError(error)
+        (path,), self._besides = self._besides, ()
+        self.open(path, say=False)
+
+    def _restore(self, state: ViewState, _: str) -> None:
+        """Go on from the last session that is not this one, which is kept."""
+        self.keep(state)
+        last = self._store.last()
+        if last is None:
+            self._notice.say("There is no other session to restore")
+        else:
+            self._resume(last)
+
+    def _reload(self, state: ViewState, _: str) -> None:
+        """Read the open file again; the view and the window stay."""
+        path = state.document.source
+        self._notice.say("Reading it again …")
+
+        def again() -> Opened:
+            found = Opened.at_first(opened(path, self._device), path)
+            return replace(found, state=replace(found.state, view=state.view))
+
+        self._tasks.start("open", again)
+
+    def _cast(self, state: ViewState) -> None:
+        if self._progress is not None:
+            self._notice.say("A picture is being cast already")
+            return
+        shot = self._picture.shot
+        width, height = shot.size(state.size)
+        under_way = self._progress = Progress(f"Casting {width} × {height}")
+        self._tasks.start("picture", lambda: taken(state, shot, under_way))
+
+    def _give_up(self) -> None:
+        if self._progress is not None:
+            self._progress.end()
 
     def _finish(self, outcome: Outcome) -> None:
-        image, state = outcome.result
-        path = self._saved(image, state)
-        if path is not None:
-            self._trace.note("screenshot", path=str(path))
-            self._notice.say(f"Saved {path}")
+        event = "screenshot" if outcome.kind == "picture" else outcome.kind
+        self._trace.note(event, path=str(outcome.result))
+        self._notice.say(f"Saved {outcome.result}")
 
-    def _saved(self, image: CoefficientImage, state: ViewState) -> Path | None:
+    def _copied(self, copy: Callable[[], str]) -> None:
         try:
-            return save(self._pictures, image, state)
-        except (VolspecError, OSError) as error:
-            self._notice.say(str(error))
-            return None
+            done = copy()
+        except VolspecError as error:
+            self._say_error(str(error))
+        else:
+            self._trace.note("copied", what=done)
+            self._notice.say(done)
+
+    def _commands(self, *_: object) -> None:
+        self._desk.commands = None if self._desk.commands else Search()
+
+    def _clear(self, *_: object) -> None:
+        self._recent.clear()
+        self._desk.recent = ()
+
+    def _say_error(self, message: str) -> None:
+        self._notice.say(message)
+        self._trace.note("error", message=message)

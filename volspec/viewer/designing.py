@@ -15,6 +15,7 @@ from volspec.errors import VolspecError
 from volspec.palette import Design, Palette, load_palette
 from volspec.palette.advice import VISIBLE, suggestions
 from volspec.viewer import design_files
+from volspec.viewer.asking import WISHES, Asking
 from volspec.viewer.design import Wishes, stays
 from volspec.viewer.design_spectra import columns
 from volspec.viewer.design_table import answered, palette_of, picked, table_of
@@ -24,17 +25,12 @@ from volspec.viewer.document import Document
 from volspec.viewer.history import History
 from volspec.viewer.notice import Notice
 from volspec.viewer.opening import Outcome, Tasks
-from volspec.viewer.panels import overlay
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
 from volspec.viewer.trace import Trace
 from volspec.wizard import Redesigned
 
 _LOAD, _SAVE = "palette-load", "palette-save"
-_ASKED = {
-    _LOAD: ("Load a palette", "palette.toml", "Load"),
-    _SAVE: ("Save the palette as", "palette.toml", "Save"),
-}
 _DOING = {
     "hide": "Hiding {} under {} …",
     "reveal": "Revealing {} under {} …",
@@ -63,7 +59,7 @@ class Designing:
         What came of it is told to them.
     """
 
-    asks = frozenset({*WIZARDS, *_ASKED})
+    asks = frozenset({*WIZARDS, _LOAD, _SAVE})
 
     def __init__(
         self, wake: Callable[[], object], desk: Desk, notice: Notice, trace: Trace
@@ -76,8 +72,7 @@ class Designing:
         self._missed: tuple[Design, Wishes] | None = None
         self._document: Document | None = None
         self._since = 0  # designs asked for before are forgotten
-        self._asking = ""
-        self._begin = False
+        self._asking = Asking()
         self._state: ViewState | None = None
 
     def follow(self, state: ViewState) -> None:
@@ -117,8 +112,8 @@ class Designing:
 
     def do(self, name: str, state: ViewState) -> None:
         """Begin what an action asks for."""
-        if name in _ASKED:
-            self._asking, self._begin = name, True
+        if name in (_LOAD, _SAVE):
+            self._asking.ask(WISHES[name], state.document)
             return
         material, light = picked(state)
         if state.interface.pick.like in columns(state.lights):
@@ -127,14 +122,12 @@ class Designing:
         self._tasks.start("wizard", lambda: _Made(state, name, asked(state, name)))
 
     def draw(self) -> None:
-        """The field that asks for a palette's file."""
-        if not self._asking:
+        """The dialog that asks for a palette's file."""
+        answer = self._asking.take() or self._asking.draw(self._desk)
+        if answer is None or self._state is None:
             return
-        path = overlay.ask_path(self._desk, self._begin, *_ASKED[self._asking])
-        self._begin = False
-        if not path or self._state is None:
-            return
-        state, load = self._state, self._asking == _LOAD
+        (wish, path), state = answer, self._state
+        load = wish.kind == _LOAD
 
         def task() -> _Made:
             if load:

@@ -45,8 +45,10 @@ class Document:
         As the file has them.
     histogram : (256,) float64
         Voxels by value over the volume's range.
-    folder : str
-        What the relative names of its files start from.
+    file : SceneFile, optional
+        What was opened, or made for a volume; None where there is neither.
+    path : Path, optional
+        Of the scene or the volume; names in the file start from its folder.
     """
 
     title: str
@@ -58,7 +60,20 @@ class Document:
     lights: Rows
     seen: RelightSpec
     histogram: NDArray[np.float64]
-    folder: str = "."
+    file: SceneFile | None = None
+    path: Path | None = None
+
+    @property
+    def folder(self) -> str:
+        """What the relative names of its files start from."""
+        return "." if self.path is None else str(self.path.parent)
+
+    @property
+    def source(self) -> str | None:
+        """What `opened` takes to read it again; None of the bundled demo."""
+        if self.file is None or self.path is None or self.path == demo():
+            return None
+        return str(self.path) if self.path.suffix.lower() == ".toml" else self.file.volume.file
 
     @property
     def grid(self) -> SpectralGrid:
@@ -78,7 +93,8 @@ class Document:
             lights=rows_of(scene.lights, rows_by_name(scene.file.light)),
             seen=scene.relight,
             histogram=histogram(volume),
-            folder=str(scene.folder),
+            file=scene.file,
+            path=scene.path.absolute(),
         )
 
 
@@ -91,15 +107,20 @@ def opened(path: str | None, device: str | None = None) -> Document:
         If it cannot be read, or there is no device to cast on.
     """
     if path is None:
-        scene = Scene.load(asset("data/scenes/engine.toml"))
+        scene = Scene.load(demo())
         volume = scene.volume()
     elif path.lower().endswith(".toml"):
         scene = Scene.load(path)
         volume = scene.volume()
     else:
         volume = load_volume(path)
-        scene = Scene(plain_scene(path, volume), path)
+        scene = Scene(plain_scene(path, volume), path.partition("?")[0])
     return Document.of(scene, volume, Raycaster(volume, device=device))
+
+
+def demo() -> Path:
+    """The scene that is opened where none is named."""
+    return Path(asset("data/scenes/engine.toml")).absolute()
 
 
 def plain_scene(path: str, volume: Volume) -> SceneFile:

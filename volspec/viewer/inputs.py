@@ -14,10 +14,10 @@ from imgui_bundle import imgui
 
 BUTTONS = {0: "left", 1: "right", 2: "middle"}
 _MODIFIERS = (
-    (glfw.MOD_CONTROL, imgui.Key.mod_ctrl),
-    (glfw.MOD_SHIFT, imgui.Key.mod_shift),
-    (glfw.MOD_ALT, imgui.Key.mod_alt),
-    (glfw.MOD_SUPER, imgui.Key.mod_super),
+    (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL, imgui.Key.mod_ctrl),
+    (glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT, imgui.Key.mod_shift),
+    (glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT, imgui.Key.mod_alt),
+    (glfw.KEY_LEFT_SUPER, glfw.KEY_RIGHT_SUPER, imgui.Key.mod_super),
 )
 # As a system without Ctrl has it on another key, as glfw counts them.
 _KEYS_OF_MODIFIERS = {
@@ -44,7 +44,7 @@ class Input:
 
     Parameters
     ----------
-    name : {"press", "release", "move", "wheel", "key", "drop", "resize"}
+    name : {"press", "release", "move", "wheel", "key", "typed", "drop", "resize"}
     x, y : float
         Where the mouse is in the window; of the wheel its notches.
     button : str
@@ -133,9 +133,10 @@ class Inputs:
         self._inputs.append(Input("drop", paths=tuple(paths)))
 
     def _on_key(self, window: Any, key: int, code: int, action: int, modifiers: int) -> None:
-        # Before the key: imgui takes events one after the other, and Ctrl+A is none without Ctrl.
-        for bit, modifier in _MODIFIERS:
-            imgui.get_io().add_key_event(modifier, bool(modifiers & bit))
+        # Before the key, which imgui takes in order; an event's own bits lag behind on X11.
+        for left, right, modifier in _MODIFIERS:
+            down = glfw.PRESS in (glfw.get_key(window, left), glfw.get_key(window, right))
+            imgui.get_io().add_key_event(modifier, down)
         self._to_imgui(window, key, code, action, modifiers)
         name = _key_name(key, code)
         repeated = action == glfw.REPEAT and name in _STEPPING
@@ -146,6 +147,8 @@ class Inputs:
             alt = "alt+" if modifiers & glfw.MOD_ALT else ""
             whole = f"{'ctrl+' if ctrl else ''}{alt}{shift}{name}"
             self._inputs.append(Input("key", key=whole, repeated=repeated))
+        else:  # imgui's: Tab, what is held or let go
+            self._inputs.append(Input("typed"))
 
 
 def _held(bits: int) -> str:
@@ -169,6 +172,8 @@ def _key_name(key: int, code: int) -> str:
     }
     if key in named:
         return named[key]
+    if glfw.KEY_F1 <= key <= glfw.KEY_F12:
+        return f"f{key - glfw.KEY_F1 + 1}"
     if glfw.KEY_KP_0 <= key <= glfw.KEY_KP_9:
         return str(key - glfw.KEY_KP_0)
     return (glfw.get_key_name(key, code) or "").lower()

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from imgui_bundle import imgui
 
 from volspec.viewer.panels import (
+    commands,
     cube,
     cuts,
     divide,
@@ -71,6 +72,7 @@ _OVERLAYS = (
     cuts.draw_handles,
     cube.draw,
     scale.draw,
+    commands.draw,
 )
 _DOCKED = (
     imgui.DockNodeFlags_.passthru_central_node | imgui.DockNodeFlags_.no_docking_over_central_node
@@ -124,6 +126,11 @@ class Layout:
         for overlay in _OVERLAYS:
             state = overlay(state, desk) or state
         return state
+
+    @staticmethod
+    def open_panels(state: ViewState) -> list[str]:
+        """Titles of the panels that are open, in their order."""
+        return [panel.title for panel in _PANELS if panel.title in state.interface.panels]
 
     @staticmethod
     def bars(state: ViewState, desk: Desk) -> ViewState:

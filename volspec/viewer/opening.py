@@ -3,12 +3,39 @@
 from __future__ import annotations
 
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from volspec.errors import VolspecError
+from volspec.viewer.document import Document
+from volspec.viewer.state import ViewState
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """What was opened.
+
+    Parameters
+    ----------
+    state : ViewState
+    path : str, optional
+        As it was asked for; None of the bundled demo and of sessions kept without being asked.
+    session : Path, optional
+        The session that it goes on from, with its own window.
+    """
+
+    state: ViewState
+    path: str | None = None
+    session: Path | None = None
+
+    @classmethod
+    def at_first(cls, document: Document, path: str | None) -> Opened:
+        """A document as its file has it."""
+        return cls(ViewState.first(document, (0, 0)), path)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +79,10 @@ class Tasks:
                 outcome = Outcome(kind, task())
             except (VolspecError, OSError, MemoryError) as error:
                 outcome = Outcome(kind, error=" ".join(str(error).split()) or "no memory left")
+            except Exception as error:
+                # A fault of our own: what waits for the task must not wait for ever.
+                traceback.print_exc()
+                outcome = Outcome(kind, error=f"{kind} failed: {type(error).__name__}: {error}")
             self._done.append((number, outcome))
             self._wake()
 

@@ -168,12 +168,11 @@ class Pictures:
         data = self._frame.read((x, y, 1, 1), components=3, dtype="f1")
         return data[0], data[1], data[2]
 
-    def frame_of(
-        self, image: CoefficientImage, rig: LightRig, seen: RelightSpec
-    ) -> NDArray[np.uint8]:
-        """Another picture under lights, read back; what is shown stays."""
-        with Relighter(image, backend="gl", context=self._context) as relighter:
-            return relighter.frame(rig, seen.viewing, seen.mode, seen.backdrop, seen.level)
+    def pixels(self) -> NDArray[np.uint8]:
+        """(H, W, 3) the picture as it is drawn."""
+        width, height = self.size
+        data = self._frame.read(components=3, dtype="f1", alignment=1)
+        return np.frombuffer(data, np.uint8).reshape(height, width, 3)
 
     def close(self) -> None:
         """Release everything."""

@@ -86,7 +86,7 @@ class View:
 
     def camera(self, volume: Volume) -> Camera:
         """The camera that stands there."""
-        level = Camera.orbit(
+        return Camera.orbit(
             volume,
             azimuth_deg=self.azimuth_deg,
             elevation_deg=self.elevation_deg,
@@ -95,12 +95,8 @@ class View:
             up=self.up,
             target_mm=self.target_mm,
             orthographic=self.orthographic,
+            roll_deg=self.roll_deg,
         )
-        if self.roll_deg == 0.0:
-            return level
-        right, up, _ = level.frame()
-        angle = math.radians(self.roll_deg)
-        return replace(level, up=vector(math.cos(angle) * up - math.sin(angle) * right))
 
     def orbited(self, right: float, down: float) -> View:
         """Turned by a drag; shares of the picture's height."""

@@ -111,7 +111,7 @@ EVENTS: dict[str, Reducer] = {
 
 ACTIONS = (
     Action("crop", "Cut", "Crop box", ("c",), flipped("crop"), lambda s: s.interface.aids.crop),
-    Action("reset-crop", "Cut", "Undo the crop", ("ctrl+shift+c",), _uncropped),
+    Action("reset-crop", "Cut", "Undo the crop", ("ctrl+shift+x",), _uncropped),
     Action("plane-facing", "Cut", "Add a clip plane facing you", ("p",), _facing),
     *(
         Action(f"plane-{axis}", "Cut", f"Add a clip plane across {axis}", (), _along(i))

@@ -21,8 +21,28 @@ from volspec.viewer.lighting import KELVIN
 from volspec.viewer.panels.light_scraps import LightScraps
 from volspec.viewer.projection import Projection
 from volspec.viewer.reading import Reading
+from volspec.viewer.recent import RecentFile
 from volspec.viewer.slice_pictures import SlicePictures
 from volspec.viewer.state import ViewState
+
+
+@dataclass(slots=True)
+class Search:
+    """What is looked for in the command palette.
+
+    Parameters
+    ----------
+    text : str
+    at : int
+        The row that Enter takes.
+    fresh : bool
+        Whether the field is to take the keyboard.
+    """
+
+    text: str = ""
+    at: int = 0
+    fresh: bool = True
+
 
 Colour = tuple[float, float, float]
 # Rows are few; a temperature that is dragged makes many.
@@ -43,6 +63,12 @@ class Desk:
         Actions that are the app's to do.
     shown_at : (left, top, right, bottom)
         Where the picture was drawn last.
+    recent : tuple of RecentFile
+        Files opened lately.
+    commands : Search, optional
+        The command palette; None where it is closed.
+    menu : bool
+        Whether the first menu is to open now.
     """
 
     scale: float = 1.0
@@ -50,7 +76,6 @@ class Desk:
     asked: list[str] = field(default_factory=list)
     image: CoefficientImage | None = None
     search: str = ""
-    path: str = ""
     kelvin: float = 3200.0
     complaint: str = ""
     device: str = ""
@@ -66,6 +91,9 @@ class Desk:
     design: News = field(default_factory=News)
     popup: str = ""
     member: tuple[str, int] = ("", 0)
+    recent: tuple[RecentFile, ...] = ()
+    commands: Search | None = None
+    menu: bool = False
     _swatches: dict[tuple[LightRig, RelightSpec], tuple[Colour, Colour]] = field(
         default_factory=dict
     )

@@ -1,14 +1,18 @@
-"""The cheat sheet."""
+"""The cheat sheet: every key, by menu, in as many columns as there is room for."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from imgui_bundle import imgui
 
-from volspec.viewer.actions import ACTIONS, shown
+from volspec.viewer.actions import ACTIONS, MENUS, shown
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
+
+Row = tuple[str, str]
+Part = tuple[str, tuple[Row, ...]]
 
 _MOUSE = (
     ("Left drag", "Orbit"),
@@ -17,19 +21,32 @@ _MOUSE = (
     ("Shift + left drag or wheel", "Roll"),
     ("Ctrl + wheel", "Field of view"),
     ("Drop a file", "Open it"),
+    ("Alt+1 … 9", "Fade to a saved light state"),
     ("Arrows, with Shift", "Orbit, pan"),
     ("+, −", "Zoom"),
     ("Page up and down", "Axial slice"),
     ("with Shift, Ctrl", "Coronal, sagittal slice"),
 )
-SHEET = (
-    *_MOUSE,
-    *(
-        (", ".join(shown(key) for key in action.keys), action.title)
+_PANELS = (
+    ("Tab, arrows", "Next item"),
+    ("Space, Enter", "Use it"),
+    ("Esc", "Back to the picture"),
+)
+
+
+def _of(menu: str) -> tuple[Row, ...]:
+    """A menu's actions that have keys."""
+    return tuple(
+        (", ".join(shown(key) for key in action.keys if key), action.title.removesuffix(" …"))
         for action in ACTIONS
-        if action.keys and action.menu and not action.name.startswith("recall-")
-    ),
-    ("Alt+1 … 9", "Fade to a saved light state"),
+        if action.menu == menu and any(action.keys) and not action.name.startswith("recall-")
+    )
+
+
+SHEET: tuple[Part, ...] = (
+    ("Mouse", _MOUSE),
+    *((menu, rows) for menu in MENUS if (rows := _of(menu))),
+    ("In panels, after F6", _PANELS),
 )
 _FLAGS = (
     imgui.WindowFlags_.no_decoration
@@ -39,30 +56,66 @@ _FLAGS = (
 )
 
 
+def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
+    """Parts in their order, in columns of which the tallest is as low as it can be."""
+    heights = [len(rows) + 2 for _, rows in parts]
+    for most in range(max(heights), sum(heights) + 1):
+        filled: list[list[Part]] = [[]]
+        room = most
+        for part, height in zip(parts, heights, strict=True):
+            if height > room:
+                filled.append([])
+                room = most
+            filled[-1].append(part)
+            room -= height
+        if len(filled) <= count:
+            return filled
+    return [list(parts)]
+
+
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
     """Draw it in the middle of the picture; a click or Esc closes it."""
     if not state.interface.keys:
         return None
     x, y, width, height = desk.areas["picture"]
     imgui.set_next_window_pos((x + width / 2, y + height / 2), imgui.Cond_.always, (0.5, 0.5))
-    imgui.push_style_var(imgui.StyleVar_.window_padding, (desk.px(22), desk.px(18)))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (desk.px(22), desk.px(16)))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(8))
-    imgui.set_next_window_bg_alpha(0.94)
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(8), desk.px(3)))
+    imgui.set_next_window_bg_alpha(0.95)
     imgui.begin("##keys", None, _FLAGS)
-    half = -(-len(SHEET) // 2)
-    keys_wide, what_wide = (max(imgui.calc_text_size(row[k]).x for row in SHEET) for k in (0, 1))
-    column, second = keys_wide + desk.px(40), keys_wide + what_wide + desk.px(90)
-    for i, (keys, what) in enumerate(SHEET[:half]):
-        imgui.text(keys)
-        imgui.same_line(column)
-        imgui.text_disabled(what)
-        for keys, what in SHEET[half + i : half + i + 1]:
-            imgui.same_line(second)
-            imgui.text(keys)
-            imgui.same_line(second + column - desk.px(22))
-            imgui.text_disabled(what)
+    _columns(desk, width)
     closed = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
     closed = closed or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()
-    imgui.pop_style_var(2)
+    imgui.pop_style_var(3)
     return replace(state, interface=replace(state.interface, keys=False)) if closed else None
+
+
+def _columns(desk: Desk, width: float) -> None:
+    """Side by side, each as wide as it must be."""
+    gap, apart = desk.px(14), desk.px(30)
+    every = [row for _, rows in SHEET for row in rows]
+    widest = _widest(keys for keys, _ in every) + gap + _widest(what for _, what in every)
+    count = max(1, int((width - desk.px(60)) // (widest + apart)))
+    left = imgui.get_cursor_pos_x()
+    top = imgui.get_cursor_pos_y()
+    for column in columns(SHEET, count):
+        rows = [row for _, rows in column for row in rows]
+        second = _widest(keys for keys, _ in rows) + gap
+        imgui.set_cursor_pos((left, top))
+        imgui.begin_group()
+        for number, (title, part) in enumerate(column):
+            if number:
+                imgui.dummy((0, desk.px(8)))
+            imgui.text_disabled(title)
+            for keys, what in part:
+                imgui.text(keys)
+                imgui.same_line(second)
+                imgui.text(what)
+        imgui.end_group()
+        left += imgui.get_item_rect_size().x + apart
+
+
+def _widest(texts: Iterable[str]) -> float:
+    return max(imgui.calc_text_size(text).x for text in texts)

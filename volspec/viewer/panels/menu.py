@@ -1,12 +1,19 @@
-"""The menu at the top: every action, with its key."""
+"""The menu at the top: every action, with its key, and the files opened lately."""
 
 from __future__ import annotations
 
 from imgui_bundle import imgui
 
 from volspec.viewer.actions import ACTIONS, MENUS, shown
+from volspec.viewer.events.event import Action
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
+
+# Actions that begin another part of their menu; the recent files follow the first.
+_PARTS = ("export-scene", "save-session", "screenshot", "quit", "copy-picture", "commands")
+_AFTER = "open-folder"
+# Offered elsewhere: beside the files, and where a cast shows how far it is.
+_ELSEWHERE = ("clear-recent", "cancel")
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
@@ -15,21 +22,45 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     if not imgui.begin_main_menu_bar():
         return None
     for title in MENUS:
+        if desk.menu:
+            desk.menu = False
+            imgui.open_popup(title)
         opened = imgui.begin_menu(title)
         desk.note(f"menu {title}")
         if not opened:
             continue
         for action in ACTIONS:
-            if action.menu != title:
-                continue
-            key = shown(action.keys[0]) if action.keys and action.keys[0] else ""
-            on = action.on is not None and action.on(state)
-            if imgui.menu_item(action.title, key, on)[0]:
-                if action.change is None:
-                    desk.asked.append(action.name)
-                else:
-                    new = action.change(new)
-            desk.note(f"action {action.name}")
+            if action.menu == title and action.name not in _ELSEWHERE:
+                new = _row(action, new, desk)
         imgui.end_menu()
     imgui.end_main_menu_bar()
     return None if new is state else new
+
+
+def _row(action: Action, state: ViewState, desk: Desk) -> ViewState:
+    if action.name in _PARTS:
+        imgui.separator()
+    key = shown(action.keys[0]) if action.keys and action.keys[0] else ""
+    on = action.on is not None and action.on(state)
+    picked = imgui.menu_item(action.title, key, on)[0]
+    desk.note(f"action {action.name}")
+    if action.name == _AFTER:
+        _recent(desk)
+    if picked and action.change is None:
+        desk.asked.append(action.name)
+    elif picked and action.change is not None:
+        return action.change(state)
+    return state
+
+
+def _recent(desk: Desk) -> None:
+    if not imgui.begin_menu("Open recent", bool(desk.recent)):
+        return
+    for number, row in enumerate(desk.recent):
+        if imgui.menu_item(f"{row.label}##{number}", "", False, row.there)[0]:
+            desk.asked.append(f"open {row.path}")
+        desk.note(f"recent {number}")
+    imgui.separator()
+    if imgui.menu_item("Clear the list", "", False)[0]:
+        desk.asked.append("clear-recent")
+    imgui.end_menu()

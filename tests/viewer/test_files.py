@@ -1,0 +1,318 @@
+"""Files: scripts, paths as people give them, what is remembered, pictures and their names."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.viewer.test_files_scene import opened
+from volspec.errors import CastCancelled, InputError, SceneError, ViewingError
+from volspec.raycast import Ambient, Directional, LightGroup
+from volspec.raycast.checks import MAX_SIDE
+from volspec.relight import LightRig
+from volspec.spectra import Spectrum, light
+from volspec.viewer import lighting
+from volspec.viewer.as_python import export_python, script_of
+from volspec.viewer.document import demo
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.lighting import LightRow
+from volspec.viewer.paths import Wish, dropped, listing
+from volspec.viewer.recent import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
+from volspec.viewer.screenshot import CUSTOM, SHOWN, TWICE, UHD, Progress, Shot, frame_of, taken
+from volspec.viewer.state import ViewState
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def edited(state: ViewState) -> ViewState:
+    """What a script has most to say of: groups, a drawn light, a mix, another view."""
+    for event in (Event("orbit", 0.2, 0.1), Event("point", 0.8, 0.7, index=1)):
+        state = reduced(state, event)
+    nm = state.document.grid.wavelengths_nm
+    drawn = Spectrum(nm, np.linspace(0.3, 1.7, nm.size), "drawn")
+    rows = (
+        LightRow("two", "", LightRig((drawn, light("A")), groups=("key", "sky")), 1.0),
+        LightRow("FL2", "", LightRig((light("FL2"),)), 0.5),
+    )
+    groups = (
+        LightGroup("key", (Directional((1, 0, 1), shadows=True),)),
+        LightGroup("sky", (Ambient(occlusion=True),)),
+    )
+    viewing = replace(state.seen.viewing, model="CAM16", surround="dim", exposure=1.25)
+    shading = replace(state.shading, groups=groups, preintegrated=True)
+    seen = replace(state.seen, viewing=viewing, mode="exact")
+    return replace(state, lights=rows, shading=shading, seen=seen, size=(48, 36))
+
+
+@pytest.mark.parametrize("basis", ['method = "materials"', 'train = "scene"\nsize = 4'])
+def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path: Path, basis: str) -> None:
+    """To the byte: the same numbers go the same way, on the same device."""
+    state = edited(opened(tmp_path, basis=basis))
+    script = export_python(state, tmp_path / "ball.py")
+    (tmp_path / "elsewhere").mkdir()
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        cwd=tmp_path / "elsewhere",
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    from PIL import Image
+
+    with Image.open(tmp_path / "elsewhere" / "ball.png") as image:
+        made = np.asarray(image)
+    shown = frame_of(state, state.size, Progress(""))
+    assert shown.std() > 5
+    np.testing.assert_array_equal(made, shown)
+
+
+@pytest.mark.parametrize("kind", ["points", "gradients", "regions", "labels", "surfaces"])
+def test_scripts_of_every_transfer_function_make_the_same_table(tmp_path: Path, kind: str) -> None:
+    import volspec
+
+    state = opened(tmp_path, kind)
+    text = script_of(state)
+    lines = text[: text.index("camera = ")]
+    names: dict[str, object] = {"vs": volspec}
+    exec(compile(lines, "script", "exec"), names)
+    one, other = state.transfer.bake(1.0), names["transfer"].bake(1.0)  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(one.opacity, other.opacity)
+    np.testing.assert_array_equal(one.channels, other.channels)
+
+
+def test_scripts_call_spectra_by_name_where_those_give_the_same_numbers(tmp_path: Path) -> None:
+    text = script_of(opened(tmp_path))
+    assert 'vs.light("D65")' in text and 'vs.reflectance("copper")' in text
+    assert "vs.Spectrum(" not in text
+    assert max(len(line) for line in text.splitlines() if "load_volume" not in line) <= 88
+
+
+def test_a_script_is_refused_where_it_could_not_run(state: ViewState, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="not read from a file"):
+        script_of(state)
+    here = opened(tmp_path)
+    dark = tuple(replace(row, weight=0.0) for row in here.lights)
+    with pytest.raises(ViewingError, match="No light is on"):
+        script_of(replace(here, lights=dark))
+    with pytest.raises(InputError, match=r"name it \.py"):
+        export_python(here, tmp_path / "x.txt")
+
+
+def test_dropped_files_mean_one_scene_one_volume_or_a_folder() -> None:
+    assert dropped(["/a/x.nrrd"]) == "/a/x.nrrd"
+    assert dropped(["/a/dicom"]) == "/a/dicom"
+    assert dropped(["/a/x.raw", "/a/x.mhd"]) == "/a/x.mhd"
+    assert dropped([f"/a/stack/{i}.tif" for i in range(9)]) == "/a/stack"
+    assert dropped(["/a/1.dcm", "/a/2.DCM"]) == "/a"
+    for several in (["/a/x.nrrd", "/a/y.nrrd"], ["/a/1.tif", "/b/2.tif"], ["/a/1.tif", "/a/x.png"]):
+        with pytest.raises(InputError, match="2 files were dropped; drop one"):
+            dropped(several)
+
+
+def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> None:
+    for name in ("Engine-a.toml", "engine-b.toml", "engine.nrrd", "notes.txt", ".hidden.toml"):
+        (tmp_path / name).touch()
+    (tmp_path / "folder").mkdir()
+    start = f"{tmp_path}/"
+    everything = listing(start, (".toml",))
+    assert everything.rows == ("folder/", "Engine-a.toml", "engine-b.toml")
+    assert everything.common == start
+    some = listing(start + "en", (".toml",))
+    assert some.common.casefold() == start.casefold() + "engine-"
+    assert listing(start + "f").common == start + "folder/"
+    assert listing(start + ".h", (".toml",)).rows == (".hidden.toml",)
+    nothing = listing(f"{tmp_path}/no/such")
+    assert nothing.rows == () and nothing.common == f"{tmp_path}/no/such"
+
+
+def test_a_name_to_be_written_gets_its_ending() -> None:
+    save = Wish("x", "Save", True, (".volspec.json", ".json"))
+    assert save.named(" a ") == "a.volspec.json"
+    assert save.named("a.json") == "a.json" and save.named("") == ""
+    assert Wish("x", "Open", suffixes=(".toml",)).named("~/a") == os.path.expanduser("~/a")
+
+
+def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path: Path) -> None:
+    recent = RecentFiles(tmp_path / "state")
+    assert recent.rows() == ()
+    (tmp_path / "there.raw").touch()
+    for number in range(MOST_FILES + 2):
+        recent.add(f"/nowhere/{number}.toml")
+    recent.add(f"{tmp_path}/there.raw?shape=2x2x2&dtype=uint8")
+    recent.add("/nowhere/5.toml")
+    rows = recent.rows()
+    assert [Path(row.path).name[:5] for row in rows[:3]] == ["5.tom", "there", "11.to"]
+    assert len(rows) == MOST_FILES and [row.there for row in rows[:2]] == [False, True]
+    assert rows[0].label.startswith("5.toml ")
+    recent.clear()
+    assert recent.rows() == ()
+    (tmp_path / "state" / "recent.json").write_text("{broken", encoding="utf-8")
+    assert recent.rows() == ()
+
+
+def test_the_list_does_without_a_folder_that_cannot_be_written() -> None:
+    recent = RecentFiles(Path("/proc/nothing"))
+    recent.add("x.toml")
+    assert recent.rows() == ()
+
+
+def test_where_things_are_remembered_can_be_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(STATE_VARIABLE, "/somewhere")
+    assert state_folder() == Path("/somewhere")
+    monkeypatch.delenv(STATE_VARIABLE)
+    assert state_folder().name == "volspec"
+
+
+def test_pictures_have_the_size_that_was_asked_for() -> None:
+    shown = (300, 200)
+    sizes = {preset: Shot(preset, (99, 77)).size(shown) for preset in (SHOWN, TWICE, UHD, CUSTOM)}
+    assert sizes == {SHOWN: shown, TWICE: (600, 400), UHD: (3840, 2160), CUSTOM: (99, 77)}
+    assert Shot(CUSTOM, (-5, 10**9)).size(shown) == (1, MAX_SIDE)
+
+
+def test_pictures_get_names_that_are_free(tmp_path: Path) -> None:
+    unnamed, named = Shot(folder=str(tmp_path)), Shot(folder=str(tmp_path), name="a b.png")
+    assert unnamed.path("My ball").name == "volspec-My-ball-1.png"
+    assert named.path("My ball").name == "a-b.png"
+    for shot in (unnamed, named):
+        shot.path("My ball").touch()
+    assert unnamed.path("My ball").name == "volspec-My-ball-2.png"
+    assert named.path("My ball").name == "a-b-1.png"
+
+
+def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path: Path) -> None:
+    from volspec.export.frames import read_frame_text
+
+    state = replace(opened(tmp_path), size=(40, 30))
+    compared = replace(state, other=lighting.alone(state.lights, 1), divide=0.5)
+    tungsten = replace(state, lights=lighting.alone(state.lights, 1))
+    # What the light does is plain where no eye adapts to it.
+    plain = replace(state.seen, viewing=replace(state.seen.viewing, model="none"))
+    left, both, right = (
+        frame_of(replace(each, seen=plain), (40, 30), Progress(""))
+        for each in (state, compared, tungsten)
+    )
+    np.testing.assert_array_equal(both[:, :20], left[:, :20])
+    np.testing.assert_array_equal(both[:, 20:], right[:, 20:])
+    assert (left != right).any()
+    path = taken(state, Shot(folder=str(tmp_path)), Progress(""))
+    assert read_frame_text(path)["scene"] == "ball"
+
+
+def test_a_picture_that_is_given_up_is_not_written(tmp_path: Path) -> None:
+    progress = Progress("")
+    progress.end()
+    with pytest.raises(CastCancelled):
+        taken(opened(tmp_path), Shot(folder=str(tmp_path)), progress)
+    assert not list(tmp_path.glob("*.png"))
+    with pytest.raises(InputError, match="no such folder"):
+        taken(opened(tmp_path), Shot(folder=str(tmp_path / "no")), Progress(""))
+
+
+def test_a_document_knows_what_opens_it_again(tmp_path: Path) -> None:
+    document = opened(tmp_path).document
+    assert document.source == str(tmp_path / "ball.toml")
+    assert replace(document, path=demo()).source is None
+
+
+def test_a_path_that_is_not_there_is_refused_before_a_window_opens(tmp_path: Path) -> None:
+    """Without a display: a window that was tried first would be what the message is about."""
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    for name in ("nosuch.toml", "nosuch.raw?shape=2x2x2"):
+        done = subprocess.run(
+            [sys.executable, "-c", "from volspec.cli import main; main()", "view", name],
+            env=environment | {"PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+        )
+        assert done.returncode == 1
+        assert "no such file" in done.stderr and done.stderr.count("\n") == 1
+
+
+_ZENITY = """#!/bin/sh
+case "$*" in *--save*) echo /tmp/saved.toml;; *--file-selection*) echo /tmp/chosen.nrrd;; esac
+"""
+_ASK = """
+import time
+from volspec.viewer.paths import NativeDialog, Wish, native
+assert native()
+for wish in (Wish("o", "Open", suffixes=(".nrrd",)), Wish("s", "Save", True, (".toml",), "x.toml")):
+    dialog = NativeDialog(wish)
+    until = time.time() + 10
+    while (path := dialog.answer()) is None and time.time() < until:
+        time.sleep(0.01)
+    print(path)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the system's dialog would open")
+def test_the_system_s_dialog_is_asked_without_waiting(tmp_path: Path) -> None:
+    program = tmp_path / "zenity"
+    program.write_text(_ZENITY, encoding="utf-8")
+    program.chmod(0o755)
+    done = subprocess.run(
+        [sys.executable, "-c", _ASK],
+        env=os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.split() == ["/tmp/chosen.nrrd", "/tmp/saved.toml"], done.stderr
+
+
+def test_without_a_clipboard_or_a_picture_one_line_says_so(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _COPY],
+        env={k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+        | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+    )
+    first, second = done.stdout.splitlines()
+    assert first == "Point at something in the picture first"
+    # Where the system needs no display, it is copied.
+    assert second.startswith("The text cannot be copied: ") or sys.platform != "linux"
+
+
+_COPY = """
+from volspec.viewer.clipboard import ClipboardError, copy_values
+from volspec.viewer.reading import Reading
+for values in (None, Reading((("XYZ", "1 2 3"),), None, None, None)):
+    try:
+        print(copy_values(values))
+    except ClipboardError as error:
+        print(error)
+"""
+
+
+def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
+    from volspec.viewer.opening import Outcome, Tasks
+
+    def ends(task: Callable[[], object]) -> Outcome:
+        woken = threading.Event()
+        tasks = Tasks(woken.set)
+        tasks.start("picture", task)
+        assert woken.wait(10)
+        return tasks.take()[0]
+
+    def refused() -> None:
+        raise InputError("no\nsuch thing")
+
+    assert ends(lambda: 3).result == 3
+    assert ends(refused).error == "no such thing"
+    assert ends(lambda: 1 / 0).error.startswith("picture failed: ZeroDivisionError")
+    assert "ZeroDivisionError" in capsys.readouterr().err

@@ -1,0 +1,242 @@
+"""A state written as a scene's file is the same picture when it is opened."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from volspec.appearance import Display
+from volspec.appearance.presets import PRESETS
+from volspec.basis import SpectralBasis
+from volspec.errors import InputError, SceneError
+from volspec.pipeline import raycast, relight
+from volspec.raycast import ClipPlane, Directional, LightGroup, Point
+from volspec.relight import LightRig, RelightSpec
+from volspec.scene import Scene
+from volspec.spectra import Spectrum, light
+from volspec.viewer import lighting
+from volspec.viewer.as_scene import display_table, export_scene, scene_of
+from volspec.viewer.document import Document
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.lighting import LightRow, rig_of
+from volspec.viewer.state import ViewState
+from volspec.volume import phantom
+
+HEAD = """
+# A remark of the author's.
+title = "ball"
+[volume]
+file = "ball.npy"
+[[material]]
+name = "copper"
+reflectance = "copper"  # a metal
+[[material]]
+name = "grey"
+reflectance = "grey:0.5"
+[transfer]
+%s
+[basis]
+%s
+[[light]]
+name = "day"
+label = "daylight"
+spectrum = "D65"
+[[light]]
+name = "tungsten"
+spectrum = "A"
+[viewing]
+backdrop = 0.1
+"""
+KINDS = {
+    "points": """points = [
+    { value = 0.2, opacity = 0.0, material = "copper" },
+    { value = 0.9, opacity = 0.4, material = { copper = 0.5, grey = 0.25 } },
+]""",
+    "gradients": """points = [
+    { value = 0.2, opacity = 0.1, material = "copper" },
+    { value = 0.9, opacity = 0.4, material = "grey" },
+]
+gradient_opacity = [[0.0, 0.1], [0.3, 1.0]]""",
+    "regions": """regions = [
+    { values = [0.3, 0.9], gradients = [0.0, 0.5], opacity = 0.5, material = "copper" },
+]
+reference_step_mm = 0.7""",
+    "labels": 'labels = [{ label = 1, opacity = 0.6, material = "grey" }]',
+    "surfaces": """surfaces = [
+    { value = 0.3, opacity = 0.3, material = "copper" },
+    { value = 0.7, opacity = 1.0, material = "grey" },
+]""",
+}
+
+
+def opened(folder: Path, kind: str = "points", basis: str = 'name = "general-5"') -> ViewState:
+    """A small scene on disk, as the viewer opens it."""
+    ball = phantom.ball(12).values
+    np.save(folder / "ball.npy", (ball > 0.5).astype(np.uint8) if kind == "labels" else ball)
+    path = folder / "ball.toml"
+    path.write_text(HEAD % (KINDS[kind], basis), encoding="utf-8")
+    return read(path)
+
+
+def read(path: Path) -> ViewState:
+    scene = Scene.load(path)
+    document = Document.of(scene, scene.volume(), None)
+    output = scene.file.output
+    return ViewState.first(document, (output.width, output.height))
+
+
+def picture(state: ViewState) -> NDArray[Any]:
+    """The frame a state shows, in floats."""
+    volume, seen = state.document.volume, state.seen
+    image = raycast(volume, state.transfer, state.view.camera(volume), state.size, state.shading)
+    rig = rig_of(state.lights)
+    assert rig is not None
+    how = seen.viewing, seen.mode, seen.backdrop, seen.level
+    return relight(image, rig, *how, dtype=np.float32, backend="numpy")
+
+
+def assert_same_picture(state: ViewState, folder: Path) -> ViewState:
+    """Write, read, compare: lights that are scaled anew differ in the last of float32's digits."""
+    again = read(export_scene(replace(state, size=(40, 30)), folder / "again.toml"))
+    one, other = picture(replace(state, size=(40, 30))), picture(again)
+    assert one.std() > 0.01
+    np.testing.assert_allclose(one, other, atol=2e-6)
+    return again
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_transfer_function_comes_back(tmp_path: Path, kind: str) -> None:
+    state = opened(tmp_path, kind)
+    # The tables are made anew, not taken from the file.
+    other = replace(state, transfer=replace(state.transfer))
+    assert scene_of(other).transfer == scene_of(state).transfer
+    assert_same_picture(other, tmp_path)
+
+
+def test_what_mouse_and_sliders_change_comes_back(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    for event in (
+        *(Event("orbit", 0.2, 0.1), Event("pan", 0.05, 0.02), Event("zoom", 0.0, -0.1)),
+        *(Event("shift", 0.05), Event("point", 0.8, 0.7, index=1)),
+        *(Event("weight", 0.6, index=0), Event("weight", 0.9, index=1)),
+    ):
+        state = reduced(state, event)
+    again = assert_same_picture(state, tmp_path)
+    assert [row.name for row in again.lights] == ["mix", "day", "tungsten"]
+    assert again.view == state.view
+
+
+def test_cuts_groups_and_their_lights_come_back(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    groups = (
+        LightGroup("key", (Directional((1, 1, 1), frame="camera", shadows=True),)),
+        LightGroup("fill", (Point((0, 0, 30), falloff_mm=20.0),)),
+    )
+    shading = replace(
+        state.shading,
+        groups=groups,
+        crop_voxels=((1, 11), (0, 11), (2, 11)),
+        clip_planes=(ClipPlane((6, 6, 6), (0, 1, 0)),),
+        preintegrated=True,
+    )
+    rig = LightRig((light("A"), light("D65")), (0.5, 1.0), groups=("key", "fill"))
+    rows = (
+        LightRow("two", "warm key", rig, 1.0),
+        LightRow("D50", "D50", LightRig((light("D50"),)), 0.5),
+    )
+    state = replace(state, shading=shading, lights=rows)
+    again = assert_same_picture(state, tmp_path)
+    assert again.shading == replace(shading, tile_ms=again.shading.tile_ms)
+    # Both rows shine from the same groups: they are one light from each group in the file.
+    assert again.lights[0].rig.groups == ("key", "fill", "")
+
+
+def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    nm = state.document.grid.wavelengths_nm
+    ramp = Spectrum(nm, np.linspace(0.0, 5.0, nm.size), "edited", {"designed": "yes"})
+    blue = Spectrum(nm, np.linspace(0.9, 0.1, nm.size), "blue")
+    materials = {**state.transfer.materials, "copper": blue}
+    state = replace(
+        state,
+        transfer=replace(state.transfer, materials=materials),
+        lights=(*state.lights, LightRow("edited", "mine", LightRig((ramp,)), 0.0)),
+    )
+    state = replace(state, lights=lighting.alone(state.lights, 2))
+    again = assert_same_picture(state, tmp_path)
+    assert again.lights[0].name == "edited" and again.lights[0].label == "mine"
+    text = (tmp_path / "again.toml").read_text(encoding="utf-8")
+    assert 'reflectance = "grey:0.5"' in text and "# A remark" in text
+
+
+def test_lux_stay_with_their_lights(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    rows = tuple(
+        LightRow(name, name, LightRig((light(name),), illuminance_lux=(lux,)), 0.7)
+        for name, lux in (("D65", 300.0), ("A", 40.0))
+    )
+    seen = replace(state.seen, level="absolute")
+    again = assert_same_picture(replace(state, lights=rows, seen=seen), tmp_path)
+    rig = rig_of(again.lights)
+    assert rig is not None and rig.total_lux == pytest.approx(0.7 * 340.0)
+
+
+def test_a_basis_that_a_scene_trains_is_kept_where_new_lights_would_change_it(
+    tmp_path: Path,
+) -> None:
+    state = opened(tmp_path, basis='train = "scene"\nsize = 4')
+    assert_same_picture(state, tmp_path)
+    assert not (tmp_path / "again.basis.json").exists()
+    more = replace(state, lights=lighting.added(state.lights, "HP1", state.document.grid))
+    assert_same_picture(more, tmp_path)
+    assert (tmp_path / "again.basis.json").exists()
+
+
+def test_materials_as_channels_and_another_folder(tmp_path: Path) -> None:
+    state = opened(tmp_path, basis='method = "materials"')
+    (tmp_path / "there").mkdir()
+    again = assert_same_picture(reduced(state, Event("orbit", 0.1)), tmp_path / "there")
+    assert again.document.file is not None
+    assert again.document.file.volume.file == "../ball.npy"
+
+
+@pytest.mark.parametrize("name", sorted(PRESETS))
+def test_displays_by_preset_and_by_numbers_come_back(name: str) -> None:
+    display = replace(PRESETS[name].display("Display P3", "reduce"), mark=True)
+    assert display_table(display).preset == name or PRESETS[name] != PRESETS["sRGB"]
+    assert display_table(display).display() == display
+    odd = replace(display, L_A=None, white_cd_m2=123.0, Y_b=17.0)
+    assert display_table(odd).display() == odd
+
+
+def test_a_display_of_its_own_primaries_comes_back() -> None:
+    from volspec.appearance.spaces import SPACES
+
+    space = replace(SPACES["Display P3"], name="mine")
+    display = Display(space=space)
+    assert display_table(display).display() == display
+
+
+def test_what_no_file_can_say_is_refused_in_a_line(state: ViewState, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="ball: was not read from a file"):
+        scene_of(state)
+    here = opened(tmp_path)
+    spectrum = RelightSpec(backdrop=Spectrum([400, 700], [0.1, 0.2]))
+    with pytest.raises(SceneError, match="backdrop is a spectrum"):
+        scene_of(replace(here, seen=spectrum))
+    with pytest.raises(SceneError, match=r"name it \.toml"):
+        export_scene(here, tmp_path / "x.json")
+    with pytest.raises(InputError, match="cannot write there"):
+        export_scene(here, "/proc/nothing/x.toml")
+
+
+def test_a_basis_of_another_scene_is_shown_by_its_name(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    other = replace(state.transfer, basis=SpectralBasis.load("general-7"))
+    again = assert_same_picture(replace(state, transfer=other), tmp_path)
+    assert again.document.file is not None and again.document.file.basis.name == "general-7"

@@ -1,0 +1,225 @@
+"""Sessions: what comes back, what is refused, and what is kept without being asked."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.viewer.test_files_scene import opened, picture
+from volspec.raycast import ClipPlane, Directional, LightGroup
+from volspec.relight import LightRig
+from volspec.spectra import Spectrum, light
+from volspec.viewer import session_store
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.lighting import LightRow
+from volspec.viewer.session import (
+    SUFFIX,
+    VERSION,
+    BrokenSession,
+    SessionError,
+    read_session,
+    resumed,
+    save_session,
+    session_of,
+)
+from volspec.viewer.session_store import EVERY_S, MOST_SESSIONS, SessionStore
+from volspec.viewer.state import Interface, ViewState
+from volspec.volume import phantom
+
+FIXTURES = Path(__file__).with_name("sessions")
+
+
+def worked_on(state: ViewState) -> ViewState:
+    """A state with something of every kind changed."""
+    for event in (
+        Event("orbit", 0.2, 0.1),
+        Event("point", 0.8, 0.7, index=1),
+        Event("shift", 0.05),
+    ):
+        state = reduced(state, event)
+    nm = state.document.grid.wavelengths_nm
+    drawn = Spectrum(nm, np.linspace(0.3, 1.7, nm.size), "drawn", {"designed": "yes"})
+    rig = LightRig((drawn, light("A")), (0.5, 1.0), groups=("key", ""))
+    rows = (
+        *(replace(row, solo=index == 1, weight=0.25) for index, row in enumerate(state.lights)),
+        LightRow("mine", "drawn by hand", rig, 0.75, muted=True),
+        LightRow("3000 K", "", LightRig((light("planck:3000"),)), 0.0, kelvin=3000.0),
+    )
+    shading = replace(
+        state.shading,
+        groups=(LightGroup("key", (Directional((1, 0, 1), shadows=True),)),),
+        clip_planes=(ClipPlane((6, 6, 6), (0, 1, 0)),),
+        crop_voxels=((0, 9), (0, 11), (0, 11)),
+    )
+    display = replace(state.seen.viewing.display, gamut="reduce", mark=True)
+    seen = replace(state.seen, viewing=replace(state.seen.viewing, model="CAM16", display=display))
+    window = Interface(dark=False, light=2, panels=frozenset({"Lights"}))
+    changes: dict[str, Any] = {"lights": rows, "other": state.lights, "divide": 0.3}
+    return replace(state, shading=shading, seen=seen, interface=window, **changes)
+
+
+def again(state: ViewState, folder: Path) -> ViewState:
+    return resumed(read_session(save_session(state, folder / f"one{SUFFIX}")), cast=False)
+
+
+def test_all_that_was_made_comes_back_to_the_last_bit(tmp_path: Path) -> None:
+    state = worked_on(opened(tmp_path))
+    back = again(state, tmp_path)
+    assert session_of(back).data == session_of(state).data
+    for name in ("view", "shift", "size", "divide", "interface", "shading"):
+        assert getattr(back, name) == getattr(state, name), name
+    lit = replace(state, size=(40, 30)), replace(back, size=(40, 30))
+    np.testing.assert_array_equal(picture(lit[0]), picture(lit[1]))
+
+
+def test_the_scene_s_own_is_still_what_the_file_had(tmp_path: Path) -> None:
+    """Undo of everything, by the actions that go back to the scene's own."""
+    state = worked_on(opened(tmp_path))
+    back = again(state, tmp_path)
+    assert back.document.view == state.document.view != back.view
+    assert back.document.transfer.points == state.document.transfer.points
+    assert back.document.title == "ball" and back.document.file == state.document.file
+
+
+def test_what_was_one_is_one_again(tmp_path: Path) -> None:
+    """A light change must not cast, and what is unchanged must be known to be so."""
+    state = opened(tmp_path)
+    back = again(reduced(state, Event("weight", 0.5, index=1)), tmp_path)
+    assert back.transfer is back.document.transfer and back.seen is back.document.seen
+    assert back.lights[0].rig is back.document.lights[0].rig
+    moved = again(reduced(state, Event("shift", 0.1)), tmp_path)
+    assert moved.transfer is not moved.document.transfer
+    assert moved.transfer.basis is moved.document.transfer.basis
+
+
+@pytest.mark.parametrize("kind", ["gradients", "regions", "labels", "surfaces"])
+def test_other_transfer_functions_come_back(tmp_path: Path, kind: str) -> None:
+    state = replace(opened(tmp_path, kind), size=(40, 30))
+    np.testing.assert_array_equal(picture(again(state, tmp_path)), picture(state))
+
+
+def test_a_session_of_the_first_version_loads(tmp_path: Path) -> None:
+    """You may add migrations; never change this file. Its volume stands beside it."""
+    np.save(tmp_path / "ball.npy", phantom.ball(12).values)
+    (tmp_path / "ball.toml").touch()
+    for source in FIXTURES.glob(f"v1-*{SUFFIX}"):
+        target = tmp_path / source.name
+        target.write_bytes(source.read_bytes())
+        state = resumed(read_session(target), cast=False)
+        assert [row.name for row in state.lights] == ["day", "tungsten", "mine", "3000 K"]
+        assert state.lights[1].solo and state.lights[2].muted and state.lights[3].kelvin == 3000.0
+        assert state.lights[2].rig.lights[0].designed
+        assert state.other is not None and state.divide == 0.3 and state.shift == 0.05
+        assert state.seen.viewing.model == "CAM16" and state.seen.viewing.display.mark
+        assert not state.interface.dark and state.interface.panels == {"Lights"}
+        assert len(state.shading.clip_planes) == 1 and state.shading.groups[0].name == "key"
+        assert state.view.azimuth_deg == pytest.approx(-6.0)
+    assert list(FIXTURES.glob(f"v1-*{SUFFIX}"))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d.update(version=VERSION + 1), f"of version {VERSION + 1}, this volspec reads"),
+        (lambda d: d.update(version="1"), "version is '1'"),
+        (lambda d: d.update(format="else"), "'format' is not"),
+        (lambda d: d.pop("objects"), "'objects' is missing"),
+        (lambda d: d["state"].update(divide="half"), "divide is 'half'; expected a number"),
+        (lambda d: d["state"].update(view={"is": "View", "up": [0, 0]}), "view.up is"),
+        (lambda d: d["state"].pop("lights"), "lights is missing"),
+        (lambda d: d["state"].update(seen={"#": 999}), "seen is"),
+        (lambda d: d["file"].pop("volume"), "volume"),
+        (lambda d: d["state"]["shading"].update(ambient=-1.0), "ambient is -1"),
+    ],
+)
+def test_what_is_no_session_is_refused_in_a_line(tmp_path: Path, change: Any, message: str) -> None:
+    path = save_session(opened(tmp_path), tmp_path / f"one{SUFFIX}")
+    data = json.loads(path.read_text(encoding="utf-8"))
+    change(data)
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(SessionError, match=message.replace("[", r"\[")) as told:
+        resumed(read_session(path), cast=False)
+    assert "\n" not in str(told.value)
+
+
+def test_a_state_that_no_file_can_name_is_refused(state: ViewState, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="ball: was not read from a file"):
+        save_session(state, tmp_path / f"x{SUFFIX}")
+    with pytest.raises(SessionError, match=r"name it FILE\.volspec\.json"):
+        save_session(opened(tmp_path), tmp_path / "x.toml")
+
+
+def test_nothing_is_kept_where_nothing_was_changed(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    store = SessionStore(tmp_path / "state")
+    store.begin(state)
+    # A window of another size is no work of the user's.
+    assert store.save(replace(state, size=(33, 44))) is None
+    assert store.last() is None and not (tmp_path / "state").exists()
+
+
+def test_a_session_is_kept_every_thirty_seconds_while_something_changes(tmp_path: Path) -> None:
+    state, store = opened(tmp_path), SessionStore(tmp_path / "state")
+    store.begin(state)
+    changed = reduced(state, Event("orbit", 0.1))
+    assert not store.due(state, 100.0)
+    assert not store.due(changed, 100.0) and not store.due(changed, 100.0 + EVERY_S / 2)
+    assert store.due(changed, 100.0 + EVERY_S)
+    assert store.save(changed) is not None and store.save(changed) is None
+    assert not store.due(changed, 1000.0)
+
+
+def test_another_file_does_not_overwrite_what_was_made_before(tmp_path: Path) -> None:
+    state, store = opened(tmp_path), SessionStore(tmp_path / "state")
+    store.begin(state)
+    first = store.save(reduced(state, Event("orbit", 0.1)))
+    other = replace(state, document=replace(state.document, title="another"))
+    store.begin(other)
+    assert first is not None and store.last() == first
+    time.sleep(0.02)  # files are sorted by when they were written
+    second = store.save(reduced(other, Event("orbit", 0.3)))
+    assert second != first and store.last() == first
+    # Restored, it goes on in its own file.
+    back = resumed(store.read(first), cast=False)
+    store.begin(back, first)
+    assert store.save(reduced(back, Event("orbit", 0.5))) == first
+    assert store.last() == second
+
+
+def test_the_oldest_sessions_are_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    state = opened(tmp_path)
+    names = iter(range(100))
+    monkeypatch.setattr(session_store.time, "strftime", lambda _: f"{next(names):03}")
+    for _ in range(MOST_SESSIONS + 3):
+        store = SessionStore(tmp_path / "state")
+        store.begin(state)
+        store.save(reduced(state, Event("orbit", 0.1)))
+    assert len(list((tmp_path / "state" / "sessions").iterdir())) == MOST_SESSIONS
+
+
+def test_a_broken_session_is_put_aside_not_deleted(tmp_path: Path) -> None:
+    folder = tmp_path / "state" / "sessions"
+    folder.mkdir(parents=True)
+    broken = folder / f"x{SUFFIX}"
+    broken.write_text('{"format": "volspec-ses', encoding="utf-8")
+    store = SessionStore(tmp_path / "state")
+    with pytest.raises(BrokenSession, match=r"it is kept as .*x\.volspec\.json\.broken"):
+        store.read(broken)
+    assert store.last() is None
+    assert broken.with_name(broken.name + ".broken").read_text(encoding="utf-8")[:9] == '{"format"'
+
+
+def test_a_session_of_a_later_version_stays_where_it_is(tmp_path: Path) -> None:
+    folder = tmp_path / "state" / "sessions"
+    folder.mkdir(parents=True)
+    path = save_session(opened(tmp_path), folder / f"x{SUFFIX}")
+    path.write_text(path.read_text(encoding="utf-8").replace('"version":1', '"version":99', 1))
+    with pytest.raises(SessionError, match="99"):
+        SessionStore(tmp_path / "state").read(path)
+    assert path.exists()

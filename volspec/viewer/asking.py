@@ -1,0 +1,73 @@
+"""What files actions ask for, in the system's dialog or in our own.
+
+    action -> [asking] -> path -> chores
+
+Neither keeps the window waiting.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from volspec.viewer.document import Document
+from volspec.viewer.panels.desk import Desk
+from volspec.viewer.panels.dialogs import PathDialog
+from volspec.viewer.paths import NativeDialog, Wish, native
+from volspec.viewer.session import SUFFIX
+
+_FILES = (
+    *(".toml", SUFFIX, ".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk"),
+    *(".npy", ".tif", ".tiff"),
+)
+WISHES = {
+    "open": Wish("open", "Open a scene or a volume", suffixes=_FILES),
+    "open-folder": Wish("open", "Open a folder of slices", folder=True),
+    "open-session": Wish("resume", "Open a session", suffixes=(SUFFIX,)),
+    "export-scene": Wish("export-scene", "Export as scene", True, (".toml",)),
+    "export-python": Wish("export-python", "Export as Python", True, (".py",)),
+    "palette-load": Wish("palette-load", "Load a palette", suffixes=(".toml",)),
+    "palette-save": Wish("palette-save", "Save the palette as", True, (".toml",)),
+    "save-session": Wish("save-session", "Save the session", True, (SUFFIX, ".json")),
+}
+
+
+class Asking:
+    """One path at a time."""
+
+    def __init__(self) -> None:
+        self._own = PathDialog()
+        self._native: NativeDialog | None = None
+
+    def ask(self, wish: Wish, document: Document) -> None:
+        """Ask for a path; nothing where another is being asked for in the system's dialog."""
+        asked = replace(wish, start=proposed(wish, document))
+        if self._native is None and native():
+            self._native = NativeDialog(asked)
+        elif self._native is None:
+            self._own.ask(asked)
+
+    def take(self) -> tuple[Wish, str] | None:
+        """What the system's dialog has answered by now."""
+        if self._native is None or (path := self._native.answer()) is None:
+            return None
+        wish, self._native = self._native.wish, None
+        return (wish, wish.named(path)) if path else None
+
+    def draw(self, desk: Desk) -> tuple[Wish, str] | None:
+        """Draw our own, where it is open; what it has answered."""
+        wish = self._own.wish
+        path = self._own.draw(desk)
+        return (wish, path) if wish is not None and path else None
+
+
+def proposed(wish: Wish, document: Document) -> str:
+    """Where a dialog begins: in the open file's folder, or where the program runs."""
+    source = document.source
+    path = Path("engine.toml" if source is None else source.partition("?")[0])
+    if path.is_relative_to(Path.cwd()):
+        path = path.relative_to(Path.cwd())
+    if wish.save:
+        return os.fspath(path.with_name(f"{path.stem}-view{wish.suffixes[0]}"))
+    return "" if path.parent == Path() else f"{path.parent}/"

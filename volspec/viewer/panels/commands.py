@@ -1,0 +1,270 @@
+"""The command palette: everything that can be done, found by a few letters of its name.
+
+actions, lights, models, displays, files -> [commands] -> state, or a request to the app
+
+imgui-bundle's own palette shows no keys and keeps one list for the whole process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from imgui_bundle import imgui
+
+from volspec.appearance.presets import PRESETS
+from volspec.appearance.spec import MODELS
+from volspec.errors import VolspecError
+from volspec.spectra import light_names
+from volspec.viewer import lighting
+from volspec.viewer.actions import ACTIONS, shown
+from volspec.viewer.events.event import Action, Change
+from volspec.viewer.panels.desk import Desk, Search
+from volspec.viewer.panels.viewing import changed, with_model
+from volspec.viewer.recent import RecentFile
+from volspec.viewer.state import ViewState
+
+_ROWS = 14
+# Letters of a word stand within so many times its length.
+_LOOSE = 3
+_FLAGS = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_nav
+    | imgui.WindowFlags_.no_move
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One row.
+
+    Parameters
+    ----------
+    group, title : str
+    key : str
+        As people write it; empty where there is none.
+    change : callable, optional
+        What it makes of a state.
+    ask : str
+        What is asked of the app instead.
+    """
+
+    group: str
+    title: str
+    key: str = ""
+    change: Change | None = None
+    ask: str = ""
+
+    @property
+    def text(self) -> str:
+        """What is searched."""
+        return f"{self.group}: {self.title}"
+
+
+def commands_of(state: ViewState, recent: Sequence[RecentFile]) -> tuple[Command, ...]:
+    """All that can be done with a state, actions first."""
+    return _all(tuple(row.name for row in state.lights), tuple(recent))
+
+
+def _all(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[Command, ...]:
+    return (*_fixed(), *_alone(names), *_files(recent), *_added())
+
+
+@lru_cache(maxsize=8)
+def _searched(
+    names: tuple[str, ...], recent: tuple[RecentFile, ...], text: str
+) -> tuple[Command, ...]:
+    """Looked up when something is typed, not in every frame."""
+    return tuple(found(_all(names, recent), text))
+
+
+@lru_cache(maxsize=1)
+def _fixed() -> tuple[Command, ...]:
+    """Actions, models and displays."""
+    return (
+        *(_of(action) for action in ACTIONS if action.name != "commands"),
+        *(Command("Model", model, change=_model(model)) for model in MODELS),
+        *(Command("Display", name, change=_display(name)) for name in PRESETS),
+    )
+
+
+def _of(action: Action) -> Command:
+    key = shown(action.keys[0]) if action.keys and action.keys[0] else ""
+    ask = action.name if action.change is None else ""
+    return Command(action.menu, action.title.removesuffix(" …"), key, action.change, ask)
+
+
+@lru_cache(maxsize=8)
+def _alone(names: tuple[str, ...]) -> tuple[Command, ...]:
+    def change(index: int) -> Change:
+        return lambda state: replace(state, lights=lighting.alone(state.lights, index))
+
+    return tuple(
+        Command("Light", f"{name} alone", change=change(i)) for i, name in enumerate(names)
+    )
+
+
+@lru_cache(maxsize=8)
+def _files(recent: tuple[RecentFile, ...]) -> tuple[Command, ...]:
+    return tuple(Command("Open", row.label, ask=f"open {row.path}") for row in recent if row.there)
+
+
+@lru_cache(maxsize=1)
+def _added() -> tuple[Command, ...]:
+    """Lights of the library."""
+
+    def change(name: str) -> Change:
+        def add(state: ViewState) -> ViewState:
+            try:
+                rows = lighting.added(state.lights, name, state.document.grid)
+            except VolspecError:  # no room, or bands that the light does not cover
+                return state
+            return replace(state, lights=rows)
+
+        return add
+
+    return tuple(Command("Add light", name, change=change(name)) for name in light_names())
+
+
+def _model(name: str) -> Change:
+    return lambda state: replace(state, seen=with_model(state.seen, name))
+
+
+def _display(name: str) -> Change:
+    def change(state: ViewState) -> ViewState:
+        now = state.seen.viewing.display
+        display = replace(PRESETS[name].display(now.space, now.gamut), mark=now.mark)
+        return replace(state, seen=changed(state.seen, display=display))
+
+    return change
+
+
+def found(commands: Sequence[Command], search: str) -> list[Command]:
+    """Those whose text has the letters of every word in order; the best first, else as given."""
+    words = search.casefold().split()
+    if not words:
+        return list(commands)
+    rated = [(_rating(words, command.text.casefold()), command) for command in commands]
+    kept = [(rating, command) for rating, command in rated if rating is not None]
+    return [command for _, command in sorted(kept, key=lambda pair: -pair[0])]
+
+
+def _rating(words: Sequence[str], text: str) -> float | None:
+    """How well words fit; None where one is not there."""
+    total = 0.0
+    for word in words:
+        at = text.find(word)
+        starts = at == 0 or (at > 0 and not text[at - 1].isalnum())
+        if f" {word}" in f" {text}" or starts:
+            total += 4.0
+        elif at > 0:
+            total += 2.0
+        elif (spread := _spread(word, text)) and spread <= _LOOSE * len(word):
+            total += len(word) / spread
+        else:
+            return None
+    return total
+
+
+def _spread(word: str, text: str) -> int | None:
+    """Over how many letters a word is strewn; None where it is not in the text."""
+    at, first = -1, -1
+    for letter in word:
+        at = text.find(letter, at + 1)
+        if at < 0:
+            return None
+        first = at if first < 0 else first
+    return at - first + 1
+
+
+def draw(state: ViewState, desk: Desk) -> ViewState | None:
+    """Draw it over the picture's upper part; what is picked is done."""
+    search = desk.commands
+    if search is None:
+        return None
+    x, y, width, _ = desk.areas["picture"]
+    wide = min(desk.px(560), width - desk.px(32))
+    tall = (imgui.get_frame_height() + desk.px(4)) * (_ROWS + 1) + desk.px(24)
+    imgui.set_next_window_pos((x + width / 2, y + desk.px(28)), imgui.Cond_.always, (0.5, 0.0))
+    imgui.set_next_window_size((wide, tall))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(8))
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1)
+    imgui.begin("##commands", None, _FLAGS)
+    picked = _body(search, state, desk)
+    outside = imgui.is_mouse_clicked(0) and not imgui.is_window_hovered(
+        imgui.HoveredFlags_.child_windows
+    )
+    imgui.end()
+    imgui.pop_style_var(2)
+    if picked is None and not outside and not imgui.is_key_pressed(imgui.Key.escape, False):
+        return None
+    desk.commands = None
+    if picked is not None and picked.change is not None:
+        return picked.change(state)
+    if picked is not None:
+        desk.asked.append(picked.ask)
+    return None
+
+
+def _body(search: Search, state: ViewState, desk: Desk) -> Command | None:
+    """The field and the rows; what was picked."""
+    if search.fresh:
+        imgui.set_keyboard_focus_here()
+        imgui.set_window_focus()
+        search.fresh = False
+    imgui.set_next_item_width(-1)
+    entered, text = imgui.input_text_with_hint(
+        "##search",
+        "What do you want to do?",
+        search.text,
+        imgui.InputTextFlags_.enter_returns_true,
+    )
+    desk.note("commands")
+    if text != search.text:
+        search.text, search.at = text, 0
+    names = tuple(row.name for row in state.lights)
+    rows = _searched(names, desk.recent, search.text)
+    step = _pressed(imgui.Key.down_arrow) - _pressed(imgui.Key.up_arrow)
+    step += _ROWS * (_pressed(imgui.Key.page_down) - _pressed(imgui.Key.page_up))
+    search.at = min(max(search.at + step, 0), max(len(rows) - 1, 0))
+    picked = rows[search.at] if entered and rows else None
+    if imgui.begin_child("rows", (0, 0)):
+        clipper = imgui.ListClipper()
+        clipper.begin(len(rows))
+        if rows:
+            clipper.include_item_by_index(search.at)
+        while clipper.step():
+            for number in range(clipper.display_start, clipper.display_end):
+                if _row(rows[number], number == search.at, bool(step), desk):
+                    picked = rows[number]
+        if not rows:
+            imgui.text_disabled("There is nothing of that name")
+    imgui.end_child()
+    return picked
+
+
+def _row(command: Command, chosen: bool, follow: bool, desk: Desk) -> bool:
+    """One row: its group, what it does, its key at the right."""
+    imgui.push_id(command.text + command.ask)
+    left = imgui.get_cursor_pos_x()
+    right = left + imgui.get_content_region_avail().x
+    pressed = bool(imgui.selectable("##row", chosen, 0, (0, imgui.get_frame_height()))[0])
+    if chosen and follow:
+        imgui.set_scroll_here_y(0.5)
+    imgui.same_line(left + desk.px(6))
+    imgui.align_text_to_frame_padding()
+    imgui.text_disabled(command.group)
+    imgui.same_line(left + desk.px(92))
+    imgui.text(command.title)
+    if command.key:
+        imgui.same_line(right - imgui.calc_text_size(command.key).x - desk.px(8))
+        imgui.text_disabled(command.key)
+    imgui.pop_id()
+    return pressed
+
+
+def _pressed(key: imgui.Key) -> int:
+    return int(imgui.is_key_pressed(key))

@@ -1,0 +1,182 @@
+"""Files as people give them: dropped, typed and completed, chosen in the system's own dialog.
+
+window -> [paths] -> chores
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+from volspec.errors import InputError
+
+_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
+_TIFF = (".tif", ".tiff")
+MOST_ROWS = 200
+
+
+def dropped(paths: Sequence[str]) -> str:
+    """What files dropped together mean: one of them, or the folder that they fill.
+
+    Raises
+    ------
+    InputError
+        If they mean nothing; says what could be dropped.
+    """
+    if len(paths) == 1:
+        return paths[0]
+    # A header and its bytes, as .nhdr and .raw or .mhd and .zraw.
+    headers = [path for path in paths if path.lower().endswith((".nhdr", ".mhd", ".toml"))]
+    if len(headers) == 1:
+        return headers[0]
+    folders = {os.path.dirname(path) for path in paths}
+    slices = all(path.lower().endswith((*_TIFF, ".dcm", ".ima")) for path in paths)
+    if slices and len(folders) == 1:
+        return folders.pop()
+    raise InputError(
+        f"{len(paths)} files were dropped; drop one scene or volume, or a folder of slices"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """What is in a folder, for a path that is being typed.
+
+    Parameters
+    ----------
+    folder : str
+        As typed, with the separator at its end.
+    rows : tuple of str
+        Names that go on as typed; folders end with a separator.
+    common : str
+        The path, completed as far as all rows agree.
+    """
+
+    folder: str
+    rows: tuple[str, ...]
+    common: str
+
+
+def listing(text: str, suffixes: Sequence[str] = ()) -> Listing:
+    """Folders, and files with one of the endings, that go on as a path does.
+
+    Parameters
+    ----------
+    text : str
+        What is typed; ``~`` is the user's own folder, relative paths start where the program runs.
+    suffixes : sequence of str
+        Endings of files, in small letters; none lists all.
+    """
+    folder, typed = text[: text.rfind("/") + 1], text[text.rfind("/") + 1 :]
+    if os.sep != "/" and os.sep in typed:  # Windows takes both
+        at = text.rfind(os.sep) + 1
+        folder, typed = text[:at], text[at:]
+    rows: list[str] = []
+    try:
+        with os.scandir(os.path.expanduser(folder) or ".") as entries:
+            for entry in entries:
+                name = entry.name
+                hidden = name.startswith(".") and not typed.startswith(".")
+                if hidden or not name.casefold().startswith(typed.casefold()):
+                    continue
+                if entry.is_dir():
+                    rows.append(name + "/")
+                elif not suffixes or name.lower().endswith(tuple(suffixes)):
+                    rows.append(name)
+    except OSError:
+        return Listing(folder, (), text)
+    rows.sort(key=lambda name: (not name.endswith("/"), name.casefold()))
+    longer = rows[0][: _shared(rows)] if rows else typed
+    return Listing(folder, tuple(rows[:MOST_ROWS]), folder + longer)
+
+
+def _shared(rows: Sequence[str]) -> int:
+    """With how many letters all names begin."""
+    letters = zip(*(row.casefold() for row in rows), strict=False)
+    return sum(1 for _ in takewhile(lambda each: len(set(each)) == 1, letters))
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a path is asked for.
+
+    Parameters
+    ----------
+    kind : str
+        Given back with the path.
+    title : str
+    save : bool
+        Whether the file will be written.
+    suffixes : tuple of str
+        Endings of its name; the first is added where a name to be written has none.
+    start : str
+        What is proposed.
+    folder : bool
+        Whether a folder is meant.
+    """
+
+    kind: str
+    title: str
+    save: bool = False
+    suffixes: tuple[str, ...] = ()
+    start: str = ""
+    folder: bool = False
+
+    def named(self, text: str) -> str:
+        """What was typed, with ``~`` and the ending filled in."""
+        path = os.path.expanduser(text.strip())
+        ends = not self.save or path.lower().endswith(self.suffixes)
+        return path if not path or ends else path + self.suffixes[0]
+
+
+def native() -> bool:
+    """Whether the system has dialogs for files."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return any(shutil.which(program) for program in _PROGRAMS)
+
+
+class NativeDialog:
+    """The system's own dialog, in a process of its own; `answer` is asked for, not waited for.
+
+    Parameters
+    ----------
+    wish : Wish
+    """
+
+    def __init__(self, wish: Wish) -> None:
+        from imgui_bundle import portable_file_dialogs as dialogs
+
+        self.wish = wish
+        start = os.path.abspath(os.path.expanduser(wish.start or "."))
+        patterns = " ".join(f"*{suffix}" for suffix in wish.suffixes)
+        filters = [wish.title, patterns, "All files", "*"] if patterns else ["All files", "*"]
+        self._dialog: Any
+        if wish.folder:
+            self._dialog = dialogs.select_folder(wish.title, start)
+        elif wish.save:
+            self._dialog = dialogs.save_file(wish.title, start, filters)
+        else:
+            self._dialog = dialogs.open_file(wish.title, start, filters)
+
+    def answer(self) -> str | None:
+        """The path; empty where none was chosen, None while the dialog is open."""
+        if not self._dialog.ready(0):
+            return None
+        result = self._dialog.result()
+        return str(result[0] if result else "") if isinstance(result, list) else str(result)
+
+    def close(self) -> None:
+        """End it."""
+        self._dialog.kill()
+
+
+def is_there(path: str) -> bool:
+    """Whether there is such a file."""
+    return Path(path).is_file()

@@ -1,0 +1,136 @@
+"""Sessions kept without being asked: while one works, at the end, and when another file is opened.
+
+state -> [session_store] -> the user's folder -> "Restore last session"
+
+Each document of each run has a file of its own, so that what was made is not overwritten by what
+comes after. Nothing is written where nothing was changed.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from volspec.export.frames import file_stem
+from volspec.viewer.document import Document
+from volspec.viewer.session import SUFFIX, BrokenSession, Session, read_session, save_session
+from volspec.viewer.state import ViewState
+
+MOST_SESSIONS = 10
+EVERY_S = 30.0
+
+
+class SessionStore:
+    """The sessions of a folder, and the one that is under way.
+
+    Parameters
+    ----------
+    folder : Path
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / "sessions"
+        self._document: Document | None = None
+        self._own: Path | None = None
+        self._saved: ViewState | None = None
+        self._due = 0.0
+        self._lock = threading.Lock()  # a thread saves, and the end may come meanwhile
+
+    def begin(self, state: ViewState, own: Path | None = None) -> None:
+        """Another document is open.
+
+        Parameters
+        ----------
+        state : ViewState
+            As it was opened: nothing to be kept yet.
+        own : Path, optional
+            The file of this store that it was restored from, which goes on.
+        """
+        self._document, self._saved = state.document, _kept(state)
+        self._due = 0.0
+        self._own = own if own is not None and self.holds(own) else None
+
+    def holds(self, path: Path) -> bool:
+        """Whether a session's file is one of this store."""
+        return path.parent == self._folder
+
+    def due(self, state: ViewState, now: float) -> bool:
+        """Whether it is time to `save`: something has changed, and the last time is long ago."""
+        if now < self._due or not self._changed(state):
+            return False
+        first, self._due = self._due == 0.0, now + EVERY_S
+        return not first
+
+    def save(self, state: ViewState) -> Path | None:
+        """Write what has changed since the last time; where to, or None where nothing has.
+
+        Raises
+        ------
+        VolspecError
+            If it cannot be written.
+        """
+        with self._lock:
+            if not self._changed(state):
+                return None
+            if self._own is None:
+                stamp = time.strftime("%Y%m%d-%H%M%S")
+                name = f"{stamp}-{os.getpid()}-{file_stem(state.document.title)[:40]}{SUFFIX}"
+                self._own = self._folder / name
+            save_session(state, self._own)
+            self._saved = _kept(state)
+            self._forget_oldest()
+            return self._own
+
+    def last(self) -> Path | None:
+        """The newest session that is not the one under way."""
+        return next((path for path in self._files() if path != self._own), None)
+
+    def read(self, path: Path) -> Session:
+        """A session's file; one that is broken is put aside as ``.broken``, not deleted.
+
+        Raises
+        ------
+        SessionError
+            If it cannot be read; the message says where a broken one has gone.
+        """
+        try:
+            return read_session(path)
+        except BrokenSession as error:
+            raise self.broken(path, error) from error
+
+    def broken(self, path: Path, error: BrokenSession) -> BrokenSession:
+        """Put a session's file of this store aside; what to say of it."""
+        if not self.holds(path):
+            return error
+        aside = path.with_name(path.name + ".broken")
+        try:
+            path.replace(aside)
+        except OSError:
+            return error
+        return BrokenSession(f"{error}; it is kept as {aside}")
+
+    def _changed(self, state: ViewState) -> bool:
+        own = state.document is self._document and state.document.file is not None
+        return own and _kept(state) != self._saved
+
+    def _files(self) -> list[Path]:
+        try:
+            found = list(self._folder.glob(f"*{SUFFIX}"))
+            return sorted(found, key=lambda path: (path.stat().st_mtime, path.name), reverse=True)
+        except OSError:
+            return []
+
+    def _forget_oldest(self) -> None:
+        for path in self._files()[MOST_SESSIONS:]:
+            try:
+                path.unlink()
+            except OSError:
+                continue
+
+
+def _kept(state: ViewState) -> ViewState:
+    """Without what follows from the window."""
+    return replace(state, size=(0, 0))
