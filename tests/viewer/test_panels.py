@@ -71,7 +71,7 @@ def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
 
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
-    from volspec.viewer.panels.transfer import bars
+    from volspec.viewer.panels.transfer.axes import bars
 
     for counts in (np.zeros(256), np.r_[1e9, np.ones(255)]):
         heights = bars(counts, logarithmic)

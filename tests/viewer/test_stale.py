@@ -48,6 +48,7 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "kept": (LightState("State 1", state.lights, state.seen),),
         "fade": Fade(state.lights, state.seen, 1.0),
         "board": Board(),
+        "thickness": 2.0,
     }
     assert stale_stage(state, replace(state, **{name: others[name]})) == STAGES[name]
 
@@ -74,6 +75,10 @@ _COSTS = {
     **dict.fromkeys(("smoothness", "rounds", "metric", "pick-cell"), "relight"),
     # Of a wish that is not there.
     **dict.fromkeys(("wish-weight", "wish-group", "wish-distance"), None),
+    **dict.fromkeys(("opacity", "material", "share", "thicken", "window", "thicken-by"), "cast"),
+    # Of regions only, which the curve here has none of.
+    **dict.fromkeys(("region-values", "region-gradients", "softness"), None),
+    "choose-point": "frame",
 }
 _KEYS = {
     "wish": "#804020",
@@ -99,19 +104,21 @@ def test_events_cost_what_their_names_say(cut: ViewState) -> None:
     assert set(_COSTS) == set(EVENTS)
     for name, cost in _COSTS.items():
         index = 3 if name == "kelvin" else 1
-        new = reduced(state, Event(name, 0.3, 0.4, index, _KEYS.get(name, "")))
+        new = reduced(state, Event(name, 0.3, 0.4, index, _KEYS.get(name, "gold")))
         assert stale_stage(state, new) == cost, name
 
 
 # What an action does at most, by its menu; others are in `_ODD`.
-_MENUS = {"View": "cast", "Light": "relight", "Window": "frame", "Cut": "cast", "": "cast"}
+_MENUS = {"View": "cast", "Light": "relight", "Window": "frame"}
+_MENUS |= {"Cut": "cast", "Transfer": "cast", "": "cast"}
 _ODD = {"reset-transfer": "cast", "mark": "relight", "save-state": "frame"} | dict.fromkeys(
     ("cube", "scale", "crop", "planes", "error-map")
     + ("axial-down", "axial-up", "coronal-forward", "coronal-backward")
     + ("sagittal-right", "sagittal-left"),
     "frame",
 )
-_ODD |= {"palette-light": "cast", "palette-anew": None}
+# Points are what it has already.
+_ODD |= {"transfer-points": None, "palette-light": "cast", "palette-anew": None}
 _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
 
 

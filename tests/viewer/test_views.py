@@ -244,9 +244,9 @@ def test_everything_the_mouse_does_to_the_view_has_a_key(state: ViewState) -> No
         )
 
 
-def test_drags_with_ctrl_are_left_to_others() -> None:
-    assert not {("ctrl", "left"), ("ctrl", "right")} & set(DRAGS)
+def test_drags_go_by_button_and_keys_held() -> None:
     assert DRAGS["shift", "left"] == "roll" and WHEELS["ctrl"] == "fov"
+    assert DRAGS["ctrl", "left"] == "window" and DRAGS["ctrl", "right"] == "thicken-by"
 
 
 BAD: dict[str, Callable[[], Volume]] = {

@@ -12,7 +12,7 @@ from volspec.viewer.events import camera, curve, cuts, lights, palette, slices
 from volspec.viewer.events.event import Action, Change
 from volspec.viewer.state import ViewState
 
-MENUS = ("File", "Edit", "View", "Cut", "Light", "Palette", "Window")
+MENUS = ("File", "Edit", "View", "Cut", "Light", "Transfer", "Palette", "Window")
 
 
 def _flipped(name: str) -> Change:

@@ -11,7 +11,7 @@ import numpy as np
 
 from volspec.transfer import TransferFunction
 from volspec.transfer.mixes import Mix, Point
-from volspec.viewer.curves import MOST_POINTS
+from volspec.viewer.transfer_parts import MOST_PARTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def assigned(curve: TransferFunction, low: float, high: float, material: str) ->
     left = [start[0]] if before and _named(start[0][2]) != material else []
     right = [end[-1]] if after and _named(end[-1][2]) != material else []
     made = [*before, *left, first, *inside, last, *right, *after]
-    return curve if len(made) > MOST_POINTS else replace(curve, points=made)
+    return curve if len(made) > MOST_PARTS[TransferFunction] else replace(curve, points=made)
 
 
 def recast(curve: TransferFunction, number: int, material: str) -> TransferFunction:

@@ -5,7 +5,8 @@ file -> [document] -> state
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import threading
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +20,17 @@ from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import rows_by_name
-from volspec.spectra import SpectralGrid
+from volspec.spectra import SpectralGrid, reflectance_names
 from volspec.transfer import Transfer
+from volspec.viewer import presets
+from volspec.viewer.joint import JointHistogram, joint_histogram
 from volspec.viewer.lighting import Rows, rows_of
 from volspec.viewer.views import View
 from volspec.volume import Volume, load_volume
 
 _BINS = 256
-# Of a volume without a scene: the lights, and how much of its values is air.
+# Of a volume without a scene.
 _LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "HP1": "sodium lamp"}
-_AIR = (0.35, 0.55, 0.85)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +51,8 @@ class Document:
         What was opened, or made for a volume; None where there is neither.
     path : Path, optional
         Of the scene or the volume; names in the file start from its folder.
+    joint : JointHistogram
+        By value and gradient.
     """
 
     title: str
@@ -62,6 +66,10 @@ class Document:
     histogram: NDArray[np.float64]
     file: SceneFile | None = None
     path: Path | None = None
+    joint: JointHistogram = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joint", joint_histogram(self.volume))
 
     @property
     def folder(self) -> str:
@@ -115,6 +123,8 @@ def opened(path: str | None, device: str | None = None) -> Document:
     else:
         volume = load_volume(path)
         scene = Scene(plain_scene(path, volume), path.partition("?")[0])
+    # Presets take their materials from it, when somebody waits for them.
+    threading.Thread(target=reflectance_names, daemon=True).start()
     return Document.of(scene, volume, Raycaster(volume, device=device))
 
 
@@ -124,21 +134,17 @@ def demo() -> Path:
 
 
 def plain_scene(path: str, volume: Volume) -> SceneFile:
-    """A scene for a volume of which nothing else is known: soft below, metal above."""
-    counts = histogram(volume)
-    low, high = volume.range
-    # What fills most of the box is not looked at.
-    air = low + (high - low) * float(np.searchsorted(np.cumsum(counts), counts.sum() / 2)) / _BINS
-    at = [air + share * (high - air) for share in _AIR]
-    looks = [(at[0], 0.0, "soft"), (at[1], 0.08, "soft"), (at[2], 0.5, "hard"), (high, 0.8, "hard")]
+    """A scene for a volume of which nothing else is known, by the preset for such."""
+    preset = presets.BY_NAME[presets.DEFAULT]
+    looks = presets.fitted(preset, volume, histogram(volume))
     document: dict[str, Any] = {
         "title": Path(path.partition("?")[0]).name,
         "volume": {"file": str(Path(path).absolute())},
-        "material": [
-            {"name": "soft", "reflectance": "ColorChecker/light skin"},
-            {"name": "hard", "reflectance": "ColorChecker/neutral 8 (.23 D)"},
-        ],
-        "transfer": {"points": [{"value": v, "opacity": o, "material": m} for v, o, m in looks]},
+        "material": [{"name": k, "reflectance": v} for k, v in preset.materials.items()],
+        "transfer": {
+            "points": [{"value": v, "opacity": o, "material": m} for v, o, m in looks],
+            "reference_step_mm": presets.step_mm(volume),
+        },
         "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "flat_gradient": 0.02},
         "light": [{"name": k, "label": v, "spectrum": k} for k, v in _LIGHTS.items()],
         "camera": {"zoom": 1.25},

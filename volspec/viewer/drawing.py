@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from volspec.errors import VolspecError
 from volspec.spectra import Spectrum, color_matching_functions
+from volspec.viewer.light_parts import put, row_at
 from volspec.viewer.lighting import LightRow, Rows, unused
-from volspec.viewer.parts import put, row_at
 
 Place = tuple[float, float]
 # Beside a light's mean of 1 to the eye: laser lines reach some hundreds.

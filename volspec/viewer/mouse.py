@@ -31,6 +31,9 @@ DRAGS: dict[tuple[str, str], str] = {
     ("", "right"): "zoom",
     ("shift", "left"): "roll",
     ("shift", "right"): "pan",
+    ("ctrl", "left"): "window",
+    ("ctrl", "right"): "thicken-by",
+    ("ctrl+shift", "left"): "thicken-by",
 }
 WHEELS: dict[str, str] = {"": "wheel", "shift": "roll-wheel", "ctrl": "fov"}
 

@@ -29,6 +29,7 @@ STAGES: dict[str, Stage] = {
     "kept": "frame",
     "fade": "frame",
     "board": "relight",
+    "thickness": "cast",
 }
 
 

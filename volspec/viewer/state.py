@@ -48,6 +48,8 @@ class Interface:
         How long the lights take to become those of a saved state.
     pick : Pick
         What is chosen in the palette.
+    part : int
+        The point, region, surface or label whose details are shown.
     """
 
     dark: bool = True
@@ -60,6 +62,7 @@ class Interface:
     slices: Slices = field(default_factory=Slices)
     fade_s: float = 1.5
     pick: Pick = field(default_factory=Pick)
+    part: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +97,8 @@ class ViewState:
         Where the lights come from, as long as they fade to those of this state.
     board : Board
         What the palette asks for; its spectra stand in ``transfer`` and ``lights``.
+    thickness : float
+        By how much its opacities have been thickened.
     """
 
     document: Document
@@ -111,6 +116,7 @@ class ViewState:
     kept: tuple[LightState, ...] = ()
     fade: Fade | None = None
     board: Board = field(default_factory=Board)
+    thickness: float = 1.0
 
     @classmethod
     def first(

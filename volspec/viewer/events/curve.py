@@ -1,60 +1,215 @@
-"""Events of the transfer function: its points dragged, added, removed, shifted.
+"""Events of the transfer function, of whatever kind: its parts edited, its values moved.
 
-mouse -> [curve] -> Transfer
+mouse, panels -> [curve] -> Transfer
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 
-from volspec.transfer import TransferFunction
-from volspec.viewer import curves
-from volspec.viewer.events.event import Action, Event, Reducer
+from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
+from volspec.transfer import TransferFunction2D as Regions
+from volspec.viewer import bands, curves, presets, transfer_parts
+from volspec.viewer.events.event import Action, Change, Event, Reducer
 from volspec.viewer.state import ViewState
+
+THICKNESSES = (0.02, 50.0)
+# What a drag over the picture's height in the picture does: values move by the volume's range,
+# widths and thicknesses are multiplied by e to these.
+_WIDER, _THICKER = 2.0, 3.0
+
+
+def with_transfer(state: ViewState, transfer: Transfer) -> ViewState:
+    """The state with another one; itself where it is the same."""
+    return state if transfer is state.transfer else replace(state, transfer=transfer)
 
 
 def _point(state: ViewState, event: Event) -> ViewState:
-    if not isinstance(state.transfer, TransferFunction):
-        return state
-    value = _within(state, event.x)
-    return replace(state, transfer=curves.moved(state.transfer, event.index, value, event.y))
+    transfer, value = state.transfer, _within(state, event.x)
+    if isinstance(transfer, TransferFunction):
+        return with_transfer(state, curves.moved(transfer, event.index, value, event.y))
+    if isinstance(transfer, Isosurfaces):
+        return with_transfer(state, curves.surface_moved(transfer, event.index, value, event.y))
+    return state
 
 
 def _add_point(state: ViewState, event: Event) -> ViewState:
-    if not isinstance(state.transfer, TransferFunction):
+    transfer = state.transfer
+    if isinstance(transfer, Regions):
+        place = _within(state, event.x), max(event.y, 0.0)
+        top = state.document.joint.top
+        new: Transfer = curves.region_added(transfer, *place, _span(state), top)
+    elif isinstance(transfer, LabelFunction):
+        new = curves.added(transfer, event.x, event.y)
+    else:
+        new = curves.added(transfer, _within(state, event.x), event.y)
+    added = with_transfer(state, new)
+    if added is state:
         return state
-    return replace(state, transfer=curves.added(state.transfer, _within(state, event.x), event.y))
+    old = {part.values for part in transfer_parts.parts_of(transfer)}
+    found = [i for i, part in enumerate(transfer_parts.parts_of(new)) if part.values not in old]
+    return _chosen(added, found[0]) if found else added
 
 
 def _remove_point(state: ViewState, event: Event) -> ViewState:
-    if not isinstance(state.transfer, TransferFunction):
+    return with_transfer(state, transfer_parts.removed(state.transfer, event.index))
+
+
+def _choose(state: ViewState, event: Event) -> ViewState:
+    known = 0 <= event.index < len(transfer_parts.parts_of(state.transfer))
+    return _chosen(state, event.index) if known else state
+
+
+def _chosen(state: ViewState, index: int) -> ViewState:
+    return replace(state, interface=replace(state.interface, part=index))
+
+
+def _opacity(state: ViewState, event: Event) -> ViewState:
+    return with_transfer(state, transfer_parts.with_opacity(state.transfer, event.index, event.x))
+
+
+def _material(state: ViewState, event: Event) -> ViewState:
+    if event.key not in state.transfer.materials:
         return state
-    return replace(state, transfer=curves.removed(state.transfer, event.index))
+    return with_transfer(state, transfer_parts.with_mix(state.transfer, event.index, event.key))
+
+
+def _share(state: ViewState, event: Event) -> ViewState:
+    transfer = transfer_parts.with_share(state.transfer, event.index, event.key, event.x)
+    return with_transfer(state, transfer)
+
+
+def _region_values(state: ViewState, event: Event) -> ViewState:
+    return _placed(state, event.index, (event.x, event.y), None)
+
+
+def _region_gradients(state: ViewState, event: Event) -> ViewState:
+    return _placed(state, event.index, None, (event.x, event.y))
+
+
+def _placed(
+    state: ViewState,
+    index: int,
+    values: tuple[float, float] | None,
+    gradients: tuple[float, float] | None,
+) -> ViewState:
+    if not isinstance(state.transfer, Regions):
+        return state
+    axes = _span(state), state.document.joint.top
+    return with_transfer(
+        state, curves.region_placed(state.transfer, index, values, gradients, *axes)
+    )
+
+
+def _softness(state: ViewState, event: Event) -> ViewState:
+    if not isinstance(state.transfer, Regions):
+        return state
+    return with_transfer(state, curves.softened(state.transfer, event.index, event.x))
 
 
 def _shift(state: ViewState, event: Event) -> ViewState:
-    if not isinstance(state.transfer, TransferFunction):
-        return state
-    low, high = state.document.volume.range
+    low, high = _span(state)
     shift = min(max(event.x, low - high), high - low)
-    moved = curves.shifted(state.transfer, shift - state.shift)
-    return replace(state, transfer=moved, shift=shift)
+    moved = transfer_parts.shifted(state.transfer, shift - state.shift, (low, high))
+    return state if moved is state.transfer else replace(state, transfer=moved, shift=shift)
+
+
+def _thicken(state: ViewState, event: Event) -> ViewState:
+    thickness = min(max(event.x, THICKNESSES[0]), THICKNESSES[1])
+    thicker = transfer_parts.thickened(state.transfer, thickness / state.thickness)
+    return replace(state, transfer=thicker, thickness=thickness)
+
+
+def _window(state: ViewState, event: Event) -> ViewState:
+    """A drag: across shifts the values, upwards spreads them."""
+    low, high = _span(state)
+    moved = _shift(state, Event("shift", state.shift + event.x * (high - low)))
+    factor = math.exp(min(max(-_WIDER * event.y, -10.0), 10.0))
+    return with_transfer(moved, transfer_parts.stretched(moved.transfer, factor, (low, high)))
+
+
+def _thicken_by(state: ViewState, event: Event) -> ViewState:
+    """A drag: upwards makes denser."""
+    factor = math.exp(min(max(-_THICKER * event.y, -10.0), 10.0))
+    return _thicken(state, Event("thicken", state.thickness * factor))
+
+
+def _span(state: ViewState) -> tuple[float, float]:
+    return presets.span(state.document.volume)
 
 
 def _within(state: ViewState, value: float) -> float:
-    low, high = state.document.volume.range
+    low, high = _span(state)
     return min(max(value, low), high)
 
 
+def _fresh(state: ViewState, transfer: Transfer) -> ViewState:
+    """With another transfer function altogether."""
+    new = replace(state, transfer=transfer, shift=0.0, thickness=1.0)
+    return _chosen(new, 0)
+
+
 def _reset(state: ViewState) -> ViewState:
-    return replace(state, transfer=state.document.transfer, shift=0.0)
+    return _fresh(state, state.document.transfer)
+
+
+def _preset(preset: presets.Preset) -> Change:
+    def change(state: ViewState) -> ViewState:
+        if isinstance(state.transfer, LabelFunction):  # labels are names, no values
+            return state
+        document = state.document
+        basis = document.transfer.basis
+        fitted = presets.transfer_of(preset, document.volume, document.histogram, basis)
+        return _fresh(state, fitted)
+
+    return change
+
+
+def _into(kind: bands.Kind) -> Change:
+    def change(state: ViewState) -> ViewState:
+        new = bands.converted(state.transfer, kind, _span(state))
+        return state if new is state.transfer else _chosen(with_transfer(state, new), 0)
+
+    return change
+
+
+def _is(kind: bands.Kind) -> Callable[[ViewState], bool]:
+    return lambda state: bands.kind_of(state.transfer) == kind
 
 
 EVENTS: dict[str, Reducer] = {
     "point": _point,
     "add-point": _add_point,
     "remove-point": _remove_point,
+    "choose-point": _choose,
+    "opacity": _opacity,
+    "material": _material,
+    "share": _share,
+    "region-values": _region_values,
+    "region-gradients": _region_gradients,
+    "softness": _softness,
     "shift": _shift,
+    "thicken": _thicken,
+    "window": _window,
+    "thicken-by": _thicken_by,
 }
 
-ACTIONS = (Action("reset-transfer", "Edit", "The scene's own transfer function", (), _reset),)
+# By kind: how it is called.
+KIND_TITLES: dict[bands.Kind, str] = {
+    "points": "Curve (1-D)",
+    "regions": "Regions (2-D)",
+    "surfaces": "Surfaces",
+}
+ACTIONS = (
+    *(
+        Action(f"preset-{preset.name}", "Transfer", f"Preset: {preset.title}", (), _preset(preset))
+        for preset in presets.PRESETS
+    ),
+    *(
+        Action(f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _into(kind), _is(kind))
+        for kind, title in KIND_TITLES.items()
+    ),
+    Action("reset-transfer", "Transfer", "The scene's own transfer function", (), _reset),
+)

@@ -26,6 +26,8 @@ _MOUSE = (
     ("+, −", "Zoom"),
     ("Page up and down", "Axial slice"),
     ("with Shift, Ctrl", "Coronal, sagittal slice"),
+    ("Ctrl + left drag", "Shift and spread the values"),
+    ("Ctrl + right drag", "Opacity"),
 )
 _PANELS = (
     ("Tab, arrows", "Next item"),

@@ -10,11 +10,11 @@ from imgui_bundle import imgui, imgui_knobs
 from volspec.errors import VolspecError
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
-from volspec.viewer import parts
+from volspec.viewer import light_parts
 from volspec.viewer.events import Event, reduced
+from volspec.viewer.light_parts import facing_lux
 from volspec.viewer.panels.desk import Desk, kelvin_slider
 from volspec.viewer.panels.light_look import packed, raw_colour, tip
-from volspec.viewer.parts import facing_lux
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 
@@ -35,7 +35,7 @@ _LUX_TIP = (
 def draw(state: ViewState, desk: Desk) -> ViewState:
     """Draw it."""
     index = state.interface.light
-    row = parts.row_at(state.lights, index)
+    row = light_parts.row_at(state.lights, index)
     if row is None:
         imgui.text_disabled("Choose a light above")
         return state
@@ -68,7 +68,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
         imgui.push_text_wrap_pos(0)
         imgui.text(desk.lights.complaint)
         imgui.pop_text_wrap_pos()
-    note = parts.lux_note(state.lights, state.shading.shares(), state.seen)
+    note = light_parts.lux_note(state.lights, state.shading.shares(), state.seen)
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
     imgui.text_wrapped(note)
     imgui.pop_style_color()
@@ -134,7 +134,7 @@ def _lux(state: ViewState, desk: Desk, index: int, plain: bool) -> ViewState:
     imgui.begin_disabled(not given)
     now = rig.illuminance_lux[0] if rig.illuminance_lux else viewing.illuminance_lux
     text = "%.4g lx" if given else "not given"
-    moved, lux = imgui.slider_float("Illuminance##lux", now, *parts.LUX, text, _LOG)
+    moved, lux = imgui.slider_float("Illuminance##lux", now, *light_parts.LUX, text, _LOG)
     imgui.end_disabled()
     desk.note("lux")
     return reduced(state, Event("lux", lux, index=index)) if moved and given else state
@@ -163,7 +163,9 @@ def _text(state: ViewState, desk: Desk, index: int, part: int, width: float) -> 
     scraps.text_of = ("", 0)
     document = state.document
     try:
-        rows = parts.respelled(*(state.lights, index, part, text, document.grid, document.folder))
+        rows = light_parts.respelled(
+            *(state.lights, index, part, text, document.grid, document.folder)
+        )
     except (VolspecError, OSError) as error:
         scraps.complaint = " ".join(str(error).split())
         return state
@@ -205,7 +207,7 @@ def _part(
     picked, at = imgui.combo("##group", now, [name or _ALL for name in names])
     desk.note(f"group {j}")
     if picked:
-        new = replace(new, lights=parts.regrouped(new.lights, index, j, names[at]))
+        new = replace(new, lights=light_parts.regrouped(new.lights, index, j, names[at]))
     imgui.table_next_column()
     x, y = imgui.get_cursor_screen_pos()
     side, inset = imgui.get_frame_height(), desk.px(3)
@@ -227,14 +229,14 @@ def _part(
         imgui.table_next_column()
         imgui.set_next_item_width(-1)
         lux = rig.illuminance_lux[j]
-        moved, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *parts.LUX, "%.4g lx")
+        moved, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *light_parts.LUX, "%.4g lx")
         desk.note(f"part lux {j}")
         tip("On a surface that faces it, were all groups to shine like this one")
         if moved:
             new = reduced(new, Event("lux", lux, index=index, part=j))
     imgui.table_next_column()
     if len(rig.lights) > 1 and imgui.button("×", (-1, 0)):
-        new = replace(new, lights=parts.part_removed(new.lights, index, j))
+        new = replace(new, lights=light_parts.part_removed(new.lights, index, j))
     return new
 
 
@@ -243,7 +245,7 @@ def _more(state: ViewState, desk: Desk, index: int, groups: tuple[str, ...]) -> 
     rig, new = state.lights[index].rig, state
     if "" in rig.groups:
         if imgui.button("A spectrum for each group"):
-            new = replace(new, lights=parts.parted(new.lights, index, groups))
+            new = replace(new, lights=light_parts.parted(new.lights, index, groups))
         desk.note("part groups")
         return new
     dark = [name for name in groups if name not in rig.groups]
@@ -251,7 +253,7 @@ def _more(state: ViewState, desk: Desk, index: int, groups: tuple[str, ...]) -> 
         if i:
             imgui.same_line()
         if imgui.button(f"Light {name}"):
-            new = replace(new, lights=parts.part_added(new.lights, index, name))
+            new = replace(new, lights=light_parts.part_added(new.lights, index, name))
         tip(f"Nothing shines from {name} in this light")
     return new
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from volspec.spectra import SpectralGrid
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.lights import reset_spectrum
+from volspec.viewer.light_parts import row_at
 from volspec.viewer.lighting import rig_of
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.light_look import Rect, fill, fitting, mixed_values, outline, tip
-from volspec.viewer.parts import row_at
 from volspec.viewer.state import ViewState
 
 # Free above the peak; more where the pen is to go there.

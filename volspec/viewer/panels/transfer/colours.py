@@ -1,0 +1,90 @@
+"""What materials look like under the lights that are on, to an eye adapted to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from imgui_bundle import imgui
+from numpy.typing import NDArray
+
+from volspec.appearance import passage_of
+from volspec.appearance.srgb import encode, linear_from_XYZ
+from volspec.errors import VolspecError
+from volspec.relight import RelightSpec
+from volspec.spectra import SpectralGrid, Spectrum, XYZ_of, white_XYZ
+from volspec.transfer import Transfer
+from volspec.transfer.mixes import share_matrix
+from volspec.viewer.lighting import Rows, rig_of
+from volspec.viewer.panels.desk import Colour
+from volspec.viewer.state import ViewState
+from volspec.viewer.transfer_parts import parts_of
+
+Array = NDArray[np.float64]
+
+
+def part_colours(state: ViewState) -> tuple[Colour, ...]:
+    """Of every part's mix; sRGB codes, 0 to 1."""
+    return _part_colours(state.transfer, state.lights, state.seen)
+
+
+def material_colours(state: ViewState) -> dict[str, Colour]:
+    """Of every material by name."""
+    return _material_colours(state.transfer, state.lights, state.seen)
+
+
+def packed(colour: Colour, alpha: float = 1.0) -> int:
+    """A colour as imgui's draw lists take it."""
+    return int(imgui.color_convert_float4_to_u32((*colour, alpha)))
+
+
+@lru_cache(maxsize=64)
+def _part_colours(transfer: Transfer, lights: Rows, seen: RelightSpec) -> tuple[Colour, ...]:
+    names = list(transfer.materials)
+    shares = share_matrix([part.mix for part in parts_of(transfer)], names)
+    return _coloured(transfer, lights, seen, shares)
+
+
+@lru_cache(maxsize=64)
+def _material_colours(transfer: Transfer, lights: Rows, seen: RelightSpec) -> dict[str, Colour]:
+    names = list(transfer.materials)
+    shown = _coloured(transfer, lights, seen, np.eye(len(names)))
+    return dict(zip(names, shown, strict=True))
+
+
+def _coloured(
+    transfer: Transfer, lights: Rows, seen: RelightSpec, shares: Array
+) -> tuple[Colour, ...]:
+    """Of mixes, (P, K) shares; of dark where no light is on."""
+    basis = transfer.basis
+    light, shown = _adapted(lights, seen, basis.grid, basis.observer_deg)
+    XYZ = np.zeros((shares.shape[1], 3))
+    if light is not None:
+        XYZ = XYZ_of(light, list(transfer.materials.values()), basis.observer_deg)
+    codes = shown(shares @ XYZ)
+    return tuple((float(r), float(g), float(b)) for r, g, b in codes)
+
+
+@lru_cache(maxsize=64)
+def _adapted(
+    lights: Rows, seen: RelightSpec, grid: SpectralGrid, observer_deg: int
+) -> tuple[Spectrum | None, Callable[[Array], Array]]:
+    """The light, and what makes of (P, 3) XYZ under it the (P, 3) codes that look alike."""
+
+    def codes(XYZ: Array) -> Array:
+        return np.asarray(encode(linear_from_XYZ(XYZ).clip(0, 1)))
+
+    rig = rig_of(lights)
+    if rig is None:
+        return None, codes
+    light = rig.mixed(grid)
+    given = replace(seen.viewing, adapting="given")
+    try:
+        if rig.total_lux:
+            given = replace(given, illuminance_lux=rig.total_lux)
+        passage = passage_of(given, white_XYZ(light, observer_deg))
+    except VolspecError:  # a light without a white to adapt to
+        return light, codes
+    return light, lambda XYZ: codes(passage.apply(XYZ))

@@ -1,0 +1,140 @@
+"""What the chosen part is, in numbers: values, opacity, and its mix of materials."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from volspec.viewer import presets
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.panels.desk import Colour, Desk
+from volspec.viewer.panels.transfer.colours import material_colours, packed, part_colours
+from volspec.viewer.state import ViewState
+from volspec.viewer.transfer_parts import parts_of
+
+_CLAMP = imgui.SliderFlags_.always_clamp
+# Opacities are small: the slider is finer there.
+_FINE = imgui.SliderFlags_.logarithmic | _CLAMP
+
+
+def chosen(state: ViewState) -> int:
+    """The part whose details are shown."""
+    return min(max(state.interface.part, 0), len(parts_of(state.transfer)) - 1)
+
+
+def tip(text: str) -> None:
+    """A word more about the last item, for who waits."""
+    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
+        imgui.set_tooltip(text)
+
+
+def rows_height(rows: int) -> float:
+    """What so many lines of the details take."""
+    return rows * imgui.get_frame_height_with_spacing()
+
+
+def value_and_opacity(state: ViewState, desk: Desk, what: str) -> ViewState:
+    """A line with both, and what takes the part away."""
+    index = chosen(state)
+    part = parts_of(state.transfer)[index]
+    low, high = presets.span(state.document.volume)
+    new = state
+    wide = (imgui.get_content_region_avail().x - desk.px(_REMOVE) - 2 * desk.px(6)) / 2
+    imgui.set_next_item_width(wide)
+    moved, value = imgui.drag_float(
+        "##value", part.values[0], (high - low) / 500, low, high, "value %.5g", _CLAMP
+    )
+    desk.note("part value")
+    tip(f"{what} {index + 1} of {len(parts_of(state.transfer))}. Double-click to type")
+    if moved:
+        new = reduced(new, Event("point", value, part.opacity, index=index))
+    imgui.same_line()
+    new = opacity(new, desk, index, wide)
+    imgui.same_line()
+    return remove(new, desk, index, f"Remove the {what.lower()}")
+
+
+_REMOVE = 24
+
+
+def opacity(state: ViewState, desk: Desk, index: int, wide: float) -> ViewState:
+    """A slider of a part's opacity."""
+    now = parts_of(state.transfer)[index].opacity
+    imgui.set_next_item_width(wide)
+    moved, given = imgui.slider_float("##opacity", now, 0.0, 1.0, "opacity %.3f", _FINE)
+    desk.note("part opacity")
+    tip("Double-click or Ctrl+click to type")
+    return reduced(state, Event("opacity", given, index=index)) if moved else state
+
+
+def remove(state: ViewState, desk: Desk, index: int, what: str) -> ViewState:
+    """A small button at the end of the line."""
+    imgui.push_style_color(imgui.Col_.button, (0.0, 0.0, 0.0, 0.0))
+    pressed = imgui.button("×", (desk.px(_REMOVE), 0))
+    imgui.pop_style_color()
+    desk.note("remove part")
+    tip(what)
+    return reduced(state, Event("remove-point", index=index)) if pressed else state
+
+
+def material(state: ViewState, desk: Desk, index: int, wide: float = -1.0) -> ViewState:
+    """A list of the materials: a click takes one alone, its slider mixes it in."""
+    part, colours = parts_of(state.transfer)[index], material_colours(state)
+    swatch(desk, part_colours(state)[index])
+    imgui.same_line(0, desk.px(4))
+    imgui.set_next_item_width(wide)
+    imgui.set_next_window_size_constraints((desk.px(300), 0), (desk.px(420), desk.px(420)))
+    opened = imgui.begin_combo("##material", in_words(part.mix), imgui.ComboFlags_.height_largest)
+    if not opened:
+        desk.note("material")
+        tip("What it is made of: one material, or a mix")
+        return state
+    new = state
+    lone = sum(share > 0 for share in part.mix.values()) < 2
+    for name, colour in colours.items():
+        imgui.push_id(name)
+        swatch(desk, colour)
+        imgui.same_line(0, desk.px(6))
+        imgui.align_text_to_frame_padding()
+        share = part.mix.get(name, 0.0)
+        flags = imgui.SelectableFlags_.no_auto_close_popups
+        if imgui.selectable(name, share > 0, flags, (desk.px(110), 0))[0]:
+            new = reduced(new, Event("material", index=index, key=name))
+        desk.note(f"material {name}")
+        tip(f"Only {name}")
+        imgui.same_line()
+        imgui.set_next_item_width(-1)
+        # A material that is alone has none to make room for.
+        imgui.begin_disabled(lone and share > 0)
+        moved, share = imgui.slider_float("##share", share, 0.0, 1.0, "%.2f", _CLAMP)
+        imgui.end_disabled()
+        desk.note(f"share {name}")
+        if moved:
+            new = reduced(new, Event("share", share, index=index, key=name))
+        imgui.pop_id()
+    imgui.end_combo()
+    return new
+
+
+def in_words(mix: object) -> str:
+    """A mix as people write it.
+
+    >>> in_words({"steel": 0.7, "gold": 0.3, "iron": 0.0}), in_words({"steel": 1.0})
+    ('70 % steel, 30 % gold', 'steel')
+    """
+    assert isinstance(mix, dict)
+    seen = sorted(((share, name) for name, share in mix.items() if share > 0), reverse=True)
+    if len(seen) == 1 and seen[0][0] > 0.995:
+        return str(seen[0][1])
+    return ", ".join(f"{100 * share:.0f} % {name}" for share, name in seen)
+
+
+def swatch(desk: Desk, colour: Colour) -> None:
+    """A colour, as high as a line."""
+    x, y = imgui.get_cursor_screen_pos()
+    side = imgui.get_frame_height()
+    imgui.dummy((side, side))
+    inset = desk.px(3)
+    imgui.get_window_draw_list().add_rect_filled(
+        (x + inset, y + inset), (x + side - inset, y + side - inset), packed(colour), desk.px(3)
+    )
+    tip("Under the lights that are on, to an eye adapted to them")
