@@ -66,7 +66,15 @@ class Command:
 
 def commands_of(state: ViewState, recent: Sequence[RecentFile]) -> tuple[Command, ...]:
     """All that can be done with a state, actions first."""
-    return _all(tuple(row.name for row in state.lights), tuple(recent))
+    return _all(_called(state), tuple(recent))
+
+
+def _called(state: ViewState) -> tuple[str, ...]:
+    """The lights, by what they are searched for."""
+    return tuple(
+        f"{row.name} alone" + ("" if row.label in ("", row.name) else f", {row.label}")
+        for row in state.lights
+    )
 
 
 def _all(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[Command, ...]:
@@ -94,7 +102,7 @@ def _fixed() -> tuple[Command, ...]:
 def _of(action: Action) -> Command:
     key = shown(action.keys[0]) if action.keys and action.keys[0] else ""
     ask = action.name if action.change is None else ""
-    return Command(action.menu, action.title.removesuffix(" …"), key, action.change, ask)
+    return Command(action.menu or "Step", action.title.removesuffix(" …"), key, action.change, ask)
 
 
 @lru_cache(maxsize=8)
@@ -102,9 +110,7 @@ def _alone(names: tuple[str, ...]) -> tuple[Command, ...]:
     def change(index: int) -> Change:
         return lambda state: replace(state, lights=lighting.alone(state.lights, index))
 
-    return tuple(
-        Command("Light", f"{name} alone", change=change(i)) for i, name in enumerate(names)
-    )
+    return tuple(Command("Light", name, change=change(i)) for i, name in enumerate(names))
 
 
 @lru_cache(maxsize=8)
@@ -225,7 +231,7 @@ def _body(search: Search, state: ViewState, desk: Desk) -> Command | None:
     desk.note("commands")
     if text != search.text:
         search.text, search.at = text, 0
-    names = tuple(row.name for row in state.lights)
+    names = _called(state)
     rows = _searched(names, desk.recent, search.text)
     step = _pressed(imgui.Key.down_arrow) - _pressed(imgui.Key.up_arrow)
     step += _ROWS * (_pressed(imgui.Key.page_down) - _pressed(imgui.Key.page_up))

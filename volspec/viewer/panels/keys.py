@@ -76,17 +76,17 @@ def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
-    """Draw it in the middle of the picture; a click or Esc closes it."""
+    """Draw it in the middle of the window; a click or Esc closes it."""
     if not state.interface.keys:
         return None
-    x, y, width, height = desk.areas["picture"]
-    imgui.set_next_window_pos((x + width / 2, y + height / 2), imgui.Cond_.always, (0.5, 0.5))
+    viewport = imgui.get_main_viewport()
+    imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, (0.5, 0.5))
     imgui.push_style_var(imgui.StyleVar_.window_padding, (desk.px(22), desk.px(16)))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(8))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(8), desk.px(3)))
     imgui.set_next_window_bg_alpha(0.95)
     imgui.begin("##keys", None, _FLAGS)
-    _columns(desk, width)
+    _columns(desk, viewport.work_size.x)
     closed = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
     closed = closed or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()
@@ -97,9 +97,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
 def _columns(desk: Desk, width: float) -> None:
     """Side by side, each as wide as it must be."""
     gap, apart = desk.px(14), desk.px(30)
-    every = [row for _, rows in SHEET for row in rows]
-    widest = _widest(keys for keys, _ in every) + gap + _widest(what for _, what in every)
-    count = max(1, int((width - desk.px(60)) // (widest + apart)))
+    count = _fitting(width - desk.px(60), gap, apart)
     left = imgui.get_cursor_pos_x()
     top = imgui.get_cursor_pos_y()
     for column in columns(SHEET, count):
@@ -117,6 +115,19 @@ def _columns(desk: Desk, width: float) -> None:
                 imgui.text(what)
         imgui.end_group()
         left += imgui.get_item_rect_size().x + apart
+
+
+def _fitting(width: float, gap: float, apart: float) -> int:
+    """So many columns that they are no wider than this."""
+    for count in range(4, 1, -1):
+        wide = 0.0
+        for column in columns(SHEET, count):
+            rows = [row for _, part in column for row in part]
+            wide += _widest(keys for keys, _ in rows) + gap + apart
+            wide += _widest(what for _, what in rows)
+        if wide <= width:
+            return count
+    return 1
 
 
 def _widest(texts: Iterable[str]) -> float:
