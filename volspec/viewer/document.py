@@ -25,6 +25,7 @@ from volspec.transfer import Transfer
 from volspec.viewer import presets
 from volspec.viewer.joint import JointHistogram, joint_histogram
 from volspec.viewer.lighting import Rows, rows_of
+from volspec.viewer.priority import yielding
 from volspec.viewer.views import View
 from volspec.volume import Volume, load_volume
 
@@ -125,7 +126,8 @@ def opened(path: str | None, device: str | None = None) -> Document:
         scene = Scene(plain_scene(path, volume), path.partition("?")[0])
     # Presets take their materials from it, when somebody waits for them.
     threading.Thread(target=reflectance_names, daemon=True).start()
-    return Document.of(scene, volume, Raycaster(volume, device=device))
+    caster = yielding(lambda: Raycaster(volume, device=device))
+    return Document.of(scene, volume, caster)
 
 
 def demo() -> Path:
