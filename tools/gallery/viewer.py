@@ -1,66 +1,163 @@
-"""Pictures of the viewer's window: ``python -m tools.gallery.viewer``; needs Xvfb and xdotool."""
+"""Pictures of the viewer's window: ``python -m tools.gallery.viewer``; needs Xvfb and xdotool.
+
+Foot and head do not ship: without them (in ``$VOLSPEC_DATA`` or ``../shared/data``) their pictures
+stay as they are.
+"""
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from PIL import Image
 
 from benchmarks.robot import Robot
 
-GALLERY = Path(__file__).resolve().parents[2] / "docs" / "gallery"
-SIZE = (1160, 700)
-DATA = Path(__file__).resolve().parents[2] / "data" / "scenes"
+ROOT = Path(__file__).resolve().parents[2]
+GALLERY = ROOT / "docs" / "gallery"
+VOLUMES = Path(os.environ.get("VOLSPEC_DATA", ROOT.parent / "shared" / "data"))
+SIZE = (1280, 760)
+# Of the tabs at the lower right, beside the first row of the one that is in front.
+TAB_Y, TABS_X = 395.0, {"Transfer": 1054.0, "Palette": 1140.0}
+
+
+def click(robot: Robot, x: float, y: float, button: int = 1) -> None:
+    """As a hand does: there first, and then a press."""
+    robot.do("mousemove", x, y, "sleep", "0.2", "click", str(button), "sleep", "0.5")
+
+
+def press(robot: Robot, name: str) -> None:
+    """Click what was noted down under a name."""
+    click(robot, *robot.middle(name))
+
+
+def command(robot: Robot, words: str) -> None:
+    """Find something in the command palette, and take it."""
+    robot.key("ctrl+p")
+    time.sleep(0.5)
+    robot.do("type", "--delay", "25", words)
+    time.sleep(0.5)
+    robot.key("Return")
+    time.sleep(0.6)
 
 
 def blended(robot: Robot) -> None:
     """Lights mixed on the dial, the mouse over the picture."""
     x, y = robot.middle("dial")
-    robot.drag([(x, y), (x + 6, y - 4), (x + 12, y - 6), (x + 17, y - 8)])
-    robot.do("mousemove", 410.0, 226.0)
+    robot.drag([(x, y), (x + 6, y - 4), (x + 10, y - 6), (x + 14, y - 7)])
+    robot.do("mousemove", 410.0, 240.0)
 
 
-def beside(robot: Robot) -> None:
+def compared(robot: Robot) -> None:
     """Daylight at the right of the divide, a sodium lamp at its left; the transfer function."""
     robot.do("mousemove", 410.0, 350.0)
     robot.key("b")
     for _ in range(3):
         robot.key("space")
         time.sleep(0.3)
-    x, y = robot.area("model")[:2]
-    # The tab beside "Viewing", above the first row.
-    robot.do("mousemove", float(x + 92), float(y - 20), "click", "1")
+    click(robot, TABS_X["Transfer"], TAB_Y)
 
 
-def evening(robot: Robot) -> None:
-    """A tungsten lamp and a blue sky, in the light theme, with the keys."""
-    robot.do("mousemove", 410.0, 226.0)
+def drawn(robot: Robot) -> None:
+    """A light drawn with the mouse."""
+    press(robot, "tab Spectrum")
+    x, y, width, height = robot.area("spectrum")
+    robot.drag([(x + s * width, y + height * (0.9 - 0.75 * abs(2 * s - 1) ** 2)) for s in SHARES])
+    robot.do("mousemove", 480.0, 250.0)
+
+
+SHARES = [i / 40 for i in range(1, 40)]
+
+
+def grouped(robot: Robot) -> None:
+    """A lamp and a blue sky, part by part, in the light theme."""
     robot.key("t")
+    press(robot, "tab Light")
+    robot.do("mousemove", 420.0, 240.0)
+
+
+def wished(robot: Robot) -> None:
+    """A colour wished for one material under one light."""
+    click(robot, TABS_X["Palette"], TAB_Y)
+    press(robot, "cell 6")  # the inserts under the tungsten lamp
+    x, y, width, height = robot.area("picker")
+    robot.drag([(x + s * 0.7 * width, y + (0.6 - 0.4 * s) * height) for s in SHARES])
+    time.sleep(1.0)
+
+
+def regions(robot: Robot) -> None:
+    """The foot, its boundaries told apart by value and gradient."""
+    click(robot, TABS_X["Transfer"], TAB_Y)
+    command(robot, "muscle bone")
+    for key in ("3", "4"):
+        robot.key(key)
+        time.sleep(0.5)
+    command(robot, "regions")
+
+
+def cropped(robot: Robot) -> None:
+    """A head from the side, cut by a plane, with its slices."""
+    for key in ("7", "4", "4", "p", "o"):
+        robot.key(key)
+        time.sleep(0.6)
+    x, y = robot.middle("picture")
+    robot.drag([(x, y), (x + 20, y - 10), (x + 40, y - 20), (x + 55, y - 30)])
+    time.sleep(1.0)
+
+
+def erred(robot: Robot) -> None:
+    """Where channels are off."""
+    for _ in range(3):
+        robot.key("space")
+        time.sleep(0.3)
+    robot.key("e")
+
+
+def commanded(robot: Robot) -> None:
+    """The command palette."""
+    robot.key("ctrl+p")
+    time.sleep(0.5)
+    robot.do("type", "--delay", "25", "light")
+
+
+def keyed(robot: Robot) -> None:
+    """The keys."""
     robot.key("h")
 
 
-PICTURES = {
-    "viewer-1": ("engine.toml", blended),
-    "viewer-2": ("engine.toml", beside),
-    "viewer-3": ("engine-groups.toml", evening),
+PICTURES: dict[str, tuple[Path, Callable[[Robot], None]]] = {
+    "viewer-1": (ROOT / "data/scenes/engine.toml", blended),
+    "viewer-2": (ROOT / "data/scenes/engine.toml", compared),
+    "viewer-3": (ROOT / "data/scenes/engine.toml", drawn),
+    "viewer-4": (ROOT / "data/scenes/engine-groups.toml", grouped),
+    "viewer-5": (ROOT / "data/scenes/engine.toml", wished),
+    "viewer-6": (VOLUMES / "foot.nrrd", regions),
+    "viewer-7": (VOLUMES / "mrbrain.nrrd", cropped),
+    "viewer-8": (ROOT / "data/scenes/engine.toml", erred),
+    "viewer-9": (ROOT / "data/scenes/engine-surfaces.toml", commanded),
+    "viewer-10": (ROOT / "data/scenes/engine-cut.toml", keyed),
 }
 
 
 def main() -> None:
     """Write all of them."""
-    for name, (scene, use) in PICTURES.items():
+    for name, (file, use) in PICTURES.items():
+        if not file.exists():
+            print(f"{name}: {file.name} is not here, left as it is")
+            continue
         with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "screen.png"
-            with Robot(Path(folder), [str(DATA / scene)], SIZE) as robot:
+            shot = Path(folder) / "screen.png"
+            with Robot(Path(folder), [str(file)], SIZE) as robot:
                 robot.whole()
-                time.sleep(0.5)
+                time.sleep(0.8)
                 use(robot)
-                time.sleep(1.5)
-                robot.grab(file)
+                time.sleep(2.0)
+                robot.grab(shot)
             # In full colour: of a palette's 256 the swatches would get none of their own.
-            Image.open(file).convert("RGB").save(GALLERY / f"{name}.png", optimize=True)
+            Image.open(shot).convert("RGB").save(GALLERY / f"{name}.png", optimize=True)
 
 
 if __name__ == "__main__":
