@@ -69,6 +69,18 @@ def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
     assert white_told(state.lights).startswith("Adopted white: x 0.312")
 
 
+def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
+    """Steps of 1/64 are exact in float32 up to 2^18."""
+    from volspec.viewer.document import histogram
+    from volspec.volume import Volume
+
+    near = np.arange(64, dtype=np.float32).reshape(4, 4, 4) / 64
+    counts = histogram(Volume(near))
+    assert counts.sum() == 64
+    np.testing.assert_array_equal(histogram(Volume(near + np.float32(2**17))), counts)
+    assert histogram(Volume(1e6 + near)).sum() == 64
+
+
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
     from volspec.viewer.panels.transfer.axes import bars

@@ -159,7 +159,10 @@ def histogram(volume: Volume) -> NDArray[np.float64]:
     """(256,) voxels by value; of large volumes every n-th along each axis."""
     every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
     sampled = volume.values[::every, ::every, ::every]
-    return np.histogram(sampled, bins=_BINS, range=volume.range)[0].astype(np.float64)
+    low, high = volume.range
+    # From 0 on: far from it float32 has too few numbers to tell the bins' edges apart.
+    above = np.subtract(sampled, low, dtype=np.float64)
+    return np.histogram(above, bins=_BINS, range=(0.0, high - low))[0].astype(np.float64)
 
 
 def _view_of(scene: Scene, volume: Volume) -> View:
