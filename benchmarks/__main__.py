@@ -22,6 +22,7 @@ from benchmarks import (
     session,
     shadows,
     viewer,
+    webpage,
 )
 from benchmarks.measure import commit, report, save
 from benchmarks.page import PAGE, replaced
@@ -30,7 +31,7 @@ from volspec._gpu.opencl import Compute
 # Where VTK draws through GL, the windows that it opens end other contexts: those come last.
 MODULES = (
     *(memory, channels, edit, shadows, palette, limits, models, picture),
-    *(cast, gl_mapper, light, viewer, session),
+    *(cast, gl_mapper, light, viewer, webpage, session),
 )
 
 

@@ -83,7 +83,7 @@ def test_demo_writes_everything_it_promises(demo: Path) -> None:
     assert len(report["lights"]) == 5 and report["cast_ms"] > report["lights"][0]["relight_ms"]
     assert max(light["delta_e_max"] for light in report["lights"]) < 0.1
     assert sorted(path.name for path in demo.iterdir()) == [
-        *("engine.exr", "errors.png", "frames", "report.json", "sheet.png"),
+        *("engine.exr", "engine.html", "errors.png", "frames", "report.json", "sheet.png"),
     ]
 
 

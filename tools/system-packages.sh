@@ -6,6 +6,7 @@
 #                   headless OpenGL and its software driver; without it relighting uses NumPy
 #   xvfb, xdotool, x11-utils
 #                   a display and a hand for the viewer's tests; asked for as `… test`
+#   chromium        draws the web pages in their tests; with these
 #
 # Installs only as root with apt-get. Elsewhere it prints the command and goes on: the package
 # itself explains what is missing when it is needed.
@@ -19,6 +20,7 @@ if [ "${2:-}" = test ]; then
     command -v Xvfb >/dev/null 2>&1 || packages="$packages xvfb"
     command -v xdotool >/dev/null 2>&1 || packages="$packages xdotool"
     command -v xprop >/dev/null 2>&1 || packages="$packages x11-utils"
+    command -v chromium >/dev/null 2>&1 || packages="$packages chromium"
 fi
 [ -n "$packages" ] || exit 0
 if command -v apt-get >/dev/null 2>&1 && [ "$(id -u)" = 0 ]; then

@@ -15,7 +15,8 @@ from volspec.cli.shell import Device, Json, app, bar, print_json
 def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json = False) -> None:
     """The bundled engine CT: cast once, relit under five lights.
 
-    Writes relit frames, a labelled contact sheet, the coefficient image and a report.
+    Writes relit frames, a labelled contact sheet, a relightable web page, the coefficient image and
+    a report.
 
     Example: `volspec demo --out engine-demo`
 

@@ -20,6 +20,7 @@ from volspec import __version__
 from volspec._files import write_whole
 from volspec.basis.report import report
 from volspec.export.frames import file_stem, write_frame
+from volspec.export.page import PageSpec, PageView, write_page
 from volspec.export.sheet import SheetColumn, contact_sheet
 from volspec.pipeline import Raycaster, Relighter
 from volspec.scene import Scene
@@ -76,7 +77,7 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
     """Cast a scene, relight it under each of its lights, write everything to a folder.
 
     Writes ``frames/<light>.png``, ``sheet.png``, ``errors.png`` (where and by how much the
-    basis is off), ``<volume>.exr`` and ``report.json``.
+    basis is off), ``<volume>.exr``, ``<volume>.html`` and ``report.json``.
 
     Parameters
     ----------
@@ -136,6 +137,9 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
     sheet = contact_sheet(title, _ROWS, columns)
     # Everything is made; now write it, so that an interruption before leaves nothing behind.
     image.save(out / f"{Path(volume.name).stem}.exr")
+    page = PageSpec(scene.file.title or volume.name)
+    html = out / f"{Path(volume.name).stem}.html"
+    write_page(html, [PageView(image)], scene.lights, relit, page)
     space = scene.relight.viewing.display.space
     for name, frame in frames.items():
         text = {"light": name, "Software": f"volspec {__version__}"}

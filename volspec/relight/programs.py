@@ -18,11 +18,23 @@ from volspec._gpu.sources import assemble
 from volspec.appearance import screen as screens
 from volspec.appearance import table
 from volspec.appearance.constants import shader_constants
+from volspec.appearance.spaces import ColourSpace
 from volspec.relight.uniforms import FORM_NUMBERS, screen_form
 
 _GLSL = "330 core"
 # Texture units by the names of samplers.
 UNITS = {"coefficients": 0, "table": 1, "field": 2, "nodes": 3, "middles": 4}
+
+
+def picture_constants(space: ColourSpace) -> dict[str, ArrayLike]:
+    """The numbers of ``shaders/relight.frag`` that every picture for a display's space shares."""
+    return {
+        **FORM_NUMBERS,
+        **shader_constants(),
+        **space.shader_constants(),
+        **screens.SHADER_CONSTANTS,
+        **table.SHADER_CONSTANTS,
+    }
 
 
 class Programs:
@@ -67,12 +79,8 @@ class Programs:
                 **self._constants,
                 **form,
                 **ends,
-                **FORM_NUMBERS,
                 "FIRST_ROW_AT_BOTTOM": 1,
-                **shader_constants(),
-                **screen.space.shader_constants(),
-                **screens.SHADER_CONSTANTS,
-                **table.SHADER_CONSTANTS,
+                **picture_constants(screen.space),
             }
             lines = prelude(constants, "glsl")
             vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)

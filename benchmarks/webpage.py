@@ -1,0 +1,136 @@
+"""Is the web page small, right and quick? ``python -m benchmarks.webpage``.
+
+The bundled engine, 512², 7 channels, in Chromium with its software GPU, from a file on disk.
+"""
+
+from __future__ import annotations
+
+import io
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from benchmarks.measure import Figure, report
+from volspec._gpu.sources import asset
+from volspec.appearance import constants as k
+from volspec.appearance.curves import sRGB_CURVE
+from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.export.page import PageSpec, PageView, scene_views, write_page
+from volspec.relight import Relighter
+from volspec.scene import Scene
+
+# No network, no first-run pages, a software GPU: the same everywhere.
+_FLAGS = [
+    *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic"),
+    *("--no-first-run", "--disable-background-networking", "--disable-component-update"),
+    "--disable-sync",
+]
+# Views of the whole turn, and how many of them are cast to tell its size.
+TURN, CAST = 36, 6
+# A slider dragged for some seconds; one change before every frame, as a hand makes them.
+_DRAG = """async (seconds) => {
+    const slider = document.querySelector('#light-list input'), start = performance.now();
+    let frames = 0;
+    for (; performance.now() - start < 1000 * seconds; frames++) {
+        slider.value = 0.2 + 0.8 * Math.abs(Math.sin(frames / 9));
+        slider.dispatchEvent(new Event('input'));
+        await new Promise(requestAnimationFrame);
+    }
+    return 1000 * frames / (performance.now() - start);
+}"""
+
+
+def missing() -> str:
+    """Why there is no browser to drive; empty where there is one."""
+    if shutil.which("chromium") is None:
+        return "no chromium; run tools/system-packages.sh PYTHON test"
+    try:
+        import playwright.sync_api  # noqa: F401
+    except ImportError:
+        return "no playwright; pip install volspec[test]"
+    return ""
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """The system's Chromium under Playwright, with a user-data folder of its own."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=_FLAGS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def saved(page: Any) -> NDArray[np.uint8]:
+    """What a page's PNG button saves."""
+    with page.expect_download() as download:
+        page.click("header .download")
+    data = Path(download.value.path()).read_bytes()
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+
+
+def apart(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
+    """Mean CIEDE2000 of two frames."""
+    assert one.shape == other.shape
+    Lab = [
+        cielab(sRGB_CURVE.decode(each / 255.0) @ k.XYZ_FROM_sRGB.T, k.DISPLAY_WHITE_XYZ)
+        for each in (one, other)
+    ]
+    return float(delta_E_2000(*Lab).mean())
+
+
+def figures() -> Iterator[Figure]:
+    """Sizes, colours under five lights beside the desktop's, frames a second."""
+    if why := missing():
+        yield Figure("page", None, note=why)
+        return
+    scene = Scene.load(asset("data/scenes/engine.toml"))
+    views = list(scene_views(scene, CAST))
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        path = Path(folder)
+        one = _written(path / "8.html", scene, views[:1], 8)
+        many = _written(path / "turn.html", scene, views, 8)
+        turn = one + (many - one) / (CAST - 1) * (TURN - 1)
+        yield Figure("page/engine, 1 view", one / 1e6, 1.5, at_most=True, unit="MB")
+        yield Figure(f"page/engine, {TURN} views", turn / 1e6, 25.0, at_most=True, unit="MB")
+        _written(path / "12.html", scene, views[:1], 12)
+        for bits, asked in ((8, 0.8), (12, 0.3)):
+            page = browser.new_page()
+            worst = _worst(page, path / f"{bits}.html", scene, views[0])
+            yield Figure(f"page/{bits} bits, worst light", worst, asked, at_most=True, unit="ΔE")
+            if bits == 8:
+                rate = page.evaluate(_DRAG, 4.0)
+                yield Figure("page/light dragged, frames a second", rate, 20.0, unit="/s")
+            page.close()
+
+
+def _written(path: Path, scene: Scene, views: list[PageView], bits: int) -> int:
+    return write_page(path, views, scene.lights, scene.relight, PageSpec("Engine", bits=bits))
+
+
+def _worst(page: Any, path: Path, scene: Scene, view: PageView) -> float:
+    """The greatest mean CIEDE2000 between page and desktop over the scene's lights."""
+    page.goto(path.as_uri())
+    page.wait_for_selector("html.ready", state="attached")
+    seen, found = scene.relight, []
+    with Relighter(view.image) as relighter:
+        for i, light in enumerate(scene.lights):
+            page.click(f"#light-list li:nth-child({i + 1}) .light-name")
+            page.wait_for_timeout(200)
+            frame = relighter.frame(light.rig, seen.viewing, seen.mode, seen.backdrop, seen.level)
+            found.append(apart(saved(page), frame))
+    return max(found)
+
+
+if __name__ == "__main__":
+    print(report(list(figures())))

@@ -1,0 +1,104 @@
+"""What goes into a page, and what is refused, without a browser."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec.cli import main
+from volspec.errors import ImageError, ShapeError, ViewingError, VolspecWarning
+from volspec.export.page import PageSpec, PageView, page_html, write_page
+from volspec.export.page.channels import predicted, residual_bytes
+from volspec.raycast import CoefficientImage
+from volspec.relight import RelightSpec
+from volspec.scene import Scene
+from volspec.spectra import reflectance
+
+
+def test_edges_predict_from_the_neighbours_that_there_are() -> None:
+    plane = np.array([[5, 7, 9], [6, 1, 4]])
+    # West along the first row, north down the first column; else the median of three.
+    assert predicted(plane).tolist() == [[0, 5, 7], [5, 7, 3]]
+
+
+def test_a_plane_like_the_one_before_costs_nothing() -> None:
+    plane = np.arange(12).reshape(3, 4)
+    data = residual_bytes(np.stack([plane, plane + 3], axis=-1), 8)
+    assert len(data) == 24 and data[12] == 3 and not any(data[13:])
+
+
+def test_twelve_bits_are_written_high_bytes_first() -> None:
+    codes = np.full((1, 2, 1), 0x3A5)
+    assert residual_bytes(codes, 12) == bytes([0x03, 0x00, 0xA5, 0x00])
+
+
+def test_a_page_is_one_file_of_the_size_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = Path(__file__).resolve().parents[2] / "data" / "scenes" / "engine.toml"
+    out = tmp_path / "engine.html"
+    words = ["page", str(scene), "-o", str(out), "--views", "3", "--size", "48x32"]
+    with pytest.raises(SystemExit) as ended:
+        main([*words, "--light", "planck:2000", "--title", "Around"])
+    assert ended.value.code == 0
+    assert "3 views" in capsys.readouterr().out
+    text = out.read_text(encoding="utf-8")
+    assert text.count('type="text/plain" id="view-') == 3
+    assert "<title>Around</title>" in text and '"width":48,"height":32' in text
+    assert "planck:2000" in text and "http://" not in text.replace("http://www.w3.org/", "")
+    assert list(tmp_path.iterdir()) == [out]
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["-o", "page.txt"], 1, "name it .html"),
+        (["-o", "p.html", "--bits", "7"], 2, "7 bits; give 8 to 12"),
+        (["-o", "p.html", "--views", "0"], 2, "0 views; give 1 to 360"),
+    ],
+)
+def test_what_no_page_can_be_is_refused_in_a_line(
+    capsys: pytest.CaptureFixture[str], words: list[str], code: int, said: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["page", "scene.toml", *words])
+    assert ended.value.code == code
+    assert said in capsys.readouterr().err
+
+
+def test_pages_need_a_view_a_light_and_views_alike(
+    engine_scene: Scene, engine_image: CoefficientImage
+) -> None:
+    view, lights = PageView(engine_image), engine_scene.lights
+    with pytest.raises(ImageError, match="no light"):
+        page_html([view], [])
+    with pytest.raises(ImageError, match="no view"):
+        page_html([], lights)
+    cut = replace(
+        engine_image,
+        coefficients=engine_image.coefficients[:40],
+        alpha=engine_image.alpha[:40],
+        depth_mm=engine_image.depth_mm[:40],
+        first_mm=None,
+    )
+    with pytest.raises(ShapeError, match="view 2 is"):
+        page_html([view, PageView(cut)], lights)
+    with pytest.raises(ViewingError, match="backdrop is a spectrum"):
+        page_html([view], lights, RelightSpec(backdrop=reflectance("copper")))
+    with pytest.raises(ImageError, match="bits are 16"):
+        PageSpec(bits=16)
+    with pytest.raises(ImageError, match=r"name it \.html"):
+        write_page("page.exr", [view], lights)
+
+
+def test_a_model_without_a_closed_form_is_replaced_with_a_word(
+    engine_scene: Scene, engine_image: CoefficientImage
+) -> None:
+    viewing = replace(engine_scene.relight.viewing, model="Hunt")
+    seen = replace(engine_scene.relight, viewing=viewing)
+    with pytest.warns(VolspecWarning, match="Hunt has no closed form.*opens with CIECAM02"):
+        text = page_html([PageView(engine_image)], engine_scene.lights, seen)
+    assert '"model":"CIECAM02"' in text

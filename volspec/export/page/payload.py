@@ -1,0 +1,227 @@
+"""What a page is told beside its channels: lights, basis, viewing, constants, shaders; all JSON.
+
+    lights, basis, RelightSpec -> [payload] -> web/*.js
+
+Spectra stay spectra: the page mixes them and works out matrices and white as the desktop does, so
+that any weights, model and surround can be had. Two models without a closed form are left out.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sources import assemble
+from volspec.appearance import constants as k
+from volspec.appearance.adaptation import ADAPTATIONS, guth, von_kries
+from volspec.appearance.adaptation.base import CONES_FROM_XYZ
+from volspec.appearance.live import CLOSED
+from volspec.appearance.models import rlab
+from volspec.appearance.screen import Screen
+from volspec.appearance.spaces import SPACES
+from volspec.appearance.spec import SURROUND_RATIOS, SURROUNDS, Display, Viewing
+from volspec.appearance.wavelengths import spectrum_colours
+from volspec.basis import MODES, MaterialBasis
+from volspec.basis.stored import Basis
+from volspec.errors import ViewingError, VolspecWarning
+from volspec.relight import ErrorMap, RelightSpec
+from volspec.relight.packed import layer_count
+from volspec.relight.programs import picture_constants
+from volspec.relight.uniforms import screen_uniforms
+from volspec.scene.lights import NamedLight
+from volspec.spectra import SpectralGrid, Spectrum
+from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.photometry import illuminance_lux
+from volspec.spectra.values import light_power
+
+_GLSL = "300 es"
+_HEATS = 129
+# Of volspec.appearance.constants, what web/*.js computes with.
+_CONSTANTS = (
+    *("CAT02_FROM_XYZ", "CAT16_FROM_XYZ", "HPE_FROM_XYZ", "HPE_FROM_CAT02", "RESPONSE_POLE"),
+    *("RESPONSE_HALF", "RESPONSE_POWER", "RESPONSE_NOISE", "RESPONSE_LIMIT", "ACHROMATIC"),
+    *("ACHROMATIC_NOISE", "OPPONENT_A", "OPPONENT_B", "CHROMA_SUM", "CHROMA_POWER"),
+    *("CHROMA_FLOOR", "ECCENTRICITY_SCALE", "ECCENTRICITY_OFFSET"),
+)
+
+
+def constants() -> dict[str, Any]:
+    """The numbers of adaptations and models, by the names that web/*.js reads."""
+    numbers = {name: _plain(getattr(k, name)) for name in _CONSTANTS}
+    names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
+    return numbers | {
+        "RGB_FROM_XYZ": _plain(SPACES["sRGB"].RGB_from_XYZ),
+        "CONES_FROM_XYZ": _plain(CONES_FROM_XYZ),
+        "RLAB_REFERENCE": _plain(rlab.REFERENCE_FROM_ADAPTED),
+        "adaptation_spaces": {name: _plain(m) for name, (m, _) in von_kries.SPACES.items()},
+        "guth": {
+            name: _plain(getattr(guth, name))
+            for name in ("GAIN", "NOISE", "POWER", "SIGMA", "ADAPTING")
+        },
+        "surrounds": [
+            {"name": name, "ratio": SURROUND_RATIOS[name], **SURROUNDS[name]._asdict()}
+            for name in names
+        ],
+    }
+
+
+def basis_numbers(basis: Basis) -> dict[str, Any]:
+    """What takes spectra to channels and channels to XYZ; matrices as rows."""
+    Q = color_matching_functions(basis.grid, basis.observer_deg)
+    materials = isinstance(basis, MaterialBasis)
+    synthesis = basis.synthesize(np.eye(basis.size)).T
+    return {
+        "kind": "materials" if materials else "spectral",
+        "Q": _plain(Q),
+        "analysis": None if isinstance(basis, MaterialBasis) else _plain(basis.analysis),
+        "synthesis": _plain(synthesis),
+        "D": None if isinstance(basis, MaterialBasis) else _plain(basis.XYZ_from_channels),
+        "wavelengths_nm": _plain(basis.grid.wavelengths_nm),
+        "colours": _css(spectrum_colours(basis.grid.wavelengths_nm)),
+    }
+
+
+def light_numbers(light: NamedLight, grid: SpectralGrid) -> dict[str, Any]:
+    """A light setting: name, label and what shines."""
+    rig = light.rig
+    parts = []
+    for j, spectrum in enumerate(rig.lights):
+        power = light_power(spectrum, grid)
+        lux = None if rig.illuminance_lux is None else rig.illuminance_lux[j]
+        parts.append(
+            {
+                "power": _plain(power),
+                "weight": rig.weights[j],
+                "lux": lux,
+                # What the power itself would give, were it W / (m² nm).
+                "unit_lux": illuminance_lux(Spectrum(grid.wavelengths_nm, power)),
+                "group": rig.groups[j],
+            }
+        )
+    return {"name": light.name, "label": light.label, "parts": parts}
+
+
+def look_numbers(seen: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, Any]:
+    """How the page looks when it is opened.
+
+    Raises
+    ------
+    ViewingError
+        If the backdrop is a spectrum, which pages do not have.
+    """
+    viewing = seen.viewing
+    if isinstance(seen.backdrop, Spectrum):
+        raise ViewingError("page: the backdrop is a spectrum; give a reflectance 0 to 1")
+    model = viewing.model
+    if model not in CLOSED and model not in ADAPTATIONS:
+        model = "CIECAM02"
+        _say(f"{viewing.model} has no closed form, which a page needs; it opens with {model}")
+    if viewing.adapting != "given":
+        _say("a page measures no Y_b and L_A in its picture; it opens with those given")
+    if viewing.display.space != "sRGB":
+        _say("a page is made for sRGB, whatever the scene's display")
+    return {
+        "weights": [1.0] + [0.0] * (len(lights) - 1),
+        "solo": -1,
+        "model": model,
+        "lux": viewing.illuminance_lux,
+        "L_A": viewing.L_A,
+        "Y_b": viewing.Y_b,
+        "surround": _ratio(viewing.surround),
+        "D": viewing.D,
+        "discount": viewing.discount,
+        "exposure": viewing.exposure,
+        "backdrop": float(seen.backdrop),
+        "mode": seen.mode,
+        "level": seen.level,
+        "gamut": viewing.display.gamut,
+        "mark": viewing.display.mark,
+    }
+
+
+def page_viewing(viewing: Viewing) -> dict[str, Any]:
+    """The display and the room it stands in, and how its gamut is met; sRGB."""
+    display = viewing.display
+    seen = _srgb(display).conditions
+    return {
+        "display": {
+            "white": list(seen.white_XYZ),
+            "L_A": seen.L_A,
+            "Y_b": seen.Y_b,
+            "surround": _ratio(seen.surround),
+            "D": None,
+            "discount": False,
+        },
+        "gamut": {model: _gamut(display, model) for model in ("CIECAM02", "CAM16")},
+    }
+
+
+def shaders(channels: int, height: int) -> dict[str, str]:
+    """shaders/relight.frag and its vertex shader for WebGL 2, but for what forms compile in.
+
+    Parameters
+    ----------
+    channels : int
+        L·M, without the opacity.
+    height : int
+        The picture's, pixels.
+    """
+    fixed: dict[str, ArrayLike] = {
+        "LAYERS": layer_count(channels),
+        "IMAGE_HEIGHT": height,
+        "FIRST_ROW_AT_BOTTOM": 0,
+        **picture_constants(SPACES["sRGB"]),
+    }
+    lines = prelude(fixed, "glsl")
+    files = {"vertex": "shaders/fullscreen.vert", "fragment": "shaders/relight.frag"}
+    return {kind: assemble(file, lines, glsl_version=_GLSL).text for kind, file in files.items()}
+
+
+def heat_colours() -> list[list[int]]:
+    """The error map's colours from 0 to its top, at equal steps."""
+    shares = np.linspace(0.0, 1.0, _HEATS, dtype=np.float32)
+    scale = ErrorMap(shares[None, :] ** 2, np.ones((1, _HEATS), np.float32))
+    return [list(map(int, colour)) for colour in scale.heat(1.0)[0]]
+
+
+def models() -> dict[str, list[str]]:
+    """What the page offers, in two lists."""
+    return {"appearance": list(CLOSED), "adaptation": list(ADAPTATIONS), "modes": list(MODES)}
+
+
+def _gamut(display: Display, model: str) -> dict[str, Any] | None:
+    """Uniforms of shaders/include/gamut.glsl; None where no grey can be shown."""
+    try:
+        screen = Screen.of(_srgb(display, gamut="reduce"), model)
+    except ViewingError:
+        return None
+    return {name: values.tolist() for name, values in screen_uniforms(screen).items()}
+
+
+def _srgb(display: Display, gamut: str = "clip") -> Display:
+    room = (display.L_A, display.Y_b, display.surround)
+    return Display(*room, gamut=gamut, white_cd_m2=display.white_cd_m2)
+
+
+def _ratio(surround: str | float) -> float:
+    ratio = SURROUND_RATIOS[surround] if isinstance(surround, str) else float(surround)
+    return min(ratio, max(SURROUND_RATIOS.values()))
+
+
+def _css(colours: ArrayLike) -> list[str]:
+    codes = np.clip(np.rint(np.asarray(colours) * 255), 0, 255).astype(int)
+    return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in codes]
+
+
+def _plain(values: ArrayLike) -> Any:
+    """Lists of numbers, every digit kept."""
+    return np.asarray(values, dtype=np.float64).tolist()
+
+
+def _say(what: str) -> None:
+    warnings.warn(f"page: {what}", VolspecWarning, stacklevel=4)

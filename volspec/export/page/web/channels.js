@@ -1,0 +1,93 @@
+// A view's channels: from the text in the page to the texels that the shader reads.
+//
+//     base64 -> deflate -> residuals -> codes -> half floats, four channels to a layer
+//
+// Undoes volspec/export/page/channels.py, which says how values became codes.
+
+function bytesOf(base64) {
+  const text = atob(base64.trim()), bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return bytes;
+}
+
+async function inflated(bytes) {
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+const singles = new Float32Array(1), bitsOfSingle = new Uint32Array(singles.buffer);
+
+// The nearest half float's bits; what is too small becomes 0, what is too large the largest.
+function halfOf(x) {
+  singles[0] = clamped(x, -65504, 65504);
+  const bits = bitsOfSingle[0], sign = (bits >>> 16) & 0x8000;
+  const exponent = ((bits >>> 23) & 0xff) - 112, mantissa = bits & 0x7fffff;
+  if (exponent <= 0) {
+    if (exponent < -10) return sign;
+    return sign | Math.round((mantissa | 0x800000) / 2 ** (14 - exponent));
+  }
+  return sign | Math.min((exponent << 10) + Math.round(mantissa / 8192), 0x7bff);
+}
+
+function fromHalf(bits) {
+  const exponent = (bits >> 10) & 31, mantissa = bits & 1023, sign = bits & 0x8000 ? -1 : 1;
+  return sign * (exponent ? 2 ** (exponent - 15) * (1 + mantissa / 1024) : mantissa / 2 ** 24);
+}
+
+// Half floats by code: values are the squares, with their sign, of equal steps.
+function halvesByCode(low, high, bits) {
+  const last = 2 ** bits - 1;
+  return Uint16Array.from({ length: last + 1 }, (_, code) => {
+    const root = low + code * (high - low) / last;
+    return halfOf(Math.sign(root) * root * root);
+  });
+}
+
+// Adds a plane's residuals to what its neighbours predict; leaves differences of codes in `plane`.
+function unpredicted(residuals, plane, before, width, mask) {
+  for (let at = 0, x = 0; at < plane.length; at++, x = x + 1 === width ? 0 : x + 1) {
+    // At the edges all neighbours are the one that there is.
+    let north = at < width ? 0 : plane[at - width], west = north, corner = north;
+    if (x > 0) {
+      west = plane[at - 1];
+      if (at < width) north = corner = west; else corner = plane[at - width - 1];
+    }
+    const high = west > north ? west : north, low = west > north ? north : west;
+    const guess = corner >= high ? low : corner <= low ? high : west + north - corner;
+    const code = (before[at] + guess + residuals[at]) & mask;
+    plane[at] = code - before[at];
+    before[at] = code;
+  }
+}
+
+// A plane's residuals; above 8 bits their high bytes stand before their low ones.
+function residualsOf(bytes, start, pixels, wide) {
+  if (!wide) return bytes.subarray(start, start + pixels);
+  const low = start + pixels;
+  return Uint16Array.from(
+    { length: pixels }, (_, at) => (bytes[start + at] << 8) | bytes[low + at]);
+}
+
+// Uint16 halves, layer after layer of RGBA texels: what texSubImage3D takes.
+async function texelsOf(text, view, { width, height, count, bits }) {
+  const bytes = await inflated(bytesOf(text));
+  const pixels = width * height, layers = Math.ceil(count / 4), wide = bits > 8;
+  if (bytes.length !== pixels * count * (wide ? 2 : 1)) throw new Error('the channels are cut off');
+  const texels = new Uint16Array(layers * pixels * 4);
+  const codes = new Int32Array(pixels), plane = new Int32Array(pixels);
+  for (let channel = 0; channel < count; channel++) {
+    const start = channel * pixels * (wide ? 2 : 1);
+    unpredicted(residualsOf(bytes, start, pixels, wide), plane, codes, width, 2 ** bits - 1);
+    const halves = halvesByCode(view.low[channel], view.high[channel], bits);
+    const offset = (channel >> 2) * pixels * 4 + (channel & 3);
+    for (let at = 0; at < pixels; at++) texels[offset + 4 * at] = halves[codes[at]];
+  }
+  return texels;
+}
+
+// The channels of one pixel, opacity the last.
+function channelsAt(texels, { width, height, count }, x, y) {
+  const pixels = width * height, at = 4 * (y * width + x);
+  return Array.from({ length: count }, (_, channel) => (
+    fromHalf(texels[(channel >> 2) * pixels * 4 + at + (channel & 3)])));
+}

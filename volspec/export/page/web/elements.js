@@ -1,0 +1,56 @@
+// Making and filling elements. Text goes in as text, never as markup.
+
+const SVG = 'http://www.w3.org/2000/svg';
+
+function filled(node, attributes, children) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith('on')) node.addEventListener(name.slice(2), value);
+    else if (value === true) node.setAttribute(name, '');
+    else if (value !== null && value !== false) node.setAttribute(name, value);
+  }
+  node.append(...children);
+  return node;
+}
+
+const el = (tag, attributes = {}, ...children) => (
+  filled(document.createElement(tag), attributes, children));
+
+const svg = (tag, attributes = {}, ...children) => (
+  filled(document.createElementNS(SVG, tag), attributes, children));
+
+const byId = (id) => document.getElementById(id);
+
+// A user's words between others: marks that turn the writing direction end with them.
+const isolated = (words) => `\u2068${words}\u2069`;
+
+// Numbers as people read them: three digits, no exponent where it can be helped.
+function figures(x, digits = 3) {
+  if (x === 0) return '0';
+  const size = Math.floor(Math.log10(Math.abs(x)));
+  if (size < -4 || size > 6) return x.toExponential(digits - 1);
+  return x.toFixed(clamped(digits - 1 - size, 0, 6));
+}
+
+// Where the arrow keys lead, across and down.
+const ARROWS = {
+  ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1],
+};
+
+// Calls a function once before the next picture, however often it is asked for.
+function perFrame(call) {
+  let asked = false;
+  return () => {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(() => { asked = false; call(); });
+  };
+}
+
+// Calls a function when it has not been asked for a while.
+function whenQuiet(call, milliseconds) {
+  let timer = 0;
+  return () => {
+    clearTimeout(timer);
+    timer = setTimeout(call, milliseconds);
+  };
+}

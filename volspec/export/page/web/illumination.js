@@ -1,0 +1,131 @@
+// A light as what it does to a pixel: one 3 x L·M matrix, the white, the backdrop's colour.
+//
+//     e = Σ_j w_j A E_j
+//     XYZ = Σ_g D_g (e_g ∘ C_g) + (1 - alpha) XYZ_backdrop     componentwise
+//     XYZ = Σ_g P_E_g C_g       + (1 - alpha) XYZ_backdrop     exact
+//
+// Twin of volspec/relight/illumination.py, volspec/relight/spec.py (LightRig) and
+// volspec/basis/display.py; `basis` is what volspec/export/page/payload.py writes of a basis.
+
+const NO_COLOUR = 1e-3, LEAST_STRETCH = 0.5, MOST_STRETCH = 2;
+
+// The lights that shine, as parts {power, weight, lux, unit_lux, group}; null where all are off.
+// Lux count where every light that shines carries them.
+function rigOf(lights, weights) {
+  const lit = lights.map((light, i) => [light, weights[i]]).filter(([, weight]) => weight > 0);
+  if (!lit.length) return null;
+  const counted = lit.every(([light]) => light.parts.every((part) => part.lux !== null));
+  return lit.flatMap(([light, weight]) => light.parts.map((part) => ({
+    ...part, weight: part.weight * weight, lux: counted ? part.lux : null,
+  })));
+}
+
+// The sum of the parts' spectra; W / (m² nm) where they carry lux.
+function mixedPower(parts) {
+  const total = new Array(parts[0].power.length).fill(0);
+  for (const part of parts) {
+    const scale = part.weight * (part.lux === null ? 1 : part.lux / part.unit_lux);
+    part.power.forEach((E, k) => { total[k] += scale * E; });
+  }
+  return total;
+}
+
+// What a surface that faces every source gets: each part by its group's share.
+const facing = (parts, shares) => parts.map((part) => ({
+  ...part, weight: part.weight * (part.group ? shares[part.group] : 1),
+}));
+
+const shinesFrom = (parts, group) => {
+  const own = parts.filter((part) => part.group === '' || part.group === group);
+  return own.some((part) => part.weight * (part.lux === null ? 1 : part.lux) > 0) ? own : null;
+};
+
+// XYZ of the perfect diffuser, Y = 100.
+function whiteOf(basis, E) {
+  const Y = dot(basis.Q[1], E);
+  return basis.Q.map((row) => 100 * dot(row, E) / Y);
+}
+
+// A row in proportion to the channels' luminances, 1 for the diffuser.
+function luminousShare(luminous, channels, Y) {
+  const total = dot(luminous, channels), scale = Math.max(total, Y);
+  const most = Math.max(...channels.map(Math.abs));
+  const unit = channels.map((c) => c / most);
+  const missing = (1 - total / scale) / unit.reduce((sum, u, i) => sum + u * channels[i], 0);
+  return luminous.map((x, i) => x / scale + unit[i] * missing);
+}
+
+// Rows stretched, by two at most, until the matrix gives the white.
+function whiteExact(matrix, channels, white) {
+  const stretched = matrix.map((row, i) => {
+    const least = Math.max(white[i] / MOST_STRETCH, 1e-12);
+    const ratio = Math.max(white[i] / Math.max(dot(row, channels), least), LEAST_STRETCH);
+    return row.map((x) => x * ratio);
+  });
+  const share = luminousShare(stretched[1], channels, white[1]);
+  return stretched.map((row, i) => {
+    const rest = white[i] - dot(row, channels);
+    return row.map((x, k) => x + rest * share[k]);
+  });
+}
+
+// K with XYZ = K (e * c); what the light has nearly nothing of follows Y.
+function displayMatrix(D, e, E, Q) {
+  const flat = Q[1].reduce((sum, q) => sum + q, 0);
+  const kappa = 100 / dot(Q[1], E);
+  const white = Q.map((row) => kappa * dot(row, E));
+  const K = whiteExact(scaled(D, kappa * flat / 100), e, white);
+  const share = luminousShare(K[1], e, white[1]);
+  return K.map((row, i) => {
+    const trust = clamped(white[i] / (NO_COLOUR * white[1]), 0, 1);
+    return row.map((x, k) => trust * x + (1 - trust) * white[i] * share[k]);
+  });
+}
+
+// kappa Q diag(E) B: exact but for how well B holds the reflectances.
+function litMatrix(B, E, Q) {
+  const kappa = 100 / dot(Q[1], E);
+  return product(Q.map((row) => row.map((q, k) => kappa * q * E[k])), B);
+}
+
+// (3, m): channels to XYZ under a light of power E, Y = 100 for white.
+function colorMatrix(basis, E, mode) {
+  const { Q, analysis: A, synthesis: B, D } = basis;
+  if (basis.kind === 'materials') return litMatrix(B, E, Q);
+  const ones = new Array(B[0].length).fill(1);
+  if (mode === 'exact') return whiteExact(litMatrix(B, E, Q), ones, whiteOf(basis, E));
+  const e = applied(A, E);
+  if (mode === 'componentwise') {
+    return displayMatrix(D, e, E, Q).map((row) => row.map((x, k) => x * e[k]));
+  }
+  const R = product(A, scaledRows(B, applied(B, e)));
+  return displayMatrix(product(D, R), ones, E, Q);
+}
+
+// Everything the picture is told of its light. `look` gives mode, level, exposure, lux, backdrop.
+function illuminationOf(basis, shares, parts, look) {
+  const front = facing(parts, shares);
+  if (!front.some((part) => part.weight > 0)) return null;
+  const lux = front[0].lux === null
+    ? null : front.reduce((sum, part) => sum + part.weight * part.lux, 0);
+  const power = mixedPower(front), white = whiteOf(basis, power), V = basis.Q[1];
+  const gain = look.exposure * (look.level === 'absolute' ? lux / look.lux : 1);
+  const matrix = [[], [], []], dark = basis.synthesis[0].map(() => 0);
+  for (const group of Object.keys(shares)) {
+    const own = shinesFrom(parts, group);
+    const E = own && mixedPower(own);
+    // The basis scales to Y = 100 for the group alone; the white is that of the groups together.
+    const brightness = own && gain * dot(V, E) / dot(V, power);
+    const columns = own
+      ? scaled(colorMatrix(basis, E, look.mode), brightness) : matrix.map(() => dark);
+    matrix.forEach((row, i) => row.push(...columns[i]));
+  }
+  return { matrix, white, lux, gain, power, backdrop: white.map((x) => x * gain * look.backdrop) };
+}
+
+// XYZ of one pixel: its channels, and its opacity after them.
+function sceneXYZ(light, channels, alpha) {
+  return light.matrix.map((row, i) => (
+    row.reduce((sum, x, k) => sum + x * channels[k], 0) + (1 - alpha) * light.backdrop[i]
+  ));
+}

@@ -1,0 +1,230 @@
+// The page: its state, what is drawn of it, and when.
+//
+//     inputs -> edit, put -> state -> refresh -> picture, panels, address
+
+class App {
+  constructor(page) {
+    this.page = page;
+    this.state = readFrom(location.hash.slice(1), page);
+    this.decoded = new Map();
+    // What of it is unpacked and drawn.
+    this.texels = null;
+    this.shown = -1;
+    this.turning = false;
+    // The pixel under the mouse; the one that is kept is in the state.
+    this.hovered = null;
+    this.spoken = false;
+    this.relighter = new Relighter(byId('picture'), page);
+    this.refresh = perFrame(() => this.refreshed());
+    this.rememberLater = whenQuiet(() => this.remember(), 400);
+  }
+
+  // The side that the panel edits.
+  look() { return this.state.sides[this.state.compare ? this.state.edited : 0]; }
+
+  // Which side a share of the picture's width shows.
+  sideAt(share) { return this.state.compare && share >= this.state.divide ? 1 : 0; }
+
+  edit(change) {
+    const at = this.state.compare ? this.state.edited : 0;
+    this.put({ sides: this.state.sides.map((look, i) => (i === at ? change(look) : look)) });
+  }
+
+  put(changes) {
+    this.state = { ...this.state, ...changes };
+    this.refresh();
+    this.rememberLater();
+  }
+
+  // Put what is shown into the address.
+  remember() {
+    const words = written(this.state, this.page);
+    if (words === location.hash.slice(1)) return;
+    try {
+      history.replaceState(null, '', words ? `#${words}` : location.pathname);
+    } catch {
+      // A frame that its host has shut off has no address of its own; sharing still works.
+    }
+  }
+
+  lit(look) {
+    const parts = rigOf(this.page.lights, shining(look));
+    return parts && illuminationOf(this.page.basis, this.page.groups, parts, look);
+  }
+
+  // What a slider shows while the model has its own number: where an own one begins.
+  shownNumber(field) {
+    const input = byId(field);
+    return SCALES[input.dataset.scale ?? 'plain'].of(input.valueAsNumber);
+  }
+
+  // The pixel that is read: under the mouse, else the one that is kept.
+  get probe() { return this.hovered ?? this.state.probe; }
+
+  hover(pixel) {
+    this.hovered = pixel;
+    this.refresh();
+  }
+
+  // Show another view: while one is being unpacked only the last that is asked for waits.
+  async turnTo(view) {
+    if (view !== this.state.view) this.put({ view });
+    if (this.turning) return;
+    this.turning = true;
+    while (this.shown !== this.state.view) {
+      const next = this.state.view;
+      this.texels = await this.decode(next);
+      this.shown = next;
+      this.refresh();
+    }
+    this.turning = false;
+    const count = this.page.views.length;
+    for (const by of count > 2 ? [1, count - 1] : []) this.decode((this.shown + by) % count);
+  }
+
+  // A view's texels, decoded once while there is room.
+  decode(view) {
+    const { page, decoded } = this;
+    if (!decoded.has(view)) {
+      const made = texelsOf(byId(`view-${view}`).textContent, page.views[view], page.channels);
+      decoded.set(view, made);
+      const { width, height, count } = page.channels;
+      const bytes = decoded.size * width * height * Math.ceil(count / 4) * 8;
+      if (bytes > KEPT_BYTES && decoded.size > 3) {
+        decoded.delete(decoded.keys().next().value);
+      }
+    }
+    return decoded.get(view);
+  }
+
+  draw() {
+    const { state, page, relighter } = this;
+    if (!this.texels || relighter.gl.isContextLost()) return;
+    relighter.show(this.shown, this.texels);
+    const drawings = state.sides.map((look) => {
+      const light = this.lit(look);
+      return light && drawingOf(page, light, look);
+    });
+    const [left, right] = drawings, { divide } = state;
+    relighter.draw(state.compare
+      ? [{ drawing: left, from: 0, to: divide }, { drawing: right, from: divide, to: 1 }]
+      : [{ drawing: left, from: 0, to: 1 }]);
+  }
+
+  refreshed() {
+    try {
+      this.draw();
+    } catch (error) {
+      refuse(error);
+      return;
+    }
+    this.panels.forEach((panel) => panel());
+    this.stage.layOut();
+  }
+
+  async start() {
+    this.stage = new Stage(this);
+    fillHeatScale(this.page);
+    this.panels = [
+      lightsPanel, viewingPanel, errorsPanel, probePanel, comparing, labels,
+    ].map((panel) => panel(this));
+    sharing(this);
+    if (this.page.views.length > 1) turning(this);
+    await this.turnTo(this.state.view);
+    const { canvas } = this.relighter;
+    canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
+    canvas.addEventListener('webglcontextrestored', () => {
+      this.relighter.forget();
+      this.refresh();
+    });
+    window.addEventListener('hashchange', () => {
+      this.state = readFrom(location.hash.slice(1), this.page);
+      this.turnTo(this.state.view);
+      this.refresh();
+    });
+    byId('reset').addEventListener('click', () => {
+      this.stage.fit();
+      this.put(opened(this.page));
+      this.turnTo(0);
+    });
+    this.refreshed();
+    document.documentElement.classList.add('ready');
+  }
+}
+
+function comparing(app) {
+  // The second side begins as the first, and is the one to be changed.
+  byId('compare').addEventListener('change', ({ target: { checked } }) => {
+    const [first, second] = app.state.sides;
+    const sides = [first, checked ? first : second];
+    app.put({ compare: checked, sides, edited: checked ? 1 : 0 });
+  });
+  byId('divide').addEventListener('input', ({ target }) => (
+    app.put({ divide: target.valueAsNumber })));
+  byId('errors').addEventListener('change', ({ target }) => app.put({ errors: target.checked }));
+  const sides = [byId('side-a'), byId('side-b')];
+  sides.forEach((input, i) => input.addEventListener('change', () => app.put({ edited: i })));
+  return () => {
+    const { compare, edited, divide } = app.state;
+    byId('compare').checked = compare;
+    byId('compare-rows').hidden = !compare;
+    sides.forEach((input, i) => { input.checked = i === edited; });
+    byId('divide').value = divide;
+    byId('divide').setAttribute('aria-valuetext', `${Math.round(100 * divide)} % A`);
+    byId('edits').textContent = compare ? `Editing ${'AB'[edited]}` : '';
+  };
+}
+
+// What each side is, on the picture and for those who do not see it.
+function labels(app) {
+  const said = (look) => {
+    const model = look.model === 'none' ? 'no adaptation' : look.model;
+    return `${namesOf(app.page, look)} \u00b7 ${model}`;
+  };
+  return () => {
+    const { compare, sides } = app.state;
+    byId('label-a').textContent = (compare ? 'A: ' : '') + said(sides[0]);
+    byId('label-b').textContent = compare ? `B: ${said(sides[1])}` : '';
+    byId('label-b').hidden = !compare;
+    byId('picture').setAttribute('aria-label', `${isolated(app.page.title)} under ${said(sides[0])}`
+      + (compare ? `, beside ${said(sides[1])}` : ''));
+  };
+}
+
+function turning(app) {
+  const input = byId('view'), output = byId('view-read');
+  byId('view-row').hidden = false;
+  input.max = app.page.views.length - 1;
+  input.addEventListener('input', () => app.turnTo(input.valueAsNumber));
+  app.panels.push(() => {
+    input.value = app.state.view;
+    output.textContent = `${Math.round(app.page.views[app.state.view].azimuth_deg)}\u00b0`;
+    input.setAttribute('aria-valuetext', output.textContent);
+  });
+}
+
+// The still picture stays, with the reason beside it.
+function refuse(error) {
+  const reason = error instanceof Refused
+    ? error.message : `The picture cannot be relit: ${error.message}.`;
+  byId('notice').textContent = `${reason} You see a still picture.`;
+  byId('notice').hidden = false;
+  byId('controls').disabled = true;
+  document.documentElement.classList.remove('ready');
+  document.documentElement.classList.add('still');
+}
+
+async function open() {
+  const page = JSON.parse(byId('numbers').textContent);
+  try {
+    if (!('DecompressionStream' in window)) {
+      throw new Refused('This browser is too old to unpack the picture.');
+    }
+    await new App(page).start();
+  } catch (error) {
+    refuse(error);
+    if (!(error instanceof Refused)) throw error;
+  }
+}
+
+open();

@@ -1,0 +1,59 @@
+// What the pixel under the pointer is: XYZ, look, error, and the spectrum that comes from it.
+//
+// Twin of volspec/viewer/reading.py.
+
+function probePanel(app) {
+  const card = byId('probe'), rows = byId('probe-rows'), drawing = byId('probe-spectrum');
+  const say = whenQuiet(() => {
+    byId('probe-said').textContent = app.probe ? inWords(readAt(app)) : '';
+  }, 350);
+  return () => {
+    const reading = app.probe && app.texels ? readAt(app) : null;
+    card.hidden = !reading;
+    if (!reading) return;
+    rows.replaceChildren(...reading.rows.flatMap(([name, value, minor = false]) => {
+      const how = { class: minor && 'minor' };
+      return [el('dt', how, name), el('dd', how, value)];
+    }));
+    const { light, reflected } = reading, box = { width: 200, height: 64, line: light };
+    drawing.replaceChildren(reflected ? spectrumBars(app.page.basis, reflected, 1.06, box) : '');
+    if (app.spoken) say();
+  };
+}
+
+const inWords = ({ rows }) => rows.map(([name, value]) => `${name} ${value}`).join('; ');
+
+function readAt(app) {
+  const { page, texels, probe: [x, y] } = app;
+  const channels = channelsAt(texels, page.channels, x, y), alpha = channels.pop();
+  const look = app.state.sides[app.sideAt((x + 0.5) / page.channels.width)], lit = app.lit(look);
+  const rows = [['Pixel', `${x}, ${y}`, true], ['Opacity', alpha.toFixed(2), true]];
+  if (!lit) return { rows };
+  const XYZ = sceneXYZ(lit, channels, alpha);
+  rows.push(['XYZ', XYZ.map((v) => v.toFixed(1)).join('  ')]);
+  const scene = sceneConditions(look, lit.white, lit.lux);
+  const seen = lookOf(page.constants, XYZ, scene, look.model);
+  rows.push(['J C h', seen
+    ? `${seen.J.toFixed(1)}  ${seen.C.toFixed(1)}  ${seen.h.toFixed(0)}\u00b0`
+    : 'not defined here']);
+  if (look.mode !== 'exact' && page.basis.kind === 'spectral') {
+    rows.push(['\u0394E exact', errorOf(page, look)(channels, alpha).toFixed(2)]);
+  }
+  return { rows, ...spectraAt(page, look, lit, channels, alpha) };
+}
+
+// The light, and what comes back of it, both 1 at the light's highest.
+function spectraAt(page, look, lit, channels, alpha) {
+  const parts = rigOf(page.lights, shining(look)), top = Math.max(...lit.power, 1e-12);
+  const back = lit.power.map((E) => (1 - alpha) * look.backdrop * E);
+  const size = page.basis.synthesis[0].length;
+  Object.keys(page.groups).forEach((group, i) => {
+    const own = shinesFrom(parts, group);
+    if (!own) return;
+    const E = mixedPower(own), layer = channels.slice(i * size, (i + 1) * size);
+    const S = applied(page.basis.synthesis, layer);
+    S.forEach((s, k) => { back[k] += E[k] * s; });
+  });
+  return {
+    light: lit.power.map((E) => E / top), reflected: back.map((v) => Math.max(v, 0) / top) };
+}

@@ -1,0 +1,181 @@
+// The picture on WebGL 2: shaders/relight.frag, the desktop's own, one pass a light change.
+//
+//     illumination, passage -> uniforms -> [relight] -> canvas
+//
+// Twin of volspec/relight/uniforms.py; a half-float texture of channels for each view.
+
+// Decoded views beyond this are made anew when they are turned to.
+const KEPT_BYTES = 256e6;
+
+class Refused extends Error {}
+
+// What one side of the picture is drawn with: uniforms by GLSL name, and what is compiled in.
+function drawingOf(page, light, look) {
+  const k = page.constants, channels = page.channels.count - 1;
+  const passage = passageOf(k, look, light.white, light.lux, page.display);
+  const columns = transposed(light.matrix);
+  columns[channels] = light.backdrop.map((x) => -x);
+  while (columns.length % 4) columns.push([0, 0, 0]);
+  const first = passage.form === 'LINEAR' ? passage.matrix : identity();
+  const uniforms = {
+    XYZ_from_layer: columns.flatMap((column) => applied(first, column)),
+    backdrop_XYZ: applied(first, light.backdrop),
+  };
+  const form = { FORM: passage.form, SAME_SURROUND: 0, OUTER: 0, FIELD: 0, CHECKED: 0 };
+  if (passage.form !== 'LINEAR') {
+    uniforms['passage.response_from_XYZ'] = transposed(passage.response_from_XYZ).flat();
+    uniforms['passage.linear_from_response'] = transposed(
+      product(k.RGB_FROM_XYZ, passage.XYZ_from_response)).flat();
+  }
+  let names = [];
+  if (passage.form === 'CURVE') {
+    form.OUTER = passage.outer.some((x) => x !== 1) ? 1 : 0;
+    names = ['gain', 'power', 'shift', 'offset', ...(form.OUTER ? ['outer'] : [])];
+  } else if (passage.form === 'CAM') {
+    const near = (x) => Math.abs(x - 1) < 1e-7;
+    form.SAME_SURROUND = near(passage.lightness_power) && near(passage.chroma_gain) ? 1 : 0;
+    names = ['scene_achromatic', 'display_achromatic'];
+    if (!form.SAME_SURROUND) names.push('lightness_power', 'chroma_gain');
+  }
+  for (const name of names) uniforms[`passage.${name}`] = [passage[name]].flat();
+  const eye = look.model === 'CAM16' ? 'CAM16' : 'CIECAM02';
+  const gamut = look.gamut === 'reduce' && page.gamut[eye];
+  if (gamut) Object.assign(uniforms, gamut);
+  return { uniforms, form: { ...form, REDUCE: gamut ? 1 : 0, MARK: look.mark ? 1 : 0 } };
+}
+
+class Relighter {
+  constructor(canvas, page) {
+    this.canvas = canvas;
+    this.page = page;
+    this.programs = new Map();
+    this.textures = new Map();
+    canvas.width = page.channels.width;
+    canvas.height = page.channels.height;
+    const options = { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: false };
+    this.gl = canvas.getContext('webgl2', options);
+    if (!this.gl) {
+      throw new Refused('This browser has no WebGL 2, so the light cannot be changed here.');
+    }
+    this.requireRoom();
+    this.gl.enable(this.gl.SCISSOR_TEST);
+  }
+
+  // Say what does not fit before the driver does.
+  requireRoom() {
+    const { gl, page: { channels } } = this, layers = Math.ceil(channels.count / 4);
+    const side = Math.max(channels.width, channels.height);
+    const most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
+    if (side > most) {
+      throw new Refused(`The picture is ${side} pixels long; this browser draws up to ${most}.`);
+    }
+    const room = Math.min(
+      gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS),
+      Math.floor((gl.getParameter(gl.MAX_FRAGMENT_UNIFORM_VECTORS) - 16) / 4));
+    if (layers > room) {
+      throw new Refused(
+        `The picture has ${channels.count} channels; this browser draws up to ${4 * room}.`);
+    }
+  }
+
+  // A program for what is compiled in; the `#define` lines follow the version's.
+  program(form) {
+    const { gl, page: { shader } } = this;
+    const lines = Object.entries(form)
+      .map(([name, value]) => `#define ${name} ${value}\n`).join('');
+    if (!this.programs.has(lines)) {
+      const program = gl.createProgram();
+      for (const name of ['vertex', 'fragment']) {
+        const text = shader[name], end = text.indexOf('\n') + 1;
+        const part = gl.createShader(gl[`${name.toUpperCase()}_SHADER`]);
+        gl.shaderSource(part, text.slice(0, end) + lines + text.slice(end));
+        gl.compileShader(part);
+        gl.attachShader(program, part);
+        if (!gl.getShaderParameter(part, gl.COMPILE_STATUS) && !gl.isContextLost()) {
+          throw new Refused(`This browser refuses the shader: ${gl.getShaderInfoLog(part)}`);
+        }
+      }
+      gl.linkProgram(program);
+      if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
+        throw new Refused(`This browser refuses the shader: ${gl.getProgramInfoLog(program)}`);
+      }
+      this.programs.set(lines, { program, setters: this.settersOf(program) });
+    }
+    return this.programs.get(lines);
+  }
+
+  // How each uniform of a program is set, by its name.
+  settersOf(program) {
+    const { gl } = this, setters = new Map();
+    const calls = {
+      [gl.FLOAT]: (at, v) => gl.uniform1fv(at, v), [gl.FLOAT_VEC2]: (at, v) => gl.uniform2fv(at, v),
+      [gl.FLOAT_VEC3]: (at, v) => gl.uniform3fv(at, v),
+      [gl.FLOAT_MAT3]: (at, v) => gl.uniformMatrix3fv(at, false, v),
+      [gl.FLOAT_MAT4x3]: (at, v) => gl.uniformMatrix4x3fv(at, false, v),
+    };
+    for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); i++) {
+      const { name, type } = gl.getActiveUniform(program, i);
+      if (!(type in calls)) continue;
+      const at = gl.getUniformLocation(program, name);
+      setters.set(name.replace('[0]', ''), (values) => calls[type](at, values));
+    }
+    return setters;
+  }
+
+  // Upload a view's texels, unless the device has them; the view longest unseen makes room.
+  show(view, texels) {
+    const { gl, page: { channels: { width, height } } } = this;
+    const layers = texels.length / (4 * width * height);
+    if (!this.textures.has(view)) {
+      if ((this.textures.size + 1) * texels.byteLength > KEPT_BYTES && this.textures.size) {
+        const [oldest] = this.textures.keys();
+        gl.deleteTexture(this.textures.get(oldest));
+        this.textures.delete(oldest);
+      }
+      const texture = gl.createTexture();
+      gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+      gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA16F, width, height, layers);
+      gl.texSubImage3D(
+        gl.TEXTURE_2D_ARRAY, 0, 0, 0, 0, width, height, layers, gl.RGBA, gl.HALF_FLOAT, texels);
+      for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
+        gl.texParameteri(gl.TEXTURE_2D_ARRAY, side, gl.NEAREST);
+      }
+      if (gl.getError() === gl.OUT_OF_MEMORY) {
+        throw new Refused('This browser has no room for the picture.');
+      }
+      this.textures.set(view, texture);
+    }
+    const texture = this.textures.get(view);
+    this.textures.delete(view);
+    this.textures.set(view, texture);
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+  }
+
+  // Draw sides next to each other: [{drawing, from, to}], shares of the width. A null one is dark.
+  draw(sides) {
+    const { gl, canvas: { width, height } } = this;
+    gl.viewport(0, 0, width, height);
+    for (const { drawing, from, to } of sides) {
+      const left = Math.round(from * width);
+      gl.scissor(left, 0, Math.round(to * width) - left, height);
+      if (!drawing) {
+        gl.clearColor(0, 0, 0, 1);
+        gl.clear(gl.COLOR_BUFFER_BIT);
+        continue;
+      }
+      const { program, setters } = this.program(drawing.form);
+      gl.useProgram(program);
+      for (const [name, values] of Object.entries(drawing.uniforms)) {
+        setters.get(name)?.(new Float32Array(values));
+      }
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+  }
+
+  // Everything on the device is gone after the browser took it away.
+  forget() {
+    this.programs.clear();
+    this.textures.clear();
+    this.gl.enable(this.gl.SCISSOR_TEST);
+  }
+}

@@ -1,0 +1,53 @@
+// Taking the picture along: its address, a frame for other pages, a PNG.
+
+const ENTITIES = { '&': '&amp;', '"': '&quot;', '<': '&lt;', '>': '&gt;' };
+
+const attribute = (text) => text.replace(/[&"<>]/g, (mark) => ENTITIES[mark]);
+
+// Where the page is: whole on a server, by its file's name on a disk, whose folders are nobody's.
+function addressOf() {
+  const { protocol, href, pathname, hash } = location;
+  return protocol.startsWith('http') ? href : (pathname.split('/').pop() || 'page.html') + hash;
+}
+
+const snippetOf = (page) => (
+  `<iframe src="${attribute(addressOf())}" title="${attribute(page.title)}" `
+  + 'width="100%" height="720" style="border:0" loading="lazy"></iframe>');
+
+function sharing(app) {
+  const dialog = byId('share-dialog'), link = byId('share-link'), snippet = byId('share-snippet');
+  byId('share').addEventListener('click', () => {
+    app.remember();
+    link.value = addressOf();
+    snippet.value = snippetOf(app.page);
+    dialog.showModal();
+  });
+  for (const [button, field] of [['copy-link', link], ['copy-snippet', snippet]]) {
+    byId(button).addEventListener('click', () => copy(field));
+  }
+  for (const button of document.querySelectorAll('.download')) {
+    button.addEventListener('click', () => download(app));
+  }
+}
+
+async function copy(field) {
+  field.select();
+  const said = byId('copy-said');
+  try {
+    await navigator.clipboard.writeText(field.value);
+    said.textContent = 'Copied.';
+  } catch {
+    said.textContent = 'Selected: copy it with Ctrl+C.';
+  }
+}
+
+// The picture as it is drawn, at its own size.
+function download(app) {
+  app.draw();
+  app.relighter.canvas.toBlob((blob) => {
+    const address = URL.createObjectURL(blob);
+    const words = app.page.title.match(/[A-Za-z0-9]+/g) ?? ['picture'];
+    el('a', { href: address, download: `${words.join('-')}.png` }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 10000);
+  }, 'image/png');
+}

@@ -1,0 +1,185 @@
+// The picture's place on the screen: zoom and pan, turning to other views, probe and divide.
+//
+// One finger or button turns (or pans where there is one view), two fingers pinch, the wheel zooms.
+
+const MOST_ZOOM = 40, NEAR_DIVIDE = 16, MOVED = 5;
+
+class Stage {
+  constructor(app) {
+    this.app = app;
+    this.port = byId('port');
+    this.frame = byId('frame');
+    this.place = { zoom: 1, x: 0, y: 0 };
+    this.pointers = new Map();
+    this.listen();
+  }
+
+  // Pixels of the screen for one of the picture's, and where its corner is.
+  get box() {
+    const { width, height } = this.app.page.channels, { clientWidth, clientHeight } = this.port;
+    const scale = Math.min(clientWidth / width, clientHeight / height) * this.place.zoom;
+    return {
+      scale, left: (clientWidth - width * scale) / 2 + this.place.x,
+      top: (clientHeight - height * scale) / 2 + this.place.y,
+    };
+  }
+
+  layOut() {
+    const { scale, left, top } = this.box, { app } = this, { width } = app.page.channels;
+    this.frame.style.transform = `translate(${left}px, ${top}px) scale(${scale})`;
+    this.frame.classList.toggle('coarse', scale >= 3);
+    // While it is all there a finger may scroll the page up and down.
+    this.port.style.touchAction = this.place.zoom > 1 ? 'none' : 'pan-y';
+    const divide = byId('divide-line'), at = left + app.state.divide * width * scale;
+    divide.hidden = !app.state.compare;
+    divide.style.transform = `translateX(${clamped(at, 0, this.port.clientWidth)}px)`;
+    const cross = byId('cross'), { probe } = app;
+    cross.hidden = !probe;
+    if (probe) {
+      const [x, y] = [left + (probe[0] + 0.5) * scale, top + (probe[1] + 0.5) * scale];
+      cross.style.transform = `translate(${x}px, ${y}px)`;
+    }
+    byId('zoom-out').disabled = byId('zoom-fit').disabled = this.place.zoom <= 1;
+  }
+
+  zoomed(factor, x = this.port.clientWidth / 2, y = this.port.clientHeight / 2) {
+    const before = this.box, zoom = clamped(this.place.zoom * factor, 1, MOST_ZOOM);
+    const grown = zoom / this.place.zoom;
+    this.place.zoom = zoom;
+    const after = this.box;
+    // What is under the fingers stays there.
+    this.moved(
+      x - grown * (x - before.left) - after.left, y - grown * (y - before.top) - after.top);
+  }
+
+  moved(dx, dy) {
+    const { place, port, app: { page: { channels } } } = this, { scale } = this.box;
+    const room = (size, shown) => Math.max((size * scale - shown) / 2, 0);
+    const across = room(channels.width, port.clientWidth);
+    const down = room(channels.height, port.clientHeight);
+    place.x = clamped(place.x + dx, -across, across);
+    place.y = clamped(place.y + dy, -down, down);
+    this.app.refresh();
+  }
+
+  fit() {
+    this.place = { zoom: 1, x: 0, y: 0 };
+    this.app.refresh();
+  }
+
+  // The pixel under a place of the port; null beside the picture.
+  pixelAt(x, y) {
+    const { scale, left, top } = this.box, { width, height } = this.app.page.channels;
+    const [i, j] = [Math.floor((x - left) / scale), Math.floor((y - top) / scale)];
+    return i >= 0 && j >= 0 && i < width && j < height ? [i, j] : null;
+  }
+
+  listen() {
+    const { port, app } = this;
+    port.addEventListener('pointerdown', (event) => this.pressed(event));
+    port.addEventListener('pointermove', (event) => this.dragged(event));
+    for (const end of ['pointerup', 'pointercancel']) {
+      port.addEventListener(end, (event) => this.released(event));
+    }
+    port.addEventListener('pointerleave', (event) => {
+      if (event.pointerType === 'mouse' && !this.pointers.size) app.hover(null);
+    });
+    port.addEventListener('wheel', (event) => {
+      // Inside another page the wheel scrolls that page, unless Ctrl is held.
+      if (window.parent !== window && !event.ctrlKey) return;
+      event.preventDefault();
+      const [x, y] = this.within(event);
+      this.zoomed(Math.exp(-clamped(event.deltaY, -120, 120) / 300), x, y);
+    }, { passive: false });
+    port.addEventListener('keydown', (event) => this.key(event));
+    new ResizeObserver(() => app.refresh()).observe(port);
+    byId('zoom-in').addEventListener('click', () => this.zoomed(1.5));
+    byId('zoom-out').addEventListener('click', () => this.zoomed(1 / 1.5));
+    byId('zoom-fit').addEventListener('click', () => this.fit());
+  }
+
+  within(event) {
+    const { left, top } = this.port.getBoundingClientRect();
+    return [event.clientX - left, event.clientY - top];
+  }
+
+  pressed(event) {
+    if (event.button === 2) return;
+    this.port.setPointerCapture(event.pointerId);
+    const at = this.within(event), { state, page } = this.app, { scale, left } = this.box;
+    const line = left + state.divide * page.channels.width * scale;
+    const turns = page.views.length > 1 && event.button === 0 && !event.shiftKey;
+    const divides = state.compare && Math.abs(at[0] - line) < NEAR_DIVIDE;
+    const task = divides ? 'divide' : turns ? 'turn' : 'pan';
+    this.pointers.set(event.pointerId, { at, from: at, task, view: state.view });
+  }
+
+  dragged(event) {
+    const at = this.within(event), held = this.pointers.get(event.pointerId), { app } = this;
+    if (!held) {
+      if (event.pointerType === 'mouse') this.hovered(at);
+      return;
+    }
+    const [dx, dy] = [at[0] - held.at[0], at[1] - held.at[1]];
+    if (this.pointers.size === 2) {
+      this.pinched(event.pointerId, at);
+    } else if (held.task === 'divide') {
+      const { scale, left } = this.box;
+      app.put({ divide: clamped((at[0] - left) / (app.page.channels.width * scale), 0, 1) });
+    } else if (held.task === 'turn') {
+      const count = app.page.views.length;
+      const steps = Math.round((held.from[0] - at[0]) / this.port.clientWidth * count);
+      app.turnTo((((held.view + steps) % count) + count) % count);
+    } else if (this.place.zoom > 1) {
+      this.moved(dx, dy);
+    }
+    held.at = at;
+  }
+
+  pinched(id, at) {
+    const held = this.pointers.get(id);
+    const [other] = [...this.pointers].filter(([key]) => key !== id).map(([, pointer]) => pointer);
+    const apart = (p) => Math.hypot(p[0] - other.at[0], p[1] - other.at[1]);
+    const [mx, my] = [(at[0] + other.at[0]) / 2, (at[1] + other.at[1]) / 2];
+    this.zoomed(apart(at) / Math.max(apart(held.at), 1), mx, my);
+    this.moved((at[0] - held.at[0]) / 2, (at[1] - held.at[1]) / 2);
+    other.task = held.task = 'pinch';
+  }
+
+  released(event) {
+    const held = this.pointers.get(event.pointerId);
+    this.pointers.delete(event.pointerId);
+    if (!held || held.task === 'pinch' || event.type === 'pointercancel') return;
+    const still = Math.hypot(held.at[0] - held.from[0], held.at[1] - held.from[1]) < MOVED;
+    // A tap or click keeps the pixel, beside the picture it lets go of it.
+    if (still && held.task !== 'divide') this.app.put({ probe: this.pixelAt(...held.at) });
+  }
+
+  hovered(at) {
+    this.app.spoken = false;
+    this.app.hover(this.pixelAt(...at));
+  }
+
+  key(event) {
+    const { app } = this, { width, height } = app.page.channels, count = app.page.views.length;
+    const step = event.shiftKey ? 10 : 1;
+    const way = ARROWS[event.key];
+    const calls = {
+      '+': () => this.zoomed(1.25),
+      '=': () => this.zoomed(1.25),
+      '-': () => this.zoomed(0.8),
+      0: () => this.fit(),
+      PageUp: () => app.turnTo((app.state.view + count - 1) % count),
+      PageDown: () => app.turnTo((app.state.view + 1) % count),
+      Escape: () => { app.hovered = null; app.put({ probe: null }); },
+    };
+    if (event.ctrlKey || event.metaKey || event.altKey || !(way || calls[event.key])) return;
+    event.preventDefault();
+    if (!way) return void calls[event.key]();
+    const [x, y] = app.probe ?? [Math.floor(width / 2) - way[0], Math.floor(height / 2) - way[1]];
+    app.spoken = true;
+    app.hovered = null;
+    const moved = [x + step * way[0], y + step * way[1]];
+    app.put({ probe: [clamped(moved[0], 0, width - 1), clamped(moved[1], 0, height - 1)] });
+  }
+}

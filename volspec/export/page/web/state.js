@@ -1,0 +1,97 @@
+// What is shown, as plain data, and its text after the # of the address.
+//
+// A look is one side of the picture: lights, eye, picture. Only what differs from how the page
+// opens is written. What comes in from an address may be anything: it is kept where it is valid.
+
+const within = (low, high) => ({
+  write: (x) => String(+x.toPrecision(6)),
+  read: (text) => {
+    const x = text.trim() === '' ? NaN : Number(text);
+    return x >= low && x <= high ? x : undefined;
+  },
+});
+
+const choice = (...words) => ({
+  write: (word) => word, read: (text) => (words.includes(text) ? text : undefined) });
+
+const orNone = (kind) => ({
+  write: (x) => (x === null ? 'own' : kind.write(x)),
+  read: (text) => (text === 'own' ? null : kind.read(text)),
+});
+
+const yesOrNo = { write: (x) => (x ? '1' : '0'), read: (text) => ({ 0: false, 1: true })[text] };
+
+const wholeNumber = (low, high) => ({
+  write: String,
+  read: (text) => (/^-?\d+$/.test(text) && +text >= low && +text <= high ? +text : undefined),
+});
+
+const numbers = (count, low, high) => ({
+  write: (list) => list.map(within(low, high).write).join(','),
+  read: (text) => {
+    const list = text.split(',').map(within(low, high).read);
+    return list.length === count && !list.includes(undefined) ? list : undefined;
+  },
+});
+
+function lookFields(page) {
+  const count = page.lights.length;
+  const known = [...page.models.appearance, ...page.models.adaptation];
+  const counted = page.lights.every((light) => light.parts.every((part) => part.lux !== null));
+  return {
+    weights: numbers(count, 0, 1), solo: wholeNumber(-1, count - 1), model: choice(...known),
+    lux: within(1e-6, 1e9), L_A: orNone(within(0, 1e9)), Y_b: within(0, 2000),
+    surround: within(0, 0.2), D: orNone(within(0, 1)), discount: yesOrNo,
+    exposure: within(1e-6, 1e6), backdrop: within(0, 1), mode: choice(...page.models.modes),
+    level: choice('relative', ...(counted ? ['absolute'] : [])),
+    gamut: choice('clip', ...(page.gamut.CIECAM02 && page.gamut.CAM16 ? ['reduce'] : [])),
+    mark: yesOrNo,
+  };
+}
+
+const desktopFields = (page) => ({
+  compare: yesOrNo, divide: within(0, 1), view: wholeNumber(0, page.views.length - 1),
+  errors: yesOrNo,
+  probe: orNone(numbers(2, 0, Math.max(page.channels.width, page.channels.height))),
+});
+
+// How a page opens: side A, side B the same, nothing compared.
+const opened = (page) => ({
+  sides: [page.look, page.look], edited: 0, compare: false, divide: 0.5, view: 0, errors: false,
+  probe: null,
+});
+
+function written(state, page) {
+  const first = opened(page), words = new URLSearchParams();
+  const add = (fields, prefix, now, then) => {
+    for (const [name, kind] of Object.entries(fields)) {
+      const text = kind.write(now[name]);
+      if (text !== kind.write(then[name])) words.set(prefix + name, text);
+    }
+  };
+  add(desktopFields(page), '', state, first);
+  add(lookFields(page), 'a.', state.sides[0], page.look);
+  if (state.compare) add(lookFields(page), 'b.', state.sides[1], page.look);
+  return words.toString().replaceAll('%2C', ',');
+}
+
+function readFrom(text, page) {
+  const state = opened(page), words = new URLSearchParams(text);
+  const take = (fields, prefix, onto) => {
+    const found = { ...onto };
+    for (const [name, kind] of Object.entries(fields)) {
+      const word = words.get(prefix + name);
+      const value = word === null ? undefined : kind.read(word);
+      if (value !== undefined) found[name] = value;
+    }
+    return found;
+  };
+  const sides = ['a.', 'b.'].map((prefix) => take(lookFields(page), prefix, page.look));
+  const { width, height } = page.channels;
+  const read = { ...take(desktopFields(page), '', state), sides };
+  if (read.probe) {
+    read.probe = [clamped(Math.floor(read.probe[0]), 0, width - 1),
+      clamped(Math.floor(read.probe[1]), 0, height - 1)];
+  }
+  return read;
+}
