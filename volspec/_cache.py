@@ -7,7 +7,9 @@ there, that another version wrote, that is damaged or cannot be written is no fa
 from __future__ import annotations
 
 import io
+import lzma
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -58,6 +60,9 @@ def kept(name: str, maker: str, make: Callable[[], Mapping[str, NDArray[Any]]]) 
     return arrays
 
 
+_DAMAGE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError)
+
+
 def _read(file: Path, maker: str) -> Arrays | None:
     """What that maker wrote; None where there is no such file, or it is damaged."""
     try:
@@ -65,7 +70,7 @@ def _read(file: Path, maker: str) -> Arrays | None:
             if archive.zip.testzip() is None and archive["maker"] == maker:
                 return {str(key): archive[key] for key in archive["keys"]}
     # RuntimeError: a damaged header may ask for a password, or for another compression.
-    except (OSError, EOFError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile):
+    except (OSError, EOFError, ValueError, KeyError, RuntimeError, *_DAMAGE):
         pass
     return None
 

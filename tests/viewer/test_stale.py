@@ -43,7 +43,6 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "seen": RelightSpec(backdrop=0.5),
         "other": state.lights,
         "divide": 0.25,
-        "error_map": True,
         "interface": Interface(dark=False),
         "kept": (LightState("State 1", state.lights, state.seen),),
         "fade": Fade(state.lights, state.seen, 1.0),

@@ -19,7 +19,10 @@ from volspec.basis.model import SpectralBasis
 from volspec.spectra import SpectralGrid, Spectrum, color_matching_functions
 
 # What the outcome of a fit hangs on, besides what is fitted.
-_SOURCES = ("basis/fit/*.py", "basis/model.py", "appearance/models/cielab.py", "spectra/values.py")
+_SOURCES = (
+    *("basis/fit/*.py", "basis/model.py", "basis/checks.py", "appearance/models/cielab.py"),
+    *("spectra/values.py", "spectra/spectrum.py", "spectra/grid.py"),
+)
 _MATRICES = ("analysis", "synthesis", "XYZ_from_channels")
 
 

@@ -59,6 +59,12 @@ _EDITS = (
     Action("copy-picture", "Edit", "Copy the picture", ("ctrl+c",)),
     Action("copy-values", "Edit", "Copy the values under the mouse", ("ctrl+shift+c",)),
 )
+_OVER = (
+    Action(
+        *("error-map", "View", "Error map", ("e",), _flipped("error_map")),
+        lambda s: s.interface.error_map,
+    ),
+)
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
     replace(_panel("Slices"), keys=("o",)),
@@ -78,6 +84,7 @@ ACTIONS: tuple[Action, ...] = (
     *_EDITS,
     *curve.ACTIONS,
     *camera.ACTIONS,
+    *_OVER,
     *lights.ACTIONS,
     *palette.ACTIONS,
     *_WINDOW,

@@ -131,7 +131,7 @@ class Screen:
     def heated(self, state: ViewState, held: bool) -> bool:
         """Have the error map made where it is wanted; whether a new one has come."""
         image = self.pictures.image
-        if state.error_map and not held and self._desk.whole and image is not None:
+        if state.interface.error_map and not held and self._desk.whole and image is not None:
             self._desk.heat = self._heat
             self._heat.want(image, state.lights, state.seen)
         return self._heat.take()

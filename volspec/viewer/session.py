@@ -28,6 +28,7 @@ from volspec.pipeline import Raycaster
 from volspec.scene.file import SceneFile
 from volspec.scene.resolve import Resolver
 from volspec.viewer.document import Document, histogram
+from volspec.viewer.priority import yielding
 from volspec.viewer.session_values import Reader, ValueFault, Writer
 from volspec.viewer.state import ViewState
 
@@ -196,7 +197,7 @@ def resumed(session: Session, device: str | None = None, cast: bool = True) -> V
     document = Document(
         **kept,
         volume=volume,
-        caster=Raycaster(volume, device=device) if cast else None,
+        caster=yielding(lambda: Raycaster(volume, device=device)) if cast else None,
         histogram=histogram(volume),
         file=file,
         path=session.path,

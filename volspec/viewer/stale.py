@@ -24,7 +24,6 @@ STAGES: dict[str, Stage] = {
     "seen": "relight",
     "other": "relight",
     "divide": "relight",
-    "error_map": "frame",
     "interface": "frame",
     "kept": "frame",
     "fade": "frame",

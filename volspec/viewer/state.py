@@ -39,6 +39,8 @@ class Interface:
         The row whose spectrum stands out.
     probe : bool
         Whether what is under the mouse is told.
+    error_map : bool
+        Whether it is laid over the picture.
     panels : set of str
         The panels that are open, by their titles.
     aids : Aids
@@ -57,6 +59,7 @@ class Interface:
     keys: bool = False
     light: int = 0
     probe: bool = True
+    error_map: bool = False
     panels: frozenset[str] = PANELS
     aids: Aids = field(default_factory=Aids)
     slices: Slices = field(default_factory=Slices)
@@ -88,8 +91,6 @@ class ViewState:
         The lights at the right of the divide, to compare with.
     divide : float
         Where that is, 0 to 1 of the picture's width.
-    error_map : bool
-        Whether it is laid over the picture.
     interface : Interface
     kept : tuple of LightState
         Lights that were saved under a name.
@@ -111,7 +112,6 @@ class ViewState:
     size: tuple[int, int] = (512, 512)
     other: Rows | None = None
     divide: float = 0.5
-    error_map: bool = False
     interface: Interface = field(default_factory=Interface)
     kept: tuple[LightState, ...] = ()
     fade: Fade | None = None

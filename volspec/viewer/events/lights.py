@@ -138,10 +138,6 @@ EVENTS: dict[str, Reducer] = {
 }
 
 
-def _error_map(state: ViewState) -> ViewState:
-    return replace(state, error_map=not state.error_map)
-
-
 def _mark(state: ViewState) -> ViewState:
     """Hatch what the display cannot show, or no longer."""
     seen = state.seen
@@ -159,7 +155,6 @@ ACTIONS = (
         _compare,
         lambda state: state.other is not None,
     ),
-    Action("error-map", "View", "Error map", ("e",), _error_map, lambda s: s.error_map),
     Action(
         *("mark", "View", "Mark what the display cannot show", ("m",), _mark),
         lambda s: s.seen.viewing.display.mark,

@@ -19,7 +19,7 @@ _WHITE = (1.0, 1.0, 1.0, 1.0)
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
     """Draw it."""
     heat = desk.heat
-    if heat is None or not state.error_map:
+    if heat is None or not state.interface.error_map:
         return None
     x, y, width, height = desk.areas["picture"]
     draw_list = imgui.get_background_draw_list()
