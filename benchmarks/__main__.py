@@ -12,6 +12,7 @@ from benchmarks import (
     cast,
     channels,
     edit,
+    export,
     gl_mapper,
     light,
     limits,
@@ -30,7 +31,7 @@ from volspec._gpu.opencl import Compute
 
 # Where VTK draws through GL, the windows that it opens end other contexts: those come last.
 MODULES = (
-    *(memory, channels, edit, shadows, palette, limits, models, picture),
+    *(memory, channels, edit, shadows, palette, limits, models, picture, export),
     *(cast, gl_mapper, light, viewer, webpage, session),
 )
 

@@ -13,7 +13,7 @@ from pydantic_core import PydanticUndefined
 
 from volspec import _tables as shared
 from volspec.pipeline import Relighter
-from volspec.scene import Scene, SceneFile, spectra, tables, transfer
+from volspec.scene import Scene, SceneFile, export, spectra, tables, transfer
 from volspec.scene import lights as light_tables
 from volspec.transfer import (
     Isosurfaces,
@@ -49,6 +49,13 @@ SECTIONS: dict[str, type[shared.Table]] = {
     "space": shared.SpaceTable,
     "transfer of a space": shared.CurveTable,
     "`[output]`": tables.OutputTable,
+    "`[export]`": export.ExportTable,
+    "turntable": export.TurntableTable,
+    "sweep": export.SweepTable,
+    "`[[keyframe]]`": export.KeyframeTable,
+    "camera of a keyframe": export.KeyCameraTable,
+    "transfer of a keyframe": export.KeyTransferTable,
+    "viewing of a keyframe": export.KeyViewingTable,
 }
 
 

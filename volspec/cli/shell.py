@@ -24,6 +24,7 @@ from rich.progress import (
     TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
+    TimeRemainingColumn,
 )
 from rich.table import Table
 from rich.text import Text
@@ -62,14 +63,18 @@ def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
 
 
 class bar:
-    """A progress bar on stderr with one line a step; silent when asked, gone after an error."""
+    """A progress bar on stderr with one line a step; silent when asked, gone after an error.
 
-    def __init__(self, quiet: bool = False) -> None:
+    ``left`` adds the time that is left, for steps that take long.
+    """
+
+    def __init__(self, quiet: bool = False, left: bool = False) -> None:
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             TaskProgressColumn(),
             TimeElapsedColumn(),
+            *((TextColumn("left"), TimeRemainingColumn()) if left else ()),
             console=Console(stderr=True),
             disable=quiet,
         )

@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from volspec._tables import Table
 from volspec.errors import nearest
 from volspec.raycast import RaycastSpec
+from volspec.scene.export import ExportTable, KeyframeTable, check_export
 from volspec.scene.lights import GroupTable, LightTable, rows_by_name
 from volspec.scene.tables import (
     BasisTable,
@@ -54,6 +55,10 @@ class SceneFile(Table):
     """The eye, and what the picture is made for."""
     output: OutputTable = OutputTable()
     """The picture's size."""
+    export: ExportTable = ExportTable()
+    """Frames for `volspec export`."""
+    keyframe: list[KeyframeTable] = Field(default_factory=list)
+    """What holds at a time of an exported film."""
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> SceneFile:
@@ -96,6 +101,12 @@ class SceneFile(Table):
                     f"material.{i}.filter: only [transfer] points absorb by wavelength, not "
                     f"{self.transfer.kind}; leave it out"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_exported(self) -> SceneFile:
+        lights = list(rows_by_name(self.light))
+        check_export(self.export, self.keyframe, lights, self.camera.position_mm is None)
         return self
 
 

@@ -9,11 +9,18 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from copy import copy
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
-from volspec.errors import ImageError
+from pydantic import ValidationError
+
+from volspec._tables import explained
+from volspec._tables.written import plain
+from volspec.errors import ImageError, SceneError
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.bands import Cancel, Progress
@@ -190,3 +197,68 @@ class Scene:
                 caster=caster,
                 notes={"scene": self.file.title, "viewing": self.viewing.model_dump_json()},
             )
+
+    def exporting(self, **changes: Any) -> Scene:
+        """The scene with other settings of ``[export]``; None takes one out.
+
+        Raises
+        ------
+        SceneError
+            If one is unknown or wrong; the message names it.
+        """
+        told = {key: value for key, value in changes.items() if value is not None}
+        kept = {key: v for key, v in plain(self.file.export).items() if key not in changes}
+        try:
+            file = SceneFile.model_validate({**plain(self.file), "export": {**kept, **told}})
+        except ValidationError as error:
+            raise SceneError(f"{self.path}: {explained(error, SceneFile)}") from error
+        scene = copy(self)
+        scene.file = file
+        return scene
+
+    def export(
+        self,
+        output: str | os.PathLike[str],
+        *,
+        size: tuple[int, int] | None = None,
+        overwrite: bool = False,
+        device: str | None = None,
+        tell: Callable[[str, float], object] | None = None,
+        volume: Volume | None = None,
+        caster: Raycaster | None = None,
+        **changes: Any,
+    ) -> Any:
+        """Export re-lit frames, or a film; see docs/export.md.
+
+        Parameters
+        ----------
+        output : path
+            A folder; or a film, ``.mp4``, ``.webm`` or ``.gif``.
+        size, overwrite, device, tell, volume, caster
+            As `volspec.export.run.export_scene`.
+        **changes
+            Keys of ``[export]`` in place of the file's, such as ``turntable={"frames": 36}``.
+
+        Returns
+        -------
+        volspec.export.run.Exported
+
+        Raises
+        ------
+        InputError
+            If a setting is wrong, or the output cannot be written to or is of another scene.
+        DeviceError
+            If there is no device, or a film is asked for and there is no ffmpeg.
+        """
+        scene = self.exporting(**changes) if changes else self
+        # The exporter knows scenes, so that it can only be asked for by name.
+        run = import_module("volspec.export.run")
+        return run.export_scene(
+            *(scene, output),
+            size=size,
+            overwrite=overwrite,
+            device=device,
+            tell=tell,
+            volume=volume,
+            caster=caster,
+        )

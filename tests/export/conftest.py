@@ -1,0 +1,73 @@
+"""A scene that casts in moments: a ball under three lights, in a basis that ships."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec.scene import Scene
+from volspec.volume import phantom
+
+SCENE = """
+title = "Ball"
+
+[volume]
+file = "ball.npy"
+
+[[material]]
+name = "gold"
+reflectance = "gold"
+
+[[material]]
+name = "grey"
+reflectance = "grey:0.5"
+
+[transfer]
+points = [
+    { value = 0.2, opacity = 0.0, material = "grey" },
+    { value = 0.6, opacity = 0.5, material = { gold = 0.8, grey = 0.2 } },
+]
+
+[basis]
+name = "general-7"
+
+[[light]]
+name = "day"
+spectrum = "D65"
+
+[[light]]
+name = "lamp"
+spectrum = "A"
+
+[[light]]
+name = "tube"
+spectrum = "FL2"
+
+[output]
+width = 32
+height = 24
+"""
+
+Make = Callable[..., Scene]
+
+
+@pytest.fixture(scope="session")
+def ball_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ball")
+    np.save(folder / "ball.npy", phantom.ball(16).values.astype(np.float32))
+    return folder
+
+
+@pytest.fixture
+def scene(ball_folder: Path) -> Make:
+    """The scene with more text at its end."""
+
+    def make(more: str = "", name: str = "ball.toml") -> Scene:
+        path = ball_folder / name
+        path.write_text(SCENE + more, encoding="utf-8")
+        return Scene.load(path)
+
+    return make

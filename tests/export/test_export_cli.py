@@ -1,0 +1,56 @@
+"""``volspec export``: exit codes, one line for what is wrong, figures for machines."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.export.conftest import Make
+from volspec.cli import main
+
+
+def run(*words: object) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main(["export", *map(str, words)])
+    return int(caught.value.code or 0)
+
+
+def test_the_command_makes_frames_and_tells_of_them(
+    scene: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = scene().path, tmp_path / "out"
+    words = (path, "-o", out, "--size", "16x12", "--turntable", 2, "--light", "day", "--json")
+    assert run(*words) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert (made["frames"], made["made"], made["casts"]) == (2, 2, 2)
+    assert all((out / name).is_file() for name in made["files"])
+    assert run(*words[:-1]) == 0
+    assert capsys.readouterr().out.strip().endswith("2 frames, 0 made from 0 casts; 2 were there")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["--light", "dya"], 1, "no [[light]] is named 'dya'; did you mean 'day'"),
+        (["--turntable", "0"], 1, "export.turntable.frames"),
+        (["--turntable", "1.5"], 2, "1.5"),
+        (["--fps", "nan"], 1, "export.fps"),
+        (["--size", "16"], 2, "no WIDTHxHEIGHT"),
+        (["--size", "99999x16"], 1, "give 1x1 to 65536 a side"),
+        (["--bits", "12"], 1, "export.bits"),
+    ],
+)
+def test_bad_input_is_one_line(
+    scene: Make,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    code: int,
+    said: str,
+) -> None:
+    assert run(scene().path, "-o", tmp_path / "out", *words) == code
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("volspec:")]
+    assert len(lines) == 1 and said in lines[0]
+    assert not (tmp_path / "out").exists()

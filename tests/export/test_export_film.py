@@ -1,0 +1,106 @@
+"""Films: the frames' colours, told to players; whole or not at all."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.export.conftest import Make
+from volspec.appearance.spaces import SPACES
+from volspec.errors import DeviceError, InputError, VolspecWarning
+from volspec.export.film import write_film
+
+
+def probe(path: Path) -> str:
+    """What ffmpeg says of a film."""
+    from imageio_ffmpeg import get_ffmpeg_exe
+
+    command = [get_ffmpeg_exe(), "-hide_banner", "-i", str(path)]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stderr
+
+
+def first_frame(path: Path, size: tuple[int, int]) -> np.ndarray:
+    from imageio_ffmpeg import get_ffmpeg_exe
+
+    command = [get_ffmpeg_exe(), "-loglevel", "error", "-i", str(path), "-frames:v", "1"]
+    command += ["-f", "rawvideo", "-pix_fmt", "rgb24"]
+    if path.suffix != ".gif":
+        command += ["-vf", "scale=in_color_matrix=bt709:in_range=tv:out_range=pc"]
+    done = subprocess.run([*command, "-"], capture_output=True, check=True)
+    return np.frombuffer(done.stdout, np.uint8).reshape(size[1], size[0], 3)
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".webm", ".gif"])
+def test_a_film_has_the_frames_colours_and_says_what_they_are(
+    scene: Make, tmp_path: Path, suffix: str
+) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    made, film = scene(), tmp_path / f"ball{suffix}"
+    settings = {"size": (64, 48), "lights": ["lamp"], "turntable": {"frames": 3}}
+    (tmp_path / f".ball-abcd1234{suffix}").write_bytes(b"half")  # as a kill leaves it
+    done = made.export(film, **settings)
+    assert (done.frames, done.files) == (3, (film.name,))
+    assert list(tmp_path.iterdir()) == [film], "the frames of a film are gone with it"
+    made.export(tmp_path / "frames", **settings)
+    expected = np.asarray(Image.open(tmp_path / "frames" / "lamp" / "0000.png")).astype(int)
+    shown = first_frame(film, (64, 48)).astype(int)
+    # Chroma is shared by four pixels; the mean tells a wrong matrix, range or curve.
+    off = (shown - expected).mean(axis=(0, 1))
+    assert np.abs(off).max() < 3, off
+    said = probe(film)
+    assert "25 fps" in said
+    if suffix != ".gif":
+        assert "bt709/bt709/iec61966-2-1" in said and "tv," in said and "yuv420p" in said
+    first = film.read_bytes()
+    made.export(film, **settings)
+    assert film.read_bytes() == first
+
+
+def test_odd_sides_get_an_edge_more_and_a_note(scene: Make, tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    with pytest.warns(VolspecWarning, match="63x47 has odd sides.*64x48"):
+        scene().export(tmp_path / "b.mp4", size=(63, 47), sweep={"frames": 2})
+    assert "64x48" in probe(tmp_path / "b.mp4")
+
+
+def test_wide_primaries_are_told(scene: Make, tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    made = scene('[viewing.display]\nspace = "Display P3"\n')
+    made.export(tmp_path / "b.mp4", sweep={"frames": 2})
+    assert "bt709/smpte432/iec61966-2-1" in probe(tmp_path / "b.mp4")
+    with pytest.raises(InputError, match="GIF is sRGB"):
+        made.export(tmp_path / "b.gif", sweep={"frames": 2})
+
+
+def test_a_film_that_fails_is_not_there_and_what_was_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    Image.new("RGB", (8, 8)).save(tmp_path / "f.png")
+    (tmp_path / "b.mp4").write_bytes(b"before")
+    monkeypatch.setattr("volspec.export.film._CODECS", {".mp4": ("-c:v", "no-such-codec")})
+    with pytest.raises(InputError, match=r"ffmpeg could not write it: .*ncoder"):
+        frames = [tmp_path / "f.png"] * 50
+        write_film(tmp_path / "b.mp4", frames, 25, SPACES["sRGB"], lambda share: None)
+    assert (tmp_path / "b.mp4").read_bytes() == b"before"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["b.mp4", "f.png"]
+
+
+def test_without_ffmpeg_one_line_names_the_extra(
+    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(DeviceError, match=r"pip install 'volspec\[video\]'"):
+        scene().export(tmp_path / "ball.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_no_film_can_hold_is_refused_first(scene: Make, tmp_path: Path) -> None:
+    for settings, said in (({"bits": 16}, "16-bit PNG"), ({"transparent": True}, "transparent")):
+        with pytest.raises(InputError, match=said):
+            scene().export(tmp_path / "ball.mp4", **settings)

@@ -1,0 +1,269 @@
+"""Between keyframes: smooth, level, never beyond the keys; what they cost in casts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.export.conftest import Make
+from volspec.errors import SceneError
+from volspec.export.motion import between_keys, ratios_between_keys, short_way
+from volspec.export.plan import Plan, mix_of, plan_export, sweep_weights
+from volspec.raycast import Camera
+from volspec.scene import Scene, write_scene
+from volspec.scene.export import KeyframeTable
+from volspec.transfer import TransferFunction
+
+
+def plan(scene: Scene, **changes: object) -> Plan:
+    scene = scene.exporting(**changes)
+    return plan_export(scene, scene.volume(), scene.file.export)
+
+
+def test_numbers_never_leave_the_two_keys_they_lie_between() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        times, values = np.cumsum(rng.uniform(0.1, 2, 6)), rng.normal(size=6)
+        at = np.linspace(times[0], times[-1], 500)
+        found = between_keys(times, values, at)
+        left = np.clip(np.searchsorted(times, at, side="right") - 1, 0, 4)
+        low, high = np.sort([values[left], values[left + 1]], axis=0)
+        # 1e-12: rounding of a cubic of numbers near 1.
+        assert np.all(found >= low - 1e-12) and np.all(found <= high + 1e-12)
+
+
+def test_keys_are_met_and_stillness_kept_to_the_last_bit() -> None:
+    times, values = [0.0, 0.1, 0.7, 1.0], [0.1, 0.3, 0.3, 7.7]
+    for way in (between_keys, ratios_between_keys):
+        assert way(times, values, times).tolist() == values
+        assert set(way(times, values, np.linspace(0.1, 0.7, 13)).tolist()) == {0.3}
+
+
+def test_motion_has_no_kink_at_a_key() -> None:
+    at = 1.0 + np.array([-2e-6, -1e-6, 0, 1e-6, 2e-6])
+    speed = np.diff(between_keys([0, 1, 2, 3], [0, 1, 3, 4], at)) / 1e-6
+    assert speed.max() - speed.min() < 1e-4  # a polygon's would jump by 1
+
+
+def test_ratios_are_halved_and_doubled_alike() -> None:
+    assert ratios_between_keys([0, 2], [0.25, 4], [1]) == pytest.approx([1])
+
+
+def test_angles_go_the_short_way_round() -> None:
+    assert short_way([350, 10, -170]).tolist() == [350, 370, 190]
+    assert np.abs(np.diff(short_way([0, 170, 340, 150, 320]))).max() <= 180
+
+
+CAMERAS = """
+[[keyframe]]
+time_s = 0
+camera = { azimuth_deg = 300, elevation_deg = 40, zoom = 1 }
+
+[[keyframe]]
+time_s = 1
+camera = { azimuth_deg = 30, elevation_deg = 40, zoom = 4 }
+
+[[keyframe]]
+time_s = 2
+camera = { azimuth_deg = 80, elevation_deg = 40 }
+
+[export]
+fps = 10
+lights = ["day"]
+"""
+
+
+def test_the_look_keeps_its_height_and_never_turns_back(scene: Make) -> None:
+    shots = plan(scene(CAMERAS)).shots
+    assert len(shots) == 21
+    towards = np.array([np.subtract(s.camera.position_mm, s.camera.target_mm) for s in shots])
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    assert towards[:, 2] == pytest.approx(np.sin(np.radians(40)), abs=1e-12)
+    azimuth = np.unwrap(np.arctan2(towards[:, 0], -towards[:, 1]))
+    assert np.all(np.diff(azimuth) > 0)
+    assert np.degrees(azimuth[-1] - azimuth[0]) == pytest.approx(140)
+
+
+def test_a_key_that_says_no_zoom_leaves_the_one_before(scene: Make) -> None:
+    shots = plan(scene(CAMERAS)).shots
+    distances = [shot.camera.distance_mm for shot in shots]
+    assert distances[0] / distances[10] == pytest.approx(4)
+    assert distances[10:] == pytest.approx([distances[10]] * 11)
+
+
+def test_a_camera_at_its_key_is_the_orbit_itself(scene: Make) -> None:
+    made = scene(CAMERAS)
+    orbit = Camera.orbit(made.volume(), azimuth_deg=30, elevation_deg=40, zoom=4)
+    met = plan(made).shots[10].camera
+    assert met.position_mm == pytest.approx(orbit.position_mm, abs=1e-9)  # 390° is 30°
+
+
+def test_a_turntable_is_a_rising_azimuth(scene: Make) -> None:
+    made = scene()
+    volume = made.volume()
+    shots = plan(made, turntable={"frames": 8}, lights=["day"]).shots
+    for i, shot in enumerate(shots):
+        orbit = Camera.orbit(volume, azimuth_deg=30 + 45 * i, elevation_deg=20)
+        assert shot.camera.position_mm == pytest.approx(orbit.position_mm, abs=1e-9)
+        assert shot.camera.up == pytest.approx(orbit.up, abs=1e-12)
+    assert shots[0].camera == made.camera(volume)
+
+
+def test_part_of_a_turn_ends_at_its_last_degree(scene: Make) -> None:
+    cameras = [s.camera for s in plan(scene(), turntable={"frames": 3, "degrees": -90}).shots[:3]]
+    first, last = (np.subtract(c.position_mm, c.target_mm)[:2] for c in (cameras[0], cameras[2]))
+    assert first @ last == pytest.approx(0, abs=1e-9)
+
+
+def test_a_cast_is_shared_by_all_lights_and_by_moments_that_are_alike(scene: Make) -> None:
+    assert len(plan(scene()).casts()) == 1
+    turned = plan(scene(), turntable={"frames": 5})
+    assert [len(shots) for shots in turned.casts()] == [3] * 5
+    twice = plan(scene(), turntable={"frames": 8, "degrees": 720})
+    assert [len(shots) for shots in twice.casts()] == [6] * 4
+    assert len(plan(scene(), sweep={"frames": 9}).casts()) == 1
+
+
+KEYS = """
+[[keyframe]]
+time_s = 1
+transfer = { shift = 0 }
+lights = { day = 1 }
+viewing = { exposure = 0.25, L_A = 10, D = 0 }
+
+[[keyframe]]
+time_s = 2
+lights = { lamp = 1 }
+
+[[keyframe]]
+time_s = 3
+transfer = { shift = 0.2 }
+lights = { lamp = 1 }
+viewing = { exposure = 4, L_A = 1000, D = 1 }
+
+[export]
+fps = 2
+"""
+
+
+def test_keyframes_move_light_look_and_transfer_function(scene: Make) -> None:
+    made = scene(KEYS)
+    shots = plan(made).shots
+    # Into what will hold still it runs out slowly: half of the time is more than half the way.
+    said = ["day", "day 0.312, lamp 0.688", "lamp", "lamp", "lamp"]
+    assert [shot.light for shot in shots] == said
+    assert shots[0].rig is made.lights[0].rig and shots[3].rig is made.lights[1].rig
+    middle = shots[2].spec.viewing
+    assert (middle.exposure, middle.L_A, middle.D) == pytest.approx((1, 100, 0.5))
+    assert shots[0].transfer is made.transfer
+    moved = shots[4].transfer
+    assert isinstance(moved, TransferFunction)
+    assert [point[0] for point in moved.points] == pytest.approx([0.4, 0.8])
+    assert len(plan(made).casts()) == 5
+
+
+def test_points_move_with_opacity_and_material(scene: Make) -> None:
+    key = """
+[[keyframe]]
+time_s = {}
+transfer = {{ points = [
+    {{ value = {}, opacity = 0.0, material = "grey" }},
+    {{ value = {}, opacity = {}, material = "{}" }},
+] }}
+"""
+    text = key.format(0, 0.2, 0.6, 0.2, "grey") + key.format(1, 0.4, 0.7, 0.6, "gold")
+    middle = plan(scene(text), fps=2, lights=["day"]).shots[1].transfer
+    assert isinstance(middle, TransferFunction)
+    (low, _, _), (high, opacity, mix) = middle.points
+    assert (low, high, opacity) == pytest.approx((0.3, 0.65, 0.4))
+    assert dict(mix) == pytest.approx({"gold": 0.5, "grey": 0.5})
+
+
+def test_a_sweep_meets_every_light_and_gives_light_all_the_way() -> None:
+    open_, closed = sweep_weights(3, 9), sweep_weights(3, 9, closed=True)
+    assert np.all(open_.sum(axis=1) == 1) and np.all(closed.sum(axis=1) == 1)
+    assert [row.argmax() for row in open_ if row.max() == 1] == [0, 1, 2]
+    assert [row.argmax() for row in closed if row.max() == 1] == [0, 1, 2]
+    assert closed[-1].argmax() in (0, 2) and closed[-1].max() < 1
+    assert sweep_weights(2, 1).tolist() == [[1, 0]]
+
+
+def test_lights_with_and_without_lux_do_not_mix(scene: Make) -> None:
+    day, lamp, _ = scene().lights
+    bright = replace(day, rig=replace(day.rig, illuminance_lux=(500.0,)))
+    with pytest.raises(SceneError, match="some of these lights have illuminance_lux"):
+        mix_of([bright, lamp], [0.5, 0.5])
+    said, rig = mix_of([day, lamp], [0.25, 0.75])
+    assert said == "day 0.25, lamp 0.75" and rig.weights == (0.25, 0.75)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (
+            '[export]\nlights = ["dai"]',
+            "export.lights.1: no [[light]] is named 'dai'; did you mean",
+        ),
+        ("[export]\nlights = []", "lights: is empty"),
+        ("[export.turntable]\nframes = 0", "export.turntable.frames"),
+        ("[export.turntable]\nframes = 9\ndegrees = nan", "export.turntable.degrees"),
+        ("[export.turntable]\nframes = 9\naxis = [0, 0, 0]", "give a direction"),
+        ("[export]\nfps = -1", "export.fps"),
+        ("[export]\nbits = 12", "export.bits"),
+        ('[export]\nshows = "scene"', 'shows = "scene" is for format = "exr"'),
+        ("[[keyframe]]\ntime_s = -1", "keyframe.1.time_s"),
+        ("[[keyframe]]\ntime_s = 1\n[[keyframe]]\ntime_s = 1", "give times that rise"),
+        ("[[keyframe]]\ntime_s = 0\nlights = { day = 0 }", "no weight is above 0"),
+        ("[[keyframe]]\ntime_s = 0\nlights = { dya = 1 }", "no [[light]] is named 'dya'"),
+        ("[[keyframe]]\ntime_s = 0\nlights = { day = nan }", "keyframe.1.lights.day"),
+        ("[[keyframe]]\ntime_s = 0\n[export]\nturntable = { frames = 3 }", "leave out one"),
+        (
+            "[[keyframe]]\ntime_s = 0\nlights = { day = 1 }\n[[keyframe]]\ntime_s = 9",
+            "all or in none",
+        ),
+        (
+            '[[keyframe]]\ntime_s = 0\nlights = { day = 1 }\n[export]\nlights = ["day"]',
+            "export.lights: keyframe.1 has lights, too",
+        ),
+        ("[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 1e9", "more than 100000 frames"),
+        ("[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 1e308", "more than 100000 frames"),
+    ],
+)
+def test_a_table_that_cannot_be_is_refused_by_name(scene: Make, more: str, said: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        scene(more)
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_what_keyframes_cannot_move_is_said(scene: Make) -> None:
+    key = "[[keyframe]]\ntime_s = 0\ntransfer = { points = ["
+    row = '{ value = 1, opacity = 0.1, material = "grey" },'
+    with pytest.raises(SceneError, match=r"points: 1 at 0 s, \[transfer\] has 2"):
+        plan(scene(f"{key}{row}] }}"))
+    with pytest.raises(SceneError, match=r"Viewing.D is 0.5.*discount|discount"):
+        plan(scene("[viewing]\ndiscount = true\n[[keyframe]]\ntime_s = 0\nviewing = { D = 0.5 }"))
+
+
+def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
+    made = scene("# What it is for.\n[export]\nfps = 10 # slow\nsweep = { closed = true }\n")
+    rows = [
+        KeyframeTable.model_validate(row)
+        for row in (
+            {"time_s": 0, "camera": {"azimuth_deg": 1.5}, "viewing": {"L_A": 20}},
+            {"time_s": 2, "transfer": {"shift": -0.25}},
+        )
+    ]
+    file = made.file.model_copy(
+        update={
+            "keyframe": rows,
+            "export": made.file.export.model_copy(update={"fps": 12.5, "lights": ["day", "lamp"]}),
+        }
+    )
+    write_scene(file, made.path.with_name("written.toml"), made)
+    text = made.path.with_name("written.toml").read_text()
+    assert "# What it is for." in text and "fps = 12.5 # slow" in text
+    assert Scene.load(made.path.with_name("written.toml")).file == file
+    write_scene(file, made.path.with_name("anew.toml"))
+    assert Scene.load(made.path.with_name("anew.toml")).file == file

@@ -1,0 +1,140 @@
+"""PNG as written here: read back by others to the last bit, colours told, whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from volspec.appearance.spaces import SPACES
+from volspec.errors import ImageError
+from volspec.export.frames import (
+    distinct_stems,
+    file_stem,
+    png_bytes,
+    png_file,
+    read_frame_text,
+    to_uint16,
+    write_frame,
+)
+
+sRGB = SPACES["sRGB"]
+
+
+def picture(dtype: Any, channels: int, size: tuple[int, int] = (37, 53)) -> np.ndarray:
+    """Ramps, flats and noise: every filter is taken somewhere."""
+    top = np.iinfo(dtype).max
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[: size[1], : size[0]]
+    codes = np.stack([(x * 7 + y * (c + 1) * 3) * (top // 700) for c in range(channels)], axis=-1)
+    codes[10:20] = top // 3
+    codes[20:30] = rng.integers(0, top + 1, codes[20:30].shape)
+    return codes.astype(dtype)
+
+
+def chunks(data: bytes) -> dict[bytes, bytes]:
+    found, at = {}, 8
+    while at < len(data):
+        (length,) = struct.unpack_from(">I", data, at)
+        found[data[at + 4 : at + 8]] = data[at + 8 : at + 8 + length]
+        at += 12 + length
+    return found
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_eight_bits_are_read_back_by_another_library(channels: int) -> None:
+    frame = picture(np.uint8, channels)
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(png_bytes(frame, {}, sRGB)))), frame)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_sixteen_bits_are_read_back_by_another_library(tmp_path: Path, channels: int) -> None:
+    import SimpleITK
+
+    frame = picture(np.uint16, channels)
+    write_frame(tmp_path / "f.png", frame)
+    read = SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(str(tmp_path / "f.png")))
+    assert read.dtype == np.uint16 and np.array_equal(read, frame)
+
+
+def test_rows_in_pieces_are_the_same_picture(tmp_path: Path) -> None:
+    frame = picture(np.uint16, 3)
+    with png_file(tmp_path / "f.png", (37, 53), 3, 16, {}, sRGB) as file:
+        for start, end in ((0, 1), (1, 30), (30, 53)):
+            file.rows(frame[start:end])
+    write_frame(tmp_path / "g.png", frame)
+    f, g = (Image.open(tmp_path / name) for name in ("f.png", "g.png"))
+    assert f.tobytes() == g.tobytes()
+
+
+def test_a_picture_that_is_not_finished_is_not_there(tmp_path: Path) -> None:
+    with (
+        pytest.raises(ZeroDivisionError),
+        png_file(tmp_path / "f.png", (4, 4), 3, 8, {}, sRGB) as file,
+    ):
+        file.rows(np.zeros((2, 4, 3), np.uint8))
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_colours_are_told_by_chunk_profile_and_code_points() -> None:
+    frame = picture(np.uint8, 3)
+    plain, wide, other = (
+        chunks(png_bytes(frame, {}, SPACES[name])) for name in ("sRGB", "Display P3", "Rec. 2020")
+    )
+    assert plain[b"sRGB"] == b"\0" and not {b"iCCP", b"cICP"} & set(plain)
+    assert wide[b"cICP"] == bytes([12, 13, 0, 1]) and b"iCCP" in wide
+    assert list(wide).index(b"cICP") < list(wide).index(b"IDAT")
+    assert b"iCCP" in other and b"cICP" not in other
+
+
+def test_any_text_is_kept_as_it_is(tmp_path: Path) -> None:
+    text = {"light": "</script>\"'\u202e é", "Title": "line\nline"}
+    write_frame(tmp_path / "f.png", picture(np.uint8, 3), text)
+    assert read_frame_text(tmp_path / "f.png") == text
+
+
+def test_codes_round_to_the_nearest_of_65536() -> None:
+    codes = np.array([-1, 0, 0.5, 1 - 1e-9, 2, np.nan], np.float64)
+    assert to_uint16(codes).tolist() == [0, 0, 32768, 65535, 65535, 0]
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (4, 4, 2), (4, 4, 3, 1)])
+def test_what_is_no_frame_is_refused(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    with pytest.raises(ImageError, match="the frame is uint8"):
+        write_frame(tmp_path / "f.png", np.zeros(shape, np.uint8))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../etc/passwd",
+        '"; rm -rf ~',
+        "</script><b>",
+        "a\u202egnp.exe",
+        "\u2066\u2069",
+        "con",
+        "x" * 400,
+        "é" * 400,
+        ".",
+        "",
+        "a/b\\c:d*e?f|g",
+    ],
+)
+def test_a_hostile_name_is_a_plain_file_in_its_folder(tmp_path: Path, name: str) -> None:
+    stem = file_stem(name)
+    path = tmp_path / f"{stem}.png"
+    write_frame(path, picture(np.uint8, 3))
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert stem.isprintable() and not set(stem) & set("/\\:*?\"'<>|\u202e") and stem[0] not in "-."
+
+
+def test_names_that_would_be_one_file_are_told_apart() -> None:
+    stems = distinct_stems(["A b", "a*B", "sheet", "é", "e\u0301", "\u202e", "\u202d"])
+    assert len({stem.casefold() for stem in stems}) == 7
+    assert "sheet" not in stems

@@ -1,0 +1,172 @@
+"""Exports that are killed, find the disk full, or come upon what others have left."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.export.conftest import Make
+from volspec.errors import InputError
+from volspec.export.manifest import alone_in
+from volspec.scene import Scene
+
+SETTINGS = {"turntable": {"frames": 4}, "lights": ["day", "lamp"]}
+# An export that kills itself, as the kernel would, at a share of its work.
+KILLED = """
+import os, signal, sys
+from volspec.scene import Scene
+
+def tell(step, share):
+    if step == "export" and share >= float(sys.argv[3]):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+Scene.load(sys.argv[1]).export(
+    sys.argv[2], turntable={"frames": 4}, lights=["day", "lamp"], tell=tell
+)
+"""
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_a_killed_export_goes_on_and_leaves_the_same_bytes(scene: Make, tmp_path: Path) -> None:
+    made = scene()
+    made.export(tmp_path / "whole", **SETTINGS)
+    expected = contents(tmp_path / "whole")
+    shares = {"early": 0.2, "middle": 0.55, "late": 0.97}
+    killed = {
+        name: subprocess.Popen(
+            [sys.executable, "-c", KILLED, str(made.path), str(tmp_path / name), str(share)]
+        )
+        for name, share in shares.items()
+    }
+    for name, process in killed.items():
+        assert process.wait(60) == -signal.SIGKILL
+        folder = tmp_path / name
+        for path, data in contents(folder).items():
+            assert data == expected[path], "what is there is whole"
+        assert "sheet.png" not in contents(folder)
+        (folder / "day").mkdir(exist_ok=True)
+        (folder / "day" / ".0003-abcd1234.png").write_bytes(b"half")  # as a kill amid a write
+        done = made.export(folder, **SETTINGS)
+        assert done.made <= 8 and contents(folder) == expected
+    assert contents(tmp_path / "late").keys() == expected.keys()
+
+
+def test_the_same_scene_gives_the_same_bytes_and_is_made_once(scene: Make, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        scene().export(tmp_path / name, format="exr", transparent=True)
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+    again = scene().export(tmp_path / "a", format="exr", transparent=True)
+    assert (again.made, again.casts) == (0, 0)
+    (tmp_path / "a" / "lamp.exr").unlink()
+    again = scene().export(tmp_path / "a", format="exr", transparent=True)
+    assert (again.made, again.casts) == (1, 1)
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+
+
+@pytest.mark.parametrize(
+    "more", ["[viewing]\nexposure = 2", "[raycast]\nstep_mm = 0.7", '[viewing]\nmodel = "CAM16"']
+)
+def test_a_folder_of_another_scene_is_refused_unless_told(
+    scene: Make, tmp_path: Path, more: str
+) -> None:
+    scene().export(tmp_path, lights=["day", "tube"])
+    (tmp_path / "mine.txt").write_text("stays")
+    before = contents(tmp_path)
+    other = scene(more)
+    with pytest.raises(InputError, match=r"another scene or other settings.*--overwrite"):
+        other.export(tmp_path, lights=["lamp"])
+    assert contents(tmp_path) == before
+    other.export(tmp_path, lights=["lamp"], overwrite=True)
+    assert set(contents(tmp_path)) == {"lamp.png", "sheet.png", "export.json", "mine.txt"}
+
+
+def test_spectra_that_changed_in_their_file_make_another_scene(
+    ball_folder: Path, scene: Make, tmp_path: Path
+) -> None:
+    table = ball_folder / "lamp.csv"
+    more = '[[light]]\nname = "own"\nspectrum = "lamp.csv"\n'
+    table.write_text("380,1\n780,1\n")
+    scene(more).export(tmp_path, lights=["day"])
+    table.write_text("380,1\n780,2\n")
+    with pytest.raises(InputError, match="another scene"):
+        scene(more).export(tmp_path, lights=["day"])
+
+
+def test_files_that_no_export_made_are_not_overwritten(scene: Make, tmp_path: Path) -> None:
+    (tmp_path / "lamp.png").write_bytes(b"mine")
+    with pytest.raises(InputError, match=r"lamp\.png: is there already, and not from an export"):
+        scene().export(tmp_path)
+    assert contents(tmp_path) == {"lamp.png": b"mine"}
+
+
+def test_a_manifest_that_leads_elsewhere_deletes_nothing_there(scene: Make, tmp_path: Path) -> None:
+    folder, victim = tmp_path / "out", tmp_path / "victim.png"
+    folder.mkdir()
+    victim.write_bytes(b"mine")
+    manifest = {"fingerprint": "other", "files": ["../victim.png", str(victim), 7]}
+    (folder / "export.json").write_text(json.dumps(manifest))
+    scene().export(folder, lights=["day"], overwrite=True)
+    assert victim.read_bytes() == b"mine"
+
+
+def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(
+    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, write, count = scene(), Path.write_bytes, 0
+
+    def full(path: Path, data: bytes) -> int:
+        nonlocal count
+        count += 1
+        if count > 3:
+            write(path, data[: len(data) // 2])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, data)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "write_bytes", full)
+        with pytest.raises(InputError, match="No space left on device; make room") as caught:
+            made.export(tmp_path / "out", **SETTINGS)
+    assert "\n" not in str(caught.value)
+    there = contents(tmp_path / "out")
+    assert len(there) == 4 and "export.json" in there  # three frames and no half one
+    made.export(tmp_path / "out", **SETTINGS)
+    made.export(tmp_path / "whole", **SETTINGS)
+    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
+
+
+def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene: Make, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for path in ("file", "file/below", "film.mov", "frame.PNG"):
+        with pytest.raises(InputError, match=r"is a file|cannot|no name of a folder"):
+            scene().export(tmp_path / path)
+    assert [each.name for each in tmp_path.iterdir()] == ["file"]
+
+
+def test_two_exports_do_not_write_into_one_folder(scene: Make, tmp_path: Path) -> None:
+    with alone_in(tmp_path), pytest.raises(InputError, match="another export writes there"):
+        scene().export(tmp_path)
+
+
+def test_scenes_and_lights_of_any_name_are_exported(ball_folder: Path, tmp_path: Path) -> None:
+    hostile = "</script>\"'\u202e\u2066 .."
+    text = (ball_folder / "ball.toml").read_text().replace('"Ball"', "'''" + hostile + "'''")
+    text = text.replace('"day"', json.dumps(hostile, ensure_ascii=False))
+    path = ball_folder / "hostile \u202e.toml"
+    path.write_text(text, encoding="utf-8")
+    done = Scene.load(path).export(tmp_path / "out")
+    assert all(name.isprintable() and "/" not in name for name in done.files)
+    assert len({(tmp_path / "out" / name).resolve().parent for name in done.files}) == 1

@@ -1,0 +1,224 @@
+"""What stands in exported frames: what relighting one cast gives, in any file and size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.export.conftest import Make
+from volspec._exr import read_exr
+from volspec.appearance.spaces import SPACES
+from volspec.errors import ImageError, SceneError, ViewingError
+from volspec.export import read_frame_text, tiles
+from volspec.export.pixels import PRIMARIES, XYZ_adapted
+from volspec.pipeline import Relighter
+from volspec.scene import Scene
+
+
+def codes(path: Path) -> np.ndarray:
+    return np.asarray(Image.open(path))
+
+
+def linear(path: Path) -> np.ndarray:
+    _, channels = read_exr(path, ImageError)
+    return np.stack([channels[c] for c in "RGBA" if c in channels], axis=-1).astype(np.float64)
+
+
+def relit(scene: Scene, light: int, **cast: object) -> np.ndarray:
+    with Relighter(scene.render(**cast), table=False) as relighter:
+        return relighter.frame(scene.lights[light].rig, scene.relight.viewing)
+
+
+def test_every_light_is_relit_from_one_cast(scene: Make, tmp_path: Path) -> None:
+    made = scene()
+    done = made.export(tmp_path / "out")
+    assert (done.frames, done.made, done.casts) == (3, 3, 1)
+    assert done.files == ("day.png", "lamp.png", "tube.png", "sheet.png")
+    for i, name in enumerate(done.files[:3]):
+        assert np.array_equal(codes(tmp_path / "out" / name), relit(made, i))
+    text = read_frame_text(tmp_path / "out" / "lamp.png")
+    assert text["Title"] == "Ball" and text["light"] == "lamp"
+    assert {"camera", "transfer", "viewing", "relight", "raycast", "volume"} <= set(text)
+
+
+def test_a_turntable_has_a_folder_for_each_light(scene: Make, tmp_path: Path) -> None:
+    made = scene()
+    done = made.export(tmp_path, turntable={"frames": 2}, lights=["tube", "day"], sheet=False)
+    assert done.files == ("tube/0000.png", "tube/0001.png", "day/0000.png", "day/0001.png")
+    assert done.casts == 2
+    assert np.array_equal(codes(tmp_path / "tube" / "0000.png"), relit(made, 2))
+
+
+def test_windows_and_strips_make_the_picture_of_one_cast(
+    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = scene()
+    made.export(tmp_path / "whole", size=(200, 150), bits=16, lights=["lamp"])
+    monkeypatch.setattr(tiles, "CAST_BYTES", 4 * 7 * 64 * 100)
+    made.export(tmp_path / "windows", size=(200, 150), bits=16, lights=["lamp"])
+    monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
+    made.export(tmp_path / "strips", size=(200, 150), bits=16, lights=["lamp"])
+    canvas = tiles.Canvas((200, 150), 1, 7)
+    assert [len(strip) for strip in canvas.strips()] == [2, 2]
+    assert len(canvas.windows(canvas.strips()[0][0])) > 1
+    whole = (tmp_path / "whole" / "lamp.png").read_bytes()
+    assert (tmp_path / "windows" / "lamp.png").read_bytes() == whole
+    # Rows that came in parts are packed in parts: the same pixels in other bytes.
+    assert Image.open(tmp_path / "strips" / "lamp.png").tobytes() == codes_of(whole)
+
+
+def codes_of(data: bytes) -> bytes:
+    import io
+
+    return Image.open(io.BytesIO(data)).tobytes()
+
+
+def test_every_size_is_cut_into_windows_that_cover_it_once() -> None:
+    for size, samples in (((1, 1), 1), ((20000, 9000), 3), ((65536, 10), 8), ((10, 65536), 2)):
+        canvas = tiles.Canvas(size, samples, 8 * 16)
+        strips = canvas.strips()
+        parts = [part for strip in strips for part in strip]
+        assert sum(part.width * part.height for part in parts) == size[0] * size[1]
+        assert all(sum(part.width for part in strip) == size[0] for strip in strips)
+        for part in parts:
+            windows = canvas.windows(part)
+            assert sum(w.width * w.height for w in windows) == part.width * part.height
+            assert all(samples * max(w.width, w.height) <= 16384 for w in windows)
+
+
+def test_more_rays_a_pixel_are_averaged_as_light_not_as_codes(scene: Make, tmp_path: Path) -> None:
+    made = scene()
+    frames = {}
+    for n in (1, 2):
+        made.export(
+            tmp_path / str(n),
+            size=(64 // n, 48 // n),
+            samples=n,
+            lights=["lamp"],
+            format="exr",
+            shows="scene",
+        )
+        frames[n] = linear(tmp_path / str(n) / "lamp.exr")
+    mean = frames[1].reshape(24, 2, 32, 2, 3).mean(axis=(1, 3))
+    # Half floats have 11 bits, both pictures are rounded to them.
+    assert frames[2] == pytest.approx(mean, rel=2e-3, abs=1e-5)
+
+
+def test_opacity_and_backdrop_put_together_are_the_opaque_picture(
+    scene: Make, tmp_path: Path
+) -> None:
+    made = scene("[viewing]\nbackdrop = 0.3\n")
+    settings = {"format": "exr", "shows": "scene", "lights": ["day"], "size": (64, 48)}
+    made.export(tmp_path / "opaque", **settings)
+    made.export(tmp_path / "clear", **settings, transparent=True)
+    opaque, clear = linear(tmp_path / "opaque" / "day.exr"), linear(tmp_path / "clear" / "day.exr")
+    alpha = clear[..., 3:]
+    assert alpha.min() == 0 and alpha.max() > 0.9
+    # In 31 bands D65 is white to 3e-3.
+    bare = opaque[alpha[..., 0] == 0]
+    assert bare == pytest.approx(np.full_like(bare, 0.3), rel=3e-3)
+    assert opaque == pytest.approx(clear[..., :3] + (1 - alpha) * bare[0], rel=3e-3, abs=1e-4)
+
+
+def test_a_transparent_png_has_the_surfaces_own_colour(scene: Make, tmp_path: Path) -> None:
+    scene().export(tmp_path, lights=["day"], transparent=True, size=(64, 48))
+    pixels = codes(tmp_path / "day.png")
+    assert pixels.shape == (48, 64, 4) and (pixels[pixels[..., 3] == 0] == 0).all()
+    edge = pixels[(pixels[..., 3] > 20) & (pixels[..., 3] < 120)]
+    # Not darkened by what is not there: multiplied in, none of them would reach half of 180.
+    assert len(edge) > 3 and edge[:, :3].min() > 90
+
+
+def test_display_light_in_exr_is_the_codes_decoded(scene: Make, tmp_path: Path) -> None:
+    made = scene()
+    made.export(tmp_path / "exr", lights=["lamp"], format="exr")
+    expected = SPACES["sRGB"].decode(relit(made, 1) / 255)
+    # A code is half a step off, an eighth of its value in the dark.
+    assert linear(tmp_path / "exr" / "lamp.exr") == pytest.approx(expected, abs=5e-3)
+
+
+@pytest.mark.parametrize("name", ["ACES AP0", "ACES AP1", "Rec. 709"])
+def test_white_is_white_in_all_primaries(name: str, scene: Make, tmp_path: Path) -> None:
+    to = PRIMARIES[name]
+    for space in (SPACES["sRGB"], SPACES["DCI-P3"]):
+        white = to.RGB_from_XYZ @ XYZ_adapted(space, to) @ space.white_XYZ
+        assert white == pytest.approx([1, 1, 1], abs=1e-12)
+    scene().export(tmp_path, lights=["day"], format="exr", primaries=name, size=(8, 8))
+    header, _ = read_exr(tmp_path / "day.exr", ImageError)
+    told = [v for xy in (*to.primaries_xy, to.white_xy) for v in xy]
+    assert header["chromaticities"] == pytest.approx(told, rel=1e-6)
+    assert header["volspec:light"] == "day"
+
+
+def test_rec_709_to_aces_is_the_published_matrix() -> None:
+    """Bradford from D65 to ACES' white, as OpenColorIO's configs have it."""
+    to, space = PRIMARIES["ACES AP0"], PRIMARIES["Rec. 709"]
+    matrix = to.RGB_from_XYZ @ XYZ_adapted(space, to) @ space.XYZ_from_RGB
+    published = [
+        [0.43963298, 0.38298870, 0.17737832],
+        [0.08977644, 0.81343943, 0.09678413],
+        [0.01754117, 0.11154655, 0.87091228],
+    ]
+    assert matrix == pytest.approx(np.array(published), abs=2e-4)
+
+
+def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
+    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = scene('[viewing]\nadapting = "picture"\nbackdrop = 0.9\n')
+    settings = {"lights": ["lamp"], "size": (200, 150)}
+    made.export(tmp_path / "whole", **settings)
+    made.export(tmp_path / "clear", **settings, transparent=True)
+    monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
+    made.export(tmp_path / "strips", **settings)
+    whole, strips = (
+        codes(tmp_path / name / "lamp.png").astype(int) for name in ("whole", "strips")
+    )
+    assert np.abs(strips - whole).max() <= 1
+    seen = [
+        read_frame_text(tmp_path / name / "lamp.png")["viewing"] for name in ("strips", "clear")
+    ]
+    assert seen[0] == seen[1] and "adapting='given'" in seen[0]
+    other = scene('[viewing]\nadapting = "given"\nbackdrop = 0.9\n')
+    assert np.abs(relit(other, 1, size=(200, 150)).astype(int) - whole).max() > 5, "it matters"
+
+
+def test_an_eye_that_adapts_to_pixels_needs_the_picture_whole(scene: Make, tmp_path: Path) -> None:
+    made = scene('[viewing]\nadapting = "pixel"\n')
+    made.export(tmp_path / "whole", lights=["day"])
+    with pytest.raises(ViewingError, match="has no backdrop"):
+        made.export(tmp_path / "clear", lights=["day"], transparent=True)
+
+
+def test_many_frames_of_many_strips_are_made_in_batches(
+    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, settings = scene(), {"size": (8, 160), "sheet": False}
+    made.export(tmp_path / "whole", **settings)
+    monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
+    monkeypatch.setattr("volspec.export.run._OPEN_FILES", 2)
+    done = made.export(tmp_path / "strips", **settings)
+    assert (done.made, done.casts) == (3, 2)
+    for name in done.files:
+        assert np.array_equal(codes(tmp_path / "strips" / name), codes(tmp_path / "whole" / name))
+
+
+def test_a_setting_that_is_none_is_refused_before_anything_is_made(
+    scene: Make, tmp_path: Path
+) -> None:
+    made = scene()
+    for settings, said in (
+        ({"lights": ["dya"]}, "did you mean 'day'"),
+        ({"turntable": {"frames": -1}}, "export.turntable.frames"),
+        ({"fps": float("nan")}, "export.fps"),
+        ({"light": "day"}, "export.light: unknown key; did you mean 'lights'"),
+    ):
+        with pytest.raises(SceneError, match=said):
+            made.export(tmp_path / "out", **settings)
+    for size in ((0, 4), (4, -1), (1 << 17, 4), (2.5, 4), "4x4"):
+        with pytest.raises(ValueError, match="export: "):
+            made.export(tmp_path / "out", size=size)
+    assert not (tmp_path / "out").exists()

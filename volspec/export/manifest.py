@@ -1,0 +1,213 @@
+"""What an export has promised to write, kept in its folder, so that it can go on later.
+
+    plan -> [manifest] -> run
+
+A frame appears whole or not at all, and only beside the manifest of its own export. So a frame
+that is there is done, and a folder of another scene is told by its fingerprint.
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from volspec import __version__
+from volspec._files import write_whole
+from volspec._tables.written import plain
+from volspec.errors import InputError
+from volspec.scene import Scene
+from volspec.volume import Volume
+
+NAME = "export.json"
+# Of `write_whole`: what tells its temporary files from others.
+_RANDOM = 8
+
+
+def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
+    """Equal for exports that give equal frames, on one device.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its spectra count by their values, wherever they were read.
+    volume : Volume
+        Counts by its values and place.
+    settings : {str: JSON}
+        What else the frames follow from.
+    """
+    digest = hashlib.blake2b(digest_size=16)
+    filters = getattr(scene.transfer, "filters", None) or {}
+    values = np.ascontiguousarray(volume.values)
+    digest.update(values.data.cast("B"))
+    digest.update(np.ascontiguousarray(volume.world_from_index, np.float64).data.cast("B"))
+    lights = [spectrum for light in scene.lights for spectrum in light.rig.lights]
+    for spectrum in [*scene.materials.values(), *filters.values(), *lights]:
+        digest.update(np.stack([spectrum.wavelengths_nm, spectrum.values]).tobytes())
+    file = plain(scene.file)
+    file["volume"].pop("file")  # its values count, not where they are
+    file.pop("export", None)  # settings
+    said = {
+        "volspec": __version__,
+        "volume": [volume.name, str(values.dtype), values.shape],
+        "file": file,
+        "lights": [[light.rig.weights, light.rig.illuminance_lux] for light in scene.lights],
+        "viewing": scene.viewing.model_dump(),
+        # One that is trained follows from all the others.
+        "basis": scene.basis.to_dict() if scene.file.basis.file else scene.basis.name,
+        "raycast": repr(scene.raycast),
+        "transfer": repr(scene.transfer),
+        **settings,
+    }
+    digest.update(json.dumps(said, sort_keys=True, default=str).encode())
+    return digest.hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Folder:
+    """An export's folder.
+
+    Parameters
+    ----------
+    path : Path
+    fingerprint : str
+    files : tuple of str
+        All that it will hold, but the manifest.
+    """
+
+    path: Path
+    fingerprint: str
+    files: tuple[str, ...]
+
+    def begin(self, overwrite: bool = False, own: bool = False) -> None:
+        """Begin or go on in the folder, which is there: it then holds nothing of another export.
+
+        Parameters
+        ----------
+        overwrite : bool
+            Replace what is there.
+        own : bool
+            The folder is nobody's but the exporter's: an export of another scene may go.
+
+        Raises
+        ------
+        InputError
+            If it holds an export of another scene, or files that would be overwritten, and that
+            is not wanted; or cannot be written to.
+        """
+        old = self._old()
+        if old is not None and old.get("fingerprint") == self.fingerprint:
+            self._clear_temporaries()
+            return
+        if old is not None and not (overwrite or own):
+            raise InputError(
+                f"{self.path}: holds the export of another scene or other settings; choose "
+                "another folder, or add --overwrite to have its frames replaced"
+            )
+        there = next((name for name in self.files if (self.path / name).exists()), None)
+        if old is None and there is not None and not overwrite:
+            raise InputError(
+                f"{self.path / there}: is there already, and not from an export; choose "
+                "another folder, or add --overwrite"
+            )
+        for name in [*(old or {}).get("files", ()), *self.files]:
+            self._remove(str(name))
+        self._clear_temporaries()
+        manifest = {
+            "volspec": __version__,
+            "fingerprint": self.fingerprint,
+            "files": list(self.files),
+        }
+        with write_whole(self.path / NAME) as temporary:
+            text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
+            temporary.write_text(text, encoding="utf-8")
+
+    def missing(self) -> set[str]:
+        """What is still to be written; also what a power cut has left empty."""
+        return {name for name in self.files if not _is_there(self.path / name)}
+
+    def remove(self) -> None:
+        """Delete all of it; the folder too, where nothing else stands in it."""
+        for name in (*self.files, NAME):
+            self._remove(name)
+        with suppress(OSError):
+            self.path.rmdir()
+
+    def _old(self) -> dict[str, Any] | None:
+        try:
+            found = json.loads((self.path / NAME).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) and "fingerprint" in found else None
+
+    def _remove(self, name: str) -> None:
+        """Delete a frame of before; a name that leads out of the folder is none."""
+        path = (self.path / name).resolve()
+        if path.is_relative_to(self.path.resolve()) and path.suffix in (".png", ".exr", ".json"):
+            with suppress(FileNotFoundError):
+                path.unlink()
+            if path.parent != self.path.resolve():
+                with suppress(OSError):
+                    path.parent.rmdir()
+
+    def _clear_temporaries(self) -> None:
+        for name in (*self.files, NAME):
+            clear_temporaries(self.path / name)
+
+
+def _is_there(path: Path) -> bool:
+    return path.is_file() and path.stat().st_size > 0
+
+
+def clear_temporaries(path: Path) -> None:
+    """Delete what a killed export has left of an unfinished file."""
+    pattern = f".{glob.escape(path.stem)}-{'?' * _RANDOM}{path.suffix}"
+    for left in path.parent.glob(pattern):
+        left.unlink(missing_ok=True)
+
+
+@contextmanager
+def alone_in(path: Path) -> Iterator[None]:
+    """Make a folder and keep other exports out of it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made, or an export is at work in it.
+    """
+    import fcntl
+
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{path}: is a file; give the name of a folder") from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be made: {error.strerror}; choose another folder"
+        ) from error
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f"{path}: another export writes there; wait for it, or choose another folder"
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        yield
+    finally:
+        os.close(handle)
+
+
+def files_of(stems: Sequence[str], suffix: str, sheet: bool) -> tuple[str, ...]:
+    """The names of an export's files."""
+    return (*(f"{stem}{suffix}" for stem in stems), *(("sheet.png",) if sheet else ()))

@@ -1,0 +1,166 @@
+"""Cameras of a turntable, and transfer functions between keyframes.
+
+Scene, [export], [[keyframe]] -> [moved] -> plan
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import SceneError
+from volspec.export.motion import between_keys
+from volspec.raycast import Camera
+from volspec.scene import Scene
+from volspec.scene.export import KeyframeTable, TurntableTable
+from volspec.transfer import Isosurfaces, Transfer, TransferFunction, TransferFunction2D
+from volspec.volume import Volume
+
+
+def turned(scene: Scene, volume: Volume, table: TurntableTable) -> list[Camera]:
+    """The cameras of a turntable; the first is the scene's own.
+
+    Whole turns end one step before the first, others at their last degree.
+    """
+    camera = scene.camera(volume)
+    whole = math.fmod(table.degrees, 360.0) == 0.0
+    steps = table.frames if whole else max(table.frames - 1, 1)
+    # Of several turns each is the first again, and its casts too.
+    angles = [math.fmod(table.degrees * i / steps, 360.0) for i in range(table.frames)]
+    axis = scene.file.camera.up if table.axis is None else table.axis
+    return [around(camera, axis, angle) for angle in angles]
+
+
+def around(camera: Camera, axis: tuple[float, float, float], degrees: float) -> Camera:
+    """A camera gone around its target, right-handed: as a rising azimuth for its ``up``."""
+    from scipy.spatial.transform import Rotation
+
+    if degrees == 0.0:
+        return camera
+    towards = np.asarray(axis, dtype=np.float64)
+    turn = Rotation.from_rotvec(np.radians(degrees) * towards / np.linalg.norm(towards))
+    target = np.asarray(camera.target_mm)
+    position = target + turn.apply(np.asarray(camera.position_mm) - target)
+    up = turn.apply(np.asarray(camera.up))
+    return replace(camera, position_mm=_triple(position), up=_triple(up))
+
+
+def _triple(vector: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in vector)
+    return x, y, z
+
+
+def moved_transfers(
+    scene: Scene, keys: Sequence[KeyframeTable], at_s: NDArray[np.float64]
+) -> list[Transfer]:
+    """The transfer function at every time; equal ones are one object.
+
+    Raises
+    ------
+    SceneError
+        If keyframes give points where the scene has none or another number of them, or a shift
+        where there are labels.
+    TransferError
+        If what lies between is no transfer function.
+    """
+    shifts = [(key.time_s, key.transfer.shift) for key in keys if key.transfer is not None]
+    given = [(time, shift) for time, shift in shifts if shift is not None]
+    by = np.zeros(len(at_s))
+    if given:
+        by = between_keys([time for time, _ in given], [shift for _, shift in given], at_s)
+    points = _points(scene, keys, at_s)
+    made: dict[bytes, Transfer] = {}
+    found = []
+    for i, shift in enumerate(by):
+        key = np.append(np.zeros(0) if points is None else points[i].ravel(), shift).tobytes()
+        if key not in made:
+            function = scene.transfer if points is None else _with_points(scene, points[i])
+            made[key] = function if shift == 0.0 else shifted(function, float(shift))
+        found.append(made[key])
+    return found
+
+
+def shifted(transfer: Transfer, by: float) -> Transfer:
+    """A transfer function whose values are all moved.
+
+    Raises
+    ------
+    SceneError
+        If it is one of labels, which lie nowhere.
+    """
+    if isinstance(transfer, TransferFunction):
+        return replace(
+            transfer, points=[(value + by, opacity, mix) for value, opacity, mix in transfer.points]
+        )
+    if isinstance(transfer, Isosurfaces):
+        return replace(
+            transfer,
+            surfaces=[(value + by, opacity, mix) for value, opacity, mix in transfer.surfaces],
+        )
+    if isinstance(transfer, TransferFunction2D):
+        regions = [
+            replace(region, values=(region.values[0] + by, region.values[1] + by))
+            for region in transfer.regions
+        ]
+        return replace(transfer, regions=regions)
+    raise SceneError("shift: labels have no values to shift; leave it out")
+
+
+def _points(
+    scene: Scene, keys: Sequence[KeyframeTable], at_s: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """(F, P, 2 + K): value, opacity and shares of the K materials; None where no key has points."""
+    given = [
+        (key.time_s, key.transfer.points)
+        for key in keys
+        if key.transfer is not None and key.transfer.points is not None
+    ]
+    if not given:
+        return None
+    count = len(_own_points(scene))
+    for time, rows in given:
+        if len(rows) != count:
+            raise SceneError(
+                f"points: {len(rows)} at {time:g} s, [transfer] has {count}; give as many"
+            )
+    names = list(scene.materials)
+    for time, rows in given:
+        for row in rows:
+            if unknown := [name for name in row.shares if name not in names]:
+                raise SceneError(
+                    f"points: material {unknown[0]!r} at {time:g} s is unknown; there is "
+                    f"{', '.join(names)}"
+                )
+    numbers = [
+        [[row.value, row.opacity, *(row.shares.get(name, 0.0) for name in names)] for row in rows]
+        for _, rows in given
+    ]
+    found = between_keys([time for time, _ in given], numbers, at_s)
+    # Each moves at its own pace: none may overtake the next.
+    found[..., 0] = np.maximum.accumulate(found[..., 0], axis=1)
+    found[..., 2:] /= np.maximum(found[..., 2:].sum(axis=-1, keepdims=True), 1.0)
+    return found
+
+
+def _own_points(scene: Scene) -> Sequence[Any]:
+    if isinstance(scene.transfer, TransferFunction):
+        return scene.transfer.points
+    if isinstance(scene.transfer, Isosurfaces):
+        return scene.transfer.surfaces
+    raise SceneError("points: [transfer] has neither points nor surfaces; leave them out")
+
+
+def _with_points(scene: Scene, numbers: NDArray[np.float64]) -> Transfer:
+    rows = [
+        (value, opacity, dict(zip(scene.materials, mix, strict=True)))
+        for value, opacity, *mix in numbers.tolist()
+    ]
+    if isinstance(scene.transfer, Isosurfaces):
+        return replace(scene.transfer, surfaces=rows)
+    assert isinstance(scene.transfer, TransferFunction)
+    return replace(scene.transfer, points=rows)

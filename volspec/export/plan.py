@@ -1,0 +1,294 @@
+"""Which frames an export makes: cameras in time × lights, and which of them share a cast.
+
+Scene, [export], [[keyframe]] -> [plan] -> run
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.errors import InputError, SceneError
+from volspec.export.frames import distinct_stems
+from volspec.export.motion import between_keys, ratios_between_keys, short_way
+from volspec.export.moved import moved_transfers, turned
+from volspec.raycast import Camera
+from volspec.relight import LightRig, RelightSpec
+from volspec.scene import NamedLight, Scene
+from volspec.scene.export import ExportTable, KeyframeTable
+from volspec.transfer import Transfer
+from volspec.volume import Volume
+
+Way = Callable[[ArrayLike, ArrayLike, ArrayLike], NDArray[np.float64]]
+
+
+def _turning(times_s: ArrayLike, angles_deg: ArrayLike, at_s: ArrayLike) -> NDArray[np.float64]:
+    return between_keys(times_s, short_way(angles_deg), at_s)
+
+
+# How each value goes from key to key. Azimuth and elevation go by themselves, so that the horizon
+# stays level and neither swings past its keys.
+_ORBIT: Mapping[str, Way] = {
+    "azimuth_deg": _turning,
+    "elevation_deg": between_keys,
+    "fov_deg": between_keys,
+    "zoom": ratios_between_keys,
+    "target_mm": between_keys,
+}
+_TONE: Mapping[str, Way] = {
+    "exposure": ratios_between_keys,
+    "L_A": ratios_between_keys,
+    "Y_b": between_keys,
+    "D": between_keys,
+}
+# A fade of a sweep, where nothing else says how many frames it has.
+_FRAMES_A_FADE = 24
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """One frame.
+
+    Parameters
+    ----------
+    stem : str
+        Its file in the folder, without the suffix; ``/`` parts folders.
+    moment : int
+        Which place in time, from 0; shots of several lights share it.
+    camera : Camera
+    transfer : Transfer
+        The same object wherever it is equal.
+    light : str
+        In words, for the file's notes.
+    rig : LightRig
+    spec : RelightSpec
+    """
+
+    stem: str
+    moment: int
+    camera: Camera
+    transfer: Transfer
+    light: str
+    rig: LightRig
+    spec: RelightSpec
+
+    @property
+    def cast(self) -> tuple[Camera, int]:
+        """Equal for shots of which one cast is enough."""
+        return self.camera, id(self.transfer)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """All frames of an export, in the order of a film.
+
+    Parameters
+    ----------
+    shots : tuple of Shot
+    lights : tuple of NamedLight
+        Those that have frames of their own; empty where each frame has a mix.
+    """
+
+    shots: tuple[Shot, ...]
+    lights: tuple[NamedLight, ...]
+
+    def casts(self) -> list[list[Shot]]:
+        """The shots by what they are cast from, in the order of their first."""
+        found: dict[tuple[Camera, int], list[Shot]] = {}
+        for shot in self.shots:
+            found.setdefault(shot.cast, []).append(shot)
+        return list(found.values())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moment:
+    camera: Camera
+    transfer: Transfer
+    spec: RelightSpec
+
+
+def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
+    """What ``[export]`` asks for.
+
+    Parameters
+    ----------
+    scene : Scene
+    volume : Volume
+        The scene's.
+    table : ExportTable
+        The scene's, or one that fits it as well.
+
+    Raises
+    ------
+    SceneError
+        If a camera, transfer function or viewing cannot be had; the message names the keyframe.
+    """
+    lights = _lights(scene, table)
+    moments = _moments(scene, volume, table, len(lights))
+    mixes = _mixes(scene, table, lights, len(moments))
+    digits = max(4, len(str(len(moments) - 1)))
+    shots = []
+    if mixes is not None:
+        for i, (moment, (said, rig)) in enumerate(zip(moments, mixes, strict=True)):
+            shots.append(_shot(f"{i:0{digits}d}", i, moment, said, rig))
+        return Plan(tuple(shots), ())
+    for light, stem in zip(lights, distinct_stems([each.name for each in lights]), strict=True):
+        for i, moment in enumerate(moments):
+            name = stem if len(moments) == 1 else f"{stem}/{i:0{digits}d}"
+            shots.append(_shot(name, i, moment, light.name, light.rig))
+    return Plan(tuple(shots), tuple(lights))
+
+
+def _shot(stem: str, number: int, moment: _Moment, light: str, rig: LightRig) -> Shot:
+    return Shot(stem, number, moment.camera, moment.transfer, light, rig, moment.spec)
+
+
+def _lights(scene: Scene, table: ExportTable) -> list[NamedLight]:
+    by_name = {light.name: light for light in scene.lights}
+    return [by_name[name] for name in table.lights or by_name]
+
+
+def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> list[_Moment]:
+    still = _Moment(scene.camera(volume), scene.transfer, scene.relight)
+    if table.turntable is not None:
+        cameras = turned(scene, volume, table.turntable)
+        return [replace(still, camera=camera) for camera in cameras]
+    keys = scene.file.keyframe
+    if keys:
+        first, seconds = keys[0].time_s, keys[-1].time_s - keys[0].time_s
+        # Both ends are frames; rounded, so that 2 s at 24 a second are 49 whatever 1/24 is.
+        at = first + np.arange(round(seconds * table.fps) + 1) / table.fps
+        return _keyed(scene, volume, keys, np.minimum(at, keys[-1].time_s))
+    if table.sweep is not None:
+        fades = lights if table.sweep.closed else lights - 1
+        frames = table.sweep.frames or _FRAMES_A_FADE * fades + (not table.sweep.closed)
+        return [still] * frames
+    return [still]
+
+
+def _keyed(
+    scene: Scene, volume: Volume, keys: Sequence[KeyframeTable], at: NDArray[np.float64]
+) -> list[_Moment]:
+    """What holds at every time."""
+    cameras: list[Camera] = [scene.camera(volume)] * len(at)
+    if any(key.camera is not None for key in keys):
+        moved = _rows(_tracks([(key.time_s, key.camera) for key in keys], _ORBIT, at), len(at))
+        common = scene.file.camera.model_dump(exclude={"position_mm"})
+        with _named("camera"):
+            cameras = [Camera.orbit(volume, **{**common, **row}) for row in moved]
+    changes = _rows(_tracks([(key.time_s, key.viewing) for key in keys], _TONE, at), len(at))
+    with _named("viewing"):
+        specs = [_seen(scene.relight, row) for row in changes]
+    with _named("transfer"):
+        transfers = moved_transfers(scene, keys, at)
+    return [_Moment(*each) for each in zip(cameras, transfers, specs, strict=True)]
+
+
+def _seen(spec: RelightSpec, row: dict[str, Any]) -> RelightSpec:
+    return replace(spec, viewing=replace(spec.viewing, **row)) if row else spec
+
+
+@contextmanager
+def _named(what: str) -> Iterator[None]:
+    try:
+        yield
+    except InputError as error:
+        raise SceneError(f"[[keyframe]] {what}: {error}") from error
+
+
+def _tracks(
+    keys: Sequence[tuple[float, Any]], ways: Mapping[str, Way], at: NDArray[np.float64]
+) -> dict[str, NDArray[np.float64]]:
+    """Each value that some key gives, at every time."""
+    found = {}
+    for name, way in ways.items():
+        given = [
+            (time, getattr(table, name))
+            for time, table in keys
+            if table is not None and getattr(table, name) is not None
+        ]
+        if given:
+            found[name] = way([time for time, _ in given], [value for _, value in given], at)
+    return found
+
+
+def _rows(tracks: dict[str, NDArray[np.float64]], count: int) -> list[dict[str, Any]]:
+    return [
+        {
+            name: tuple(track[i].tolist()) if track.ndim > 1 else float(track[i])
+            for name, track in tracks.items()
+        }
+        for i in range(count)
+    ]
+
+
+def _mixes(
+    scene: Scene, table: ExportTable, lights: Sequence[NamedLight], count: int
+) -> list[tuple[str, LightRig]] | None:
+    """The light of each moment, in words too; None where every light has its own frames."""
+    keys = scene.file.keyframe
+    if table.turntable is None and keys and keys[0].lights is not None:
+        times = [key.time_s for key in keys]
+        names = dict.fromkeys(name for key in keys for name in key.lights or ())
+        rows = [[(key.lights or {}).get(name, 0.0) for name in names] for key in keys]
+        at = np.minimum(times[0] + np.arange(count) / table.fps, times[-1])
+        by_name = {light.name: light for light in scene.lights}
+        mixed = [by_name[name] for name in names]
+        return [mix_of(mixed, weights) for weights in between_keys(times, rows, at)]
+    if table.sweep is None:
+        return None
+    return [mix_of(lights, row) for row in sweep_weights(len(lights), count, table.sweep.closed)]
+
+
+def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.float64]:
+    """Weights of lights that fade into each other one after the other, by frame.
+
+    Returns
+    -------
+    (F, L) float64
+        Each row sums to 1. A closed sweep ends one frame before its first light.
+
+    Examples
+    --------
+    >>> sweep_weights(3, 5).tolist()
+    [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]]
+    """
+    steps = (frames, lights) if closed else (max(frames - 1, 1), lights - 1)
+    rows = np.zeros((frames, lights))
+    for i, row in enumerate(rows):
+        at, part = divmod(i * steps[1], steps[0])
+        row[at % lights] += 1.0 - part / steps[0]
+        row[(at + 1) % lights] += part / steps[0]
+    return rows
+
+
+def mix_of(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[str, LightRig]:
+    """Several lights of a scene as one, and what it is in words; dark ones are left out.
+
+    Raises
+    ------
+    SceneError
+        If some of them have lux and some have not.
+    """
+    lit = [(light, float(w)) for light, w in zip(lights, weights, strict=True) if w > 0.0]
+    if len(lit) == 1 and lit[0][1] == 1.0:
+        return lit[0][0].name, lit[0][0].rig
+    said = ", ".join(f"{light.name} {weight:.3g}" for light, weight in lit)
+    rigs = [light.rig for light, _ in lit]
+    lux = [rig.illuminance_lux for rig in rigs]
+    if any(each is None for each in lux) and any(each is not None for each in lux):
+        raise SceneError(
+            f"export: {said}: some of these lights have illuminance_lux and some have not; give it "
+            "to all or to none"
+        )
+    return said, LightRig(
+        tuple(spectrum for rig in rigs for spectrum in rig.lights),
+        tuple(weight * each for light, weight in lit for each in light.rig.weights),
+        None if lux[0] is None else tuple(v for each in lux if each is not None for v in each),
+        tuple(group for rig in rigs for group in rig.groups),
+    )

@@ -1,0 +1,231 @@
+"""Pictures of any size, with several rays a pixel: cast in windows that fit the device.
+
+    volume, transfer, camera -> [tiles] -> strips of coefficient images
+
+A pixel's coefficients are the mean of its rays', before any light: they are linear in what is
+seen, so that the mean is the light that a pixel's area sends, under every light. A mean of frames
+would be of codes, in which a bright edge counts for less than it sends.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import VolspecWarning
+from volspec.pipeline import Raycaster, raycast
+from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast.bands import Cancel, Progress
+from volspec.raycast.camera import RayField
+from volspec.raycast.checks import MAX_SIDE
+from volspec.transfer import Transfer
+
+# What one cast may take, bytes; and a strip that is relit, with its copy for the device.
+CAST_BYTES = 2**28
+STRIP_BYTES = 2**29
+# The largest side that is relit at once: textures of every OpenGL 4.1 have it.
+STRIP_SIDE = 8192
+# Rows of a strip and columns of a window are whole packets of rays and whole bars of hatching.
+_ALIGNED = 64
+
+
+@dataclass(frozen=True, slots=True)
+class WindowCamera(Camera):
+    """A camera whose picture is a window of a larger one.
+
+    Parameters
+    ----------
+    whole : (width, height)
+        Rays of the larger picture.
+    corner : (x, y)
+        The window's first in it.
+    """
+
+    whole: tuple[int, int] = (1, 1)
+    corner: tuple[int, int] = (0, 0)
+
+    def ray_field(self, width: int, height: int) -> RayField:
+        """The rays of the window, whatever its size."""
+        field = Camera.ray_field(self, *self.whole)
+        x, y = field.middle
+        return replace(field, middle=(x - self.corner[0], y - self.corner[1]))
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Part of a picture: pixels from (x, y) on."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Canvas:
+    """A picture's size, its rays a pixel, and how it is cut.
+
+    Parameters
+    ----------
+    size : (width, height)
+        Pixels.
+    samples : int
+        n × n rays a pixel.
+    channels : int
+        Of all light groups together.
+    """
+
+    size: tuple[int, int]
+    samples: int
+    channels: int
+
+    def strips(self) -> list[list[Window]]:
+        """From top to bottom: windows side by side, each to be relit at once."""
+        width, height = self.size
+        columns = _cuts(width, STRIP_SIDE)
+        widest = max(end - start for start, end in columns)
+        room = STRIP_BYTES // (4 * (self.channels + 1) * widest)
+        rows = _cuts(height, max(_ALIGNED, min(STRIP_SIDE, room)))
+        return [[Window(x, y, right - x, bottom - y) for x, right in columns] for y, bottom in rows]
+
+    def windows(self, part: Window) -> list[Window]:
+        """What is cast at once of a strip's window."""
+        n = self.samples
+        columns = _cuts(part.width, MAX_SIDE // n)
+        widest = max(end - start for start, end in columns)
+        room = CAST_BYTES // (4 * self.channels * n * n * widest)
+        rows = _cuts(part.height, max(_ALIGNED, min(MAX_SIDE // n, room)))
+        return [
+            Window(part.x + x, part.y + y, right - x, bottom - y)
+            for y, bottom in rows
+            for x, right in columns
+        ]
+
+
+def _cuts(length: int, most: int) -> list[tuple[int, int]]:
+    """Nearly equal pieces, each but the last of whole packets."""
+    if length <= most:
+        return [(0, length)]
+    count = -(-length // (most // _ALIGNED * _ALIGNED))
+    step = -(-length // (count * _ALIGNED)) * _ALIGNED
+    return [(start, min(start + step, length)) for start in range(0, length, step)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Caster:
+    """Casts parts of pictures of one volume.
+
+    Parameters
+    ----------
+    caster : Raycaster
+    spec : RaycastSpec
+    notes : {str: str}
+        Kept in the images.
+    cancel : callable, optional
+        As `volspec.raycast`.
+    """
+
+    caster: Raycaster
+    spec: RaycastSpec
+    notes: Mapping[str, str]
+    cancel: Cancel | None = None
+
+    def strips(
+        self,
+        transfer: Transfer,
+        camera: Camera,
+        canvas: Canvas,
+        progress: Progress | None = None,
+    ) -> Iterator[list[CoefficientImage]]:
+        """The picture from top to bottom, in images side by side; mostly one."""
+        strips = canvas.strips()
+        total, done, seen = canvas.size[0] * canvas.size[1], 0, False
+        for strip in strips:
+            images = []
+            for part in strip:
+                before, share = done / total, part.width * part.height / total
+
+                def told(part_done: float, before: float = before, share: float = share) -> None:
+                    if progress is not None:
+                        progress(before + share * part_done)
+
+                images.append(self._part(transfer, camera, canvas, part, told))
+                done += part.width * part.height
+                seen = seen or bool(images[-1].alpha.any())
+            yield images
+        if not seen and (len(strips) > 1 or len(strips[0]) > 1):
+            warnings.warn("the picture is empty", VolspecWarning, stacklevel=2)
+
+    def _part(
+        self,
+        transfer: Transfer,
+        camera: Camera,
+        canvas: Canvas,
+        part: Window,
+        progress: Progress,
+    ) -> CoefficientImage:
+        """One window of the picture; where it needs several casts, put together."""
+        whole = Window(0, 0, *canvas.size)
+        windows = canvas.windows(part)
+        if canvas.samples == 1 and windows == [whole]:
+            return self.cast(transfer, camera, canvas.size, progress)
+        n, image = canvas.samples, None
+        coefficients = np.empty((part.height, part.width, canvas.channels), np.float32)
+        alpha = np.empty((part.height, part.width), np.float32)
+        for i, window in enumerate(windows):
+            seen_from = WindowCamera(
+                *(camera.position_mm, camera.target_mm, camera.up),
+                *(camera.fov_deg, camera.height_mm),
+                whole=(n * canvas.size[0], n * canvas.size[1]),
+                corner=(n * window.x, n * window.y),
+            )
+
+            def told(done: float, i: int = i) -> None:
+                progress((i + done) / len(windows))
+
+            with warnings.catch_warnings():
+                if part != whole or len(windows) > 1:  # a window may well be empty
+                    warnings.filterwarnings("ignore", ".*the picture is empty", VolspecWarning)
+                size = n * window.width, n * window.height
+                image = self.cast(transfer, seen_from, size, told)
+            y, x = window.y - part.y, window.x - part.x
+            there = np.s_[y : y + window.height, x : x + window.width]
+            coefficients[there] = _mean(np.asarray(image.coefficients, np.float32), n)
+            alpha[there] = _mean(image.alpha[..., None], n)[..., 0]
+        assert image is not None
+        return replace(
+            image,
+            coefficients=coefficients.astype(image.coefficients.dtype, copy=False),
+            alpha=alpha,
+            depth_mm=np.full_like(alpha, np.inf),  # a mean of depths is nowhere
+            first_mm=None,
+        )
+
+    def cast(
+        self,
+        transfer: Transfer,
+        camera: Camera,
+        size: tuple[int, int],
+        progress: Progress | None = None,
+    ) -> CoefficientImage:
+        """One cast, in a piece."""
+        return raycast(
+            *(self.caster.volume, transfer, camera, size, self.spec),
+            caster=self.caster,
+            progress=progress,
+            cancel=self.cancel,
+            notes=self.notes,
+        )
+
+
+def _mean(pixels: NDArray[np.float32], n: int) -> NDArray[np.float32]:
+    """(n·H, n·W, C) -> (H, W, C): each pixel's own area, a box."""
+    if n == 1:
+        return pixels
+    height, width, channels = pixels.shape
+    parts = pixels.reshape(height // n, n, width // n, n, channels)
+    return np.asarray(parts.mean(axis=(1, 3), dtype=np.float32))

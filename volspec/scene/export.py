@@ -1,0 +1,234 @@
+"""``[export]`` and ``[[keyframe]]``: which re-lit frames a scene is exported as.
+
+    tables -> [export] -> volspec.export.plan
+
+What they mean is told to users in docs/export.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from volspec._tables import Name, Table
+from volspec.errors import nearest
+from volspec.scene.transfer import PointTable
+
+# A film of an hour and more; beyond it a number is a slip.
+MAX_FRAMES = 100_000
+
+
+def _direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(axis):
+        raise ValueError("is [0, 0, 0]; give a direction")
+    return axis
+
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Frames = Annotated[int, Field(ge=1, le=MAX_FRAMES)]
+Place = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
+
+
+class TurntableTable(Table):
+    """``turntable`` of [export]: the camera goes around what it looks at."""
+
+    frames: Annotated[Frames, Field(examples=[72])]
+    """How many; a whole turn ends one before the first, so that it can be repeated."""
+    degrees: Finite = 360.0
+    """How far; negative turns the other way."""
+    axis: Annotated[Place, AfterValidator(_direction)] | None = None
+    """What it turns about; left out, the camera's up."""
+
+
+class SweepTable(Table):
+    """``sweep`` of [export]: one light fades into the next."""
+
+    frames: Frames | None = None
+    """How many; left out, as many as the camera has."""
+    closed: bool = False
+    """From the last light back to the first, so that it can be repeated."""
+
+
+class ExportTable(Table):
+    """``[export]``: which frames are made, and as what files."""
+
+    lights: list[Name] | None = None
+    """By name, in this order; left out, all of the scene."""
+    turntable: TurntableTable | None = None
+    """The camera goes around."""
+    sweep: SweepTable | None = None
+    """One light fades into the next; left out, every light has its own frames."""
+    fps: Annotated[float, Field(gt=0, le=240, allow_inf_nan=False)] = 25.0
+    """Frames a second, of films and keyframes."""
+    format: Literal["png", "exr"] = "png"
+    """Of frames in a folder."""
+    bits: Literal[8, 16] = 8
+    """Of a PNG's codes."""
+    samples: Annotated[int, Field(ge=1, le=8)] = 1
+    """n × n rays a pixel: smooth edges."""
+    transparent: bool = False
+    """No backdrop: opacity is kept in the file."""
+    shows: Literal["display", "scene"] = "display"
+    """Of EXR: linear light of the display, what the eye makes of it included; or of the scene."""
+    primaries: Literal["Rec. 709", "ACES AP0", "ACES AP1"] = "Rec. 709"
+    """Of EXR."""
+    sheet: bool = True
+    """A contact sheet beside the frames."""
+
+    @model_validator(mode="after")
+    def _fit_together(self) -> ExportTable:
+        if self.lights is not None and not self.lights:
+            raise ValueError("lights: is empty; name one, or leave it out for all")
+        if self.format == "png" and self.shows == "scene":
+            raise ValueError('shows = "scene" is for format = "exr"; PNG shows the display')
+        if self.sweep is None:
+            return self
+        if self.turntable is not None and self.sweep.frames is not None:
+            raise ValueError("turntable and sweep both say frames; leave out the sweep's")
+        return self
+
+
+class KeyCameraTable(Table):
+    """``camera`` of a keyframe: what differs from [camera]."""
+
+    azimuth_deg: Finite | None = None
+    """The short way from the key before."""
+    elevation_deg: Finite | None = None
+    """Towards up."""
+    zoom: Positive | None = None
+    """As [camera]."""
+    fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
+    """As [camera]."""
+    target_mm: Place | None = None
+    """What it looks at."""
+
+
+class KeyTransferTable(Table):
+    """``transfer`` of a keyframe: each costs casts of its own."""
+
+    shift: Finite | None = None
+    """Added to the values of points, regions or surfaces."""
+    points: Annotated[list[PointTable], Field(min_length=1)] | None = None
+    """In place of [transfer] points; as many in every keyframe, and there."""
+
+
+class KeyViewingTable(Table):
+    """``viewing`` of a keyframe: what differs from [viewing]."""
+
+    exposure: Positive | None = None
+    """Factor of all light."""
+    L_A: Positive | None = None
+    """Adapting luminance, cd/m²."""
+    Y_b: Positive | None = None
+    """The background's luminance, white 100."""
+    D: Share | None = None
+    """Degree of adaptation."""
+
+
+class KeyframeTable(Table):
+    """``[[keyframe]]``: what holds at a time; between two all moves smoothly.
+
+    A value that some keyframes give moves between those; one that none gives is the scene's.
+    """
+
+    row_keys = ("time_s",)
+    time_s: Annotated[NotNegative, Field(examples=[0])]
+    """Rising."""
+    camera: KeyCameraTable | None = None
+    """The orbit."""
+    transfer: KeyTransferTable | None = None
+    """What is seen of the volume."""
+    lights: dict[Name, NotNegative] | None = None
+    """Weights by light; lights left out are dark."""
+    viewing: KeyViewingTable | None = None
+    """The eye."""
+
+    @model_validator(mode="after")
+    def _some_light(self) -> KeyframeTable:
+        if self.lights is not None and not any(self.lights.values()):
+            raise ValueError("lights: no weight is above 0, so there is no light; raise one")
+        return self
+
+
+def check_export(
+    table: ExportTable, keys: Sequence[KeyframeTable], lights: Sequence[str], orbit: bool
+) -> None:
+    """Refuse frames that cannot be of one scene.
+
+    Parameters
+    ----------
+    table : ExportTable
+    keys : sequence of KeyframeTable
+    lights : sequence of str
+        Names that the scene has.
+    orbit : bool
+        Whether its camera is one.
+
+    Raises
+    ------
+    ValueError
+        Names the field.
+    """
+    for i, name in enumerate(table.lights or (), start=1):
+        _check_light(f"export.lights.{i}", name, lights)
+    if table.lights and len(set(table.lights)) < len(table.lights):
+        raise ValueError("export.lights: one is named twice; leave out one")
+    for i, key in enumerate(keys, start=1):
+        for name in key.lights or ():
+            _check_light(f"keyframe.{i}.lights", name, lights)
+        if key.camera is not None and not orbit:
+            raise ValueError(
+                f"keyframe.{i}.camera: [camera] has position_mm; give that an orbit to move it"
+            )
+    for i, (before, after) in enumerate(pairwise(keys), start=2):
+        if not after.time_s > before.time_s:
+            raise ValueError(
+                f"keyframe.{i}.time_s: is {after.time_s:g} after {before.time_s:g}; give times "
+                "that rise"
+            )
+    seconds = keys[-1].time_s - keys[0].time_s if keys else 0.0
+    if seconds * table.fps >= MAX_FRAMES:
+        raise ValueError(
+            f"keyframe: {seconds:g} s at {table.fps:g} frames a second are more than "
+            f"{MAX_FRAMES} frames; give less"
+        )
+    if keys:
+        _check_ways(table, keys)
+    if table.sweep is not None and len(table.lights or lights) < 2:
+        raise ValueError("export.sweep: there is one light; a sweep needs two")
+
+
+def _check_light(where: str, name: str, lights: Sequence[str]) -> None:
+    if name not in lights:
+        raise ValueError(
+            f"{where}: no [[light]] is named {name!r}; {nearest(name, lights)}there is "
+            f"{', '.join(lights)}"
+        )
+
+
+def _check_ways(table: ExportTable, keys: Sequence[KeyframeTable]) -> None:
+    """Keyframes beside a turntable or a sweep: each thing is moved by one of them."""
+    if table.turntable is not None:
+        raise ValueError("export.turntable: there are [[keyframe]]s, too; leave out one of them")
+    if table.sweep is not None and table.sweep.frames is not None:
+        raise ValueError("export.sweep: the [[keyframe]]s say how many frames; leave it out")
+    weighted: Mapping[bool, int] = {key.lights is not None: i for i, key in enumerate(keys, 1)}
+    if True in weighted and table.sweep is not None:
+        raise ValueError(
+            f"export.sweep: keyframe.{weighted[True]} has lights, too; leave out one of them"
+        )
+    if True in weighted and table.lights is not None:
+        raise ValueError(
+            f"export.lights: keyframe.{weighted[True]} has lights, too; leave out one of them"
+        )
+    if len(weighted) == 2:
+        raise ValueError(
+            f"keyframe.{weighted[False]}: has no lights, keyframe.{weighted[True]} has; give them "
+            "in all or in none"
+        )
