@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.viewer.test_files_scene import opened
+from tests.viewer.test_files_scene import KINDS, opened
 from volspec.errors import CastCancelled, InputError, SceneError, ViewingError
 from volspec.raycast import Ambient, Directional, LightGroup
 from volspec.raycast.checks import MAX_SIDE
@@ -76,15 +76,18 @@ def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path: Path, basis: s
     np.testing.assert_array_equal(made, shown)
 
 
-@pytest.mark.parametrize("kind", ["points", "gradients", "regions", "labels", "surfaces"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_scripts_of_every_transfer_function_make_the_same_table(tmp_path: Path, kind: str) -> None:
     import volspec
 
     state = opened(tmp_path, kind)
-    text = script_of(state)
+    # A docstring where it is written as it is: a wrong escape, and its end.
+    title = 'C:\\users "here" \\'
+    text = script_of(replace(state, document=replace(state.document, title=title)))
     lines = text[: text.index("camera = ")]
     names: dict[str, object] = {"vs": volspec}
     exec(compile(lines, "script", "exec"), names)
+    assert str(names["__doc__"]).startswith(title)
     one, other = state.transfer.bake(1.0), names["transfer"].bake(1.0)  # type: ignore[attr-defined]
     np.testing.assert_array_equal(one.opacity, other.opacity)
     np.testing.assert_array_equal(one.channels, other.channels)

@@ -66,6 +66,9 @@ gradient_opacity = [[0.0, 0.1], [0.3, 1.0]]""",
     { values = [0.3, 0.9], gradients = [0.0, 0.5], opacity = 0.5, material = "copper" },
 ]
 reference_step_mm = 0.7""",
+    "open regions": """regions = [
+    { values = [0.3, 0.9], gradients = [0.01, inf], opacity = 0.5, material = "copper" },
+]""",
     "labels": 'labels = [{ label = 1, opacity = 0.6, material = "grey" }]',
     "surfaces": """surfaces = [
     { value = 0.3, opacity = 0.3, material = "copper" },
@@ -233,6 +236,13 @@ def test_what_no_file_can_say_is_refused_in_a_line(state: ViewState, tmp_path: P
         export_scene(here, tmp_path / "x.json")
     with pytest.raises(InputError, match="cannot write there"):
         export_scene(here, "/proc/nothing/x.toml")
+
+
+def test_a_scene_under_no_light_is_refused_as_it_would_open_lit(tmp_path: Path) -> None:
+    here = opened(tmp_path)
+    dark = tuple(replace(row, weight=0.0) for row in here.lights)
+    with pytest.raises(SceneError, match=r"No light is on.*turn one on"):
+        scene_of(replace(here, lights=dark))
 
 
 def test_a_basis_of_another_scene_is_shown_by_its_name(tmp_path: Path) -> None:

@@ -14,10 +14,13 @@ import pytest
 from tests.viewer.test_files_scene import opened, picture
 from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.relight import LightRig
+from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
 from volspec.viewer import session_store
+from volspec.viewer.document import Document, plain_scene
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.lighting import LightRow
+from volspec.viewer.lightstates import Fade
 from volspec.viewer.session import (
     SUFFIX,
     VERSION,
@@ -30,7 +33,7 @@ from volspec.viewer.session import (
 )
 from volspec.viewer.session_store import EVERY_S, MOST_SESSIONS, SessionStore
 from volspec.viewer.state import Interface, ViewState
-from volspec.volume import phantom
+from volspec.volume import load_volume, phantom
 
 FIXTURES = Path(__file__).with_name("sessions")
 
@@ -96,6 +99,31 @@ def test_what_was_one_is_one_again(tmp_path: Path) -> None:
     moved = again(reduced(state, Event("shift", 0.1)), tmp_path)
     assert moved.transfer is not moved.document.transfer
     assert moved.transfer.basis is moved.document.transfer.basis
+
+
+def test_a_fade_that_is_over_is_not_seen_again(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    state = replace(state, fade=Fade(state.lights, state.seen, 1.0))
+    session = session_of(state)
+    assert "fade" not in session.data["state"] and resumed(session, cast=False).fade is None
+    # As files of before have it.
+    old = session.data | {"state": session.data["state"] | {"fade": {"#": 0}}}
+    assert resumed(replace(session, data=old), cast=False).fade is None
+
+
+def test_a_bare_volume_that_is_moved_with_its_session_is_found(tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    np.save(here / "ball.npy", phantom.ball(12).values)
+    path = str(here / "ball.npy")
+    scene = Scene(plain_scene(path, load_volume(path)), path)
+    state = ViewState.first(Document.of(scene, scene.volume(), None), (40, 30))
+    save_session(state, here / f"one{SUFFIX}")
+    here.rename(there)
+    back = resumed(read_session(there / f"one{SUFFIX}"), cast=False)
+    assert back.document.path == there / "ball.npy"
+    # Saved again, it is found again.
+    assert resumed(session_of(back), cast=False).document.path == there / "ball.npy"
 
 
 @pytest.mark.parametrize("kind", ["gradients", "regions", "labels", "surfaces"])

@@ -48,6 +48,7 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "fade": Fade(state.lights, state.seen, 1.0),
         "board": Board(),
         "thickness": 2.0,
+        "thin": (state.transfer, 1.0, state.transfer),
     }
     assert stale_stage(state, replace(state, **{name: others[name]})) == STAGES[name]
 

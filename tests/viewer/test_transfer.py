@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import math
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -29,6 +31,7 @@ from volspec.viewer.document import Document, histogram
 from volspec.viewer.events import Event, curve, reduced
 from volspec.viewer.history import History
 from volspec.viewer.joint import joint_histogram
+from volspec.viewer.slices import codes
 from volspec.viewer.state import ViewState
 from volspec.viewer.transfer_parts import parts_of, with_share
 from volspec.volume import Volume, phantom
@@ -118,18 +121,37 @@ def test_a_drag_across_shifts_and_one_upwards_spreads_about_the_middle(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_thickening_multiplies_small_opacities_and_is_undone_by_its_slider(
+def test_thickening_is_as_of_denser_matter_and_undone_by_its_slider(
     state: ViewState, kind: str
 ) -> None:
+    """Exactly: opacities that were rounded to 1 and such as were 1 come back too."""
     state = of_kind(state, kind)
-    old = np.array([part.opacity for part in parts_of(state.transfer)]).clip(0, 0.999)
+    old = np.array([part.opacity for part in parts_of(state.transfer)])
     thin = reduced(state, Event("thicken", 0.1))
     opacities = [part.opacity for part in parts_of(thin.transfer)]
-    np.testing.assert_allclose(opacities, 1 - (1 - old) ** 0.1, atol=1e-12)
-    back = reduced(thin, Event("thicken", 1.0))
-    np.testing.assert_allclose([p.opacity for p in parts_of(back.transfer)], old, atol=1e-9)
+    # What is wholly opaque lets something through.
+    np.testing.assert_allclose(opacities, 1 - (1 - old.clip(0, 0.999)) ** 0.1, atol=1e-12)
+    for thickness in (50.0, 0.02, 7.0):
+        thin = reduced(thin, Event("thicken", thickness))
+    assert reduced(thin, Event("thicken", 1.0)).transfer is state.transfer
     dragged = reduced(state, Event("thicken-by", 0.0, -0.1))
     assert dragged.thickness == pytest.approx(math.exp(0.3))
+    back = reduced(reduced(dragged, Event("thicken-by", 0.0, 0.4)), Event("thicken-by", 0.0, -0.3))
+    assert back.transfer is state.transfer
+
+
+def test_thickening_is_undone_of_what_was_shifted_and_goes_on_from_what_was_edited(
+    state: ViewState,
+) -> None:
+    old = [part.opacity for part in parts_of(state.transfer)]
+    thick = reduced(state, Event("thicken", 50.0))
+    moved = reduced(reduced(thick, Event("shift", 0.1)), Event("window", 0.0, 0.1))
+    back = reduced(moved, Event("thicken", 1.0))
+    assert [part.opacity for part in parts_of(back.transfer)] == old
+    assert values_of(back) == values_of(moved) != values_of(state)
+    edited = reduced(thick, Event("opacity", 0.3, index=1))
+    same = reduced(reduced(edited, Event("thicken", 2.0)), Event("thicken", 50.0))
+    assert same.transfer is edited.transfer
 
 
 def test_a_drag_in_the_picture_is_one_step_of_undo(state: ViewState) -> None:
@@ -214,6 +236,37 @@ def test_a_curve_becomes_regions_that_look_alike(state: ViewState) -> None:
     table = again.bake(1.0)
     back = np.interp(at, np.linspace(*table.domain, len(table.opacity)), table.opacity)
     assert np.abs(back - here).mean() < 0.1
+
+
+def test_a_hard_region_becomes_a_curve_with_steep_sides(state: ViewState) -> None:
+    regions = of_kind(state, "regions").transfer
+    assert isinstance(regions, TransferFunction2D)
+    hard = replace(regions, regions=[replace(regions.regions[0], softness=0.0)])
+    points = parts_of(converted(hard, "points", _SPAN))
+    # From 0.2 to 0.5; sides as steep as points can be told apart on the screen.
+    np.testing.assert_allclose(
+        [p.values[0] for p in points], [0.2, 0.2, 0.5, 0.5], atol=1e-3 + 1e-9
+    )
+    np.testing.assert_allclose([p.opacity for p in points], [0, 0.1, 0.1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["points", "surfaces"])
+def test_a_point_without_room_keeps_its_value_and_takes_an_opacity(
+    state: ViewState, kind: str
+) -> None:
+    rows = [(0.0, 0.1, "copper"), (0.5, 0.1, "copper"), (0.5005, 0.2, "gold"), (0.501, 0.3, "gold")]
+    materials, basis = state.transfer.materials, state.transfer.basis
+    transfer: Transfer = Isosurfaces(rows, materials, basis)
+    if kind == "points":
+        transfer = TransferFunction(rows, materials, basis)
+    close = replace(state, transfer=transfer)
+    for x in (0.5005, 0.2, 0.9):
+        moved = reduced(close, Event("point", x, 0.7, index=2))
+        assert values_of(moved) == [0.0, 0.5, 0.5005, 0.501]
+        assert [p.opacity for p in parts_of(moved.transfer)] == [0.1, 0.1, 0.7, 0.3]
+    # Nearer than a gap to one neighbour only: it stays where just its opacity is dragged.
+    lifted = reduced(close, Event("point", 0.501, 0.7, index=3))
+    assert values_of(lifted) == values_of(close)
 
 
 def test_boundaries_of_a_curve_stay_boundaries_as_regions(state: ViewState) -> None:
@@ -307,3 +360,19 @@ def test_materials_are_shown_as_an_adapted_eye_sees_them(state: ViewState) -> No
     assert np.abs(np.subtract(colours.material_colours(lamp)["gold"], (r, g, b))).max() < 0.1
     dark = replace(state, lights=(replace(state.lights[0], weight=0.0),))
     assert max(colours.part_colours(dark)[0]) == 0.0
+
+
+def test_the_histogram_on_the_screen_keeps_no_closed_volume(document: Document) -> None:
+    regions = pytest.importorskip("volspec.viewer.panels.transfer.regions")
+    opened = replace(document, volume=Volume(phantom.ball(8).values))
+    closed = weakref.ref(opened.volume.values)
+    assert regions.shades(opened.joint, True).max() == pytest.approx(1.0)
+    del opened
+    gc.collect()
+    assert closed() is None
+
+
+def test_slices_tell_labels_above_65535_apart() -> None:
+    """70000 was 4464."""
+    labels = np.array([[0, 4464, 65535, 70000]], np.int32)
+    np.testing.assert_array_equal(codes(labels, (0, 70000), 70001), labels)

@@ -8,6 +8,7 @@ Spectra stand by their names where those give the same numbers, and as numbers w
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
@@ -79,9 +80,9 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
     if document.file is None or document.path is None:
         raise SceneError(f"{document.title}: was not read from a file; no script could load it")
     if rig is None:
-        raise ViewingError("No light is on, so there is no frame to make a script for")
+        raise ViewingError("No light is on, so there is no frame to make a script for; turn one on")
     code = _Code(_texts(state))
-    title = f"{document.title}, as seen in volspec {volspec.__version__}".replace('"', "'")
+    title = f"{document.title}, as seen in volspec {volspec.__version__}"
     space = state.seen.viewing.display.space
     frame = tuple(f"{name}={code.of(getattr(state.seen, name), 8)}" for name in _SEEN)
     arguments = "volume", "transfer", "camera", f"size={state.size}", "spec=spec"
@@ -100,7 +101,7 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
         "    " + _call("frame = relighter.frame", ("rig", "viewing", *frame), 4),
         f'vs.write_frame("{file_stem(document.title)}.png", frame, space={code.of(space, 0)})',
     ]
-    head = [f'"""{title}."""', ""]
+    head = [f'"""{_text(title)[1:-1]}."""', ""]
     if any("Path(" in line for line in lines):
         head += ["from pathlib import Path", ""]
     imports = [f"from {module} import {name}" for module, name in sorted(code.imports)]
@@ -187,7 +188,9 @@ class _Code:
                 return _wrapped("[", rows, "]", indent)
             return _wrapped("(", rows, ",)" if len(rows) == 1 else ")", indent)
         if isinstance(value, np.generic):
-            return repr(value.item())
+            value = value.item()
+        if isinstance(value, float) and not math.isfinite(value):
+            return f'float("{value}")'
         return repr(value)
 
     def transfer(self, state: ViewState) -> str:

@@ -42,6 +42,7 @@ from volspec.spectra import Spectrum
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer.mixes import Mix
 from volspec.viewer.as_lights import light_tables, same_spectrum
+from volspec.viewer.lighting import rig_of
 from volspec.viewer.state import ViewState
 
 
@@ -81,12 +82,17 @@ def scene_of(state: ViewState) -> SceneFile:
     Raises
     ------
     SceneError
-        If the document has no file, or something is shown that no file can say, as a backdrop
-        that is a spectrum.
+        If the document has no file, or something is shown that no file can say, as no light at
+        all or a backdrop that is a spectrum.
     """
     document = state.document
     if document.file is None:
         raise SceneError(f"{document.title}: was not read from a file, so no scene can name it")
+    if rig_of(state.lights) is None:
+        raise SceneError(
+            "No light is on, and a scene opens under its first light, so none shows this; "
+            "turn one on"
+        )
     try:
         return _made(state, document.file)
     except ValidationError as error:

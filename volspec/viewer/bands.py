@@ -36,6 +36,8 @@ KINDS: dict[type, Kind] = {
 _ALIKE = 4.0
 # Of the range: half a surface's band, and how far one that never ends reaches beyond it.
 _THIN, _OVER = 0.01, 0.12
+# Of the range: over so much a hard side rises, as points of one value would only follow it.
+_EDGE = 1e-3
 # A surface is as opaque as so many steps of what lies behind it.
 _DEPTH = 8
 _SOFTEST = 0.02
@@ -93,7 +95,8 @@ def _bands(transfer: Transfer, span: tuple[float, float]) -> list[Band]:
         found = []
         for region in transfer.regions:
             low, high = region.values
-            ramp = region.softness * (high - low) / 2
+            half, edge = (high - low) / 2, _EDGE * (span[1] - span[0])
+            ramp = max(region.softness * half, min(edge, half))
             found.append(Band(low, high, ramp, region.opacity, shares_of(region.material)))
         return found
     if isinstance(transfer, Isosurfaces):

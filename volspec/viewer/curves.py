@@ -29,16 +29,11 @@ MOST_LABELS = 256
 
 
 def moved(curve: TransferFunction, index: int, value: float, opacity: float) -> TransferFunction:
-    """A point elsewhere: between its neighbours, opacity 0 to 1."""
+    """A point elsewhere: between its neighbours where they leave room, opacity 0 to 1."""
     points = list(curve.points)
     if not 0 <= index < len(points):
         return curve
-    gap = _GAP * max(points[-1][0] - points[0][0], 1e-6)
-    if index > 0:
-        value = max(value, points[index - 1][0] + gap)
-    if index < len(points) - 1:
-        value = min(value, points[index + 1][0] - gap)
-    points[index] = (value, min(max(opacity, 0.0), 1.0), points[index][2])
+    points[index] = _moved(points, index, value, opacity)
     return _sorted(curve, points)
 
 
@@ -47,12 +42,19 @@ def surface_moved(surfaces: Isosurfaces, index: int, value: float, opacity: floa
     rows = list(surfaces.surfaces)
     if not 0 <= index < len(rows):
         return surfaces
-    gap = _GAP * (rows[-1][0] - rows[0][0])
-    low = rows[index - 1][0] + gap if index > 0 else -math.inf
-    high = rows[index + 1][0] - gap if index < len(rows) - 1 else math.inf
-    if low < high:
-        rows[index] = (min(max(value, low), high), min(max(opacity, 0.0), 1.0), rows[index][2])
+    rows[index] = _moved(rows, index, value, opacity)
     return replace(surfaces, surfaces=rows)
+
+
+def _moved(rows: list[Point], index: int, value: float, opacity: float) -> Point:
+    """One of the rows between its neighbours; its value stays where those leave no room."""
+    now, _, mix = rows[index]
+    if value != now:
+        gap = _GAP * max(rows[-1][0] - rows[0][0], 1e-6)
+        low = rows[index - 1][0] + gap if index > 0 else -math.inf
+        high = rows[index + 1][0] - gap if index < len(rows) - 1 else math.inf
+        value = min(max(value, low), high) if low <= high else now
+    return value, min(max(opacity, 0.0), 1.0), mix
 
 
 def added(transfer: Transfer, value: float, opacity: float) -> Transfer:

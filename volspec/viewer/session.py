@@ -40,6 +40,8 @@ MIGRATIONS: Mapping[int, Migration] = MappingProxyType({})
 """From each version to the one after it: changes the data in place."""
 # Of a document, what is read, made or measured again.
 _REMADE = ("volume", "caster", "histogram", "file", "path")
+# Of a state, what is made anew or is over: a fade would be seen again.
+_PASSING = ("document", "fade")
 
 
 class SessionError(InputError):
@@ -84,7 +86,7 @@ def session_of(state: ViewState) -> Session:
     try:
         parts = {
             "document": {n: writer.plain(getattr(document, n)) for n in _kept(Document, _REMADE)},
-            "state": {n: writer.plain(getattr(state, n)) for n in _kept(ViewState, ("document",))},
+            "state": {n: writer.plain(getattr(state, n)) for n in _kept(ViewState, _PASSING)},
         }
     except TypeError as error:
         raise SessionError(f"{document.title}: {error}") from error
@@ -161,7 +163,8 @@ def read_session(path: str | os.PathLike[str]) -> Session:
         what = missing[0] if missing else "document"
         raise BrokenSession(f"{name}: field {what!r} is missing or wrong; was it edited?")
     beside = Path(path).absolute().parent / str(data.get("beside", ""))
-    found = beside if beside.is_file() else Path(str(data["path"]))
+    # A volume may be a folder.
+    found = beside if data.get("beside") and beside.exists() else Path(str(data["path"]))
     return Session(str(data["document"].get("title")), found, data)
 
 
@@ -188,11 +191,15 @@ def resumed(session: Session, device: str | None = None, cast: bool = True) -> V
         file = SceneFile.model_validate(data["file"], strict=False)
         reader = Reader(data["objects"])
         kept = _read(reader, Document, data["document"], _REMADE)
-        changed = _read(reader, ViewState, data["state"], ("document",))
+        changed = _read(reader, ViewState, data["state"], _PASSING)
     except ValidationError as error:
         raise BrokenSession(f"session: file: {explained(error, SceneFile)}") from error
     except (ValueFault, TypeError) as error:
         raise BrokenSession(f"session: {error}; was it edited?") from error
+    name, mark, query = file.volume.file.partition("?")
+    if name == data["path"]:  # of a bare volume, which may have been moved with its session
+        moved = file.volume.model_copy(update={"file": f"{session.path}{mark}{query}"})
+        file = file.model_copy(update={"volume": moved})
     volume = Resolver(file, session.path).volume()
     document = Document(
         **kept,

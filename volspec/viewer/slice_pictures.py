@@ -36,7 +36,7 @@ class _Shown:
 
     of_codes: tuple[Any, ...] = ()
     of_colours: tuple[Any, ...] = ()
-    codes: NDArray[np.uint16] | None = None
+    codes: NDArray[np.uint32] | None = None
     texture: Any = None
 
 

@@ -226,12 +226,12 @@ def entries_of(volume: Volume, labels: bool) -> int:
     return count if whole and (labels or count <= ENTRIES) else ENTRIES
 
 
-def codes(values: NDArray[np.generic], span: tuple[float, float], count: int) -> NDArray[np.uint16]:
+def codes(values: NDArray[np.generic], span: tuple[float, float], count: int) -> NDArray[np.uint32]:
     """Where values stand in a table of so many entries."""
     low, high = span
     scale = (count - 1) / (high - low) if high > low else 0.0
     return np.rint((values.astype(np.float32) - np.float32(low)) * np.float32(scale)).astype(
-        np.uint16
+        np.uint32
     )
 
 

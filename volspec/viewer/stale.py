@@ -29,6 +29,7 @@ STAGES: dict[str, Stage] = {
     "fade": "frame",
     "board": "relight",
     "thickness": "cast",
+    "thin": "frame",
 }
 
 

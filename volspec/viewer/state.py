@@ -100,6 +100,9 @@ class ViewState:
         What the palette asks for; its spectra stand in ``transfer`` and ``lights``.
     thickness : float
         By how much its opacities have been thickened.
+    thin : (Transfer, thickness, Transfer), optional
+        What ``transfer`` was thickened from, how thick that is, and what it became: valid as long
+        as the last is ``transfer``. Opacities rounded to 1 come back from it.
     """
 
     document: Document
@@ -117,6 +120,7 @@ class ViewState:
     fade: Fade | None = None
     board: Board = field(default_factory=Board)
     thickness: float = 1.0
+    thin: tuple[Transfer, float, Transfer] | None = None
 
     @classmethod
     def first(

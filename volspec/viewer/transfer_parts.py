@@ -7,6 +7,7 @@ A part has an opacity and a mix of materials, whatever it is a part of.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +22,7 @@ from volspec.transfer import (
 )
 from volspec.transfer.mixes import Mix, shares_of
 
-# Of an opacity that is scaled: what is wholly opaque could never again let anything through.
+# Of an opacity that is made thinner: what is wholly opaque would never let anything through.
 _MOST_OPAQUE = 0.999
 # Of a mix, what one material can take.
 _PUREST = 0.999
@@ -95,11 +96,16 @@ def with_share(transfer: Transfer, index: int, material: str, share: float) -> T
 def thickened(transfer: Transfer, factor: float) -> Transfer:
     """All opacities as if the matter were denser by a factor: 1 - (1 - opacity)^factor.
 
-    Small ones are multiplied by it, great ones stay below 1; the inverse factor undoes it.
+    Small ones are multiplied by it, great ones near 1. What is rounded to 1 has no way back: to
+    slide to and fro, start from the same transfer function each time. A factor of 1 returns it as
+    it is.
     """
+    if math.isclose(factor, 1.0):
+        return transfer
+    most = _MOST_OPAQUE if factor < 1 else 1.0
 
     def denser(_: int, opacity: float, mix: Mix) -> tuple[float, Mix]:
-        return 1 - (1 - min(opacity, _MOST_OPAQUE)) ** factor, mix
+        return 1 - (1 - min(opacity, most)) ** factor, mix
 
     return _changed(transfer, denser)
 

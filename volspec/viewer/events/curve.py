@@ -112,14 +112,31 @@ def _softness(state: ViewState, event: Event) -> ViewState:
 def _shift(state: ViewState, event: Event) -> ViewState:
     low, high = _span(state)
     shift = min(max(event.x, low - high), high - low)
-    moved = transfer_parts.shifted(state.transfer, shift - state.shift, (low, high))
-    return state if moved is state.transfer else replace(state, transfer=moved, shift=shift)
+    by = shift - state.shift
+    moved = _remapped(state, lambda old: transfer_parts.shifted(old, by, (low, high)))
+    return state if moved is state else replace(moved, shift=shift)
 
 
 def _thicken(state: ViewState, event: Event) -> ViewState:
     thickness = min(max(event.x, THICKNESSES[0]), THICKNESSES[1])
-    thicker = transfer_parts.thickened(state.transfer, thickness / state.thickness)
-    return replace(state, transfer=thicker, thickness=thickness)
+    thin, own = _thin(state)
+    thicker = transfer_parts.thickened(thin, thickness / own)
+    return replace(state, transfer=thicker, thickness=thickness, thin=(thin, own, thicker))
+
+
+def _thin(state: ViewState) -> tuple[Transfer, float]:
+    """What is thickened, and how thick that is: the present one, where it was edited since."""
+    if state.thin is None or state.thin[2] is not state.transfer:
+        return state.transfer, state.thickness
+    return state.thin[:2]
+
+
+def _remapped(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
+    """With other values, those of what it was thickened from as well."""
+    (thin, own), new = _thin(state), change(state.transfer)
+    if new is state.transfer:
+        return state
+    return replace(state, transfer=new, thin=(change(thin), own, new))
 
 
 def _window(state: ViewState, event: Event) -> ViewState:
@@ -127,7 +144,7 @@ def _window(state: ViewState, event: Event) -> ViewState:
     low, high = _span(state)
     moved = _shift(state, Event("shift", state.shift + event.x * (high - low)))
     factor = math.exp(min(max(-_WIDER * event.y, -10.0), 10.0))
-    return with_transfer(moved, transfer_parts.stretched(moved.transfer, factor, (low, high)))
+    return _remapped(moved, lambda old: transfer_parts.stretched(old, factor, (low, high)))
 
 
 def _thicken_by(state: ViewState, event: Event) -> ViewState:

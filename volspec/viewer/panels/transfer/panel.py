@@ -74,7 +74,8 @@ def _kinds(state: ViewState, desk: Desk) -> ViewState:
     desk.note("kind")
     tip(
         "How a place looks follows from its value, from its value and gradient,\n"
-        "or from surfaces of one value"
+        "or from surfaces of one value. Another kind keeps no filters of materials and no opacity\n"
+        "over gradients of a curve, and back to it brings none; Ctrl+Z does"
     )
     imgui.same_line()
     on = state.interface.logarithmic
@@ -113,5 +114,5 @@ def _sliders(state: ViewState, desk: Desk) -> ViewState:
         "##thickness", state.thickness, *THICKNESSES, "opacity × %.3g", _LOG
     )
     desk.note("thickness")
-    tip("Multiplies all opacities, great ones stay below 1. In the picture: Ctrl+right drag")
+    tip("Multiplies all opacities, great ones near 1. In the picture: Ctrl+right drag")
     return reduced(new, Event("thicken", factor)) if moved else new

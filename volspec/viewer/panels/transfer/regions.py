@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from volspec.transfer import Region, TransferFunction2D
 from volspec.viewer import presets
-from volspec.viewer.document import Document
 from volspec.viewer.events import Event, reduced
+from volspec.viewer.joint import JointHistogram
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.transfer import detail
 from volspec.viewer.panels.transfer.axes import note_area, say, set_values_axis
@@ -49,7 +49,7 @@ def _plot(state: ViewState, desk: Desk, height: float) -> ViewState:
     note_area(desk)
     low, high = presets.span(state.document.volume)
     implot.plot_heatmap(
-        *("voxels", shades(state.document, state.interface.logarithmic), 0.0, 1.0, ""),
+        *("voxels", shades(joint, state.interface.logarithmic), 0.0, 1.0, ""),
         implot.Point(low, 0.0),
         implot.Point(high, joint.top),
     )
@@ -177,10 +177,11 @@ def _numbers(state: ViewState, desk: Desk) -> ViewState:
     return detail.material(new, desk, detail.chosen(new))
 
 
+# By the histogram, as a cache of documents would keep volumes that were closed.
 @lru_cache(maxsize=2)
-def shades(document: Document, logarithmic: bool) -> NDArray[np.float32]:
+def shades(joint: JointHistogram, logarithmic: bool) -> NDArray[np.float32]:
     """(64, 128) 0 to 1, steepest first: how many voxels."""
-    counts = document.joint.counts[::-1]
+    counts = joint.counts[::-1]
     if logarithmic:
         shown = np.log1p(counts)
         return np.ascontiguousarray(shown / max(float(shown.max()), 1e-12), dtype=np.float32)
