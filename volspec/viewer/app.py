@@ -99,14 +99,14 @@ class _App:
         self._desk = Desk()
         self._meter, self._notice = Meter(self._desk, trace), Notice()
         self._screen = Screen(window.context, self._desk, self._meter, trace, self._notice.say)
+        self._designing = Designing(Window.wake, self._desk, self._notice, trace)
         self._chores = Chores(
             *(tasks, self._screen.pictures, self._desk, self._notice, trace),
-            *(options.device, options.screenshot),
+            *(options.device, options.screenshot, self._designing.file),
         )
         if options.restore or (options.path or "").lower().endswith(SUFFIX):
             self._chores.resume(options.path, options.restore)
         self._casting = Casting(Window.wake)
-        self._designing = Designing(Window.wake, self._desk, self._notice, trace)
         self._layout, self._mouse = Layout(), Mouse(window.scale)
         self._fader, self._focus = Fader(), Focus()
         self._history: History | None = None
@@ -195,6 +195,7 @@ class _App:
             self._history = self._history.then(state, self._mouse.gesture)
             self._ask()
             if self._layout.settled:
+                self._designing.follow(self._history.present)  # a fade's end, not what is shown
                 self._update(self._fader.shown(self._history.present, started), started)
             if self._fader.running:
                 self._settle = max(self._settle, _SETTLE)
@@ -204,7 +205,6 @@ class _App:
         if self._notice.text:
             overlay.message(self._notice.text, self._desk)
         self._chores.draw(self._history.present if self._history else None)
-        self._designing.draw()
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
         if said := self._window.error:
@@ -270,7 +270,6 @@ class _App:
             self._desk.whole = False
         if stage in ("cast", "relight"):
             self._screen.stale()
-        self._designing.follow(state)
         self._screen.relight(state, held)
         self._desk.under_mouse = self._screen.probe(state, self._mouse.over_picture, held)
 

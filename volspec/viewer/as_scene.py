@@ -148,9 +148,13 @@ def _filters(transfer: Transfer) -> Mapping[str, Spectrum]:
 
 
 def _transfer(state: ViewState) -> TransferTable:
-    transfer = state.transfer
-    if transfer is state.document.transfer and state.document.file is not None:
+    if state.transfer is state.document.transfer and state.document.file is not None:
         return state.document.file.transfer
+    return transfer_table(state.transfer)
+
+
+def transfer_table(transfer: Transfer) -> TransferTable:
+    """``[transfer]`` that says what a transfer function does."""
     data: dict[str, Any]
     if isinstance(transfer, Isosurfaces):
         return TransferTable.model_validate({"surfaces": list(_points(transfer.surfaces))})

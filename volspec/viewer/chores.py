@@ -16,6 +16,7 @@ from volspec.viewer.as_python import export_python
 from volspec.viewer.as_scene import export_scene
 from volspec.viewer.asking import WISHES, Asking
 from volspec.viewer.clipboard import copy_shown, copy_values
+from volspec.viewer.designing import PALETTES
 from volspec.viewer.document import opened
 from volspec.viewer.notice import Notice
 from volspec.viewer.opening import Opened, Outcome, Tasks
@@ -45,6 +46,8 @@ class Chores:
         For casts.
     size : (width, height), optional
         Of pictures; None is as shown.
+    palette : callable
+        Takes the kind of wish, the path and the state, where a palette is to be read or written.
     """
 
     def __init__(
@@ -56,8 +59,9 @@ class Chores:
         trace: Trace,
         device: str | None,
         size: tuple[int, int] | None,
+        palette: Callable[[str, str, ViewState], None],
     ) -> None:
-        self._tasks, self._desk = tasks, desk
+        self._tasks, self._desk, self._palette = tasks, desk, palette
         self._notice, self._trace, self._device = notice, trace, device
         folder = state_folder()
         self._recent, self._store = RecentFiles(folder), SessionStore(folder)
@@ -215,6 +219,8 @@ class Chores:
             self.open(path)
         elif wish.kind == "resume":
             self._resume(Path(path))
+        elif state is not None and wish.kind in PALETTES:
+            self._palette(wish.kind, path, state)
         elif state is not None:
             write = {
                 "export-scene": export_scene,

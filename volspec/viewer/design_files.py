@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from volspec.errors import VolspecError
+from volspec.errors import PaletteError, VolspecError
 from volspec.palette import Cell, Palette, PaletteSpectrum, save_palette
 from volspec.palette.model import Place
 from volspec.spectra import Spectrum
@@ -24,6 +24,8 @@ from volspec.viewer.design_spectra import (
     with_reflectances,
 )
 from volspec.viewer.design_table import first_wave, lit_columns, palette_of, plain
+from volspec.viewer.lighting import MOST_ROWS
+from volspec.viewer.panels.viewing import with_model
 from volspec.viewer.state import ViewState
 
 # Spectra of which no band differs by more are one.
@@ -49,6 +51,11 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
     Its reflectances go to materials of the same name, then to those that have their spectrum
     already, then in order; lights that are not there are added. Colours are wanted as its viewing
     shows them, which comes along.
+
+    Raises
+    ------
+    PaletteError
+        If its lights find no room.
     """
     grid = state.document.grid
     materials = dict(state.transfer.materials)
@@ -62,6 +69,11 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
         if member.name in names:
             changes[names[member.name]] = physical(spectrum.on(grid))
             continue
+        if len(lights) >= MOST_ROWS:
+            raise PaletteError(
+                f"palette: no room for light {member.name!r}; {MOST_ROWS} lights are the most, "
+                "remove some first"
+            )
         lights = with_new_light(lights, member.name, "of the palette", physical(spectrum.on(grid)))
         names[member.name] = columns(lights)[-1]
     lights = with_lights(lights, changes)
@@ -74,7 +86,7 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
     complete = all(m.spectrum is not None for m in (*palette.reflectances, *palette.lights))
     viewing = replace(
         *(plain(palette.viewing),),
-        adapting=state.seen.viewing.adapting,
+        adapting=with_model(state.seen, palette.viewing.model).viewing.adapting,
         fov_deg=state.seen.viewing.fov_deg,
     )
     return replace(

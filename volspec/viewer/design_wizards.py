@@ -5,17 +5,16 @@ state -> [design_wizards] -> Scene -> wizard -> state
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from volspec.errors import PaletteError
 from volspec.palette import Cell, Criteria, DesignReport
 from volspec.palette.model import Place
-from volspec.relight import RelightSpec
 from volspec.scene import Scene, SceneFile
 from volspec.spectra import Spectrum
-from volspec.transfer import MAX_CHANNELS, Isosurfaces, LabelFunction, Transfer, TransferFunction
+from volspec.transfer import MAX_CHANNELS
+from volspec.viewer.as_scene import transfer_table, viewing_table
 from volspec.viewer.design import LIGHT, REFLECTANCE, STAY, Board, Wishes, clipped
 from volspec.viewer.design_spectra import (
     can_be_exact,
@@ -137,45 +136,14 @@ def scene_of(state: ViewState) -> Scene:
             "title": state.document.title,
             "volume": {"file": "volume"},
             "material": materials,
-            "transfer": _transfer(transfer),
+            "transfer": transfer_table(transfer),
             "basis": {
                 "method": "materials",
                 "grid_nm": [grid.start_nm, grid.stop_nm, grid.step_nm],
                 "observer_deg": transfer.basis.observer_deg,
             },
             "light": lights,
-            "viewing": _viewing(state.seen),
+            "viewing": viewing_table(replace(state.seen, backdrop=0.0)),
         }
     )
     return Scene(file, state.document.title, known)
-
-
-def _transfer(transfer: Transfer) -> dict[str, Any]:
-    """What wizards read of a transfer function: which materials lie beside which."""
-    if isinstance(transfer, LabelFunction):
-        looks = transfer.labels.items()
-        return {"labels": [{"label": n, "opacity": o, "material": _mix(m)} for n, (o, m) in looks]}
-    if isinstance(transfer, TransferFunction | Isosurfaces):
-        curve = isinstance(transfer, TransferFunction)
-        points = transfer.points if isinstance(transfer, TransferFunction) else transfer.surfaces
-        rows = [{"value": v, "opacity": o, "material": _mix(m)} for v, o, m in points]
-        return {"points" if curve else "surfaces": rows}
-    regions = [
-        {"values": r.values, "gradients": r.gradients, "opacity": r.opacity}
-        | {"material": _mix(r.material), "softness": r.softness}
-        for r in transfer.regions
-    ]
-    return {"regions": regions}
-
-
-def _mix(mix: str | Mapping[str, float]) -> str | dict[str, float]:
-    return mix if isinstance(mix, str) else dict(mix)
-
-
-def _viewing(seen: RelightSpec) -> dict[str, Any]:
-    viewing, display = seen.viewing, seen.viewing.display
-    names = ("model", "illuminance_lux", "L_A", "Y_b", "surround", "D", "discount", "exposure")
-    table = {name: getattr(viewing, name) for name in names}
-    shown = {n: getattr(display, n) for n in ("gamut", "white_cd_m2", "L_A", "Y_b", "surround")}
-    shown["space"] = display.colours.name
-    return table | {"level": seen.level, "display": shown}

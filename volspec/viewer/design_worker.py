@@ -108,12 +108,12 @@ class DesignWorker:
         return taken
 
     def close(self) -> None:
-        """End the thread after the pass under way."""
+        """End the thread after the pass under way, which nobody waits for."""
         with self._changed:
             self._closed = True
             self._changed.notify()
         if self._thread is not None:
-            self._thread.join()
+            self._thread.join(0.1)
 
     def _run(self) -> None:
         while True:
@@ -150,6 +150,9 @@ class DesignWorker:
             made = design(palette)
         except (VolspecError, MemoryError) as refused:
             error = " ".join(str(refused).split()) or "no memory for the design"
+        except Exception as failed:  # a solver that does not converge: the thread must outlive it
+            said = " ".join(str(failed).split()) or type(failed).__name__
+            error = f"the design failed: {said}; change a wish, or design from scratch"
         ms = 1e3 * (time.perf_counter() - started)
         self._tell(DesignDone(job, ms, made, whole or bool(error), error))
         return made

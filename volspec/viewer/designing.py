@@ -15,7 +15,6 @@ from volspec.errors import VolspecError
 from volspec.palette import Design, Palette, load_palette
 from volspec.palette.advice import VISIBLE, suggestions
 from volspec.viewer import design_files
-from volspec.viewer.asking import WISHES, Asking
 from volspec.viewer.design import Wishes, stays
 from volspec.viewer.design_spectra import columns
 from volspec.viewer.design_table import answered, palette_of, picked, table_of
@@ -30,7 +29,7 @@ from volspec.viewer.state import ViewState
 from volspec.viewer.trace import Trace
 from volspec.wizard import Redesigned
 
-_LOAD, _SAVE = "palette-load", "palette-save"
+PALETTES = _LOAD, _SAVE = "palette-load", "palette-save"
 _DOING = {
     "hide": "Hiding {} under {} …",
     "reveal": "Revealing {} under {} …",
@@ -59,7 +58,7 @@ class Designing:
         What came of it is told to them.
     """
 
-    asks = frozenset({*WIZARDS, _LOAD, _SAVE})
+    asks = frozenset(WIZARDS)
 
     def __init__(
         self, wake: Callable[[], object], desk: Desk, notice: Notice, trace: Trace
@@ -72,12 +71,10 @@ class Designing:
         self._missed: tuple[Design, Wishes] | None = None
         self._document: Document | None = None
         self._since = 0  # designs asked for before are forgotten
-        self._asking = Asking()
-        self._state: ViewState | None = None
+        self._wizard = ""  # what the wizard under way does
 
     def follow(self, state: ViewState) -> None:
         """Ask for a design where the wishes have changed."""
-        self._state = state
         if state.document is not self._document:
             self._document = state.document
             self.forget()
@@ -91,7 +88,7 @@ class Designing:
         try:
             palette = palette_of(state)
         except VolspecError as error:
-            self._tell(complaint=_line(error), busy="")
+            self._tell(complaint=_line(error), busy=self._wizard)
             return
         self._worker.request(DesignJob(palette, wishes, state.document, self._since))
         self._tell(busy="Designing …")
@@ -100,7 +97,7 @@ class Designing:
         """Let designs under way lead nowhere: the state is another."""
         self._since += 1
         self._requested = None
-        self._tell(busy="")
+        self._tell(busy=self._wizard)
 
     def taken(self, history: History) -> History:
         """The history with what threads have brought; itself where that is nothing."""
@@ -111,26 +108,19 @@ class Designing:
         return history
 
     def do(self, name: str, state: ViewState) -> None:
-        """Begin what an action asks for."""
-        if name in (_LOAD, _SAVE):
-            self._asking.ask(WISHES[name], state.document)
-            return
+        """Begin what a wizard is asked for."""
         material, light = picked(state)
         if state.interface.pick.like in columns(state.lights):
             light = "a new light"
-        self._tell(busy=_DOING[name].format(material, light), complaint="", reached=())
+        self._wizard = _DOING[name].format(material, light)
+        self._tell(busy=self._wizard, complaint="", reached=())
         self._tasks.start("wizard", lambda: _Made(state, name, asked(state, name)))
 
-    def draw(self) -> None:
-        """The dialog that asks for a palette's file."""
-        answer = self._asking.take() or self._asking.draw(self._desk)
-        if answer is None or self._state is None:
-            return
-        (wish, path), state = answer, self._state
-        load = wish.kind == _LOAD
+    def file(self, name: str, path: str, state: ViewState) -> None:
+        """Read or write a palette's file: one of `PALETTES`."""
 
         def task() -> _Made:
-            if load:
+            if name == _LOAD:
                 return _Made(state, _LOAD, load_palette(path))
             design_files.saved(state, path)
             return _Made(state, _SAVE, path)
@@ -147,7 +137,7 @@ class Designing:
             return history
         last = wishes is present.board.wishes
         if last and done.whole:
-            self._tell(busy="", complaint=done.error)
+            self._tell(busy=self._wizard, complaint=done.error)
         if done.made is None:
             return replace(history)
         state = answered(present, done.made, wishes)
@@ -177,7 +167,9 @@ class Designing:
         if outcome.kind == "advice":
             self._advised(outcome, present.board.wishes)
             return replace(history)
-        self._tell(busy="", complaint=outcome.error)
+        if outcome.kind == "wizard":
+            self._wizard = ""
+        self._tell(busy=self._wizard, complaint=outcome.error)
         if outcome.error:
             self._notice.say(outcome.error)
             self._trace.note("error", message=outcome.error)
@@ -186,6 +178,11 @@ class Designing:
         if isinstance(made.result, str):
             self._notice.say(f"Saved {made.result}")
         elif made.begun.document is present.document:
+            if isinstance(made.result, Redesigned) and not _same_materials(made.begun, present):
+                dropped = f"The wizard “{made.name}” was dropped: the materials changed meanwhile"
+                self._tell(complaint=dropped)
+                self._notice.say(dropped)
+                return replace(history)
             try:
                 state = self._with(present, made)
             except VolspecError as error:
@@ -217,6 +214,11 @@ def advice_of(advice: tuple[str, ...], wishes: Wishes) -> tuple[str, ...]:
     """Advice without that on colours which are only to stay: nobody wished for them."""
     staying = [f"({', '.join(at)}):" for at, cell in wishes.cells.items() if stays(cell)]
     return tuple(said for said in advice if not any(said.startswith(at) for at in staying))
+
+
+def _same_materials(one: ViewState, other: ViewState) -> bool:
+    # Spectra are equal where they are the same object.
+    return dict(one.transfer.materials) == dict(other.transfer.materials)
 
 
 def _line(error: Exception) -> str:

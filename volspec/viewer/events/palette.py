@@ -31,7 +31,7 @@ from volspec.viewer.design import (
     clipped,
 )
 from volspec.viewer.design_ranges import assigned, recast
-from volspec.viewer.design_spectra import columns, exact, with_new_light
+from volspec.viewer.design_spectra import columns, exact, with_new_light, with_reflectances
 from volspec.viewer.design_table import first_wave, new_name, opened, table_of
 from volspec.viewer.events.event import Action, Event, Reducer
 from volspec.viewer.state import ViewState
@@ -240,9 +240,9 @@ EVENTS: dict[str, Reducer] = {
 def _anew(state: ViewState) -> ViewState:
     if not state.board.wishes.open:
         return state
-    return replace(
-        state, board=Board(state.board.wishes, anew=True), transfer=exact(state.transfer)
-    )
+    # Another object: wishes that were asked for already are not designed again.
+    board = Board(replace(state.board.wishes), anew=True)
+    return replace(state, board=board, transfer=exact(state.transfer))
 
 
 def _forget(state: ViewState) -> ViewState:
@@ -253,15 +253,13 @@ def _forget(state: ViewState) -> ViewState:
 
 def _own_spectra(state: ViewState) -> ViewState:
     """The scene's reflectances and lights, and no wishes."""
-    document, transfer = state.document, state.transfer
+    document, transfer, lights = state.document, state.transfer, state.lights
     own = document.transfer.materials
-    if all(transfer.materials.get(name) is own[name] for name in own):
-        return _forget(state)
-    from volspec.viewer.design_spectra import with_reflectances
-
-    return replace(
-        _forget(state), transfer=with_reflectances(transfer, own), lights=document.lights
-    )
+    if any(transfer.materials.get(name) is not own[name] for name in own):
+        transfer = with_reflectances(transfer, own)
+    if [row.rig.lights for row in lights] != [row.rig.lights for row in document.lights]:
+        lights = document.lights
+    return replace(_forget(state), transfer=transfer, lights=lights)
 
 
 def _new_light(state: ViewState) -> ViewState:

@@ -1,0 +1,202 @@
+"""What threads bring to a palette: where it lands, where it does not, and what is said of it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from volspec.appearance import Display
+from volspec.appearance.spaces import SPACES
+from volspec.errors import PaletteError
+from volspec.palette import Design, Palette, PaletteSpectrum, design, load_palette
+from volspec.relight import LightRig
+from volspec.spectra import light, reflectance
+from volspec.viewer import asking, design_files, design_wizards, design_worker, designing
+from volspec.viewer.actions import BY_NAME
+from volspec.viewer.asking import WISHES, Asking
+from volspec.viewer.chores import Chores
+from volspec.viewer.design import Pick
+from volspec.viewer.design_spectra import with_reflectances
+from volspec.viewer.design_table import palette_of
+from volspec.viewer.design_worker import DesignJob, DesignWorker
+from volspec.viewer.designing import Designing
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.history import History
+from volspec.viewer.lighting import MOST_ROWS
+from volspec.viewer.notice import Notice
+from volspec.viewer.opening import Tasks
+from volspec.viewer.panels.desk import Desk
+from volspec.viewer.recent import STATE_VARIABLE
+from volspec.viewer.state import ViewState
+from volspec.viewer.trace import Trace
+
+PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
+
+
+class Bench:
+    """A `Designing` without a window."""
+
+    def __init__(self) -> None:
+        self.desk, self.notice = Desk(), Notice()
+        self.designing = Designing(lambda: None, self.desk, self.notice, Trace())
+
+    def until(self, history: History, ended: Callable[[History], bool]) -> History:
+        end = time.time() + 20
+        while time.time() < end and not ended(history):
+            history = self.designing.taken(history)
+            time.sleep(0.005)
+        assert ended(history)
+        return history
+
+
+def wished(state: ViewState, colour: str = "#8c5a3c") -> ViewState:
+    return reduced(state, Event("wish", index=5, key=colour))
+
+
+def acted(name: str, state: ViewState) -> ViewState:
+    change = BY_NAME[name].change
+    assert change is not None
+    return change(state)
+
+
+def test_a_solver_that_fails_is_told_and_the_next_wish_designed(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fails = iter((True,))
+
+    def once(palette: Palette) -> Design:
+        if next(fails, False):
+            raise np.linalg.LinAlgError("SVD did not converge")
+        return design(palette)
+
+    monkeypatch.setattr(design_worker, "design", once)
+    told = threading.Semaphore(0)
+    worker = DesignWorker(told.release)
+    for colour in ("#8c5a3c", "#906050"):
+        asked = wished(state, colour)
+        worker.request(DesignJob(palette_of(asked), asked.board.wishes))
+        assert told.acquire(timeout=20)
+    done = worker.take()
+    worker.close()
+    assert done[0].whole and "SVD did not converge" in done[0].error
+    assert done[1].made is not None
+
+
+def test_closing_does_not_wait_for_a_design(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, may_end = threading.Event(), threading.Event()
+
+    def long(_: Palette) -> Design:
+        begun.set()
+        may_end.wait(20)
+        raise PaletteError("ended")
+
+    monkeypatch.setattr(design_worker, "design", long)
+    worker, asked = DesignWorker(lambda: None), wished(state)
+    worker.request(DesignJob(palette_of(asked), asked.board.wishes))
+    assert begun.wait(20)
+    started = time.perf_counter()
+    worker.close()
+    took = time.perf_counter() - started
+    may_end.set()
+    # It waits 0.1 s; a slow machine gets as much as is still far from the design's 20 s.
+    assert took < 5.0
+
+
+def test_wishes_that_were_answered_are_designed_again_from_scratch(state: ViewState) -> None:
+    bench, asked = Bench(), wished(state)
+    bench.designing.follow(asked)
+    history = bench.until(History(asked), lambda h: not bench.desk.design.busy)
+    anew = acted("palette-anew", history.present)
+    assert anew.board.waits
+    bench.designing.follow(anew)
+    assert bench.desk.design.busy == "Designing …"
+    bench.until(History(anew), lambda h: not h.present.board.waits)
+    bench.designing.close()
+
+
+@pytest.mark.parametrize("other", [True, False])
+def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch, other: bool
+) -> None:
+    pick = Pick(place=("gold", "A"))
+    begun = replace(state, interface=replace(state.interface, pick=pick))
+    result, may_end = design_wizards.asked(begun, "hide"), threading.Event()
+    monkeypatch.setattr(designing, "asked", lambda *_: (may_end.wait(20), result)[1])
+    bench = Bench()
+    bench.designing.follow(begun)
+    bench.designing.do("hide", begun)
+    bench.designing.forget()  # as undo does
+    assert bench.desk.design.busy.startswith("Hiding gold")
+    silver = with_reflectances(state.transfer, {"gold": reflectance("silver")})
+    history = History(replace(begun, transfer=silver) if other else begun)
+    may_end.set()
+    after = bench.until(history, lambda h: not bench.desk.design.busy)
+    assert (after.present is history.present) == other
+    assert ("dropped: the materials changed" in bench.desk.design.complaint) == other
+    assert ("dropped: the materials changed" in bench.notice.text) == other
+
+
+def test_the_scene_s_own_spectra_are_its_lights_too(state: ViewState) -> None:
+    drawn = replace(state.lights[1], rig=LightRig((light("D65"),)))
+    changed = replace(state, lights=(state.lights[0], drawn, *state.lights[2:]))
+    own = acted("palette-own", changed)
+    assert own.lights is state.document.lights and own.transfer is state.transfer
+    # Which light shines is no spectrum.
+    weights = tuple(replace(row, weight=1.0) for row in state.lights)
+    assert acted("palette-own", replace(state, lights=weights)).lights is weights
+
+
+def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
+    monkeypatch.setattr(asking, "native", lambda: False)
+    path, bench, asked = str(tmp_path / "mine.toml"), Bench(), wished(state)
+    rest = (bench.desk, bench.notice, Trace(), None, None)
+    chores = Chores(Tasks(lambda: None), cast(Any, None), *rest, bench.designing.file)
+    history = History(asked)
+    for name in ("palette-save", "palette-load"):
+        assert name not in bench.designing.asks
+        chores.do(name, asked)
+        monkeypatch.setattr(Asking, "take", lambda _, wish=WISHES[name]: (wish, path))
+        chores.take(first=False)
+        ends = {"palette-save": lambda h: bench.notice.text == f"Saved {path}"}
+        history = bench.until(history, ends.get(name, lambda h: len(h.past) == 1))
+    assert load_palette(path).cells == history.present.board.wishes.cells
+
+
+def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
+    wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
+    viewing = replace(state.seen.viewing, display=Display(space=wall))
+    scene = design_wizards.scene_of(replace(state, seen=replace(state.seen, viewing=viewing)))
+    assert scene.relight.viewing.display.colours == wall
+
+
+def test_a_palette_s_model_that_cannot_adapt_to_pixels_measures_the_picture(
+    state: ViewState,
+) -> None:
+    palette = load_palette(PALETTES / "figure-2.toml")
+    palette = replace(palette, viewing=replace(palette.viewing, model="CAT02"))
+    eye = replace(state.seen.viewing, model="CAM16", adapting="pixel")
+    loaded = design_files.with_palette(
+        replace(state, seen=replace(state.seen, viewing=eye)), palette
+    )
+    found = loaded.seen.viewing
+    assert (found.model, found.adapting) == ("CAT02", "picture")
+
+
+def test_a_palette_whose_lights_find_no_room_is_refused(state: ViewState) -> None:
+    palette = load_palette(PALETTES / "figure-2.toml")
+    many = tuple(PaletteSpectrum(f"lamp {n}", light("A")) for n in range(MOST_ROWS))
+    crowded = replace(palette, lights=(*palette.lights, *many))
+    with pytest.raises(PaletteError, match=f"no room for light .*{MOST_ROWS} lights are the most"):
+        design_files.with_palette(state, crowded)
