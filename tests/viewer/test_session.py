@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +32,7 @@ from volspec.viewer.session import (
     save_session,
     session_of,
 )
-from volspec.viewer.session_store import EVERY_S, MOST_SESSIONS, SessionStore
+from volspec.viewer.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
 from volspec.viewer.state import Interface, ViewState
 from volspec.volume import load_volume, phantom
 
@@ -192,15 +193,52 @@ def test_nothing_is_kept_where_nothing_was_changed(tmp_path: Path) -> None:
     assert store.last() is None and not (tmp_path / "state").exists()
 
 
-def test_a_session_is_kept_every_thirty_seconds_while_something_changes(tmp_path: Path) -> None:
+def test_a_session_is_kept_when_what_changed_rests(tmp_path: Path) -> None:
     state, store = opened(tmp_path), SessionStore(tmp_path / "state")
     store.begin(state)
     changed = reduced(state, Event("orbit", 0.1))
-    assert not store.due(state, 100.0)
-    assert not store.due(changed, 100.0) and not store.due(changed, 100.0 + EVERY_S / 2)
-    assert store.due(changed, 100.0 + EVERY_S)
+    assert not store.due(state, 100.0) and not store.due(state, 200.0)
+    assert not store.due(changed, 300.0) and not store.due(changed, 300.0 + 0.9 * REST_S)
+    assert store.due(changed, 300.0 + REST_S)
+    # Asked for, it is not asked for again at once; where it failed, later.
+    store.asked(304.0)
+    assert not store.due(changed, 305.0) and store.due(changed, 304.0 + EVERY_S)
     assert store.save(changed) is not None and store.save(changed) is None
     assert not store.due(changed, 1000.0)
+    again = reduced(changed, Event("orbit", 0.1))
+    assert not store.due(again, 1001.0) and store.due(again, 1001.0 + REST_S)
+
+
+def test_a_session_is_kept_every_thirty_seconds_while_something_changes(tmp_path: Path) -> None:
+    state, store = opened(tmp_path), SessionStore(tmp_path / "state")
+    store.begin(state)
+    due = []
+    for second in range(int(EVERY_S) + 1):
+        state = reduced(state, Event("orbit", 0.1))
+        due.append(store.due(state, 100.0 + second))
+    assert due == [False] * int(EVERY_S) + [True]
+
+
+def test_a_session_whose_program_died_is_told_of_once(tmp_path: Path) -> None:
+    state, store = opened(tmp_path), SessionStore(tmp_path / "state")
+    store.begin(state)
+    store.save(reduced(state, Event("orbit", 0.1)))
+    # Another window, while the first is open, is told nothing.
+    assert not SessionStore(tmp_path / "state").ended_early()
+    # What a dead program leaves is the same files, and no lock.
+    shutil.copytree(tmp_path / "state", tmp_path / "left")
+    after = SessionStore(tmp_path / "left")
+    assert after.ended_early() and not after.ended_early()
+    store.end()
+    assert not SessionStore(tmp_path / "state").ended_early()
+
+
+def test_another_document_ends_the_one_before_as_it_should(tmp_path: Path) -> None:
+    state, store = opened(tmp_path), SessionStore(tmp_path / "state")
+    store.begin(state)
+    store.save(reduced(state, Event("orbit", 0.1)))
+    store.begin(replace(state, document=replace(state.document, title="another")))
+    assert list((tmp_path / "state" / "running").iterdir()) == []
 
 
 def test_another_file_does_not_overwrite_what_was_made_before(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def view(
     screenshot
         WIDTHxHEIGHT of the pictures that S saves; as shown when left out.
     restore
-        Go on from the last session; FILE is opened where there is none.
+        Go on from the last session; without one FILE is opened, or the file that was open last.
     trace
         Write what happens to a file of JSON lines: `t`, `event`, `stage`, `ms`.
     """

@@ -7,6 +7,7 @@ GL stays on this thread; casts and files have their own.
 
 from __future__ import annotations
 
+import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,12 +23,12 @@ from volspec.viewer.document import opened
 from volspec.viewer.events.event import Action
 from volspec.viewer.fader import Fader
 from volspec.viewer.focus import Focus
-from volspec.viewer.history import History
+from volspec.viewer.history import History, changed_in
 from volspec.viewer.inputs import Input
 from volspec.viewer.layout import Layout
 from volspec.viewer.meter import Meter
 from volspec.viewer.mouse import Mouse
-from volspec.viewer.notice import Notice
+from volspec.viewer.notice import SHORT_SECONDS, Notice
 from volspec.viewer.opening import Opened, Tasks
 from volspec.viewer.panels import overlay
 from volspec.viewer.panels.desk import Desk
@@ -134,11 +135,13 @@ class _App:
                 ended = time.perf_counter()
                 self._casting.tick(ended, self._mouse.held)
                 if self._history is not None:
-                    self._chores.tick(self._history.present, ended)
+                    moves = self._mouse.held or self._fader.running
+                    self._chores.tick(self._history.present, ended, moves)
                 self._meter.answered(began - asked - patience, time.perf_counter() - began)
         finally:
             # At the end, and where an error ends it.
-            self._chores.close(self._history.present if self._history else None)
+            faulty = isinstance(sys.exception(), Exception)
+            self._chores.close(self._history.present if self._history else None, faulty)
             self._designing.close()
             self._casting.close()
             self._screen.close()
@@ -165,13 +168,10 @@ class _App:
 
     def _open(self, opened: Opened) -> None:
         before = self._history.present if self._history else None
-        state = opened.state
-        if before is not None:
-            kept = state.interface if opened.session else before.interface
-            state = replace(state, size=before.size, interface=kept)
-        self._chores.begin(replace(opened, state=state), before)
-        self._history = History(state)
-        document = state.document
+        opened = opened.after(before)
+        self._chores.begin(opened, before)
+        self._history = History(opened.state)
+        document = opened.state.document
         if document.caster is not None:
             self._desk.device = document.caster.device
         self._window.name(f"{document.title} – volspec")
@@ -242,12 +242,8 @@ class _App:
         asked, self._desk.asked = self._desk.asked, []
         assert self._history is not None
         for name in asked:
-            if name == "undo":
-                self._history = self._history.undone()
-                self._designing.forget()
-            elif name == "redo":
-                self._history = self._history.redone()
-                self._designing.forget()
+            if name in ("undo", "redo"):
+                self._go(self._history, back=name == "undo")
             elif name == "quit":
                 self._window.leave()
             elif name in self._designing.asks:
@@ -259,6 +255,17 @@ class _App:
                 self._focus.enter(menu=True)
             else:
                 self._chores.do(name, self._history.present)
+
+    def _go(self, history: History, back: bool) -> None:
+        """A step of the history back or forth."""
+        self._history = history.undone() if back else history.redone()
+        if self._history is history:
+            said = f"Nothing to {'undo' if back else 'redo'}"
+        else:
+            what = changed_in(history.present, self._history.present)
+            said = f"{'Undone' if back else 'Redone'}: {what}"
+        self._notice.say(said, SHORT_SECONDS)
+        self._designing.forget()
 
     def _update(self, state: ViewState, now: float) -> None:
         """Have done what a state needs."""

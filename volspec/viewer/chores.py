@@ -31,6 +31,8 @@ from volspec.viewer.session_store import SessionStore
 from volspec.viewer.state import ViewState
 from volspec.viewer.trace import Trace
 
+_EARLY = "The last session ended early; File › Restore the last session brings it back"
+
 
 class Chores:
     """Does what takes time, and what touches files.
@@ -71,7 +73,7 @@ class Chores:
         self._progress: Progress | None = None
         self._state: ViewState | None = None
         # What is opened at the start where the last session cannot be restored.
-        self._besides: tuple[str | None, ...] = ()
+        self._besides: list[str | None] = []
         self._done: dict[str, Callable[[ViewState, str], None]] = {
             **{name: self._ask(name) for name in WISHES},
             "reload": self._reload,
@@ -83,6 +85,7 @@ class Chores:
             "copy-picture": lambda *_: self._copied(lambda: copy_shown(pictures)),
             "copy-values": lambda *_: self._copied(lambda: copy_values(desk.under_mouse)),
             "commands": self._commands,
+            "rename-light": self._rename,
         }
         self._desk.recent = self._recent.rows()
 
@@ -125,16 +128,20 @@ class Chores:
         Parameters
         ----------
         path : str, optional
-            A session; or what is opened where there is no last session.
+            A session; or what is opened where there is no last session. Without one that is the
+            file opened last, else the demo.
         last : bool
         """
-        found = self._store.last() if last else None
-        self._besides = (path,) if found else ()
-        if last and found is None:
-            self._say_error("There is no session to restore")
-            self.open(path)
+        if not last:
+            self._resume(Path(path or ""))
+            return
+        lately = [row.path for row in self._recent.rows() if row.there]
+        self._besides = [path] if path is not None else [*lately[:1], None]
+        found = self._store.last()
+        if found is not None:
+            self._resume(found)
         else:
-            self._resume(found or Path(path or ""))
+            self._instead("There is no session to restore")
 
     def take(self, first: bool) -> tuple[bool, Opened | None]:
         """What threads have brought: whether anything, and what was opened.
@@ -157,14 +164,12 @@ class Chores:
             given_up = False
             if outcome.kind == "picture" and self._progress is not None:
                 given_up, self._progress = self._progress.ended, None
-            if outcome.error and outcome.kind == "open" and first:
-                raise InputError(outcome.error)
             if given_up:
                 self._notice.say("The picture was given up")
+            elif outcome.error and first and outcome.kind in ("open", "resume"):
+                self._instead(outcome.error)
             elif outcome.error:
                 self._say_error(outcome.error)
-                if outcome.kind == "resume" and first:
-                    self._instead(outcome.error)
             elif outcome.kind in ("open", "resume"):
                 found = outcome.result
             elif outcome.kind != "session":
@@ -175,23 +180,30 @@ class Chores:
         """Something is open now: what was before is kept, and the list of files grows."""
         if before is not None:
             self.keep(before)
+        early = before is None and self._store.ended_early()
         self._store.begin(opened.state, opened.session)
         if self._notice.text.endswith("…"):  # what was under way is done
             self._notice.say("")
+        if early and opened.session is None and not self._notice.text:
+            self._notice.say(_EARLY)
+            self._trace.note("ended-early")
         if opened.path is not None:
             self._recent.add(opened.path)
             self._desk.recent = self._recent.rows()
 
-    def tick(self, state: ViewState, now: float) -> None:
-        """Keep the session from time to time."""
-        if self._store.due(state, now):
+    def tick(self, state: ViewState, now: float, moves: bool) -> None:
+        """Keep the session where it is time to, and nothing moves that it could disturb."""
+        if self._store.due(state, now) and not moves:
+            self._store.asked(now)
             self._tasks.start("session", lambda: self._store.save(state))
 
-    def close(self, state: ViewState | None) -> None:
-        """The end: nothing is cast any more, and the session is kept."""
+    def close(self, state: ViewState | None, faulty: bool) -> None:
+        """The end, or a fault that ends it: nothing is cast any more, and the session is kept."""
         self._give_up()
         if state is not None:
             self.keep(state)
+        if not faulty:
+            self._store.end()
 
     def keep(self, state: ViewState) -> None:
         """Keep the session now; that it cannot be stops nothing."""
@@ -242,10 +254,11 @@ class Chores:
         return Opened(state, None if self._store.holds(path) else str(path), path)
 
     def _instead(self, error: str) -> None:
-        """Nothing is open yet, and a session cannot be: the file that was named besides, if any."""
+        """Nothing is open yet, and what was asked for cannot be: what comes next, if anything."""
         if not self._besides:
             raise InputError(error)
-        (path,), self._besides = self._besides, ()
+        path = self._besides.pop(0)
+        self._say_error(f"{error}; this is {'the demo' if path is None else Path(path).name}")
         self.open(path, say=False)
 
     def _restore(self, state: ViewState, _: str) -> None:
@@ -258,9 +271,9 @@ class Chores:
             self._resume(last)
 
     def _reload(self, state: ViewState, _: str) -> None:
-        """Read the open file again; the view and the window stay."""
+        """Read the open file again; the view and the window stay, edits and A | B do not."""
         path = state.document.source
-        self._notice.say("Reading it again …")
+        self._notice.say("Reading the file again; only the view stays …")
 
         def again() -> Opened:
             found = Opened.at_first(opened(path, self._device), path)
@@ -297,6 +310,12 @@ class Chores:
 
     def _commands(self, *_: object) -> None:
         self._desk.commands = None if self._desk.commands else Search()
+
+    def _rename(self, state: ViewState, _: str) -> None:
+        if "Lights" not in state.interface.panels:
+            self._notice.say("Lights are renamed in their list: open the Lights panel")
+            return
+        self._desk.lights.rename(state.interface.light, state.lights)
 
     def _clear(self, *_: object) -> None:
         self._recent.clear()

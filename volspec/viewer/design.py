@@ -63,6 +63,27 @@ class Wishes:
             cells[place] = cell
         return replace(self, cells=cells)
 
+    def with_light_renamed(self, old: str, new: str) -> Wishes:
+        """The same for a light that is called something else; itself where none is about it."""
+
+        def now(name: str) -> str:
+            return new if name == old else name
+
+        def moved(cell: Cell) -> Cell:
+            other = cell.other
+            return replace(cell, other=(other[0], now(other[1]))) if other else cell
+
+        about = {light for _, light in self.cells} | {name for _, name in self.open}
+        about |= {cell.other[1] for cell in self.cells.values() if cell.other} | {*self.lamps}
+        if old not in about:
+            return self
+        return replace(
+            self,
+            cells={(row, now(name)): moved(cell) for (row, name), cell in self.cells.items()},
+            open=frozenset((k, now(name) if k == LIGHT else name) for k, name in self.open),
+            lamps={now(name): lamps for name, lamps in self.lamps.items()},
+        )
+
     def toggled(self, member: Member) -> Wishes:
         """The same with a spectrum open that was given, or the other way round."""
         return replace(self, open=self.open ^ {member})
@@ -84,6 +105,12 @@ class Board:
     wishes: Wishes = field(default_factory=Wishes)
     answered: Wishes | None = None
     anew: bool = False
+
+    def with_light_renamed(self, old: str, new: str) -> Board:
+        """The same wishes for a light that is called something else."""
+        wishes = self.wishes.with_light_renamed(old, new)
+        answered = wishes if self.answered is self.wishes else self.answered
+        return replace(self, wishes=wishes, answered=answered)
 
     @property
     def waits(self) -> bool:

@@ -78,7 +78,7 @@ def drawn(rows: Rows, index: int, part: int, start: Place, end: Place) -> Rows:
         rig = replace(row.rig, lights=tuple(lights))
     except VolspecError:  # no light
         return rows
-    named = unused(name, (*rows[:index], *rows[index + 1 :]))
+    named = row.name if row.named else unused(name, (*rows[:index], *rows[index + 1 :]))
     new = replace(row, name=named, rig=rig, kelvin=None, texts=tuple(texts), before=original)
     return put(rows, index, new)
 
@@ -89,8 +89,9 @@ def undrawn(rows: Rows, index: int) -> Rows:
     if row is None or row.before is None:
         return rows
     others = (*rows[:index], *rows[index + 1 :])
-    name = unused(row.before.name, others)
-    return put(rows, index, _as_switched(replace(row.before, name=name), row))
+    name = row.name if row.named else unused(row.before.name, others)
+    before = replace(row.before, name=name, named=row.named)
+    return put(rows, index, _as_switched(before, row))
 
 
 def _as_switched(row: LightRow, by: LightRow) -> LightRow:

@@ -1,4 +1,4 @@
-"""Undo and redo over frozen states: a gesture, such as one drag, is one step."""
+"""Undo and redo over frozen states: a gesture, such as one drag, is one step, and has a name."""
 
 from __future__ import annotations
 
@@ -8,6 +8,16 @@ from volspec.viewer.stale import stale_stage
 from volspec.viewer.state import ViewState
 
 MOST_STEPS = 200
+# What a step has changed, in words; the first that fits.
+_WHAT = (
+    ("palette", ("board",)),  # before the spectra that it has designed
+    ("view", ("view",)),
+    ("lights", ("lights", "other", "divide")),
+    ("light states", ("kept",)),
+    ("transfer function", ("transfer", "shift", "thickness")),
+    ("viewing", ("seen",)),
+)
+_CUTS = ("clip_planes", "crop_voxels")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,4 +72,17 @@ class History:
 
     def _here(self, state: ViewState) -> ViewState:
         now = self.present
-        return replace(state, size=now.size, interface=now.interface, fade=None)
+        interface = now.interface
+        if state.lights != now.lights:  # which one was chosen goes with them
+            interface = replace(interface, light=state.interface.light)
+        return replace(state, size=now.size, interface=interface, fade=None)
+
+
+def changed_in(old: ViewState, new: ViewState) -> str:
+    """What two states differ in, in words."""
+    for what, names in _WHAT:
+        if any(getattr(old, name) != getattr(new, name) for name in names):
+            return what
+    if any(getattr(old.shading, name) != getattr(new.shading, name) for name in _CUTS):
+        return "cuts"
+    return "shading"

@@ -35,7 +35,7 @@ _ARROWS = {
     glfw.KEY_PAGE_DOWN: "pagedown",
 }
 # What goes on step by step while it is held down.
-_STEPPING = frozenset({*_ARROWS.values(), "+", "=", "-"})
+STEPPING = frozenset({*_ARROWS.values(), "+", "=", "-"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ class Inputs:
             imgui.get_io().add_key_event(modifier, down)
         self._to_imgui(window, key, code, action, modifiers)
         name = _key_name(key, code)
-        repeated = action == glfw.REPEAT and name in _STEPPING
+        repeated = action == glfw.REPEAT and name in STEPPING
         if name and (action == glfw.PRESS or repeated):
             ctrl = modifiers & (glfw.MOD_CONTROL | glfw.MOD_SUPER)
             # Of keys that write, Shift has already made another.

@@ -83,8 +83,9 @@ def respelled(
     name, label, kelvin = row.name, row.label, None
     if len(texts) == 1:
         kelvin = kelvin_of(kept)
-        name = kept if kelvin is None else f"{kelvin:g} K"
-        name = unused(name, (*rows[:index], *rows[index + 1 :]))
+        if not row.named:
+            name = kept if kelvin is None else f"{kelvin:g} K"
+            name = unused(name, (*rows[:index], *rows[index + 1 :]))
         label = kept if kelvin is None else "Planck radiator"
     new = replace(row, rig=replace(row.rig, lights=tuple(lights)), texts=tuple(texts))
     return put(rows, index, replace(new, name=name, label=label, kelvin=kelvin, before=None))

@@ -41,6 +41,8 @@ class LightRow:
         drawn. Relative files start from the document's folder.
     before : LightRow, optional
         What it was until its spectrum was drawn.
+    named : bool
+        Whether its name was given by hand: it stays when the spectrum becomes another.
 
     Raises
     ------
@@ -57,6 +59,7 @@ class LightRow:
     kelvin: float | None = None
     texts: tuple[str | None, ...] = ()
     before: LightRow | None = None
+    named: bool = False
 
     def __post_init__(self) -> None:
         count = len(self.rig.lights)
@@ -168,8 +171,19 @@ def heated(rows: Rows, index: int, kelvin: float) -> Rows:
     kelvin = min(max(round(kelvin), KELVIN[0]), KELVIN[1])
     row, text = rows[index], f"planck:{kelvin:g}"
     rig = replace(row.rig, lights=(light(text, row.rig.lights[0].grid),))
-    name = unused(f"{kelvin:g} K", (*rows[:index], *rows[index + 1 :]))
+    name = row.name
+    if not row.named:
+        name = unused(f"{kelvin:g} K", (*rows[:index], *rows[index + 1 :]))
     return changed(rows, index, rig=rig, kelvin=kelvin, name=name, texts=(text,))
+
+
+def renamed(rows: Rows, index: int, name: str) -> Rows:
+    """A row under another name, numbered where that is taken; without one all stay as they are."""
+    name = " ".join(name.split())
+    if not 0 <= index < len(rows) or name in ("", rows[index].name):
+        return rows
+    others = (*rows[:index], *rows[index + 1 :])
+    return changed(rows, index, name=unused(name, others), named=True)
 
 
 def unused(name: str, rows: Rows) -> str:

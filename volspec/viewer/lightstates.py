@@ -73,7 +73,9 @@ def recalled(now: Rows, saved: Rows) -> Rows:
 
 
 def pairs(start: Rows, end: Rows) -> list[tuple[int | None, int]]:
-    """For each light of the end the one of the start that it was: by name, then by being Planck's.
+    """For each light of the end the one of the start that it was.
+
+    By what it shines with and its name, by its name, by what it shines with, by being Planck's.
 
     Names are those before a spectrum was drawn. None where it is new.
     """
@@ -91,6 +93,9 @@ def pairs(start: Rows, end: Rows) -> list[tuple[int | None, int]]:
     for at, row in enumerate(end):
         if at not in found:
             take(at, lambda old, row=row: _root(old) == _root(row))
+    for at, row in enumerate(end):
+        if at not in found:  # it was renamed
+            take(at, lambda old, row=row: old.rig is row.rig)
     for at, row in enumerate(end):
         if at not in found and row.kelvin is not None:
             take(at, lambda old: old.kelvin is not None)

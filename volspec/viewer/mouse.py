@@ -8,10 +8,12 @@ What stands over the picture, handles and the cube, is taken hold of before the 
 from __future__ import annotations
 
 import math
+import time
 
 from imgui_bundle import imgui
 
 from volspec.viewer.events import Event, reduced
+from volspec.viewer.gestures import Gestures
 from volspec.viewer.handles import Handle, dragged
 from volspec.viewer.inputs import Input
 from volspec.viewer.panels import cube
@@ -39,9 +41,7 @@ WHEELS: dict[str, str] = {"": "wheel", "shift": "roll-wheel", "ctrl": "fov"}
 
 
 class Mouse:
-    """Knows which drag is under way, and what a gesture is.
-
-    A gesture ends with the button's release, or is one key; undo takes it back whole.
+    """Knows which drag is under way, and which gesture.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Mouse:
     """
 
     def __init__(self, scale: float = 1.0) -> None:
-        self.gesture = 0
+        self._gestures = Gestures()
         self.over_picture: Place | None = None
         self._scale = scale
         self._down: set[str] = set()
@@ -60,6 +60,11 @@ class Mouse:
         self._pressed: Place = (-1.0, -1.0)
         self._start: ViewState | None = None  # of a handle's drag
         self._at: Place = (-1.0, -1.0)  # unknown, and not over the picture
+
+    @property
+    def gesture(self) -> int:
+        """The number of the gesture that is under way, or was last."""
+        return self._gestures.number
 
     @property
     def held(self) -> bool:
@@ -160,8 +165,7 @@ class Mouse:
             self._down.add(given.button)
         elif given.name == "release":
             self._down.discard(given.button)
-        if given.name in ("press", "wheel") or (given.name == "key" and not given.repeated):
-            self.gesture += 1
+        self._gestures.take(given, time.perf_counter())
         if given.name in ("press", "release", "move"):
             self._at = given.x, given.y
 

@@ -6,6 +6,8 @@ import time
 from dataclasses import dataclass
 
 SECONDS = 8.0
+# Of what has been seen happen.
+SHORT_SECONDS = 2.0
 
 
 @dataclass(slots=True)
@@ -15,9 +17,9 @@ class Notice:
     text: str = ""
     until: float = 0.0
 
-    def say(self, text: str) -> None:
+    def say(self, text: str, seconds: float = SECONDS) -> None:
         """Another line in place of the present one."""
-        self.text, self.until = " ".join(text.split()), time.perf_counter() + SECONDS
+        self.text, self.until = " ".join(text.split()), time.perf_counter() + seconds
 
     def ended(self, now: float) -> bool:
         """Whether its time was over, and it is gone now."""

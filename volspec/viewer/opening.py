@@ -6,12 +6,13 @@ import threading
 import traceback
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from volspec.errors import VolspecError
 from volspec.viewer.document import Document
+from volspec.viewer.lighting import brightest
 from volspec.viewer.state import ViewState
 
 
@@ -36,6 +37,15 @@ class Opened:
     def at_first(cls, document: Document, path: str | None) -> Opened:
         """A document as its file has it."""
         return cls(ViewState.first(document, (0, 0)), path)
+
+    def after(self, before: ViewState | None) -> Opened:
+        """In the window as it was, with the light chosen that shines; a session has its own."""
+        if before is None:
+            return self
+        interface = self.state.interface
+        if self.session is None:
+            interface = replace(before.interface, light=brightest(self.state.lights))
+        return replace(self, state=replace(self.state, size=before.size, interface=interface))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

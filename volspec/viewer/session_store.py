@@ -16,10 +16,13 @@ from pathlib import Path
 
 from volspec.export.frames import file_stem
 from volspec.viewer.document import Document
+from volspec.viewer.running import Running
 from volspec.viewer.session import SUFFIX, BrokenSession, Session, read_session, save_session
 from volspec.viewer.state import ViewState
 
 MOST_SESSIONS = 10
+# Saved when nothing has changed for the first; while there is no such rest, every so often.
+REST_S = 2.5
 EVERY_S = 30.0
 
 
@@ -33,10 +36,12 @@ class SessionStore:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "sessions"
+        self._running = Running(folder / "running")
         self._document: Document | None = None
         self._own: Path | None = None
         self._saved: ViewState | None = None
-        self._due = 0.0
+        self._seen: ViewState | None = None  # in the last look, and when it became so
+        self._changed_s = self._due = 0.0
         self._lock = threading.Lock()  # a thread saves, and the end may come meanwhile
 
     def begin(self, state: ViewState, own: Path | None = None) -> None:
@@ -50,7 +55,8 @@ class SessionStore:
             The file of this store that it was restored from, which goes on.
         """
         self._document, self._saved = state.document, _kept(state)
-        self._due = 0.0
+        self._seen, self._due = None, 0.0
+        self._running.end()
         self._own = own if own is not None and self.holds(own) else None
 
     def holds(self, path: Path) -> bool:
@@ -58,11 +64,31 @@ class SessionStore:
         return path.parent == self._folder
 
     def due(self, state: ViewState, now: float) -> bool:
-        """Whether it is time to `save`: something has changed, and the last time is long ago."""
-        if now < self._due or not self._changed(state):
+        """Whether it is time to `save`: what has changed rests, or has been changing for long."""
+        if state is not self._seen:
+            if self._seen is None or _kept(state) != _kept(self._seen):
+                self._changed_s = now
+                self._due = self._due or now + EVERY_S
+            self._seen = state
+        if self._due == 0.0 or min(self._changed_s + REST_S, self._due) > now:
             return False
-        first, self._due = self._due == 0.0, now + EVERY_S
-        return not first
+        if self._changed(state):
+            return True
+        self._due = 0.0
+        return False
+
+    def asked(self, now: float) -> None:
+        """It is being saved; where that fails it is tried again later."""
+        self._changed_s = self._due = now + EVERY_S
+
+    def ended_early(self) -> bool:
+        """Whether the last session is of a program that died; this is told once."""
+        left, last = self._running.left(), self.last()
+        return last is not None and last.name in left
+
+    def end(self) -> None:
+        """The program ends as it should."""
+        self._running.end()
 
     def save(self, state: ViewState) -> Path | None:
         """Write what has changed since the last time; where to, or None where nothing has.
@@ -79,6 +105,7 @@ class SessionStore:
                 stamp = time.strftime("%Y%m%d-%H%M%S")
                 name = f"{stamp}-{os.getpid()}-{file_stem(state.document.title)[:40]}{SUFFIX}"
                 self._own = self._folder / name
+            self._running.begin(self._own.name)
             save_session(state, self._own)
             self._saved = _kept(state)
             self._forget_oldest()

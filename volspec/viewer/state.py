@@ -7,7 +7,7 @@ A state is what undo goes back to; window, threads and GPU handles stand elsewhe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
@@ -36,7 +36,7 @@ class Interface:
     keys : bool
         Whether the cheat sheet is open.
     light : int
-        The row whose spectrum stands out.
+        The row that is chosen, and whose spectrum stands out; a state keeps it within its lights.
     probe : bool
         Whether what is under the mouse is told.
     error_map : bool
@@ -121,6 +121,11 @@ class ViewState:
     board: Board = field(default_factory=Board)
     thickness: float = 1.0
     thin: tuple[Transfer, float, Transfer] | None = None
+
+    def __post_init__(self) -> None:
+        chosen = min(max(self.interface.light, 0), max(len(self.lights) - 1, 0))
+        if chosen != self.interface.light:
+            object.__setattr__(self, "interface", replace(self.interface, light=chosen))
 
     @classmethod
     def first(

@@ -60,9 +60,7 @@ def _toggled(state: ViewState, index: int, name: str) -> ViewState:
 
 
 def _remove(state: ViewState, event: Event) -> ViewState:
-    rows = lighting.removed(state.lights, event.index)
-    chosen = min(state.interface.light, len(rows) - 1)
-    return replace(state, lights=rows, interface=replace(state.interface, light=chosen))
+    return replace(state, lights=lighting.removed(state.lights, event.index))
 
 
 def _select(state: ViewState, event: Event) -> ViewState:
@@ -76,9 +74,32 @@ def _divide(state: ViewState, event: Event) -> ViewState:
 
 
 def _next_light(state: ViewState) -> ViewState:
-    index = (lighting.brightest(state.lights) + 1) % len(state.lights)
-    lit = replace(state, lights=lighting.alone(state.lights, index))
-    return replace(lit, interface=replace(lit.interface, light=index))
+    return only(state, (lighting.brightest(state.lights) + 1) % len(state.lights))
+
+
+def only(state: ViewState, index: int) -> ViewState:
+    """One light alone, and chosen; the state as it is where there is no such light."""
+    if not 0 <= index < len(state.lights):
+        return state
+    return _chosen_of(state, lighting.alone(state.lights, index), index)
+
+
+def with_last(state: ViewState, rows: lighting.Rows) -> ViewState:
+    """Lights of which the last is new: it is chosen."""
+    return _chosen_of(state, rows, len(rows) - 1)
+
+
+def renamed(state: ViewState, index: int, name: str) -> ViewState:
+    """A light under another name; the palette knows it by that."""
+    rows = lighting.renamed(state.lights, index, name)
+    if rows is state.lights:
+        return state
+    board = state.board.with_light_renamed(state.lights[index].name, rows[index].name)
+    return replace(state, lights=rows, board=board)
+
+
+def _chosen_of(state: ViewState, rows: lighting.Rows, index: int) -> ViewState:
+    return replace(state, lights=rows, interface=replace(state.interface, light=index))
 
 
 def _compare(state: ViewState) -> ViewState:
@@ -100,7 +121,7 @@ def _keep_mix(state: ViewState) -> ViewState:
         return state
     if rows is state.lights:
         return state
-    return replace(state, lights=rows, interface=replace(state.interface, light=len(rows) - 1))
+    return with_last(state, rows)
 
 
 def _blend_all(state: ViewState) -> ViewState:
@@ -113,9 +134,7 @@ def reset_spectrum(state: ViewState) -> ViewState:
 
 
 def _alone(state: ViewState) -> ViewState:
-    if not 0 <= state.interface.light < len(state.lights):
-        return state
-    return replace(state, lights=lighting.alone(state.lights, state.interface.light))
+    return only(state, state.interface.light)
 
 
 def _chosen(reducer: Reducer) -> Change:
@@ -150,7 +169,7 @@ ACTIONS = (
     Action(
         "compare",
         "Light",
-        "Keep this light beside the next",
+        "Compare: keep these lights at the right",
         ("b",),
         _compare,
         lambda state: state.other is not None,
@@ -168,6 +187,7 @@ ACTIONS = (
     Action(
         "reset-spectrum", "Light", "Undo the drawing of the chosen spectrum", (), reset_spectrum
     ),
+    Action("rename-light", "Light", "Rename the chosen light", ("f2",)),
     Action("remove-light", "Light", "Remove the chosen light", (), _chosen(_remove)),
     *lightstates.ACTIONS,
 )

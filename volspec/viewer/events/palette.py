@@ -34,6 +34,7 @@ from volspec.viewer.design_ranges import assigned, recast
 from volspec.viewer.design_spectra import columns, exact, with_new_light, with_reflectances
 from volspec.viewer.design_table import first_wave, new_name, opened, table_of
 from volspec.viewer.events.event import Action, Event, Reducer
+from volspec.viewer.events.lights import with_last
 from volspec.viewer.state import ViewState
 
 MUST = "must"
@@ -271,7 +272,7 @@ def _new_light(state: ViewState) -> ViewState:
         return state
     wishes = state.board.wishes
     wishes = replace(wishes, open=wishes.open | {(LIGHT, name)})
-    return replace(_wishing(state, wishes), lights=rows)
+    return with_last(_wishing(state, wishes), rows)
 
 
 ACTIONS = (

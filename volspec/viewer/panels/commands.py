@@ -20,6 +20,7 @@ from volspec.spectra import light_names
 from volspec.viewer import lighting
 from volspec.viewer.actions import ACTIONS, shown
 from volspec.viewer.events.event import Action, Change
+from volspec.viewer.events.lights import only, with_last
 from volspec.viewer.panels.desk import Desk, Search
 from volspec.viewer.panels.viewing import changed, with_model
 from volspec.viewer.recent import RecentFile
@@ -108,7 +109,7 @@ def _of(action: Action) -> Command:
 @lru_cache(maxsize=8)
 def _alone(names: tuple[str, ...]) -> tuple[Command, ...]:
     def change(index: int) -> Change:
-        return lambda state: replace(state, lights=lighting.alone(state.lights, index))
+        return lambda state: only(state, index)
 
     return tuple(Command("Light", name, change=change(i)) for i, name in enumerate(names))
 
@@ -128,7 +129,7 @@ def _added() -> tuple[Command, ...]:
                 rows = lighting.added(state.lights, name, state.document.grid)
             except VolspecError:  # no room, or bands that the light does not cover
                 return state
-            return replace(state, lights=rows)
+            return with_last(state, rows)
 
         return add
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 from imgui_bundle import imgui
@@ -13,6 +12,7 @@ from volspec.spectra import SpectralGrid, light, light_names
 from volspec.spectra.files import split_address
 from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.viewer import lighting
+from volspec.viewer.events.lights import with_last
 from volspec.viewer.panels.desk import Desk, kelvin_slider
 from volspec.viewer.panels.light_look import fitting, packed, raw_colour, tip
 from volspec.viewer.state import ViewState
@@ -48,6 +48,9 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
         return state
     if imgui.is_window_appearing():
         imgui.set_keyboard_focus_here()
+    # Not the field alone, to which the first Esc would belong.
+    if imgui.is_key_pressed(imgui.Key.escape):
+        imgui.close_current_popup()
     imgui.set_next_item_width(-1)
     entered, text = imgui.input_text_with_hint("##search", _HINT, desk.search, _ENTER)
     if text != desk.search:
@@ -197,5 +200,4 @@ def _added(state: ViewState, desk: Desk, wanted: str) -> ViewState:
         return state
     desk.complaint = ""
     imgui.close_current_popup()
-    shown = replace(state.interface, light=len(rows) - 1)
-    return replace(state, lights=rows, interface=shown)
+    return with_last(state, rows)

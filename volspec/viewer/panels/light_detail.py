@@ -18,10 +18,10 @@ from volspec.viewer.panels.light_look import packed, raw_colour, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 
-_KNOB, _LABELS = 52.0, 84.0
+_KNOB, _LABELS, _COMPLAINT = 52.0, 84.0, 320.0
 # Of the knob: weight for each pixel that the mouse is dragged.
 _SPEED = 0.006
-_ENTER = imgui.InputTextFlags_.enter_returns_true
+_ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
 _LOG = imgui.SliderFlags_.logarithmic
 _ALL = "all"
 _LUX_TIP = (
@@ -64,10 +64,6 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
     imgui.end_group()
     if not plain:
         new = _parts(new, desk, index, groups)
-    if desk.lights.complaint:
-        imgui.push_text_wrap_pos(0)
-        imgui.text(desk.lights.complaint)
-        imgui.pop_text_wrap_pos()
     note = light_parts.lux_note(state.lights, state.shading.shares(), state.seen)
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
     imgui.text_wrapped(note)
@@ -150,10 +146,15 @@ def _text(state: ViewState, desk: Desk, index: int, part: int, width: float) -> 
         f"##text {part}", "drawn", scraps.text if typing else own or "", _ENTER
     )
     desk.note(f"text {part}")
-    tip(
-        "D65, planck:3200, daylight:6500, lamp:candle-1900,\n"
-        "FILE.csv, D65*0.7+A*0.3; Enter takes it"
-    )
+    if said := scraps.complaint_at((index, part), state.lights):
+        _complaint(said, desk, f"text {part}")
+    else:
+        tip(
+            "D65, planck:3200, daylight:6500, lamp:candle-1900,\n"
+            "FILE.csv, D65*0.7+A*0.3; Enter takes it"
+        )
+    if imgui.is_item_edited():
+        scraps.complaint = ""
     if imgui.is_item_active():
         scraps.text, scraps.text_of = text, (row.name, part)
     elif typing and not entered:
@@ -167,10 +168,29 @@ def _text(state: ViewState, desk: Desk, index: int, part: int, width: float) -> 
             *(state.lights, index, part, text, document.grid, document.folder)
         )
     except (VolspecError, OSError) as error:
-        scraps.complaint = " ".join(str(error).split())
+        scraps.complain(error, (index, part), state.lights)
         return state
-    scraps.complaint = ""
     return replace(state, lights=rows)
+
+
+def _complaint(said: str, desk: Desk, name: str) -> None:
+    """What is wrong with a notation, whole under its field and over what is below, until a click.
+
+    The tab has too little room for it where the window is small.
+    """
+    if imgui.is_mouse_clicked(0):
+        desk.lights.complaint = ""
+        return
+    x, y, _, height = desk.areas[name]
+    wide, edge = desk.px(_COMPLAINT), imgui.get_main_viewport().size.x - desk.px(8)
+    padding = 2 * imgui.get_style().window_padding.x
+    at = min(float(x), edge - wide - padding), y + height + desk.px(4)
+    imgui.set_next_window_pos(at)
+    if imgui.begin_tooltip():
+        imgui.push_text_wrap_pos(wide)
+        imgui.text(said)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
 
 
 def _parts(state: ViewState, desk: Desk, index: int, groups: tuple[str, ...]) -> ViewState:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.viewer import lighting
-from volspec.viewer.actions import BY_NAME
+from volspec.viewer.actions import BY_NAME, shown
 from volspec.viewer.events import Event, reduced
+from volspec.viewer.events.lights import only, renamed
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.light_look import fill, fitting, mixed_values, packed, tip
 from volspec.viewer.state import ViewState
@@ -19,7 +20,7 @@ _FLAGS = (
     | imgui.TableFlags_.scroll_y
 )
 # What a right click on a row offers, beside what its buttons do.
-_MENU = ("alone", "solo", "mute", "reset-spectrum", "remove-light")
+_MENU = ("alone", "solo", "mute", "rename-light", "reset-spectrum", "remove-light")
 
 
 def draw(state: ViewState, desk: Desk, height: float) -> ViewState:
@@ -53,7 +54,7 @@ def _scroll(state: ViewState, desk: Desk, height: float) -> None:
     chosen = state.interface.light
     if chosen == desk.lights.row:
         return
-    desk.lights.row, desk.lights.complaint = chosen, ""
+    desk.lights.row = chosen
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
     imgui.set_scroll_y(scrolled(imgui.get_scroll_y(), chosen * line, line, height))
 
@@ -97,6 +98,8 @@ def _row(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> Vie
 
 def _name(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> ViewState:
     row = state.lights[i]
+    if desk.lights.renaming == i:
+        return _rename(new, desk, i)
     colour = imgui.Col_.text if lit else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
     imgui.align_text_to_frame_padding()
@@ -110,24 +113,53 @@ def _name(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> Vi
     desk.note(f"name {i}")
     lux = row.rig.total_lux
     level = f"\n{lux:.4g} lx at weight 1" if lux else ""
-    what = "\n".join(dict.fromkeys((row.name, row.label)))
-    tip(f"{what}{level}\nDouble-click: this light alone")
+    tip(f"{described(row)}{level}\nDouble-click: this light alone; F2: another name")
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
-        alone = BY_NAME["alone"].change
-        assert alone is not None
-        new = alone(reduced(new, Event("select", index=i)))
-    return _context(new, i)
+        new = only(new, i)
+    return _context(new, desk, i)
 
 
-def _context(new: ViewState, i: int) -> ViewState:
+def described(row: lighting.LightRow) -> str:
+    """What a light is, in lines: its name, and what it was made from."""
+    if row.before is not None:
+        was = row.before
+        whole = " + ".join(text or was.name for text in dict.fromkeys(was.texts))
+        return f"{row.name}\nDrawn by hand, from {whole}"
+    return "\n".join(dict.fromkeys((row.name, row.label)))
+
+
+def _rename(new: ViewState, desk: Desk, i: int) -> ViewState:
+    """The name's field, in its place."""
+    scraps = desk.lights
+    if scraps.focus:
+        imgui.set_keyboard_focus_here()
+        scraps.focus = False
+    imgui.set_next_item_width(-1)
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    entered, scraps.name = imgui.input_text("##rename", scraps.name, flags)
+    desk.note(f"rename {i}")
+    if entered:
+        new = renamed(new, i, scraps.name)
+    if entered or imgui.is_item_deactivated():
+        scraps.renaming, scraps.name = -1, ""
+    return new
+
+
+def _context(new: ViewState, desk: Desk, i: int) -> ViewState:
     """What a right click offers: actions of the chosen light, for this one."""
     if not imgui.begin_popup_context_item("row"):
         return new
     for name in _MENU:
         action = BY_NAME[name]
         title = action.title.replace("the chosen ", "the ").replace("The chosen ", "This ")
-        if imgui.menu_item(title, "", False)[0] and action.change:
-            new = action.change(reduced(new, Event("select", index=i)))
+        key = shown(action.keys[0]) if action.keys else ""
+        if imgui.menu_item(title, key, False)[0]:
+            new = reduced(new, Event("select", index=i))
+            if action.change is not None:
+                new = action.change(new)
+            else:
+                desk.asked.append(action.name)
+        desk.note(f"row {name}")
     imgui.end_popup()
     return new
 

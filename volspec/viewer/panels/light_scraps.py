@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from volspec.viewer.lighting import Rows
+
 
 @dataclass(slots=True)
 class LightScraps:
@@ -33,6 +35,10 @@ class LightScraps:
         Whether its field waits for the keyboard.
     complaint : str
         What is wrong with what was typed.
+    complaint_of : ((light, part), rows)
+        For which spectrum that was, and the lights as they were then.
+    renaming : int
+        The light that is being renamed; -1 is none.
     """
 
     row: int = 0
@@ -47,3 +53,19 @@ class LightScraps:
     name: str = ""
     focus: bool = False
     complaint: str = ""
+    complaint_of: tuple[tuple[int, int], Rows] = ((0, 0), ())
+    renaming: int = -1
+
+    def rename(self, index: int, rows: Rows) -> None:
+        """Begin to rename a light."""
+        self.renaming, self.name, self.focus = index, rows[index].name, True
+        self.naming, self.row = -1, -1  # a name at a time; the row is scrolled to
+
+    def complain(self, error: Exception, place: tuple[int, int], rows: Rows) -> None:
+        """A notation, of a light's part, was no light."""
+        self.complaint, self.complaint_of = " ".join(str(error).split()), (place, rows)
+
+    def complaint_at(self, place: tuple[int, int], rows: Rows) -> str:
+        """What stands under a part's field; gone once anything else of the lights is edited."""
+        about, then = self.complaint_of
+        return self.complaint if about == place and then is rows else ""

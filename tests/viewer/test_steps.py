@@ -1,0 +1,213 @@
+"""Steps of undo, and which light is chosen after them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from volspec.errors import InputError, SpectrumError
+from volspec.palette import Cell
+from volspec.relight import LightRig
+from volspec.spectra import DEFAULT_GRID, light
+from volspec.viewer import lighting
+from volspec.viewer.actions import BY_NAME
+from volspec.viewer.design import LIGHT, Board, Wishes
+from volspec.viewer.drawing import drawn, undrawn
+from volspec.viewer.events import Event, lightstates, reduced
+from volspec.viewer.events.lights import renamed
+from volspec.viewer.gestures import RUN_S, Gestures
+from volspec.viewer.history import History, changed_in
+from volspec.viewer.inputs import Input
+from volspec.viewer.light_parts import respelled
+from volspec.viewer.lighting import LightRow, shining
+from volspec.viewer.notice import Notice
+from volspec.viewer.opening import Opened, Tasks
+from volspec.viewer.recent import RecentFiles
+from volspec.viewer.state import Interface, ViewState
+
+
+def done(state: ViewState, name: str) -> ViewState:
+    change = BY_NAME[name].change
+    assert change is not None
+    return change(state)
+
+
+def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:
+    for wrong, right in ((7, 3), (-2, 0)):
+        assert replace(state, interface=Interface(light=wrong)).interface.light == right
+    last = replace(state, interface=Interface(light=3))
+    assert replace(last, lights=state.lights[:2]).interface.light == 1
+    assert reduced(last, Event("remove", index=3)).interface.light == 2
+
+
+def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) -> None:
+    start = reduced(state, Event("select", index=1))
+    history = History(start).then(done(start, "keep-mix"), 1)
+    assert history.present.interface.light == 4
+    back = history.undone()
+    assert len(back.present.lights) == 4 and back.present.interface.light == 1
+    assert back.redone().present.interface.light == 4
+    # What is chosen is no step, and a step of the view leaves it.
+    looked = History(start).then(done(start, "view-right"), 1)
+    looked = looked.then(reduced(looked.present, Event("select", index=3)), 2)
+    assert looked.undone().present.interface.light == 3
+
+
+def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
+    commands = pytest.importorskip("volspec.viewer.panels.commands")
+    for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
+        row = commands.found(commands.commands_of(state, ()), search)[0]
+        new = row.change(state)
+        assert new.interface.light == chosen
+        assert [i for i, weight in enumerate(shining(new.lights)) if weight] == [chosen]
+
+
+def test_another_file_chooses_its_shining_light_and_keeps_the_window(state: ViewState) -> None:
+    before = replace(state, size=(40, 30), interface=Interface(dark=False, light=3))
+    lit = replace(state, lights=lighting.alone(state.lights, 2))
+    new = Opened(lit).after(before).state
+    assert new.interface.light == 2 and not new.interface.dark and new.size == (40, 30)
+    session = Opened(reduced(state, Event("select", index=1)), session=Path("x")).after(before)
+    assert session.state.interface.light == 1 and session.state.interface.dark
+
+
+def steps(given: Sequence[tuple[float, Input]]) -> int:
+    """How many steps of undo inputs at their times are."""
+    gestures = Gestures()
+    numbers = set()
+    for now, each in given:
+        gestures.take(each, now)
+        numbers.add(gestures.number)
+    return len(numbers)
+
+
+def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
+    def run(each: Input, apart: float) -> int:
+        return steps([(10.0 + i * apart, each) for i in range(6)])
+
+    wheel, roll = Input("wheel", y=1.0), Input("wheel", y=1.0, modifiers="shift")
+    left, plus = Input("key", key="shift+left"), Input("key", key="+")
+    for each in (wheel, left, plus):
+        assert run(each, 0.9 * RUN_S) == 1 and run(each, 1.1 * RUN_S) == 6
+    # Each press of a key that makes no steps is one, however quick; held down it comes once.
+    assert run(Input("key", key="b"), 0.1) == 6
+    assert run(replace(left, repeated=True), 2 * RUN_S) == 1
+    assert steps([(0.0, wheel), (0.1, roll), (0.2, wheel)]) == 3
+    assert steps([(0.0, wheel), (0.1, Input("move")), (0.2, wheel)]) == 1
+    assert steps([(0.0, wheel), (0.1, Input("press", button="left")), (0.2, wheel)]) == 3
+
+
+@pytest.mark.parametrize(
+    ("what", "change"),
+    [
+        ("view", lambda s: done(s, "view-right")),
+        ("lights", lambda s: done(s, "next-light")),
+        ("lights", lambda s: done(s, "compare")),
+        ("light states", lightstates.saved),
+        ("transfer function", lambda s: reduced(s, Event("shift", 0.1))),
+        ("viewing", lambda s: done(s, "mark")),
+        ("cuts", lambda s: reduced(s, Event("crop", 0.3, 0.0, 0))),
+        ("shading", lambda s: replace(s, shading=replace(s.shading, ambient=0.7))),
+        ("palette", lambda s: replace(s, board=Board(Wishes(constant=frozenset(["gold"]))))),
+    ],
+)
+def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> None:
+    assert changed_in(state, change(state)) == what == changed_in(change(state), state)
+
+
+def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
+    rows = lighting.renamed(state.lights, 1, "  my\n lamp ")
+    assert rows[1].name == "my lamp" and rows[1].rig is state.lights[1].rig
+    assert lighting.renamed(rows, 2, "my lamp")[2].name == "my lamp (2)"
+    for index, name in ((1, "my lamp"), (1, " "), (9, "x"), (-1, "x")):
+        assert lighting.renamed(rows, index, name) is rows
+
+
+def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
+    rows = lighting.renamed(state.lights, 3, "lamp")
+    assert lighting.heated(rows, 3, 5000.0)[3].name == "lamp"
+    assert respelled(rows, 3, 0, "D50", DEFAULT_GRID)[3].name == "lamp"
+    pen = drawn(rows, 3, 0, (0.1, 2.0), (0.5, 2.0))
+    assert pen[3].name == "lamp" == undrawn(pen, 3)[3].name
+    # Also where it was given after the drawing.
+    later = lighting.renamed(drawn(state.lights, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
+    assert drawn(later, 1, 0, (0.6, 2.0), (0.9, 2.0))[1].name == "mine"
+
+
+def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
+    kept = lightstates.saved(state)
+    back = lightstates.recall(replace(kept, lights=lighting.renamed(kept.lights, 0, "x")), 0)
+    assert back.lights == state.lights
+
+
+def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
+    cell = Cell("same", other=("gold", "A"))
+    wishes = Wishes({("gold", "A"): cell}, frozenset({(LIGHT, "A")}), lamps={"A": ("FL2",)})
+    board = renamed(replace(state, board=Board(wishes, wishes)), 1, "lamp").board
+    assert list(board.wishes.cells) == [("gold", "lamp")]
+    assert board.wishes.cells["gold", "lamp"].other == ("gold", "lamp")
+    assert board.wishes.open == {(LIGHT, "lamp")} and dict(board.wishes.lamps) == {"lamp": ("FL2",)}
+    assert not board.waits
+    other = replace(state, board=Board(wishes))
+    assert renamed(other, 2, "lamp").board == other.board
+
+
+def test_a_drawn_light_says_from_what() -> None:
+    rows = pytest.importorskip("volspec.viewer.panels.light_rows")
+    lamp = LightRow("day", "D65 at noon", LightRig((light("D65"),)), 1.0, texts=("D65",))
+    assert rows.described(lamp) == "day\nD65 at noon"
+    pen = drawn((lamp,), 0, 0, (0.1, 2.0), (0.5, 2.0))
+    again = drawn(pen, 0, 0, (0.6, 2.0), (0.9, 2.0))
+    assert rows.described(again[0]) == "day edited\nDrawn by hand, from D65"
+
+
+def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
+    scraps = pytest.importorskip("volspec.viewer.panels.light_scraps").LightScraps()
+    scraps.complain(SpectrumError("'Q':\n no such light"), (1, 0), state.lights)
+    assert scraps.complaint_at((1, 0), state.lights) == "'Q': no such light"
+    assert scraps.complaint_at((0, 0), state.lights) == ""
+    edited = reduced(state, Event("weight", 0.4, index=2)).lights
+    assert scraps.complaint_at((1, 0), edited) == ""
+
+
+def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
+    state: ViewState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chores = pytest.importorskip("volspec.viewer.chores")
+    monkeypatch.setenv("VOLSPEC_STATE", str(tmp_path))
+    begun: list[str | None] = []
+    monkeypatch.setattr(
+        chores.Chores, "open", lambda _, path, say=True: begun.append(path), raising=True
+    )
+    from volspec.viewer.panels.desk import Desk
+    from volspec.viewer.trace import Trace
+
+    def resumed(path: str | None) -> tuple[Any, Notice]:
+        begun.clear()
+        notice = Notice()
+        parts = (Tasks(lambda: None), None, Desk(), notice, Trace(), None, None)
+        made = chores.Chores(*parts, lambda *_: None)
+        made.resume(path, last=True)
+        return made, notice
+
+    _, notice = resumed(None)
+    assert begun == [None] and notice.text == "There is no session to restore; this is the demo"
+    scene = tmp_path / "mine.toml"
+    scene.touch()
+    RecentFiles(tmp_path).add(str(scene))
+    made, notice = resumed(None)
+    assert begun == [str(scene)] and notice.text.endswith("; this is mine.toml")
+    made._instead("mine.toml is broken")
+    assert begun == [str(scene), None]
+    with pytest.raises(InputError, match="no demo"):
+        made._instead("no demo")
+    # What was named comes before what was opened last; what is gone is no file.
+    assert resumed("named.toml") and begun == ["named.toml"]
+    scene.unlink()
+    assert resumed(None) and begun == [None]
+    shutil.rmtree(tmp_path)
