@@ -61,7 +61,9 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) 
 def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
     commands = pytest.importorskip("volspec.viewer.panels.commands")
     for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
-        row = commands.found(commands.commands_of(state, ()), search)[0]
+        row = commands.found(commands.commands_of(state, ()), search, lambda command: command.text)[
+            0
+        ]
         new = row.change(state)
         assert new.interface.light == chosen
         assert [i for i, weight in enumerate(shining(new.lights)) if weight] == [chosen]

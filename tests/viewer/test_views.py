@@ -16,6 +16,7 @@ from volspec.viewer.actions import BY_KEY, BY_NAME
 from volspec.viewer.aids import Aids
 from volspec.viewer.document import Document
 from volspec.viewer.events import Event, reduced
+from volspec.viewer.fitting import fitted, shown_mm
 from volspec.viewer.handles import dragged, handles
 from volspec.viewer.mouse import DRAGS, WHEELS
 from volspec.viewer.panels import cube, scale
@@ -148,8 +149,12 @@ def test_a_crop_leaves_a_voxel_and_a_whole_volume_is_no_crop(state: ViewState) -
 
 
 def test_six_planes_are_the_most_and_flipping_twice_is_nothing(state: ViewState) -> None:
-    for _ in range(8):
-        state = BY_KEY["p"].change(state)  # type: ignore[misc]
+    add = BY_KEY["p"]
+    assert add.change is not None and add.refusal is not None
+    for azimuth in range(8):
+        state = replace(state, view=View(azimuth_deg=10.0 * azimuth))
+        assert bool(add.refusal(state)) == (azimuth > 5)
+        state = add.change(state)
     assert len(state.shading.clip_planes) == 6 and state.interface.aids.plane == 5
     twice = reduced(reduced(state, Event("plane-flip", index=2)), Event("plane-flip", index=2))
     assert twice.shading == state.shading
@@ -277,3 +282,42 @@ def test_a_scenes_plane_far_off_is_held_near_the_volume(document: Document) -> N
     at = cuts.anchor_mm(far, document.volume)
     assert at[2] == pytest.approx(3.0)
     assert np.linalg.norm(at - document.volume.corners_mm.mean(axis=0)) < 10
+
+
+def test_a_plane_is_not_added_where_there_is_one(state: ViewState) -> None:
+    add = BY_KEY["p"]
+    assert add.change is not None and add.refusal is not None
+    once = add.change(state)
+    assert add.change(once) is once and add.refusal(once) == "There is one here already"
+    # One that was moved away, or that cuts the other side, is another.
+    for event in (Event("plane-shift", 1.0), Event("plane-flip")):
+        assert add.refusal(reduced(once, event)) == ""
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("aspect", (0.5, 1.0, 2.0))
+def test_what_is_shown_is_fitted(tilted: ViewState, view: View, aspect: float) -> None:
+    """85 % of one side, centred on both; outermost points are those of a box, without rounding."""
+    values = np.zeros((30, 40, 50), np.float32)
+    values[3:9, 20:31, 30:42] = 1.0
+    volume = replace(tilted.document.volume, values=values)
+    rolled = replace(view, roll_deg=0.0)
+    found = fitted(rolled, volume, tilted.transfer, tilted.shading, aspect)
+    assert (found.azimuth_deg, found.elevation_deg) == (view.azimuth_deg, view.elevation_deg)
+    area = 0, 0, 1000 * aspect, 1000
+    box = cuts.box_corners_mm(((29.5, 41.5), (19.5, 30.5), (2.5, 8.5)), volume).reshape(-1, 3)
+    places = Projection(found.camera(volume), area).placed(box)[:, :2]
+    low, high = places.min(axis=0), places.max(axis=0)
+    sides = (high - low) / np.array(area[2:])
+    assert sides.max() == pytest.approx(0.85, abs=1e-3)
+    np.testing.assert_allclose((low + high) / 2 / area[2:], 0.5, atol=0.01)
+
+
+def test_where_nothing_is_shown_the_volume_is_fitted(state: ViewState) -> None:
+    volume = state.document.volume
+    points = [(value, 0.0, mix) for value, _, mix in state.transfer.points]  # type: ignore[union-attr]
+    clear = replace(state.transfer, points=points)  # type: ignore[call-arg]
+    np.testing.assert_array_equal(shown_mm(volume, clear, state.shading), volume.corners_mm)
+    # What is cut away is not shown.
+    cut = replace(state.shading, crop_voxels=((0.0, 3.0), (0.0, 7.0), (0.0, 7.0)))
+    assert shown_mm(volume, state.transfer, cut)[:, 0].max() <= 3.0

@@ -53,5 +53,15 @@ def view(
     from volspec.viewer.app import Options
     from volspec.viewer.app import view as open_window
 
-    wanted = _pixels(screenshot) if screenshot else None
-    open_window(Options(file, trace, _pixels(size), wanted, device, restore))
+    wanted = _sides("--screenshot", screenshot) if screenshot else None
+    open_window(Options(file, trace, _sides("--size", size), wanted, device, restore))
+
+
+def _sides(option: str, given: str) -> tuple[int, int]:
+    """Width and height, as far as there are pictures."""
+    from volspec.raycast.checks import MAX_SIDE
+
+    sides = _pixels(given)
+    if max(sides) > MAX_SIDE:
+        raise InputError(f"{option} {given}: a side is too long; give at most {MAX_SIDE}")
+    return sides

@@ -40,7 +40,6 @@ def _panel(title: str) -> Action:
 
 _FILES = (
     Action("open", "File", "Open …", ("ctrl+o",)),
-    Action("open-folder", "File", "Open a folder of slices …"),
     Action("reload", "File", "Read the file again, keeping only the view", ("f5", "ctrl+r")),
     Action("export-scene", "File", "Export as scene …", ("ctrl+s",)),
     Action("export-python", "File", "Export as Python …", ("ctrl+e",)),

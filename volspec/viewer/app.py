@@ -99,6 +99,8 @@ class _App:
         self._trace, self._window = trace, window
         self._desk = Desk()
         self._meter, self._notice = Meter(self._desk, trace), Notice()
+        if window.note:
+            self._notice.say(window.note)
         self._screen = Screen(window.context, self._desk, self._meter, trace, self._notice.say)
         self._designing = Designing(Window.wake, self._desk, self._notice, trace)
         self._chores = Chores(
@@ -233,7 +235,7 @@ class _App:
     def _act(self, action: Action, state: ViewState) -> ViewState:
         """Do what was asked for now, or once the state is settled."""
         if action.change is not None:
-            return action.change(state)
+            return self._desk.acted(state, action.change, action.refusal)
         self._desk.asked.append(action.name)
         return state
 

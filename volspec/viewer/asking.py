@@ -19,11 +19,10 @@ from volspec.viewer.session import SUFFIX
 
 _FILES = (
     *(".toml", SUFFIX, ".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk"),
-    *(".npy", ".tif", ".tiff"),
+    ".npy",
 )
 WISHES = {
     "open": Wish("open", "Open a scene or a volume", suffixes=_FILES),
-    "open-folder": Wish("open", "Open a folder of slices", folder=True),
     "open-session": Wish("resume", "Open a session", suffixes=(SUFFIX,)),
     "export-scene": Wish("export-scene", "Export as scene", True, (".toml",)),
     "export-python": Wish("export-python", "Export as Python", True, (".py",)),

@@ -86,6 +86,7 @@ class Chores:
             "copy-values": lambda *_: self._copied(lambda: copy_values(desk.under_mouse)),
             "commands": self._commands,
             "rename-light": self._rename,
+            "say": lambda _, text: notice.say(text),
         }
         self._desk.recent = self._recent.rows()
 

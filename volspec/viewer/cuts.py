@@ -21,6 +21,8 @@ from volspec.volume import Volume
 
 Array = NDArray[np.float64]
 Crop = tuple[Bounds, Bounds, Bounds]
+# Planes that lie together to this share of the volume's radius cut alike.
+_SAME = 1e-3
 # Voxels that a crop leaves at least along each axis.
 LEAST = 1.0
 
@@ -116,11 +118,21 @@ def distance_mm(plane: ClipPlane, volume: Volume) -> float:
 
 
 def with_plane(shading: RaycastSpec, volume: Volume, normal: Vector) -> RaycastSpec:
-    """Another plane through the volume's middle; six are the most."""
-    if len(shading.clip_planes) >= MAX_PLANES:
+    """Another plane through the volume's middle; not where `no_plane` says why."""
+    if no_plane(shading, volume, normal):
         return shading
     plane = ClipPlane(vector(volume.corners_mm.mean(axis=0)), normal)
     return replace(shading, clip_planes=(*shading.clip_planes, plane))
+
+
+def no_plane(shading: RaycastSpec, volume: Volume, normal: Vector) -> str:
+    """Why there can be no other plane through the volume's middle; empty where there can."""
+    wanted = np.asarray(normal) / np.linalg.norm(normal)
+    for plane in shading.clip_planes:
+        near = abs(distance_mm(plane, volume)) <= _SAME * radius_mm(volume)
+        if near and np.linalg.norm(np.asarray(plane.normal) - wanted) <= _SAME:
+            return "There is one here already"
+    return f"{MAX_PLANES} are the most" if len(shading.clip_planes) >= MAX_PLANES else ""
 
 
 def changed(shading: RaycastSpec, index: int, plane: ClipPlane | None) -> RaycastSpec:

@@ -23,6 +23,7 @@ from volspec.scene.lights import rows_by_name
 from volspec.spectra import SpectralGrid, reflectance_names
 from volspec.transfer import Transfer
 from volspec.viewer import presets
+from volspec.viewer.fitting import fitted
 from volspec.viewer.joint import JointHistogram, joint_histogram
 from volspec.viewer.lighting import Rows, rows_of
 from volspec.viewer.priority import yielding
@@ -90,13 +91,15 @@ class Document:
         return self.transfer.basis.grid
 
     @classmethod
-    def of(cls, scene: Scene, volume: Volume, caster: Raycaster | None) -> Document:
-        """A scene with its volume."""
+    def of(
+        cls, scene: Scene, volume: Volume, caster: Raycaster | None, view: View | None = None
+    ) -> Document:
+        """A scene with its volume, seen as its file says or as given."""
         return cls(
             title=scene.file.title or scene.path.stem,
             volume=volume,
             caster=caster,
-            view=_view_of(scene, volume),
+            view=view or _view_of(scene, volume),
             transfer=scene.transfer,
             shading=scene.raycast,
             lights=rows_of(scene.lights, rows_by_name(scene.file.light)),
@@ -115,6 +118,7 @@ def opened(path: str | None, device: str | None = None) -> Document:
     VolspecError
         If it cannot be read, or there is no device to cast on.
     """
+    view = None
     if path is None:
         scene = Scene.load(demo())
         volume = scene.volume()
@@ -124,10 +128,12 @@ def opened(path: str | None, device: str | None = None) -> Document:
     else:
         volume = load_volume(path)
         scene = Scene(plain_scene(path, volume), path.partition("?")[0])
+        # No window is known yet: a square that has the picture's height.
+        view = fitted(View(), volume, scene.transfer, scene.raycast, 1.0)
     # Presets take their materials from it, when somebody waits for them.
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster = yielding(lambda: Raycaster(volume, device=device))
-    return Document.of(scene, volume, caster)
+    return Document.of(scene, volume, caster, view)
 
 
 def demo() -> Path:
@@ -149,7 +155,6 @@ def plain_scene(path: str, volume: Volume) -> SceneFile:
         },
         "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "flat_gradient": 0.02},
         "light": [{"name": k, "label": v, "spectrum": k} for k, v in _LIGHTS.items()],
-        "camera": {"zoom": 1.25},
         "viewing": {"backdrop": 0.05},
     }
     return SceneFile.model_validate(document)

@@ -50,6 +50,8 @@ class Panel:
 PANEL_WIDTH = 350
 # Of panels at the left.
 _LEFT_WIDTH = 260
+# Of the window's width, for all panels.
+_MOST = 0.5
 # The lights' share of the height; below stand the others as tabs.
 _UPPER = 0.51
 # Frames until docked windows stand where they belong.
@@ -84,6 +86,10 @@ class Layout:
 
     def __init__(self) -> None:
         self._frames = 0
+        # Docks beside the picture, and where panels were open in the frame before.
+        self._sides: dict[str, int] = {}
+        self._open: set[str] = set()
+        self._narrowed = False
 
     @property
     def settled(self) -> bool:
@@ -104,6 +110,7 @@ class Layout:
             if self._frames == 0:
                 self._dock(space, desk)
             self._frames += 1
+            self._share(desk)
         node = imgui.internal.dock_builder_get_central_node(space)
         area = int(node.pos.x), int(node.pos.y), int(node.size.x), int(node.size.y)
         desk.areas["picture"] = area
@@ -111,9 +118,14 @@ class Layout:
 
     def panels(self, state: ViewState, desk: Desk) -> ViewState:
         """Draw those that are open; the state that comes out."""
+        self._open = set()
         for panel in _PANELS:
             if panel.title not in state.interface.panels:
                 continue
+            self._open.add("left" if panel.place == "left" else "right")
+            if desk.front == panel.title:
+                desk.front = ""
+                imgui.set_next_window_focus()
             shown, kept = imgui.begin(panel.title, True, imgui.WindowFlags_.no_collapse)
             if shown:
                 state = panel.draw(state, desk) or state
@@ -138,15 +150,33 @@ class Layout:
         status.draw(state, desk)
         return menu.draw(state, desk) or state
 
-    @staticmethod
-    def _dock(space: int, desk: Desk) -> None:
+    def _share(self, desk: Desk) -> None:
+        """Leave the picture half of a window that has become narrow; undo it in a wide one."""
+        builder = imgui.internal
+        room = _MOST * imgui.get_main_viewport().work_size.x
+        open_ = [dock for side, dock in self._sides.items() if side in self._open]
+        seen = [node for dock in open_ if (node := builder.dock_builder_get_node(dock))]
+        wide = sum(node.size.x for node in seen)
+        wanted = desk.px(PANEL_WIDTH) if len(seen) == 1 else wide
+        if wide > room + 1:
+            self._narrowed = True
+        elif self._narrowed and wide < min(wanted, room) - 1:
+            wide, room = wide, min(wanted, room)
+        else:
+            self._narrowed = self._narrowed and wide < wanted - 1
+            return
+        for node in seen:
+            builder.dock_builder_set_node_size(node.id_, (node.size.x * room / wide, node.size.y))
+
+    def _dock(self, space: int, desk: Desk) -> None:
         builder = imgui.internal
         viewport = imgui.get_main_viewport()
-        share = min(desk.px(PANEL_WIDTH) / max(viewport.work_size.x, 1.0), 0.6)
+        share = min(desk.px(PANEL_WIDTH) / max(viewport.work_size.x, 1.0), _MOST)
         builder.dock_builder_remove_node_child_nodes(space)
         right = builder.dock_builder_split_node(space, imgui.Dir.right, share)
         left_share = min(desk.px(_LEFT_WIDTH) / max(viewport.work_size.x * (1 - share), 1.0), 0.4)
         left = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.left, left_share)
+        self._sides = {"right": right.id_at_dir, "left": left.id_at_dir}
         lower = builder.dock_builder_split_node(right.id_at_dir, imgui.Dir.down, 1 - _UPPER)
         places = {
             "upper": lower.id_at_opposite_dir,

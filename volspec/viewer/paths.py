@@ -17,12 +17,12 @@ from typing import Any
 from volspec.errors import InputError
 
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
-_TIFF = (".tif", ".tiff")
+_SLICES = (".tif", ".tiff", ".dcm", ".ima")
 MOST_ROWS = 200
 
 
 def dropped(paths: Sequence[str]) -> str:
-    """What files dropped together mean: one of them, or the folder that they fill.
+    """What files dropped together mean: one of them.
 
     Raises
     ------
@@ -35,13 +35,9 @@ def dropped(paths: Sequence[str]) -> str:
     headers = [path for path in paths if path.lower().endswith((".nhdr", ".mhd", ".toml"))]
     if len(headers) == 1:
         return headers[0]
-    folders = {os.path.dirname(path) for path in paths}
-    slices = all(path.lower().endswith((*_TIFF, ".dcm", ".ima")) for path in paths)
-    if slices and len(folders) == 1:
-        return folders.pop()
-    raise InputError(
-        f"{len(paths)} files were dropped; drop one scene or volume, or a folder of slices"
-    )
+    slices = all(path.lower().endswith(_SLICES) for path in paths)
+    remedy = "; slices must be made one first, such as .nrrd or .nii.gz" if slices else ""
+    raise InputError(f"{len(paths)} files were dropped; drop one scene or volume{remedy}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +113,6 @@ class Wish:
         Endings of its name; the first is added where a name to be written has none.
     start : str
         What is proposed.
-    folder : bool
-        Whether a folder is meant.
     """
 
     kind: str
@@ -126,7 +120,6 @@ class Wish:
     save: bool = False
     suffixes: tuple[str, ...] = ()
     start: str = ""
-    folder: bool = False
 
     def named(self, text: str) -> str:
         """What was typed, with ``~`` and the ending filled in."""
@@ -158,9 +151,7 @@ class NativeDialog:
         patterns = " ".join(f"*{suffix}" for suffix in wish.suffixes)
         filters = [wish.title, patterns, "All files", "*"] if patterns else ["All files", "*"]
         self._dialog: Any
-        if wish.folder:
-            self._dialog = dialogs.select_folder(wish.title, start)
-        elif wish.save:
+        if wish.save:
             self._dialog = dialogs.save_file(wish.title, start, filters)
         else:
             self._dialog = dialogs.open_file(wish.title, start, filters)

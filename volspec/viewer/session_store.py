@@ -137,7 +137,7 @@ class SessionStore:
             path.replace(aside)
         except OSError:
             return error
-        return BrokenSession(f"{error}; it is kept as {aside}")
+        return BrokenSession(f"{error}; it is kept as {aside.name}")
 
     def _changed(self, state: ViewState) -> bool:
         own = state.document is self._document and state.document.file is not None

@@ -148,10 +148,6 @@ class View:
         azimuth = 0.0 if abs(elevation) > _POLE_DEG else azimuth
         return replace(self, azimuth_deg=azimuth, elevation_deg=elevation, roll_deg=0.0)
 
-    def fitted(self, aspect: float) -> View:
-        """The whole volume in a picture of width / height."""
-        return replace(self, zoom=_clamped(min(1.0, aspect), *ZOOMS), target_mm=None)
-
 
 def orbit_deg(away: NDArray[np.float64], up: Vector) -> tuple[float, float]:
     """Azimuth and elevation of a unit vector from the target to the camera."""
@@ -168,6 +164,11 @@ def radius_mm(volume: Volume) -> float:
     """Of the sphere around a volume."""
     corners = volume.corners_mm
     return float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).max()) or 1.0
+
+
+def zoom_within(zoom: float) -> float:
+    """A zoom that views may have."""
+    return _clamped(zoom, *ZOOMS)
 
 
 def vector(values: NDArray[np.float64]) -> Vector:

@@ -5,6 +5,7 @@ glfw -> [window] -> inputs -> app
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 
 import glfw
@@ -83,6 +84,11 @@ class Window:
     ------
     OpenGLError
         If there is no display, or its OpenGL is below 3.3.
+
+    Attributes
+    ----------
+    note : str
+        What there is to say of its size; empty where it is as wanted.
     """
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
@@ -94,6 +100,7 @@ class Window:
             raise OpenGLError(f"view: no window can be opened ({why}); {INSTEAD}")
         for hint, value in _HINTS:
             glfw.window_hint(hint, value)
+        size, self.note = _within_screen(size)
         self._window = glfw.create_window(*size, title, None, None)
         if not self._window:
             glfw.terminate()
@@ -226,6 +233,26 @@ class Window:
         imgui.destroy_context()
         self.context.release()
         glfw.terminate()
+
+
+def _within_screen(size: tuple[int, int]) -> tuple[tuple[int, int], str]:
+    """A size as far as the screen has room for it, and what to say where it has not."""
+    monitor = glfw.get_primary_monitor()
+    if not monitor:
+        return size, ""
+    room = glfw.get_monitor_workarea(monitor)[2:]
+    # Where windows grow with the density of pixels, the size is that before.
+    scale = (
+        1.0 if sys.platform == "darwin" else max(1.0, glfw.get_monitor_content_scale(monitor)[0])
+    )
+    width, height = (
+        min(side, int(most / scale)) if most > 0 else side
+        for side, most in zip(size, room, strict=True)
+    )
+    if (width, height) == size:
+        return size, ""
+    wanted = f"{size[0]} × {size[1]}"
+    return (width, height), f"The screen has no room for {wanted}; this is {width} × {height}"
 
 
 def _text(said: bytes | str) -> str:

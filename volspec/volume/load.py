@@ -48,7 +48,9 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     if not target.exists():
         raise VolumeError(f"{file}: no such file; check the path")
     if target.is_dir():
-        raise VolumeError(f"{file}: is a folder; give a file ({_KNOWN})")
+        raise VolumeError(
+            f"{file}: is a folder; give a file, slices must be made one first ({_KNOWN})"
+        )
     if target.stat().st_size == 0:
         raise VolumeError(f"{file}: the file is empty; copy or download it again")
     lower = target.name.lower()

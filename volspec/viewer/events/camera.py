@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from volspec.viewer.events.cuts import flipped
 from volspec.viewer.events.event import Action, Change, Event, Reducer
+from volspec.viewer.fitting import fitted
 from volspec.viewer.state import ViewState
 from volspec.viewer.views import TURN_DEG
 
@@ -81,8 +82,9 @@ def _reset(state: ViewState) -> ViewState:
 
 
 def _fit(state: ViewState) -> ViewState:
-    width, height = state.size
-    return replace(state, view=state.view.fitted(width / height))
+    width, height = (max(side, 1) for side in state.size)
+    what = state.document.volume, state.transfer, state.shading
+    return replace(state, view=fitted(state.view, *what, width / height))
 
 
 EVENTS: dict[str, Reducer] = {
@@ -129,7 +131,7 @@ ACTIONS = (
     Action(
         "projection", "View", "Orthographic", ("5",), _projection, lambda s: s.view.orthographic
     ),
-    Action("fit", "View", "Fit the volume", ("f",), _fit),
+    Action("fit", "View", "Fit what is shown", ("f",), _fit),
     Action("reset-view", "View", "The scene's own view", ("enter",), _reset),
     Action("roll-left", "View", "Roll 90° to the left", ("4",), _after("roll", -90.0)),
     Action("roll-right", "View", "Roll 90° to the right", ("6",), _after("roll", 90.0)),

@@ -5,6 +5,7 @@ mouse, keys -> [cuts] -> RaycastSpec
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -68,19 +69,28 @@ def _added(state: ViewState, normal: Vector) -> ViewState:
     return replace(chosen, shading=shading)
 
 
-def _facing(state: ViewState) -> ViewState:
-    """Cut away what is before the middle."""
-    forward = state.view.camera(state.document.volume).frame()[2]
-    return _added(state, vector(forward))
+def _facing(state: ViewState) -> Vector:
+    """What is before the middle is cut away."""
+    return vector(state.view.camera(state.document.volume).frame()[2])
 
 
-def _along(axis: int) -> Change:
-    """A plane across an axis of the voxels, which are those of the slices."""
+def _along(axis: int) -> Callable[[ViewState], Vector]:
+    """Across an axis of the voxels, which are those of the slices."""
+    return lambda state: vector(state.document.volume.world_from_index[:3, axis])
+
+
+def _adding(
+    name: str, title: str, keys: tuple[str, ...], normal: Callable[[ViewState], Vector]
+) -> Action:
+    """Adds a plane with the normal that a state gives."""
+
+    def refusal(state: ViewState) -> str:
+        return cuts.no_plane(state.shading, state.document.volume, normal(state))
 
     def change(state: ViewState) -> ViewState:
-        return _added(state, vector(state.document.volume.world_from_index[:3, axis]))
+        return _added(state, normal(state))
 
-    return change
+    return Action(name, "Cut", title, keys, change, refusal=refusal)
 
 
 def _uncropped(state: ViewState) -> ViewState:
@@ -112,9 +122,9 @@ EVENTS: dict[str, Reducer] = {
 ACTIONS = (
     Action("crop", "Cut", "Crop box", ("c",), flipped("crop"), lambda s: s.interface.aids.crop),
     Action("reset-crop", "Cut", "Undo the crop", ("ctrl+shift+x",), _uncropped),
-    Action("plane-facing", "Cut", "Add a clip plane facing you", ("p",), _facing),
+    _adding("plane-facing", "Add a clip plane facing you", ("p",), _facing),
     *(
-        Action(f"plane-{axis}", "Cut", f"Add a clip plane across {axis}", (), _along(i))
+        _adding(f"plane-{axis}", f"Add a clip plane across {axis}", (), _along(i))
         for i, axis in enumerate("xyz")
     ),
     Action("flip-plane", "Cut", "Flip the clip plane", (), _of_chosen("plane-flip")),

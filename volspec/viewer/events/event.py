@@ -61,6 +61,8 @@ class Action:
         What it makes of a state; None where the app does it, by its name.
     on : callable, optional
         Whether a menu shows it ticked.
+    refusal : callable, optional
+        Why it leaves a state as it is; empty where it does not.
     """
 
     name: str
@@ -69,3 +71,4 @@ class Action:
     keys: tuple[str, ...] = ()
     change: Change | None = None
     on: Callable[[ViewState], bool] | None = None
+    refusal: Callable[[ViewState], str] | None = None

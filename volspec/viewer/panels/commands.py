@@ -7,28 +7,30 @@ imgui-bundle's own palette shows no keys and keeps one list for the whole proces
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 from imgui_bundle import imgui
 
+from volspec.appearance.display import GAMUTS
 from volspec.appearance.presets import PRESETS
-from volspec.appearance.spec import MODELS
+from volspec.appearance.spaces import SPACES
+from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.errors import VolspecError
 from volspec.spectra import light_names
 from volspec.viewer import lighting
 from volspec.viewer.actions import ACTIONS, shown
 from volspec.viewer.events.event import Action, Change
 from volspec.viewer.events.lights import only, with_last
+from volspec.viewer.finding import found
 from volspec.viewer.panels.desk import Desk, Search
-from volspec.viewer.panels.viewing import changed, with_model
+from volspec.viewer.panels.viewing import SETTINGS, changed, with_model
 from volspec.viewer.recent import RecentFile
 from volspec.viewer.state import ViewState
 
 _ROWS = 14
-# Letters of a word stand within so many times its length.
-_LOOSE = 3
 _FLAGS = (
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.no_docking
@@ -51,6 +53,10 @@ class Command:
         What it makes of a state.
     ask : str
         What is asked of the app instead.
+    refusal : callable, optional
+        Why it leaves a state as it is.
+    item : str
+        What of the viewing panel takes the keyboard.
     """
 
     group: str
@@ -58,6 +64,8 @@ class Command:
     key: str = ""
     change: Change | None = None
     ask: str = ""
+    refusal: Callable[[ViewState], str] | None = None
+    item: str = ""
 
     @property
     def text(self) -> str:
@@ -87,23 +95,28 @@ def _searched(
     names: tuple[str, ...], recent: tuple[RecentFile, ...], text: str
 ) -> tuple[Command, ...]:
     """Looked up when something is typed, not in every frame."""
-    return tuple(found(_all(names, recent), text))
+    return tuple(found(_all(names, recent), text, lambda command: command.text))
 
 
 @lru_cache(maxsize=1)
 def _fixed() -> tuple[Command, ...]:
-    """Actions, models and displays."""
+    """Actions, models, displays, and settings of the viewing."""
     return (
         *(_of(action) for action in ACTIONS if action.name != "commands"),
         *(Command("Model", model, change=_model(model)) for model in MODELS),
         *(Command("Display", name, change=_display(name)) for name in PRESETS),
+        *(Command("Surround", name, change=_surround(name)) for name in SURROUNDS),
+        *(Command("Space", name, change=_shown(space=name)) for name in SPACES),
+        *(Command("Gamut", name, change=_shown(gamut=name)) for name in GAMUTS),
+        *(Command("Setting", name, change=_viewing, item=name) for name in SETTINGS),
     )
 
 
 def _of(action: Action) -> Command:
     key = shown(action.keys[0]) if action.keys and action.keys[0] else ""
     ask = action.name if action.change is None else ""
-    return Command(action.menu or "Step", action.title.removesuffix(" …"), key, action.change, ask)
+    title = action.title.removesuffix(" …")
+    return Command(action.menu or "Step", title, key, action.change, ask, action.refusal)
 
 
 @lru_cache(maxsize=8)
@@ -149,42 +162,24 @@ def _display(name: str) -> Change:
     return change
 
 
-def found(commands: Sequence[Command], search: str) -> list[Command]:
-    """Those whose text has the letters of every word in order; the best first, else as given."""
-    words = search.casefold().split()
-    if not words:
-        return list(commands)
-    rated = [(_rating(words, command.text.casefold()), command) for command in commands]
-    kept = [(rating, command) for rating, command in rated if rating is not None]
-    return [command for _, command in sorted(kept, key=lambda pair: -pair[0])]
+def _surround(name: str) -> Change:
+    return lambda state: replace(state, seen=changed(state.seen, surround=name))
 
 
-def _rating(words: Sequence[str], text: str) -> float | None:
-    """How well words fit; None where one is not there."""
-    total = 0.0
-    for word in words:
-        at = text.find(word)
-        starts = at == 0 or (at > 0 and not text[at - 1].isalnum())
-        if f" {word}" in f" {text}" or starts:
-            total += 4.0
-        elif at > 0:
-            total += 2.0
-        elif (spread := _spread(word, text)) and spread <= _LOOSE * len(word):
-            total += len(word) / spread
-        else:
-            return None
-    return total
+def _shown(**settings: Any) -> Change:
+    """Another setting of the display."""
+
+    def change(state: ViewState) -> ViewState:
+        display = replace(state.seen.viewing.display, **settings)
+        return replace(state, seen=changed(state.seen, display=display))
+
+    return change
 
 
-def _spread(word: str, text: str) -> int | None:
-    """Over how many letters a word is strewn; None where it is not in the text."""
-    at, first = -1, -1
-    for letter in word:
-        at = text.find(letter, at + 1)
-        if at < 0:
-            return None
-        first = at if first < 0 else first
-    return at - first + 1
+def _viewing(state: ViewState) -> ViewState:
+    """With the panel in which its setting stands."""
+    panels = state.interface.panels | {"Viewing"}
+    return replace(state, interface=replace(state.interface, panels=panels))
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
@@ -192,10 +187,16 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     search = desk.commands
     if search is None:
         return None
-    x, y, width, _ = desk.areas["picture"]
-    wide = min(desk.px(560), width - desk.px(32))
+    if search.picked is not None:
+        search.waits -= 1
+        return _act(search.picked, state, desk) if search.waits < 0 else None
+    viewport = imgui.get_main_viewport()
+    (x, y), room = viewport.work_pos, viewport.work_size
+    gap = min(desk.px(28), room.y * 0.04)
+    wide = min(desk.px(560), room.x * 0.94)
     tall = (imgui.get_frame_height() + desk.px(4)) * (_ROWS + 1) + desk.px(24)
-    imgui.set_next_window_pos((x + width / 2, y + desk.px(28)), imgui.Cond_.always, (0.5, 0.0))
+    tall = min(tall, room.y - 2 * gap)
+    imgui.set_next_window_pos((x + room.x / 2, y + gap), imgui.Cond_.always, (0.5, 0.0))
     imgui.set_next_window_size((wide, tall))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(8))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1)
@@ -206,13 +207,21 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     )
     imgui.end()
     imgui.pop_style_var(2)
-    if picked is None and not outside and not imgui.is_key_pressed(imgui.Key.escape, False):
-        return None
-    desk.commands = None
-    if picked is not None and picked.change is not None:
-        return picked.change(state)
     if picked is not None:
-        desk.asked.append(picked.ask)
+        search.picked, search.waits = picked, 1
+    elif outside or imgui.is_key_pressed(imgui.Key.escape, False):
+        desk.commands = None
+    return None
+
+
+def _act(command: Command, state: ViewState, desk: Desk) -> ViewState | None:
+    """Do what was picked, or have it done."""
+    desk.commands = None
+    if command.item:
+        desk.front, desk.item = "Viewing", command.item
+    if command.change is not None:
+        return desk.acted(state, command.change, command.refusal)
+    desk.asked.append(command.ask)
     return None
 
 
@@ -238,6 +247,8 @@ def _body(search: Search, state: ViewState, desk: Desk) -> Command | None:
     step += _ROWS * (_pressed(imgui.Key.page_down) - _pressed(imgui.Key.page_up))
     search.at = min(max(search.at + step, 0), max(len(rows) - 1, 0))
     picked = rows[search.at] if entered and rows else None
+    # Enter has taken the keyboard from the field.
+    search.fresh = search.fresh or (entered and not rows)
     if imgui.begin_child("rows", (0, 0)):
         clipper = imgui.ListClipper()
         clipper.begin(len(rows))

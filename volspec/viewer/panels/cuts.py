@@ -23,7 +23,7 @@ from volspec.viewer.views import radius_mm
 # So near the mouse takes hold of a handle; pixels at 96 dpi.
 _GRIP, _SIZE = 11.0, 5.5
 _ORDER = ("crop", "plane-shift", "plane-tilt")
-_CHANGES = {action.name: action.change for action in ACTIONS}
+_ACTIONS = {action.name: action for action in ACTIONS}
 _WHITE, _DIM, _SHADE = (1.0, 1.0, 1.0, 0.85), (1.0, 1.0, 1.0, 0.3), (0.0, 0.0, 0.0, 0.6)
 # Of the slices across x, y and z.
 SLICE_COLOURS = ((0.86, 0.42, 0.40), (0.45, 0.75, 0.45), (0.45, 0.62, 0.92))
@@ -51,10 +51,10 @@ def nearest(found: tuple[Handle, ...], place: Place, scale: float) -> Handle | N
     return handle
 
 
-def _done(state: ViewState, name: str) -> ViewState:
+def _done(state: ViewState, desk: Desk, name: str) -> ViewState:
     """What an action makes of a state."""
-    change = _CHANGES[name]
-    return state if change is None else change(state)
+    action = _ACTIONS[name]
+    return state if action.change is None else desk.acted(state, action.change, action.refusal)
 
 
 def _crop(state: ViewState, desk: Desk) -> ViewState:
@@ -65,7 +65,7 @@ def _crop(state: ViewState, desk: Desk) -> ViewState:
     imgui.same_line(imgui.get_content_region_avail().x - desk.px(52))
     imgui.begin_disabled(state.shading.crop_voxels is None)
     if imgui.button("Reset##crop", (desk.px(64), 0)):
-        new = _done(new, "reset-crop")
+        new = _done(new, desk, "reset-crop")
     imgui.end_disabled()
     crop = cuts.crop_of(state.shading, volume)
     imgui.push_item_width(-desk.px(24))
@@ -96,7 +96,7 @@ def _planes(state: ViewState, desk: Desk) -> ViewState:
     ):
         imgui.same_line()
         if imgui.button(title):
-            new = _done(new, name)
+            new = _done(new, desk, name)
         desk.note(name)
         if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
             imgui.set_tooltip(tip)

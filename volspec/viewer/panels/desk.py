@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -16,6 +17,7 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import white_XYZ
 from volspec.viewer.design import News
+from volspec.viewer.events.event import Change
 from volspec.viewer.heat import Heat
 from volspec.viewer.lighting import KELVIN
 from volspec.viewer.panels.light_scraps import LightScraps
@@ -37,11 +39,17 @@ class Search:
         The row that Enter takes.
     fresh : bool
         Whether the field is to take the keyboard.
+    picked : Any
+        The command that was picked; it is done once the window is seen without the palette.
+    waits : int
+        Frames until then.
     """
 
     text: str = ""
     at: int = 0
     fresh: bool = True
+    picked: Any = None
+    waits: int = 0
 
 
 Colour = tuple[float, float, float]
@@ -69,6 +77,10 @@ class Desk:
         The command palette; None where it is closed.
     menu : bool
         Whether the first menu is to open now.
+    front : str
+        The panel that is to come to the front now.
+    item : str
+        Its item that is to take the keyboard.
     """
 
     scale: float = 1.0
@@ -94,6 +106,8 @@ class Desk:
     recent: tuple[RecentFile, ...] = ()
     commands: Search | None = None
     menu: bool = False
+    front: str = ""
+    item: str = ""
     _swatches: dict[tuple[LightRig, RelightSpec], tuple[Colour, Colour]] = field(
         default_factory=dict
     )
@@ -101,6 +115,15 @@ class Desk:
     def px(self, size: float) -> float:
         """A size in the window's pixels."""
         return size * self.scale
+
+    def acted(
+        self, state: ViewState, change: Change, refusal: Callable[[ViewState], str] | None = None
+    ) -> ViewState:
+        """What an action makes of a state; where it refuses to, that is said."""
+        new = change(state)
+        if new is state and refusal is not None and (why := refusal(state)):
+            self.asked.append(f"say {why}")
+        return new
 
     def projection(self, state: ViewState) -> Projection:
         """Where the state's camera shows things in the window."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -23,7 +24,8 @@ _FLAGS = (
 )
 _DIM = imgui.Col_.text_disabled
 _INPUT = imgui.InputTextFlags_
-_ROWS = 9
+# Of the list, and of what stands in a path's dialog beside it.
+_ROWS, _BESIDE = 9, 6
 
 
 @dataclass(slots=True)
@@ -40,10 +42,13 @@ class PathDialog:
     _text: str = ""
     _opens: bool = False
     _focus: bool = False
+    # The file that the next Enter replaces.
+    _replaces: str = ""
 
     def ask(self, wish: Wish) -> None:
         """Open it."""
         self.wish, self._text, self._opens, self._focus = wish, wish.start, True, True
+        self._replaces = ""
 
     def draw(self, desk: Desk) -> str:
         """Draw it; the path that was entered, or nothing."""
@@ -80,21 +85,31 @@ class PathDialog:
         self._list(shown, desk)
         path = wish.named(self._text)
         there = bool(path) and wish.save and is_there(path)
+        right = _right()
+        sure = there and path == self._replaces
+        if there:
+            _warned(f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}")
         imgui.align_text_to_frame_padding()
-        imgui.text_disabled("Tab completes" if not there else "There is such a file")
+        imgui.text_disabled("Tab completes")
         label = "Replace" if there else "Save" if wish.save else "Open"
         width = desk.px(84)
-        imgui.same_line(_right() - 2 * width - desk.px(8))
+        imgui.same_line(right - 2 * width - desk.px(8))
         pressed = imgui.button(label, (width, 0)) or done
         desk.note("path ok")
         imgui.same_line(0, desk.px(8))
         if imgui.button("Cancel", (width, 0)):
             self.wish = None
             imgui.close_current_popup()
+        if pressed and there and not sure:
+            self._replaces, self._focus = path, True
+            return ""
         return self._text.strip() if pressed else ""
 
     def _list(self, found: Listing, desk: Desk) -> None:
-        tall = imgui.get_text_line_height_with_spacing() * _ROWS
+        line = imgui.get_text_line_height_with_spacing()
+        others = _BESIDE * imgui.get_frame_height_with_spacing()
+        room = imgui.get_main_viewport().work_size.y - others
+        tall = max(min(line * _ROWS, room), 2 * line)
         if imgui.begin_child("files", (0, tall)):
             for row in found.rows:
                 if imgui.selectable(row, False, imgui.SelectableFlags_.no_auto_close_popups)[0]:
@@ -103,6 +118,15 @@ class PathDialog:
             if not found.rows:
                 imgui.text_disabled("No such files here")
         imgui.end_child()
+
+
+def _warned(text: str) -> None:
+    """A line that is not overlooked, in the accent."""
+    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.check_mark))
+    imgui.push_text_wrap_pos(0)
+    imgui.text(text)
+    imgui.pop_text_wrap_pos()
+    imgui.pop_style_color()
 
 
 def _completing(found: Listing) -> Any:
@@ -220,10 +244,12 @@ def progress(under_way: Progress, desk: Desk) -> bool:
 
 def _begun(name: str, desk: Desk, wide: float) -> bool:
     """Begin a dialog that was opened; the picture behind it is dimmed little, as it is judged."""
-    x, y, width, height = desk.areas["picture"]
-    middle = x + width / 2, y + height * 0.42
+    viewport = imgui.get_main_viewport()
+    middle, room = viewport.get_work_center(), viewport.work_size
+    width = min(desk.px(wide), room.x * 0.94)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, (0.5, 0.5))
-    imgui.set_next_window_size((min(desk.px(wide), width * 0.94), 0))
+    imgui.set_next_window_size((width, 0))
+    imgui.set_next_window_size_constraints((width, 0), (width, room.y * 0.98))
     imgui.push_style_color(imgui.Col_.modal_window_dim_bg, (0.0, 0.0, 0.0, 0.25))
     begun = bool(imgui.begin_popup_modal(name, True, _FLAGS)[0])
     imgui.pop_style_color()
@@ -232,7 +258,7 @@ def _begun(name: str, desk: Desk, wide: float) -> bool:
 
 def _right() -> float:
     """Where the window's items end."""
-    return float(imgui.get_window_width() - imgui.get_style().window_padding.x)
+    return float(imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x)
 
 
 def _escaped() -> bool:

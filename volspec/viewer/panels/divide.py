@@ -17,6 +17,7 @@ _TOP, _GAP, _WIDEST = 16.0, 12.0, 260.0
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
     """Draw it over the picture, and which lights are on either side."""
     if state.other is None:
+        desk.areas.pop("sides", None)
         return None
     area = desk.areas["picture"]
     x, y, width, height = area
@@ -34,6 +35,8 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     wide = sizes[0].x + 2 * pad + letters, sizes[1].x + 2 * pad + letters
     tall = sizes[0].y + pad
     boxes = label_boxes(area, at, wide, tall, desk.px(_TOP), desk.px(_GAP))
+    lowest = max(top for _, top, _, _ in boxes) + tall
+    desk.areas["sides"] = x, y, width, int(lowest - y)
     for letter, text, (left, top, breadth, _) in zip("AB", texts, boxes, strict=True):
         ends = (left, top), (left + breadth, top + tall)
         draw_list.add_rect_filled(*ends, packed(_BLACK, 0.72), desk.px(5))

@@ -51,9 +51,12 @@ SHEET: tuple[Part, ...] = (
     ("In panels, after F6", _PANELS),
 )
 _FLAGS = (
-    imgui.WindowFlags_.no_decoration
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_collapse
     | imgui.WindowFlags_.no_docking
     | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.horizontal_scrollbar
     | imgui.WindowFlags_.no_saved_settings
 )
 
@@ -84,10 +87,13 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     imgui.push_style_var(imgui.StyleVar_.window_padding, (desk.px(22), desk.px(16)))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(8))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(8), desk.px(3)))
+    imgui.set_next_window_size_constraints((0, 0), viewport.work_size)
     imgui.set_next_window_bg_alpha(0.95)
     imgui.begin("##keys", None, _FLAGS)
     _columns(desk, viewport.work_size.x)
-    closed = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
+    # Not by its scrollbar.
+    free = imgui.is_window_hovered() and not imgui.is_any_item_active()
+    closed = free and imgui.is_mouse_clicked(0)
     closed = closed or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()
     imgui.pop_style_var(3)

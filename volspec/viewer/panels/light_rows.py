@@ -178,6 +178,8 @@ def _swatch(state: ViewState, desk: Desk, index: int) -> None:
     ):
         ends = (left, y + inset), (right, y + height - inset)
         draw_list.add_rect_filled(*ends, packed(colour), round_by, corners)
+    border = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7)
+    draw_list.add_rect((x, y + inset), (x + width, y + height - inset), border, round_by)
     tip("White paper under this light\nleft: as it is, right: to an eye adapted to it")
 
 

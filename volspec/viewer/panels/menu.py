@@ -11,7 +11,7 @@ from volspec.viewer.state import ViewState
 
 # Actions that begin another part of their menu; the recent files follow the first.
 _PARTS = ("export-scene", "save-session", "screenshot", "quit", "copy-picture", "commands")
-_AFTER = "open-folder"
+_AFTER = "open"
 # Offered elsewhere: beside the files, and where a cast shows how far it is.
 _ELSEWHERE = ("clear-recent", "cancel")
 
@@ -49,7 +49,7 @@ def _row(action: Action, state: ViewState, desk: Desk) -> ViewState:
     if picked and action.change is None:
         desk.asked.append(action.name)
     elif picked and action.change is not None:
-        return action.change(state)
+        return desk.acted(state, action.change, action.refusal)
     return state
 
 

@@ -27,9 +27,14 @@ from volspec.viewer.state import ViewState
 
 # Pixels at 96 dpi: the least height for all slices, the least side of one, and letters' distance
 # from its edge.
+_AROUND = tuple((a, b) for a in (-1.2, 0.0, 1.2) for b in (-1.2, 0.0, 1.2))
 _LEAST, _FLATTEST, _MARGIN = 150.0, 10.0, 4.0
-# Lines of the panel beside the pictures: one for each slice, and two below.
-_LINES = 5
+# Of a slider with its words beside it; with less they stand above.
+_SHORTEST = 50.0
+# Of a slice's side in lines of text: a shorter one has no letters at its ends.
+_CRAMPED = 2.6
+# Lines of the panel beside the pictures: one for each slice, and four below.
+_LINES = 7
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
@@ -38,18 +43,21 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
         return None
     new, volume = state, state.document.volume
     layouts = [layout_of(volume, plane) for plane in PLANES]
-    avail = imgui.get_content_region_avail()
-    beside = _LINES * imgui.get_frame_height_with_spacing() + 4 * imgui.get_style().item_spacing.y
+    avail, wide = imgui.get_content_region_avail(), _steady_width()
+    below = _LINES * imgui.get_frame_height_with_spacing() + 4 * imgui.get_style().item_spacing.y
     sizes = drawn_sizes(
         [size_mm(volume, layout) for layout in layouts],
-        (avail.x, max(avail.y - beside, desk.px(_LEAST))),
+        (wide, max(avail.y - below, desk.px(_LEAST))),
         desk.px(_FLATTEST),
     )
+    beside = _widest(state, layouts) + imgui.get_style().item_inner_spacing.x
     for index, (layout, size) in enumerate(zip(layouts, sizes, strict=True)):
-        new = _slider(new, desk, index, layout)
+        new = _slider(new, desk, index, layout, (wide - beside, wide))
         new = _picture(new, desk, desk.slices, index, layout, size)
     new = _looks(new, desk)
+    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wide)
     imgui.text_disabled(said(state))
+    imgui.pop_text_wrap_pos()
     return None if new is state else new
 
 
@@ -74,15 +82,51 @@ def said(state: ViewState) -> str:
     return f"{value:.5g}  at  {x:.1f}  {y:.1f}  {z:.1f} mm"
 
 
-def _slider(state: ViewState, desk: Desk, index: int, layout: Layout) -> ViewState:
+def _steady_width() -> float:
+    """Of the panel's items, whether it has a scrollbar or not: one must not bring the other."""
+    style = imgui.get_style()
+    return float(imgui.get_window_width() - 2 * style.window_padding.x - style.scrollbar_size)
+
+
+def _title(state: ViewState, index: int) -> str:
+    plane = PLANES[index]
+    patient = is_patient(state.document.volume, state.interface.aids.patient)
+    return plane.name if patient else f"Across {'xyz'[plane.normal]}"
+
+
+def _widest(state: ViewState, layouts: list[Layout]) -> float:
+    """Of the words beside the sliders."""
+    shape = state.document.volume.shape_xyz
+    lasts = [shape[layout.normal] - 1 for layout in layouts]
+    return max(_width(_where(_title(state, i), last, last)) for i, last in enumerate(lasts))
+
+
+def _where(title: str, number: int, last: int) -> str:
+    return f"{title} {number}/{last}".lstrip()
+
+
+def _width(text: str) -> float:
+    return float(imgui.calc_text_size(text).x)
+
+
+def _slider(
+    state: ViewState, desk: Desk, index: int, layout: Layout, widths: tuple[float, float]
+) -> ViewState:
+    """With its words at the right; above, where the first of the widths is too short for it."""
     volume, plane = state.document.volume, PLANES[index]
     last = volume.shape_xyz[layout.normal] - 1
     number = number_of(volume, layout.normal, state.interface.slices.at[layout.normal])
-    patient = is_patient(volume, state.interface.aids.patient)
-    title = plane.name if patient else f"Across {'xyz'[plane.normal]}"
-    imgui.set_next_item_width(-1)
-    moved, new = imgui.slider_int(f"##{plane.name}", number, 0, last, f"{title}  %d / {last}")
+    room, wide = widths
+    fits = room >= desk.px(_SHORTEST)
+    if not fits:
+        short = wide < _width(_where(_title(state, index), last, last))
+        imgui.text(_where("" if short else _title(state, index), number, last))
+    imgui.set_next_item_width(room if fits else wide)
+    moved, new = imgui.slider_int(f"##{plane.name}", number, 0, last, "")
     desk.note(f"slider {plane.name}")
+    if fits:
+        imgui.same_line(0, imgui.get_style().item_inner_spacing.x)
+        imgui.text(_where(_title(state, index), number, last))
     return reduced(state, Event("slice", new / last, index=index)) if moved else state
 
 
@@ -98,7 +142,7 @@ def _picture(
     name, (width, high) = PLANES[index].name, size
     texture = pictures.texture(state, name, layout, width)
     corner = imgui.get_cursor_screen_pos()
-    x, y = round(corner.x + (imgui.get_content_region_avail().x - width) / 2), round(corner.y)
+    x, y = round(corner.x + (_steady_width() - width) / 2), round(corner.y)
     imgui.set_cursor_screen_pos((x, y))
     imgui.image(imgui.ImTextureRef(texture), size)
     imgui.set_cursor_screen_pos((x, y))
@@ -146,11 +190,15 @@ def _crosshair(
     margin = desk.px(_MARGIN)
     for text, (px, py) in zip(letters, edges, strict=True):
         size = imgui.calc_text_size(text)
+        if (width if py == 0.5 else height) < _CRAMPED * size.y:
+            continue
         place = (
             x + margin + px * (width - size.x - 2 * margin),
             y + margin / 2 + py * (height - size.y - margin),
         )
-        draw_list.add_text((place[0] + 1, place[1] + 1), packed((0, 0, 0, 0.8)), text)
+        for around in _AROUND:
+            at = place[0] + desk.px(around[0]), place[1] + desk.px(around[1])
+            draw_list.add_text(at, packed((0, 0, 0, 0.85)), text)
         draw_list.add_text(place, packed((1, 1, 1, 0.95)), text)
 
 
@@ -161,12 +209,19 @@ def _looks(state: ViewState, desk: Desk) -> ViewState:
     if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
         imgui.set_tooltip("Under the same lights as the volume; else plain greys")
     new = with_slices(state, lit=lit) if pressed else state
+    wanted = imgui.calc_text_size("Auto greys").x + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
+    if imgui.get_content_region_avail().x < wanted:
+        imgui.new_line()
+    imgui.begin_disabled(slices.greys is None)
+    if imgui.button("Auto greys"):
+        new = with_slices(new, greys=None)
+    imgui.end_disabled()
     low, high = state.document.volume.range
     span = (high - low) or 1.0
     window = window_of(slices, state.document.histogram)
     black, white = (low + share * span for share in window)
-    imgui.set_next_item_width(-desk.px(52))
+    imgui.set_next_item_width(_steady_width())
     digits = "%.0f" if state.document.volume.values.dtype.kind in "iu" else "%.4g"
     moved, black, white = imgui.drag_float_range2(
         "##greys", black, white, span / 300, low, high, digits, digits
@@ -176,9 +231,4 @@ def _looks(state: ViewState, desk: Desk) -> ViewState:
         imgui.set_tooltip("Values shown black and white, where the transfer function shows nothing")
     if moved:
         new = reduced(new, Event("slice-greys", (black - low) / span, (white - low) / span))
-    imgui.same_line()
-    imgui.begin_disabled(slices.greys is None)
-    if imgui.button("Auto", (-1, 0)):
-        new = with_slices(new, greys=None)
-    imgui.end_disabled()
     return new

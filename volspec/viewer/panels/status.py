@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from imgui_bundle import imgui
 
 from volspec.viewer.panels.desk import Desk
+from volspec.viewer.panels.light_look import shortened
 from volspec.viewer.state import ViewState
 
 _FLAGS = (
@@ -23,16 +26,42 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     imgui.internal.begin_viewport_side_bar(
         "##status", viewport, imgui.Dir.down, desk.px(HEIGHT), _FLAGS
     )
-    imgui.text(state.document.title)
-    imgui.same_line(0, desk.px(16))
-    imgui.text_disabled(sizes(state, desk))
-    times = timings(desk)
-    hint = "H: keys    "
-    imgui.same_line(imgui.get_window_width() - imgui.calc_text_size(hint + times).x - desk.px(12))
-    imgui.text_disabled(hint + times)
+    texts = (state.document.title, sizes(state, desk), f"H: keys    {timings(desk)}")
+    room = imgui.get_content_region_avail().x
+    title, shown, times = fitting_texts(texts, room, desk.px(16), _width)
+    imgui.text(title)
+    if shown:
+        imgui.same_line(0, desk.px(16))
+        imgui.text_disabled(shown)
+    if times:
+        imgui.same_line(imgui.get_window_width() - _width(times) - desk.px(12))
+        imgui.text_disabled(times)
     imgui.end()
     imgui.pop_style_var()
     return None
+
+
+def fitting_texts(
+    texts: tuple[str, str, str], room: float, apart: float, measure: Callable[[str], float]
+) -> tuple[str, str, str]:
+    """What there is room for: the last goes first, then the second, then the first is cut.
+
+    >>> fitting_texts(("engine", "9 × 9", "60 fps"), 14, 1, len)
+    ('engine', '9 × 9', '')
+    >>> fitting_texts(("engine", "9 × 9", "60 fps"), 5, 1, len)
+    ('engi…', '', '')
+    """
+    title, shown, times = texts
+    wide = measure(title), measure(shown), measure(times)
+    if sum(wide) + 2 * apart <= room:
+        return texts
+    if wide[0] + wide[1] + apart <= room:
+        return title, shown, ""
+    return shortened(title, room, measure), "", ""
+
+
+def _width(text: str) -> float:
+    return float(imgui.calc_text_size(text).x)
 
 
 def sizes(state: ViewState, desk: Desk) -> str:

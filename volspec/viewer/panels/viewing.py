@@ -27,6 +27,11 @@ _EXPOSURE = (0.1, 10.0)
 _LABELS = 92
 _LOG = imgui.SliderFlags_.logarithmic
 _OWN = "own numbers"
+SETTINGS = (
+    *("Illuminance", "Background", "Surround", "Adaptation", "Room", "Space", "White", "Gamut"),
+    *("Exposure", "Backdrop"),
+)
+"""Labels of what takes the keyboard by `Desk.item`."""
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
@@ -36,7 +41,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(8), desk.px(4)))
     new = _eye(seen, desk)
     new = _level(new, state.lights, desk)
-    new = _adaptation(new)
+    new = _adaptation(new, desk)
     imgui.text_disabled(white_told(state.lights))
     _tip("Of a perfect diffuser in this light, which the eye takes for white")
     imgui.separator_text("Display")
@@ -109,6 +114,7 @@ def _level(seen: RelightSpec, lights: Rows, desk: Desk) -> RelightSpec:
     viewing = seen.viewing
     rig = rig_of(lights)
     lux = rig.total_lux if rig is not None else None
+    _reach("Illuminance", desk)
     imgui.begin_disabled(lux is not None or viewing.L_A is not None)
     moved, given = imgui.slider_float(
         "Illuminance", lux or viewing.illuminance_lux, *_LUX, "%.4g lx", _LOG
@@ -131,17 +137,20 @@ def _level(seen: RelightSpec, lights: Rows, desk: Desk) -> RelightSpec:
     _tip("Luminance that the eye adapts to; else it follows from light and background")
     if pressed:
         seen = changed(seen, L_A=luminance(seen, lights) if own else None)
+    _reach("Background", desk)
     moved, Y_b = imgui.slider_float("Background", viewing.Y_b, 1.0, 100.0, "Y_b %.0f %%")
     if moved:
         seen = changed(seen, Y_b=min(max(Y_b, 0.0), 100.0))
+    _reach("Surround", desk)
     picked = _pick("Surround", _called(viewing.surround), tuple(SURROUNDS))
     return seen if picked is None else changed(seen, surround=picked)
 
 
-def _adaptation(seen: RelightSpec) -> RelightSpec:
+def _adaptation(seen: RelightSpec, desk: Desk) -> RelightSpec:
     viewing = seen.viewing
     imgui.begin_disabled(viewing.discount)
     share = 1.0 if viewing.discount else viewing.D
+    _reach("Adaptation", desk)
     text = "model's D" if viewing.D is None and not viewing.discount else "D %.2f"
     moved, D = imgui.slider_float("Adaptation", -0.01 if share is None else share, -0.01, 1.0, text)
     imgui.end_disabled()
@@ -155,15 +164,18 @@ def _adaptation(seen: RelightSpec) -> RelightSpec:
 
 def _display(seen: RelightSpec, desk: Desk) -> RelightSpec:
     display = seen.viewing.display
+    _reach("Room", desk)
     picked = _pick("Room", preset_of(display), tuple(PRESETS))
     desk.note("room")
     if picked is not None:
         sources = PRESETS[picked].display(display.space, display.gamut)
         display = replace(sources, mark=display.mark)
     space = display.space.name if isinstance(display.space, ColourSpace) else str(display.space)
+    _reach("Space", desk)
     picked = _pick("Space", space, tuple(SPACES))
     if picked is not None:
         display = replace(display, space=picked)
+    _reach("White", desk)
     moved, white = imgui.slider_float("White", display.white_cd_m2, *_WHITE, "%.4g cd/m²", _LOG)
     if moved:
         # What the eye adapts to goes up and down with it.
@@ -172,6 +184,7 @@ def _display(seen: RelightSpec, desk: Desk) -> RelightSpec:
     picked = _pick("Surround##display", _called(display.surround), tuple(SURROUNDS))
     if picked is not None:
         display = replace(display, surround=picked)
+    _reach("Gamut", desk)
     picked = _pick("Gamut", display.gamut, GAMUTS)
     if picked is not None:
         display = replace(display, gamut=picked)
@@ -182,6 +195,7 @@ def _display(seen: RelightSpec, desk: Desk) -> RelightSpec:
 
 
 def _picture(seen: RelightSpec, desk: Desk) -> RelightSpec:
+    _reach("Exposure", desk)
     moved, exposure = imgui.slider_float(
         "Exposure", seen.viewing.exposure, *_EXPOSURE, "× %.2f", _LOG
     )
@@ -189,6 +203,7 @@ def _picture(seen: RelightSpec, desk: Desk) -> RelightSpec:
     if moved:
         seen = changed(seen, exposure=min(max(exposure, _EXPOSURE[0]), _EXPOSURE[1]))
     if isinstance(seen.backdrop, float | int):
+        _reach("Backdrop", desk)
         moved, backdrop = imgui.slider_float("Backdrop", seen.backdrop, 0.0, 1.0, "%.2f")
         if moved:
             seen = replace(seen, backdrop=min(max(backdrop, 0.0), 1.0))
@@ -199,6 +214,13 @@ def _picture(seen: RelightSpec, desk: Desk) -> RelightSpec:
     picked = _pick("Level", seen.level, LEVELS)
     _tip("relative: white stays white; absolute: by the lights' lux")
     return seen if picked is None else replace(seen, level=picked)
+
+
+def _reach(name: str, desk: Desk) -> None:
+    """The next item takes the keyboard where it was asked for, and is scrolled to."""
+    if desk.item == name:
+        desk.item = ""
+        imgui.set_keyboard_focus_here()
 
 
 def _called(surround: str | float) -> str:

@@ -134,7 +134,8 @@ def swatch(desk: Desk, colour: Colour) -> None:
     side = imgui.get_frame_height()
     imgui.dummy((side, side))
     inset = desk.px(3)
-    imgui.get_window_draw_list().add_rect_filled(
-        (x + inset, y + inset), (x + side - inset, y + side - inset), packed(colour), desk.px(3)
-    )
+    draw_list, rounding = imgui.get_window_draw_list(), desk.px(3)
+    ends = (x + inset, y + inset), (x + side - inset, y + side - inset)
+    draw_list.add_rect_filled(*ends, packed(colour), rounding)
+    draw_list.add_rect(*ends, imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), rounding)
     tip("Under the lights that are on, to an eye adapted to them")

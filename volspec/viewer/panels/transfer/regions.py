@@ -15,7 +15,7 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.joint import JointHistogram
 from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.transfer import detail
-from volspec.viewer.panels.transfer.axes import note_area, say, set_values_axis
+from volspec.viewer.panels.transfer.axes import note_area, set_values_axis
 from volspec.viewer.panels.transfer.colours import packed, part_colours
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
@@ -30,6 +30,8 @@ _MARGIN, _ABOVE = 0.14, 1.14
 
 def draw(state: ViewState, desk: Desk) -> ViewState:
     """Draw the plot, and the chosen region below."""
+    # Above the plot: inside it would lie across what is drawn there.
+    imgui.text_disabled("gradient per mm, over value")
     room = imgui.get_content_region_avail().y - detail.rows_height(3)
     new = _plot(state, desk, max(room, desk.px(_LEAST)))
     return _numbers(new, desk)
@@ -55,7 +57,6 @@ def _plot(state: ViewState, desk: Desk, height: float) -> ViewState:
     )
     implot.pop_colormap()
     new = _rectangles(state, desk)
-    say("gradient per mm, over value", desk)
     implot.end_plot()
     return new
 
