@@ -55,10 +55,12 @@ def noted_fits(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
 
     def fit(lights: Any, reflectances: Any, **settings: Any) -> SpectralBasis:
         asked.append({"lights": lights, **settings})
-        kept = {key: settings[key] for key in ("observer_deg", "trained_on")}
+        kept = {key: settings[key] for key in ("observer_deg", "trained_on") if key in settings}
         return quick(lights[:3], reflectances, size=3, method="pca", **kept)
 
     monkeypatch.setattr(SpectralBasis, "fit", fit)
+    # What it gives is for no other test.
+    monkeypatch.setattr("volspec.basis.kept.kept", lambda name, maker, make: make())
     return asked
 
 

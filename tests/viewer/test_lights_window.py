@@ -77,10 +77,11 @@ def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Pat
 
 
 def picture(robot: Robot, folder: Path) -> NDArray[np.int16]:
-    """The picture on the screen, without its lower left corner, where the probe stands."""
+    """What of the picture nothing stands over."""
     from PIL import Image
 
     robot.grab(folder / "screen.png")
     x, y, width, height = robot.area("picture")
     screen = np.asarray(Image.open(folder / "screen.png").convert("RGB"), dtype=np.int16)
-    return screen[y : y + height // 2, x : x + width - 8]
+    # Between what is said at the top and what is under the mouse.
+    return screen[y + height // 4 : y + height // 2, x : x + width - 8]

@@ -37,8 +37,8 @@ def test_a_preset_is_edited_as_regions_and_windowed_in_the_picture(tmp_path: Pat
             robot.grab(tmp_path / "screen.png")
             x, y, width, height = robot.area("picture")
             screen = np.asarray(Image.open(tmp_path / "screen.png").convert("RGB"), float)
-            # Above what is said of the place under the mouse.
-            return screen[y : y + height // 2, x : x + width]
+            # Between what is said at the top and what is under the mouse.
+            return screen[y + height // 4 : y + height // 2, x : x + width]
 
         # Closed and opened again, the panel is in front of the others.
         for _ in range(2):
