@@ -13,11 +13,14 @@ from hypothesis import settings
 
 from volspec._gpu.opengl import headless_context
 from volspec.errors import OpenGLError
+from volspec.spectra._colour import colour_science
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, load_volume
 
 ROOT = Path(__file__).resolve().parent.parent
 
+# Test files import colour-science as it is, which changes how NumPy prints: through its door first.
+colour_science()
 # The same examples in every run, and none that fails because the machine is busy.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
