@@ -109,5 +109,5 @@ def test_other_code_fits_anew(fits: list[int], monkeypatch: pytest.MonkeyPatch) 
 def test_a_fit_that_fails_fails_each_time(fits: list[int]) -> None:
     for _ in range(2):
         with pytest.raises(BasisError, match="size"):
-            kept.fitted(LIGHTS, PAINTS, **OPTIONS | {"size": 31})
+            kept.fitted(LIGHTS, PAINTS, **OPTIONS | {"method": "pca", "size": 31})
     assert len(fits) == 2
