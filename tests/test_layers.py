@@ -60,7 +60,10 @@ def test_modules_import_only_from_their_left(path: Path) -> None:
         ("glfw", ("viewer/",)),
         ("imgui_bundle", ("viewer/",)),
         ("OpenGL", ("viewer/",)),
-        ("pyvista", ("volume/adapt.py", "volume/model.py")),
+        (
+            "pyvista",
+            ("volume/adapt.py", "volume/model.py", "raycast/adapt.py", "relight/adapt.py"),
+        ),
         ("SimpleITK", ("volume/load.py",)),
         ("OpenEXR", ("_exr.py",)),
         ("matplotlib", ("basis/figure/", "palette/figure.py", "relight/error_map.py")),

@@ -35,7 +35,9 @@ _HOMES = {
         *("Ambient", "Camera", "ClipPlane", "CoefficientImage", "Directional", "Headlight"),
         *("LightGroup", "Point", "RaycastSpec"),
     ),
+    "volspec.raycast.adapt": ("from_plotter",),
     "volspec.relight": ("LightRig",),
+    "volspec.relight.adapt": ("picture_plane", "to_texture"),
     "volspec.scene": ("Scene",),
     "volspec.spectra": (
         *("SpectralGrid", "SpectralImage", "Spectrum", "light", "light_names"),

@@ -54,7 +54,7 @@ def raycast(
     Parameters
     ----------
     volume : Volume, pyvista ImageData or array (Z, Y, X)
-        NumPy, xarray and Zarr arrays count as 1 mm voxels.
+        NumPy and Zarr arrays count as 1 mm voxels, and so do xarray's without coordinates.
     transfer : TransferFunction, TransferFunction2D, LabelFunction or Isosurfaces
     camera : Camera
     size : (width, height)

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import VolumeError
 from volspec.volume.checks import checked_geometry, checked_values
 from volspec.volume.downsample import block_means, block_modes, downsampled_values
+from volspec.volume.foreign import unwrapped
 
 if TYPE_CHECKING:
     import pyvista
@@ -36,6 +37,8 @@ class Volume:
         becomes int16). NaN and infinities are counted and warned about: +inf becomes the
         greatest finite value, NaN and -inf the least. An array that is kept as it is stays shared
         and is read-only here: do not change it while the volume is in use, or give a copy.
+        An xarray ``DataArray`` with dimensions x, y and z is turned to (Z, Y, X), and stands at
+        its coordinates, taken for millimetres, where neither of the next two is given.
     spacing_mm : (x, y, z), optional
         Distance of neighbouring voxel centres; positive. Read from ``world_from_index``
         where that is given, else 1 mm.
@@ -49,7 +52,7 @@ class Volume:
     ------
     VolumeError
         If it is no 3-D array of real numbers, has fewer than two voxels along an axis or no
-        finite value, or the geometry is singular.
+        finite value, or the geometry is singular or, of coordinates, uneven.
 
     Examples
     --------
@@ -66,7 +69,10 @@ class Volume:
     range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        values, span = checked_values(self.values, self.name)
+        given, placed = unwrapped(self.values, self.name)
+        values, span = checked_values(given, self.name)
+        if self.spacing_mm is None and self.world_from_index is None:
+            object.__setattr__(self, "world_from_index", placed)
         spacing, world = checked_geometry(self.spacing_mm, self.world_from_index, self.name)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "spacing_mm", spacing)
@@ -159,7 +165,10 @@ class Volume:
 
     @classmethod
     def of(cls, given: Volume | pyvista.ImageData | ArrayLike) -> Volume:
-        """A volume as it is, a pyvista ``ImageData``, or an array (Z, Y, X) of 1 mm voxels."""
+        """A volume as it is, a pyvista ``ImageData``, or an array (Z, Y, X).
+
+        Voxels are 1 mm, unless it is an xarray ``DataArray`` with coordinates.
+        """
         if isinstance(given, cls):
             return given
         if hasattr(given, "point_data"):

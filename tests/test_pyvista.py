@@ -1,0 +1,404 @@
+"""A pyvista plotter's volume and view taken over, and relit frames put back."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+import pyvista
+from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction, vtkPlane
+from vtkmodules.vtkRenderingCore import vtkColorTransferFunction, vtkVolumeProperty
+
+import volspec as vs
+from volspec.appearance import constants
+from volspec.appearance.curves import sRGB_CURVE
+from volspec.basis import SpectralBasis
+from volspec.errors import (
+    CameraError,
+    InputError,
+    RaycastError,
+    RelightError,
+    TransferError,
+    VolspecWarning,
+    VolumeError,
+)
+from volspec.raycast import Camera
+from volspec.transfer.adapt import transfer_from_vtk
+
+ROOT = Path(__file__).resolve().parent.parent
+SIZE = (96, 72)
+Plots = Callable[..., pyvista.Plotter]
+
+
+@pytest.fixture
+def plot() -> Iterator[Plots]:
+    """Off-screen plotters, closed afterwards."""
+    made = []
+
+    def new(**settings: Any) -> pyvista.Plotter:
+        made.append(pyvista.Plotter(off_screen=True, **{"window_size": SIZE, **settings}))
+        return made[-1]
+
+    yield new
+    for plotter in made:
+        plotter.close()
+
+
+def block() -> pyvista.ImageData:
+    """An L of different arms, which no turn or mirror maps onto itself: 255 in it, 0 around."""
+    values = np.zeros((20, 22, 24), np.uint8)
+    values[3:9, 3:19, 3:9] = 255
+    values[3:9, 3:9, 3:21] = 255
+    values[3:17, 3:6, 3:6] = 255
+    return vs.Volume(values, spacing_mm=(1.0, 1.2, 0.8)).to_pyvista()
+
+
+def even(value: float = 0.5, count: int = 12) -> pyvista.ImageData:
+    """One value everywhere but in two corners, which span 0 to 1."""
+    values = np.full((count, count, count), value, np.float32)
+    values[0, 0, 0], values[-1, -1, -1] = 0.0, 1.0
+    return vs.Volume(values).to_pyvista()
+
+
+def projected(camera: Camera, size: tuple[int, int], points: np.ndarray) -> np.ndarray:
+    """Pixels (x, y) of world points, row 0 on top; from what the camera says of its rays."""
+    rays = camera.ray_field(*size)
+    away = (points - camera.position_mm) @ rays.forward
+    at = points - camera.position_mm
+    if rays.perspective:
+        at = at * (rays.distance / away)[:, None]
+    at = at + np.asarray(camera.position_mm) - rays.target
+    x, y = (at @ axis / (axis @ axis) for axis in (rays.across, rays.down))
+    return np.stack([x + rays.middle[0], y + rays.middle[1]], axis=1)
+
+
+def displayed(renderer: Any, size: tuple[int, int], points: np.ndarray) -> np.ndarray:
+    """The same by VTK, which counts from the window's lower left edge."""
+    left, low, *_ = renderer.GetViewport()
+    window = np.array(renderer.GetRenderWindow().GetSize())
+    found = []
+    for point in points:
+        renderer.SetWorldPoint(*point, 1.0)
+        renderer.WorldToDisplay()
+        found.append(renderer.GetDisplayPoint()[:2])
+    at = np.array(found) - window * (left, low)
+    return np.stack([at[:, 0] - 0.5, size[1] - at[:, 1] - 0.5], axis=1)
+
+
+def perspective(plotter: pyvista.Plotter) -> None:
+    plotter.camera_position = [(60, -40, 35), (11, 10, 7), (0.2, 0.1, 1)]
+    plotter.camera.view_angle = 44
+
+
+def parallel(plotter: pyvista.Plotter) -> None:
+    perspective(plotter)
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = 19
+
+
+def horizontal(plotter: pyvista.Plotter) -> None:
+    perspective(plotter)
+    plotter.camera.SetUseHorizontalViewAngle(True)
+
+
+def rolled(plotter: pyvista.Plotter) -> None:
+    perspective(plotter)
+    plotter.camera.roll += 35
+    plotter.camera.zoom(1.3)
+
+
+def untouched(_: pyvista.Plotter) -> None:
+    """As it would open."""
+
+
+@pytest.mark.parametrize("view", [untouched, perspective, parallel, horizontal, rolled])
+def test_world_points_fall_on_the_same_pixels(
+    plot: Plots, view: Callable[[pyvista.Plotter], None]
+) -> None:
+    plotter = plot(shape=(1, 2))
+    plotter.subplot(0, 1)
+    plotter.add_volume(block(), show_scalar_bar=False)
+    view(plotter)
+    taken = vs.from_plotter(plotter)
+    assert taken.size == (48, 72)
+    points = np.random.default_rng(3).uniform((0, 0, 0), (23, 25, 15), (40, 3))
+    ours = projected(taken.camera, taken.size, points)
+    # Both in float64; VTK rounds where it multiplies its two matrices.
+    assert np.abs(ours - displayed(plotter.renderer, taken.size, points)).max() < 1e-6
+
+
+def test_a_plotter_not_yet_shown_has_the_view_it_opens_with(plot: Plots) -> None:
+    first, second = plot(), plot()
+    for plotter in (first, second):
+        plotter.add_volume(block(), reset_camera=False, show_scalar_bar=False)
+    assert not first.renderer.camera.is_set
+    second.screenshot()
+    cameras = [vs.from_plotter(plotter).camera for plotter in (first, second)]
+    assert cameras[0] == cameras[1]
+
+
+@pytest.mark.parametrize("view", [perspective, parallel])
+def test_silhouettes_cover_vtks(plot: Plots, view: Callable[[pyvista.Plotter], None]) -> None:
+    """Turned, moved and stretched by matrix and plotter. You should see one L, not two."""
+    plotter = plot(window_size=(240, 180))
+    matrix = pyvista.Transform().scale(1.4).rotate_z(30).rotate_x(20).translate(2, -3, 1).matrix
+    actor = plotter.add_volume(
+        block(), opacity=[0.0, 1.0], cmap="gray", user_matrix=matrix, show_scalar_bar=False
+    )
+    actor.prop.interpolation_type = "linear"
+    plotter.set_scale(0.9, 0.9, 0.9)
+    view(plotter)
+    plotter.reset_camera_clipping_range()
+    image = vs.raycast(*vs.from_plotter(plotter))
+    picture = plotter.screenshot(transparent_background=True)
+    theirs, ours = picture[..., 3] > 128, image.alpha > 0.5
+    assert ours.mean() > 0.05
+    # Measured 0.999; the steps of the two begin elsewhere along a ray.
+    assert (theirs & ours).sum() / (theirs | ours).sum() > 0.99
+
+
+@pytest.mark.parametrize("stretch", [1.0, 2.0])
+def test_opacities_are_vtks(plot: Plots, stretch: float) -> None:
+    """1 − 0.7^(11 / 5), stretched or not: unit distances are the grid's."""
+    plotter = plot(window_size=(32, 32))
+    plotter.add_volume(even(), opacity=[0.3, 0.3], opacity_unit_distance=5.0, show_scalar_bar=False)
+    plotter.set_scale(stretch, stretch, stretch)
+    plotter.view_xy()
+    plotter.enable_parallel_projection()
+    plotter.camera.zoom(2)
+    image = vs.raycast(*vs.from_plotter(plotter))
+    theirs = plotter.screenshot(transparent_background=True)[16, 16, 3] / 255
+    # pyvista keeps opacities in steps of 1/255: 0.298 for 0.3.
+    assert image.alpha[16, 16] == pytest.approx(1 - (1 - 76 / 255) ** (11 / 5), abs=1e-3)
+    # VTK's own steps do not end with the volume.
+    assert image.alpha[16, 16] == pytest.approx(theirs, abs=0.02)
+
+
+def test_opaque_colours_are_vtks_under_daylight(plot: Plots) -> None:
+    plotter = plot(window_size=(32, 32))
+    plotter.add_volume(even(0.7), cmap="viridis", opacity=[1.0, 1.0], show_scalar_bar=False)
+    plotter.view_xy()
+    image = vs.raycast(*vs.from_plotter(plotter))
+    frame = vs.relight(image, vs.light("D65"), vs.Viewing(model="none"), backdrop=0.0)
+    theirs = plotter.screenshot(return_img=True)[16, 16, :3].astype(int)
+    # Two codes between materials, one from the basis, one of the rest of opacity, 0.998.
+    assert np.abs(frame[16, 16] - theirs).max() <= 4
+
+
+def colour_of(mix: dict[str, float], materials: dict[str, vs.Spectrum]) -> np.ndarray:
+    """sRGB codes of a mix under D65."""
+    basis = SpectralBasis.bands()
+    channels = basis.channels_of({name: materials[name] for name in mix})
+    XYZ = basis.color_matrix(vs.light("D65"), "exact") @ (list(mix.values()) @ channels)
+    return np.asarray(255 * sRGB_CURVE.encode(constants.sRGB_FROM_XYZ @ XYZ))
+
+
+def test_curves_that_bend_between_vtks_points_are_followed() -> None:
+    """Sharp and soft opacity, hues around the circle."""
+    opacity, colours = vtkPiecewiseFunction(), vtkColorTransferFunction()
+    opacity.AddPoint(-10, 0.0, 0.3, 0.6)
+    opacity.AddPoint(30, 0.9, 0.5, 1.0)
+    opacity.AddPoint(80, 0.2)
+    colours.SetColorSpaceToHSV()
+    colours.AddRGBPoint(-10, 0.7, 0.2, 0.2)
+    colours.AddRGBPoint(80, 0.2, 0.2, 0.7)
+    settings = vtkVolumeProperty()
+    settings.SetScalarOpacity(opacity)
+    settings.SetColor(colours)
+    settings.SetScalarOpacityUnitDistance(2.5)
+    transfer = transfer_from_vtk(settings, unit_scale=2.0)
+    assert transfer.reference_step_mm == 5.0
+    values = [value for value, _, _ in transfer.points]
+    at = np.linspace(-10, 80, 91)
+    ours = np.interp(at, values, [share for _, share, _ in transfer.points])
+    # Looked at 256 times: a bend of VTK's, at most 0.02 high here, may lie between two.
+    assert np.abs(ours - [opacity.GetValue(value) for value in at]).max() < 0.02
+    for value, _, mix in transfer.points[::10]:
+        wanted = 255 * np.array(colours.GetColor(value))
+        assert np.abs(colour_of(mix, transfer.materials) - wanted).max() < 3
+
+
+def test_grey_curves_become_greys() -> None:
+    settings = vtkVolumeProperty()
+    for curve, set_curve in (
+        ((0.0, 1.0), settings.SetScalarOpacity),
+        ((0.2, 0.8), settings.SetColor),
+    ):
+        function = vtkPiecewiseFunction()
+        for value, height in zip((0, 100), curve, strict=True):
+            function.AddPoint(value, height)
+        set_curve(function)
+    materials = transfer_from_vtk(settings).materials
+    assert {"#333333", "#cccccc"} <= set(materials)
+    assert all(re.fullmatch(r"#(..)\1\1", name) for name in materials)
+
+
+def test_blending_shading_and_clip_planes_are_taken_over(plot: Plots) -> None:
+    plotter = plot()
+    weights = {"ambient": 0.2, "diffuse": 0.5, "specular": 0.1}
+    lit = plotter.add_volume(block(), name="lit", shade=True, specular_power=20, **weights)
+    plane = vtkPlane()
+    plane.SetOrigin(4, 0, 0)
+    plane.SetNormal(1, 0, 0)
+    lit.mapper.AddClippingPlane(plane)
+    plotter.add_volume(block(), name="greatest", blending="maximum", shade=True)
+    spec = vs.from_plotter(plotter, "lit").spec
+    assert {name: getattr(spec, name) for name in weights} == weights
+    assert (spec.shininess, spec.mode) == (20, "composite")
+    (taken,) = spec.clip_planes
+    assert (taken.point_mm, taken.normal) == ((4, 0, 0), (1, 0, 0))
+    spec = vs.from_plotter(plotter, "greatest").spec
+    assert (spec.mode, spec.ambient, spec.diffuse) == ("maximum", 1.0, 0.0)
+
+
+def test_one_volume_is_taken_and_several_are_named(plot: Plots) -> None:
+    plotter = plot()
+    with pytest.raises(RaycastError, match="shows no volume in the active subplot; call add_vol"):
+        vs.from_plotter(plotter)
+    plotter.add_mesh(pyvista.Sphere(), name="ball")
+    plotter.add_volume(pyvista.MultiBlock([block(), even()]), name="ct")
+    with pytest.raises(RaycastError, match=r"2 volumes, 'ct-0', 'ct-1'; .*\(plotter, 'ct-0'\)"):
+        vs.from_plotter(plotter)
+    assert vs.from_plotter(plotter, "ct-1").volume.shape_xyz == (12, 12, 12)
+    with pytest.raises(RaycastError, match=r"no volume 'ball'; .*it has 'ct-0', 'ct-1'"):
+        vs.from_plotter(plotter, "ball")
+    plotter.actors["ct-1"].visibility = False
+    assert vs.from_plotter(plotter).volume.name == "ct-0"
+    plotter.close()
+    for take in (vs.from_plotter, vs.picture_plane):
+        with pytest.raises(RaycastError, match=r"closed; go on before show\(\), or after"):
+            take(plotter)
+        with pytest.raises(RaycastError, match=r"got ImageData.*; give a pyvista Plotter"):
+            take(block())
+
+
+def additive(plotter: pyvista.Plotter) -> None:
+    plotter.add_volume(block(), blending="additive", name="ct")
+
+
+def coloured(plotter: pyvista.Plotter) -> None:
+    grid = pyvista.ImageData(dimensions=(3, 3, 3))
+    grid["rgba"] = np.full((27, 4), 99, np.uint8)
+    plotter.add_volume(grid, name="ct")
+
+
+def scattered(plotter: pyvista.Plotter) -> None:
+    grid = even().cast_to_rectilinear_grid()
+    plotter.add_volume(grid, name="ct")
+
+
+def two_dimensional(plotter: pyvista.Plotter) -> None:
+    plotter.add_volume(block(), name="ct").prop.SetTransferFunctionModeTo2D()
+
+
+def shifted(plotter: pyvista.Plotter) -> None:
+    plotter.add_volume(block(), name="ct")
+    plotter.camera.SetWindowCenter(0.2, 0)
+
+
+@pytest.mark.parametrize(
+    ("add", "error", "message"),
+    [
+        (additive, RaycastError, "ct: blends 'additive', which has no counterpart"),
+        (coloured, VolumeError, "ct: 4 components a voxel"),
+        (scattered, VolumeError, "ct: is a RectilinearGrid; .*resample it"),
+        (two_dimensional, TransferError, "ct: has a 2-D transfer function; give curves"),
+        (shifted, CameraError, "its camera shears, shifts or moves the picture"),
+    ],
+)
+def test_what_has_no_counterpart_is_refused(
+    plot: Plots,
+    add: Callable[[pyvista.Plotter], None],
+    error: type[InputError],
+    message: str,
+) -> None:
+    plotter = plot()
+    add(plotter)
+    with pytest.raises(error, match=message) as caught:
+        vs.from_plotter(plotter)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_stays_behind_is_told(plot: Plots) -> None:
+    plotter = plot()
+    actor = plotter.add_volume(block(), name="ct")
+    slope = vtkPiecewiseFunction()
+    slope.AddPoint(0, 0.0)
+    slope.AddPoint(1, 1.0)
+    actor.prop.SetGradientOpacity(slope)
+    actor.mapper.SetCropping(True)
+    plotter.set_scale(zscale=3)
+    with pytest.warns(
+        VolspecWarning, match="ct: its gradient opacity and its cropping .*stretch of 3"
+    ) as caught:
+        volume = vs.from_plotter(plotter).volume
+    assert caught[0].filename == __file__
+    assert np.allclose(volume.spacing_mm, (1.0, 1.2, 2.4))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_a_frame_comes_back_pixel_on_pixel(plot: Plots, dtype: Any) -> None:
+    """In a stretched, tilted view; a ball nearer than the frame stays in front of it."""
+    plotter = plot()
+    plotter.set_scale(1, 1, 2)
+    plotter.disable_anti_aliasing()
+    perspective(plotter)
+    frame = np.random.default_rng(5).integers(0, 256, (72, 96, 3)).astype(np.uint8)
+    texture = vs.to_texture(frame if dtype is np.uint8 else frame.astype(dtype) / dtype(255))
+    plotter.add_mesh(vs.picture_plane(plotter), texture=texture, lighting=False)
+    assert np.array_equal(plotter.screenshot(return_img=True)[..., :3], frame)
+    nearer = np.array([42.0, -27, 13])  # half-way, before the stretch
+    plotter.add_mesh(pyvista.Sphere(radius=2, center=nearer), color="red", lighting=False)
+    plotter.add_mesh(pyvista.Sphere(radius=2, center=(2, 25, -3)), color="blue", lighting=False)
+    picture = plotter.screenshot(return_img=True)[..., :3]
+    changed = (picture != frame).any(axis=-1)
+    assert changed.any() and (picture[changed] == (255, 0, 0)).all()
+
+
+def test_a_plane_farther_away_looks_the_same(plot: Plots) -> None:
+    plotter = plot()
+    perspective(plotter)
+    size = [vs.picture_plane(plotter, distance).length for distance in (10.0, 25.0)]
+    assert size[1] == pytest.approx(2.5 * size[0], rel=1e-5)  # points are float32
+    parallel(plotter)
+    size = [vs.picture_plane(plotter, distance).length for distance in (10.0, 25.0)]
+    assert size[1] == pytest.approx(size[0], rel=1e-5)
+    with pytest.raises(RaycastError, match="picture_plane: distance is 0; give a number above 0"):
+        vs.picture_plane(plotter, 0)
+
+
+@pytest.mark.parametrize(
+    "frame", [np.zeros((4, 4)), np.zeros((4, 4, 3)), np.zeros((4, 4, 4), "u1")]
+)
+def test_textures_of_what_is_no_frame_are_refused(frame: np.ndarray) -> None:
+    with pytest.raises(RelightError, match=r"to_texture: got .*; give a frame, \(H, W, 3\)"):
+        vs.to_texture(frame)
+
+
+def test_the_guides_example_shows_what_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """You should see one engine three times at the same pixels, green by day, blue by HP1."""
+    text = (ROOT / "docs" / "pyvista.md").read_text(encoding="utf-8")
+    code = re.search(r"```python\n(.*?)```", text, re.DOTALL)
+    assert code is not None
+    # Fewer voxels and pixels: VTK takes seconds over all of them on a CPU.
+    quick = code[1].replace('.nrrd")', '.nrrd").downsampled(2)').replace("400", "200")
+    assert quick != code[1]
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    monkeypatch.chdir(tmp_path)
+    found: dict[str, Any] = {}
+    exec(quick, found)
+    found["plotter"].close()
+    names = ("vtk", "D65", "HP1")
+    vtk, day, lamp = (iio.imread(f"{name}.png")[..., :3].astype(int) for name in names)
+    theirs, ours = (vtk < 200).any(axis=-1), found["image"].alpha > 0.5
+    # Told by colour on white, VTK's edges are a pixel wider.
+    assert (theirs & ours).sum() / (theirs | ours).sum() > 0.95
+    green, blue = (picture[ours].mean(axis=0) for picture in (day, lamp))
+    assert green[1] > green[2] + 10 and blue[1] < blue[2] - 5

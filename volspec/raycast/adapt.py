@@ -1,0 +1,241 @@
+"""What a pyvista plotter shows of a volume, as what a cast needs.
+
+    pyvista's plotter -> [adapt] -> volume, transfer function, camera, size, spec -> raycast
+
+Pixels of the cast lie where the plotter's do. Its lights stay behind: ours shine from where a
+`LightGroup` says, and get their spectra when the picture is relit.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.basis import Basis
+from volspec.errors import CameraError, RaycastError, VolspecWarning, nearest, quoted
+from volspec.raycast.camera import Camera
+from volspec.raycast.spec import ClipPlane, Mode, RaycastSpec
+from volspec.transfer import TransferFunction
+from volspec.transfer.adapt import transfer_from_vtk
+from volspec.volume import Volume
+from volspec.volume.adapt import volume_from_pyvista
+
+if TYPE_CHECKING:
+    import pyvista
+
+# vtkVolumeMapper::BlendModes, by pyvista's names for them.
+_BLENDING = ("composite", "maximum", "minimum", "average", "additive", "isosurface", "slice")
+_MODES: dict[str, Mode] = {"composite": "composite", "maximum": "maximum", "average": "average"}
+# Of a stretch along one axis against another.
+_EVEN = 0.01
+
+
+class Plotted(NamedTuple):
+    """A plotter's volume and view, in the order in which `volspec.raycast` takes them."""
+
+    volume: Volume
+    transfer: TransferFunction
+    camera: Camera
+    size: tuple[int, int]
+    spec: RaycastSpec
+
+
+def from_plotter(
+    plotter: pyvista.Plotter, name: str | None = None, *, basis: Basis | None = None
+) -> Plotted:
+    """Take over a pyvista plotter's volume, its look, and the view of the active subplot.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        Before it is shown or while it is open. Before, it gets the view that it would open with.
+    name : str, optional
+        Which volume, where there are several: as `add_volume` was told, or a key of
+        ``plotter.actors``. Hidden ones count only when they are named.
+    basis : SpectralBasis, optional
+        Of the transfer function; ``general-7`` when left out.
+
+    Returns
+    -------
+    Plotted
+        The volume lies where the plotter puts it, with ``set_scale`` and the actor's matrix. The
+        transfer function has `add_volume`'s opacities, and materials of its colours, called
+        ``"#rrggbb"``. The spec has the blending, the clip planes and the weights of the shading;
+        without ``shade`` the plain reflectances show.
+
+    Raises
+    ------
+    RaycastError
+        If it is no plotter or closed, has no volume or several, no such name, or blends in a way
+        that has no counterpart.
+    VolumeError
+        If the volume is no ``ImageData``, or has several components a voxel.
+    CameraError
+        If the camera shears or shifts its picture.
+    TransferError
+        If the volume has a 2-D transfer function.
+
+    Warns
+    -----
+    VolspecWarning
+        If something is left behind: gradient opacity, a crop, an uneven stretch of opacities, a
+        colour no reflectance has.
+
+    Examples
+    --------
+    >>> import pyvista, volspec
+    >>> plotter = pyvista.Plotter(off_screen=True, window_size=(64, 48))
+    >>> actor = plotter.add_volume(volspec.phantom.ball(16).to_pyvista(), cmap="bone")
+    >>> image = volspec.raycast(*from_plotter(plotter))
+    >>> plotter.close()
+    >>> image.size
+    (64, 48)
+    """
+    import pyvista
+
+    require_open(plotter)
+    actor, label = _chosen(plotter, name)
+    settings, mapper = actor.GetProperty(), actor.GetMapper()
+    mapper.Update()
+    blending = _BLENDING[mapper.GetBlendMode()]
+    if blending not in _MODES:
+        raise RaycastError(
+            f"{label}: blends {blending!r}, which has no counterpart here; add it with blending="
+            f"{' or '.join(map(repr, _MODES))}"
+        )
+    grid = volume_from_pyvista(pyvista.wrap(mapper.GetInputDataObject(0, 0)), name=label)
+    world_from_grid = _matrix(actor.GetMatrix())
+    world = world_from_grid @ grid.world_from_index
+    # VTK counts unit distances before it stretches.
+    stretch = abs(float(np.linalg.det(world_from_grid[:3, :3]))) ** (1 / 3)
+    transfer = transfer_from_vtk(settings, stretch, basis, label)
+    _tell_what_stays_behind(label, settings, mapper, world_from_grid)
+    width, height = plotter.renderer.GetSize()
+    return Plotted(
+        Volume(grid.values, world_from_index=world, name=label),
+        transfer,
+        plotter_camera(plotter),
+        (width, height),
+        _spec(settings, mapper, _MODES[blending]),
+    )
+
+
+def require_open(plotter: Any) -> None:
+    """Refuse what is no plotter, or was closed and holds nothing any more.
+
+    Raises
+    ------
+    RaycastError
+    """
+    if not (hasattr(plotter, "renderer") and hasattr(plotter, "render_window")):
+        raise RaycastError(f"plotter: got {quoted(plotter)}; give a pyvista Plotter")
+    if plotter.render_window is None:
+        raise RaycastError(
+            "plotter: it is closed; go on before show(), or after show(auto_close=False)"
+        )
+
+
+def plotter_camera(plotter: Any) -> Camera:
+    """The camera of a plotter's active subplot.
+
+    Raises
+    ------
+    CameraError
+        If it shears or shifts its picture, or moves the scene.
+    """
+    renderer = plotter.renderer
+    if not renderer.camera.is_set:
+        # As pyvista does before the first picture; it keeps the view for the next one.
+        renderer.camera_position = renderer.get_default_cam_pos()
+        renderer.ResetCamera()
+    camera = renderer.GetActiveCamera()
+    moved = _matrix(camera.GetModelTransformMatrix())
+    sheared = camera.GetViewShear() != (0.0, 0.0, 1.0) or camera.GetUseOffAxisProjection()
+    if sheared or camera.GetWindowCenter() != (0.0, 0.0) or (moved != np.eye(4)).any():
+        raise CameraError(
+            "plotter: its camera shears, shifts or moves the picture (ViewShear, WindowCenter, "
+            "ModelTransformMatrix); take these back, then set position and focal point"
+        )
+    angle = camera.GetViewAngle()
+    if camera.GetUseHorizontalViewAngle():
+        width, height = renderer.GetSize()
+        half = math.tan(math.radians(angle) / 2) * height / width
+        angle = 2 * math.degrees(math.atan(half))
+    return Camera(
+        *(camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp()),
+        fov_deg=angle,
+        height_mm=2 * camera.GetParallelScale() if camera.GetParallelProjection() else None,
+    )
+
+
+def _chosen(plotter: Any, name: str | None) -> tuple[Any, str]:
+    """A plotter's volume, and what to call it."""
+    volumes = {k: actor for k, actor in plotter.renderer.actors.items() if actor.IsA("vtkVolume")}
+    if name is not None:
+        if name not in volumes:
+            raise RaycastError(
+                f"plotter: no volume {quoted(name)}; {nearest(name, volumes)}"
+                f"it has {', '.join(map(repr, volumes)) or 'none'}"
+            )
+        return volumes[name], name
+    shown = {key: actor for key, actor in volumes.items() if actor.GetVisibility()}
+    if not shown:
+        raise RaycastError(
+            "plotter: shows no volume in the active subplot; call add_volume first, or subplot()"
+        )
+    if len(shown) > 1:
+        names = [repr(key) for key in shown]
+        raise RaycastError(
+            f"plotter: shows {len(shown)} volumes, {', '.join(names)}; say which: "
+            f"from_plotter(plotter, {names[0]})"
+        )
+    return next(iter(shown.values())), next(iter(shown))
+
+
+def _spec(settings: Any, mapper: Any, mode: Mode) -> RaycastSpec:
+    """Blending, cuts and weights of the shading."""
+    found = mapper.GetClippingPlanes()
+    planes = [found.GetItem(i) for i in range(found.GetNumberOfItems())] if found else []
+    spec = RaycastSpec(
+        ambient=1.0,
+        diffuse=0.0,
+        mode=mode,
+        clip_planes=tuple(ClipPlane(plane.GetOrigin(), plane.GetNormal()) for plane in planes),
+    )
+    if not settings.GetShade(0) or mode != "composite":
+        return spec
+    return replace(
+        spec,
+        ambient=settings.GetAmbient(0),
+        diffuse=settings.GetDiffuse(0),
+        specular=settings.GetSpecular(0),
+        shininess=round(min(max(settings.GetSpecularPower(0), 1.0), 1024.0)),
+    )
+
+
+def _tell_what_stays_behind(
+    label: str, settings: Any, mapper: Any, world_from_grid: NDArray[np.float64]
+) -> None:
+    stretches = np.linalg.svd(world_from_grid[:3, :3], compute_uv=False)
+    faults = {
+        "its gradient opacity": settings.HasGradientOpacity(0)
+        and not settings.GetDisableGradientOpacity(0),
+        "its cropping region": mapper.GetCropping(),
+        f"that its opacities do not follow a stretch of {stretches[0] / stretches[-1]:.3g} along "
+        "one axis": stretches[0] > (1 + _EVEN) * stretches[-1],
+    }
+    if left := [fault for fault, there in faults.items() if there]:
+        warnings.warn(
+            f"{label}: {' and '.join(left)} cannot be taken over; the cast goes without",
+            VolspecWarning,
+            stacklevel=3,
+        )
+
+
+def _matrix(given: Any) -> NDArray[np.float64]:
+    return np.array([[given.GetElement(i, j) for j in range(4)] for i in range(4)])

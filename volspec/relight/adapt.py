@@ -1,0 +1,104 @@
+"""A relit frame back in pyvista: as a texture, and the rectangle that fills a plotter's view.
+
+frame -> [adapt] -> pyvista's plotter
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from volspec.errors import RelightError
+from volspec.raycast.adapt import plotter_camera, require_open
+from volspec.raycast.checks import positive
+from volspec.relight.spec import Pixels
+
+if TYPE_CHECKING:
+    import pyvista
+
+
+def to_texture(frame: Pixels) -> pyvista.Texture:
+    """A relit frame as a pyvista texture, its first row at the top.
+
+    The texture holds the display's codes: draw it with ``lighting=False``, and leave
+    ``srgb`` off, which would decode them.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8 or float32
+        As `Relighter.frame` gives it; floating-point codes are rounded to 8 bits.
+
+    Raises
+    ------
+    RelightError
+        If it is no such picture.
+
+    Examples
+    --------
+    >>> texture = to_texture(np.zeros((48, 64, 3), np.uint8))
+    >>> texture.dimensions
+    (64, 48)
+    """
+    import pyvista
+
+    codes = np.asarray(frame)
+    if codes.ndim != 3 or codes.shape[2] != 3 or codes.dtype not in (np.uint8, np.float32):
+        raise RelightError(
+            f"to_texture: got {codes.dtype} of shape {codes.shape}; give a frame, (H, W, 3) uint8 "
+            "or float32"
+        )
+    if codes.dtype == np.float32:
+        codes = np.rint(codes.clip(0, 1) * 255).astype(np.uint8)
+    return pyvista.Texture(codes)
+
+
+def picture_plane(plotter: pyvista.Plotter, distance: float | None = None) -> pyvista.PolyData:
+    """The rectangle that fills a plotter's picture, with texture coordinates.
+
+    ``plotter.add_mesh(plane, texture=to_texture(frame), lighting=False)`` puts a frame of the
+    plotter's size over the picture, pixel on pixel; what lies nearer to the camera stays in front.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        Of whose active subplot the camera counts, as it stands now.
+    distance : float, optional
+        From the camera, in the plotter's units; of the focal point when left out.
+
+    Raises
+    ------
+    RaycastError
+        If it is no plotter or closed, or the distance is not above 0.
+    CameraError
+        If the camera shears or shifts its picture.
+
+    Examples
+    --------
+    >>> import pyvista
+    >>> plotter = pyvista.Plotter(off_screen=True, window_size=(40, 20))
+    >>> plotter.camera_position = [(0, 0, 8), (0, 0, 0), (0, 1, 0)]
+    >>> plotter.enable_parallel_projection()
+    >>> plotter.camera.parallel_scale = 3
+    >>> plane = picture_plane(plotter)
+    >>> plotter.close()
+    >>> plane.bounds[:4]
+    (-6.0, 6.0, -3.0, 3.0)
+    """
+    import pyvista
+
+    require_open(plotter)
+    camera = plotter_camera(plotter)
+    if distance is None:
+        distance = camera.distance_mm
+    away = positive("picture_plane: distance", distance)
+    width, height = plotter.renderer.GetSize()
+    rays = camera.ray_field(width, height)
+    grows = away / rays.distance if rays.perspective else 1.0
+    across, up = rays.across * (width / 2 * grows), rays.down * (-height / 2 * grows)
+    middle = np.asarray(camera.position_mm) + away * rays.forward
+    corners = [middle + a * across + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    # The plotter stretches what is added to it.
+    plane = pyvista.PolyData(np.array(corners) / plotter.renderer.scale, faces=[4, 0, 1, 2, 3])
+    plane.active_texture_coordinates = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    return plane
