@@ -27,12 +27,12 @@ from volspec.viewer.design_spectra import with_reflectances
 from volspec.viewer.design_table import palette_of
 from volspec.viewer.design_worker import DesignJob, DesignWorker
 from volspec.viewer.designing import Designing
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.history import History
 from volspec.viewer.lighting import MOST_ROWS
 from volspec.viewer.notice import Notice
 from volspec.viewer.opening import Tasks
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.recent import STATE_VARIABLE
 from volspec.viewer.state import ViewState
 from volspec.viewer.trace import Trace

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -85,10 +86,10 @@ def test_scripts_of_every_transfer_function_make_the_same_table(tmp_path: Path, 
     title = 'C:\\users "here" \\'
     text = script_of(replace(state, document=replace(state.document, title=title)))
     lines = text[: text.index("camera = ")]
-    names: dict[str, object] = {"vs": volspec}
+    names: dict[str, Any] = {"vs": volspec}
     exec(compile(lines, "script", "exec"), names)
     assert str(names["__doc__"]).startswith(title)
-    one, other = state.transfer.bake(1.0), names["transfer"].bake(1.0)  # type: ignore[attr-defined]
+    one, other = state.transfer.bake(1.0), names["transfer"].bake(1.0)
     np.testing.assert_array_equal(one.opacity, other.opacity)
     np.testing.assert_array_equal(one.channels, other.channels)
 

@@ -9,6 +9,9 @@ from hypothesis import strategies as st
 
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.events.rows import refusal
+from volspec.viewer.state import ViewState
 
 dial = pytest.importorskip("volspec.viewer.panels.dial")
 
@@ -73,9 +76,18 @@ def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
         assert verdict(name, DEFAULT_GRID, ".")[0] is not None, name
 
 
+def test_a_notation_that_is_no_light_changes_nothing_and_says_why(state: ViewState) -> None:
+    for name in ("add-light", "respell"):
+        wrong = Event(name, key="D65*0.7+Q*0.3")
+        assert reduced(state, wrong) is state
+        assert "'Q' in the mix" in refusal(state, wrong) and "\n" not in refusal(state, wrong)
+        assert "there.csv" in refusal(state, Event(name, key="not/there.csv"))
+        assert refusal(state, Event(name, key="FL11")) == ""
+
+
 def test_a_light_without_its_colour_to_the_display_has_one_all_the_same() -> None:
     """Sodium lies outside of sRGB; a swatch is within it, its strongest channel at 1."""
-    from volspec.viewer.panels.light_look import raw_colour
+    from volspec.viewer.panels.light_colours import raw_colour
 
     for name in ("HP1", "LPS", "D65", "LED-B1"):
         colour = raw_colour(LightRig((light(name),)))

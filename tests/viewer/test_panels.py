@@ -10,9 +10,10 @@ import pytest
 from volspec.pipeline import raycast
 from volspec.relight import LightRig, RelightSpec
 from volspec.viewer.document import Document
+from volspec.viewer.events import Event, reduced
 from volspec.viewer.state import ViewState
 
-desk = pytest.importorskip("volspec.viewer.panels.desk")
+desk = pytest.importorskip("volspec.viewer.desk")
 
 
 def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
@@ -27,24 +28,61 @@ def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
 def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(
     state: ViewState,
 ) -> None:
-    raw, adapted = desk.swatch_colours(state.lights[1].rig, state.seen)
+    from volspec.viewer.panels.light_colours import adapted_colour, raw_colour
+
+    tungsten = state.lights[1].rig
+    raw, adapted = raw_colour(tungsten), adapted_colour(tungsten, state.seen)
     assert raw[0] == pytest.approx(1.0) and raw[2] < 0.5
     assert min(adapted) > 0.85
 
 
 def test_swatches_are_kept(state: ViewState) -> None:
-    kept = desk.Desk()
-    first = kept.swatch(state.lights[0].rig, state.seen)
-    assert kept.swatch(state.lights[0].rig, state.seen) is first
+    from volspec.viewer.panels.light_colours import adapted_colour
+
+    first = adapted_colour(state.lights[0].rig, state.seen)
+    assert adapted_colour(state.lights[0].rig, state.seen) is first
+
+
+def test_a_colour_is_packed_with_its_own_opacity_and_one_more() -> None:
+    """imgui packs alpha, blue, green, red, the highest byte first."""
+    from volspec.viewer.panels.widgets import packed
+
+    assert packed((1.0, 0.0, 0.2)) == 0xFF3300FF
+    assert packed((1.0, 0.0, 0.2, 0.4), 0.5) == 0x333300FF
 
 
 def test_settings_that_do_not_go_together_are_left_as_they_are() -> None:
-    from volspec.viewer.panels.viewing import changed, with_model
+    from volspec.viewer.viewing import changed, with_display, with_model
 
     seen = changed(RelightSpec(), adapting="pixel")
     assert with_model(seen, "Hunt").viewing.adapting == "picture"
     assert changed(seen, model="Hunt") is seen
     assert changed(seen, discount=True).viewing.discount
+    assert with_display(seen, white_cd_m2=-1.0) is seen
+    assert with_display(seen, mark=True).viewing.display.mark
+
+
+def test_luminance_follows_the_light_until_it_is_given(state: ViewState) -> None:
+    assert reduced(state, Event("luminance", 5.0)) is state
+    own = reduced(state, Event("own-luminance"))
+    np.testing.assert_allclose(own.seen.viewing.L_A, 1000 / np.pi * 0.2)
+    assert reduced(own, Event("luminance", 5.0)).seen.viewing.L_A == 5.0
+    assert reduced(own, Event("own-luminance")).seen.viewing == state.seen.viewing
+
+
+def test_a_brighter_display_is_adapted_to(state: ViewState) -> None:
+    display = state.seen.viewing.display
+    brighter = reduced(state, Event("white", 3 * display.white_cd_m2)).seen.viewing.display
+    np.testing.assert_allclose(brighter.L_A, 3 * display.L_A)
+
+
+def test_settings_as_they_are_or_of_no_such_name_change_nothing(state: ViewState) -> None:
+    viewing = state.seen.viewing
+    assert reduced(state, Event("model", key=viewing.model)) is state
+    assert reduced(state, Event("gamut", key=viewing.display.gamut)) is state
+    assert reduced(state, Event("exposure", viewing.exposure)) is state
+    for name in ("model", "adapting", "surround", "room", "space", "gamut", "mode", "level"):
+        assert reduced(state, Event(name, key="no such")) is state
 
 
 def test_a_room_is_named_until_its_numbers_change() -> None:
@@ -59,12 +97,13 @@ def test_a_room_is_named_until_its_numbers_change() -> None:
 
 def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
     """L_A is E_v/π · Y_b/100."""
-    from volspec.viewer.panels.viewing import luminance, white_told
+    from volspec.viewer.panels.viewing import white_told
+    from volspec.viewer.viewing import luminance
 
-    assert luminance(state.seen, state.lights) == pytest.approx(1000 / np.pi * 0.2)
-    lit = LightRig(state.lights[0].rig.lights, illuminance_lux=(50.0,))
-    rows = (replace(state.lights[0], rig=lit),)
-    assert luminance(state.seen, rows) == pytest.approx(50 / np.pi * 0.2)
+    viewing, plain = state.seen.viewing, state.lights[0].rig
+    assert luminance(plain, viewing) == pytest.approx(1000 / np.pi * 0.2)
+    lit = LightRig(plain.lights, illuminance_lux=(50.0,))
+    assert luminance(lit, viewing) == pytest.approx(50 / np.pi * 0.2)
     # D65 of CIE 15:2004; bands of 10 nm lose the fourth digit.
     assert white_told(state.lights).startswith("Adopted white: x 0.312")
 

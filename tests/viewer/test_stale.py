@@ -76,6 +76,23 @@ _COSTS = {
     # Of a wish that is not there.
     **dict.fromkeys(("wish-weight", "wish-group", "wish-distance"), None),
     **dict.fromkeys(("opacity", "material", "share", "thicken", "window", "thicken-by"), "cast"),
+    # What adds, mends or parts a light of one spectrum: of parts, there is one and no group.
+    **dict.fromkeys(("add-light", "show-light", "respell", "regroup", "add-part"), "relight"),
+    **dict.fromkeys(("alone", "rename-light", "recall-state"), "relight"),
+    **dict.fromkeys(("save-over-state", "rename-state", "delete-state", "fade"), "frame"),
+    **dict.fromkeys(("remove-part", "split-part"), None),
+    **dict.fromkeys(("model", "adapting", "illuminance", "own-luminance"), "relight"),
+    **dict.fromkeys(("background", "surround", "adaptation", "discount"), "relight"),
+    **dict.fromkeys(("room", "space", "white", "display-surround", "gamut"), "relight"),
+    **dict.fromkeys(("exposure", "backdrop", "mode", "level"), "relight"),
+    # It follows from the light until it is given.
+    "luminance": None,
+    "logarithmic": "frame",
+    **dict.fromkeys(("pick-material", "pick-light", "pick-like", "pick-within"), "frame"),
+    **dict.fromkeys(("pick-black", "pick-distance", "pick-merged"), "frame"),
+    **dict.fromkeys(("pick-values", "pick-use"), "frame"),
+    # The panel is open.
+    "open-viewing": None,
     # Of regions only, which the curve here has none of.
     **dict.fromkeys(("region-values", "region-gradients", "softness"), None),
     "choose-point": "frame",
@@ -88,15 +105,28 @@ _KEYS = {
     "metric": "RGB",
     "assign": "gold",
     "recast": "copper",
+    "add-light": "HP1",
+    "respell": "FL2",
+    "pick-light": "A",
+    "model": "CAM16",
+    "adapting": "picture",
+    "surround": "dim",
+    "display-surround": "dim",
+    "room": "dim room",
+    "space": "Display P3",
+    "gamut": "reduce",
+    "mode": "exact",
+    "level": "absolute",
 }
 
 
 @pytest.fixture
 def cut(state: ViewState) -> ViewState:
-    """Something to reset and remove: a crop and two planes."""
+    """Something to reset and remove: a crop, two planes and two saved states."""
     planes = (ClipPlane((3.0, 3.0, 3.0), (1.0, 0.0, 0.0)),) * 2
     shading = replace(state.shading, crop_voxels=((1, 6), (0, 7), (0, 7)), clip_planes=planes)
-    return replace(state, shading=shading)
+    kept = tuple(LightState(name, state.lights[1:], state.seen) for name in "ab")
+    return replace(state, shading=shading, kept=kept)
 
 
 def test_events_cost_what_their_names_say(cut: ViewState) -> None:

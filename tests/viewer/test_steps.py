@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from volspec.errors import InputError, SpectrumError
+from volspec.errors import InputError
 from volspec.palette import Cell
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
@@ -169,8 +169,8 @@ def test_a_drawn_light_says_from_what() -> None:
 
 
 def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
-    scraps = pytest.importorskip("volspec.viewer.panels.light_scraps").LightScraps()
-    scraps.complain(SpectrumError("'Q':\n no such light"), (1, 0), state.lights)
+    scraps = pytest.importorskip("volspec.viewer.desk").LightScraps()
+    scraps.complain("'Q': no such light", (1, 0), state.lights)
     assert scraps.complaint_at((1, 0), state.lights) == "'Q': no such light"
     assert scraps.complaint_at((0, 0), state.lights) == ""
     edited = reduced(state, Event("weight", 0.4, index=2)).lights
@@ -186,7 +186,7 @@ def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
     monkeypatch.setattr(
         chores.Chores, "open", lambda _, path, say=True: begun.append(path), raising=True
     )
-    from volspec.viewer.panels.desk import Desk
+    from volspec.viewer.desk import Desk
     from volspec.viewer.trace import Trace
 
     def resumed(path: str | None) -> tuple[Any, Notice]:

@@ -11,16 +11,19 @@ import pytest
 from numpy.typing import NDArray
 
 from volspec.raycast import ClipPlane
-from volspec.viewer import cuts
+from volspec.transfer import TransferFunction
+from volspec.viewer import cube, cuts
 from volspec.viewer.actions import BY_KEY, BY_NAME
 from volspec.viewer.aids import Aids
 from volspec.viewer.document import Document
 from volspec.viewer.events import Event, reduced
+from volspec.viewer.events.event import Action
 from volspec.viewer.fitting import fitted, shown_mm
 from volspec.viewer.handles import dragged, handles
+from volspec.viewer.hits import nearest
 from volspec.viewer.mouse import DRAGS, WHEELS
-from volspec.viewer.panels import cube, scale
-from volspec.viewer.panels.cuts import nearest
+from volspec.viewer.panels import cube as drawn_cube
+from volspec.viewer.panels import scale
 from volspec.viewer.projection import Projection
 from volspec.viewer.state import ViewState
 from volspec.viewer.views import View
@@ -53,6 +56,11 @@ def tilted(state: ViewState) -> ViewState:
 
 def seen_of(state: ViewState) -> Projection:
     return Projection(state.view.camera(state.document.volume), AREA)
+
+
+def done(action: Action, state: ViewState) -> ViewState:
+    assert action.change is not None
+    return action.change(state)
 
 
 def place(seen: Projection, point: NDArray[np.float64]) -> tuple[float, float]:
@@ -101,7 +109,7 @@ def test_a_face_dragged_by_what_ten_voxels_cover_moves_by_ten(
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
-    state = BY_NAME["plane-x"].change(replace(tilted, view=view))  # type: ignore[misc]
+    state = done(BY_NAME["plane-x"], replace(tilted, view=view))
     seen, volume = seen_of(state), state.document.volume
     tilt_handle = None
     for handle in handles(state.shading, volume, seen, Aids(), 1.0):
@@ -129,7 +137,7 @@ def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
 
 def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state: ViewState) -> None:
     for view in VIEWS:
-        facing = BY_KEY["p"].change(replace(state, view=view))  # type: ignore[misc]
+        facing = done(BY_KEY["p"], replace(state, view=view))
         seen, volume = seen_of(facing), state.document.volume
         shift, tilt = handles(facing.shading, volume, seen, Aids(), 1.0)
         assert math.dist(shift.place, tilt.place) > 20
@@ -209,8 +217,8 @@ def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
 
 
 def test_a_face_is_named_by_where_it_looks() -> None:
-    assert [cube.label(face, True) for face in range(6)] == ["R", "L", "A", "P", "I", "S"]
-    assert [cube.label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
+    assert [drawn_cube.label(face, True) for face in range(6)] == ["R", "L", "A", "P", "I", "S"]
+    assert [drawn_cube.label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
 
 
 def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(document: Document) -> None:
@@ -269,7 +277,7 @@ def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str
     for view in VIEWS:
         odd = replace(state, view=view)
         for event in (Event("crop", 1.0, index=1), Event("plane-shift", 1e6), Event("slice", 0.7)):
-            odd = reduced(BY_KEY["p"].change(odd), event)  # type: ignore[misc]
+            odd = reduced(done(BY_KEY["p"], odd), event)
         odd.shading.kept(volume)
         seen = seen_of(odd)
         found = handles(odd.shading, volume, seen, Aids(crop=True), 1.0)
@@ -315,8 +323,9 @@ def test_what_is_shown_is_fitted(tilted: ViewState, view: View, aspect: float) -
 
 def test_where_nothing_is_shown_the_volume_is_fitted(state: ViewState) -> None:
     volume = state.document.volume
-    points = [(value, 0.0, mix) for value, _, mix in state.transfer.points]  # type: ignore[union-attr]
-    clear = replace(state.transfer, points=points)  # type: ignore[call-arg]
+    curve = state.transfer
+    assert isinstance(curve, TransferFunction)
+    clear = replace(curve, points=[(value, 0.0, mix) for value, _, mix in curve.points])
     np.testing.assert_array_equal(shown_mm(volume, clear, state.shading), volume.corners_mm)
     # What is cut away is not shown.
     cut = replace(state.shading, crop_voxels=((0.0, 3.0), (0.0, 7.0), (0.0, 7.0)))

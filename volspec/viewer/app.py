@@ -19,6 +19,7 @@ from volspec.viewer.actions import BY_KEY
 from volspec.viewer.casting import Casting
 from volspec.viewer.chores import Chores
 from volspec.viewer.designing import Designing
+from volspec.viewer.desk import Desk
 from volspec.viewer.document import opened
 from volspec.viewer.events.event import Action
 from volspec.viewer.fader import Fader
@@ -31,7 +32,6 @@ from volspec.viewer.mouse import Mouse
 from volspec.viewer.notice import SHORT_SECONDS, Notice
 from volspec.viewer.opening import Opened, Tasks
 from volspec.viewer.panels import overlay
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.screen import Area, Screen
 from volspec.viewer.session import SUFFIX
 from volspec.viewer.stale import stale_stage

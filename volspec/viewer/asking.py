@@ -11,8 +11,8 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from volspec.viewer.desk import Desk
 from volspec.viewer.document import Document
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.dialogs import PathDialog
 from volspec.viewer.paths import NativeDialog, Wish, native
 from volspec.viewer.session import SUFFIX

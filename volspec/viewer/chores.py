@@ -17,10 +17,10 @@ from volspec.viewer.as_scene import export_scene
 from volspec.viewer.asking import WISHES, Asking
 from volspec.viewer.clipboard import copy_shown, copy_values
 from volspec.viewer.designing import PALETTES
+from volspec.viewer.desk import Desk, Search
 from volspec.viewer.document import opened
 from volspec.viewer.notice import Notice
 from volspec.viewer.opening import Opened, Outcome, Tasks
-from volspec.viewer.panels.desk import Desk, Search
 from volspec.viewer.panels.dialogs import PictureDialog, progress
 from volspec.viewer.paths import Wish, dropped
 from volspec.viewer.pictures import Pictures

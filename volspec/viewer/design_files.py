@@ -25,8 +25,8 @@ from volspec.viewer.design_spectra import (
 )
 from volspec.viewer.design_table import first_wave, lit_columns, palette_of, plain
 from volspec.viewer.lighting import MOST_ROWS
-from volspec.viewer.panels.viewing import with_model
 from volspec.viewer.state import ViewState
+from volspec.viewer.viewing import with_model
 
 # Spectra of which no band differs by more are one.
 _SAME = 1e-3

@@ -20,11 +20,11 @@ from volspec.viewer.design_spectra import columns
 from volspec.viewer.design_table import answered, palette_of, picked, table_of
 from volspec.viewer.design_wizards import WIZARDS, applied, asked, told
 from volspec.viewer.design_worker import DesignDone, DesignJob, DesignWorker
+from volspec.viewer.desk import Desk
 from volspec.viewer.document import Document
 from volspec.viewer.history import History
 from volspec.viewer.notice import Notice
 from volspec.viewer.opening import Outcome, Tasks
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
 from volspec.viewer.trace import Trace
 from volspec.wizard import Redesigned

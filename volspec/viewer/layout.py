@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from imgui_bundle import imgui
 
+from volspec.viewer.desk import Desk
 from volspec.viewer.panels import (
     commands,
     cube,
@@ -24,7 +25,6 @@ from volspec.viewer.panels import (
     transfer,
     viewing,
 )
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.state import ViewState
 
 Draw = Callable[[ViewState, Desk], ViewState | None]

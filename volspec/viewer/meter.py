@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.desk import Desk
 from volspec.viewer.pictures import Relit
 from volspec.viewer.trace import Trace
 

@@ -12,12 +12,12 @@ import time
 
 from imgui_bundle import imgui
 
+from volspec.viewer import cube
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.gestures import Gestures
 from volspec.viewer.handles import Handle, dragged
+from volspec.viewer.hits import handles_of, nearest
 from volspec.viewer.inputs import Input
-from volspec.viewer.panels import cube
-from volspec.viewer.panels.cuts import handles_of, nearest
 from volspec.viewer.projection import Place, Projection
 from volspec.viewer.state import ViewState
 

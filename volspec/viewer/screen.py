@@ -11,10 +11,10 @@ from typing import Any
 from imgui_bundle import imgui
 
 from volspec.errors import VolspecError
+from volspec.viewer.desk import Desk
 from volspec.viewer.heat import Heat
 from volspec.viewer.lighting import rig_of
 from volspec.viewer.meter import Meter
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.pictures import Pictures
 from volspec.viewer.reading import Reading, read
 from volspec.viewer.slice_pictures import SlicePictures

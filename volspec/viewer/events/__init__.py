@@ -9,7 +9,18 @@ from __future__ import annotations
 
 import math
 
-from volspec.viewer.events import camera, curve, cuts, lights, palette, slices
+from volspec.viewer.events import (
+    camera,
+    curve,
+    cuts,
+    interface,
+    kept,
+    lights,
+    palette,
+    rows,
+    slices,
+    viewing,
+)
 from volspec.viewer.events.event import Event, Reducer
 from volspec.viewer.state import ViewState
 
@@ -18,10 +29,14 @@ __all__ = ["EVENTS", "Event", "reduced"]
 EVENTS: dict[str, Reducer] = {
     **camera.EVENTS,
     **lights.EVENTS,
+    **rows.EVENTS,
+    **kept.EVENTS,
+    **viewing.EVENTS,
     **curve.EVENTS,
     **cuts.EVENTS,
     **slices.EVENTS,
     **palette.EVENTS,
+    **interface.EVENTS,
 }
 
 

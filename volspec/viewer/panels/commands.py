@@ -8,9 +8,8 @@ imgui-bundle's own palette shows no keys and keeps one list for the whole proces
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 from imgui_bundle import imgui
 
@@ -18,15 +17,14 @@ from volspec.appearance.display import GAMUTS
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
-from volspec.errors import VolspecError
 from volspec.spectra import light_names
-from volspec.viewer import lighting
-from volspec.viewer.actions import ACTIONS, shown
+from volspec.viewer.actions import ACTIONS
+from volspec.viewer.desk import Desk, Search
+from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.event import Action, Change
-from volspec.viewer.events.lights import only, with_last
 from volspec.viewer.finding import found
-from volspec.viewer.panels.desk import Desk, Search
-from volspec.viewer.panels.viewing import SETTINGS, changed, with_model
+from volspec.viewer.panels.viewing import SETTINGS
+from volspec.viewer.panels.widgets import key_text, text_width
 from volspec.viewer.recent import RecentFile
 from volspec.viewer.state import ViewState
 
@@ -75,10 +73,10 @@ class Command:
 
 def commands_of(state: ViewState, recent: Sequence[RecentFile]) -> tuple[Command, ...]:
     """All that can be done with a state, actions first."""
-    return _all(_called(state), tuple(recent))
+    return _all(_light_titles(state), tuple(recent))
 
 
-def _called(state: ViewState) -> tuple[str, ...]:
+def _light_titles(state: ViewState) -> tuple[str, ...]:
     """The lights, by what they are searched for."""
     return tuple(
         f"{row.name} alone" + ("" if row.label in ("", row.name) else f", {row.label}")
@@ -101,30 +99,31 @@ def _searched(
 @lru_cache(maxsize=1)
 def _fixed() -> tuple[Command, ...]:
     """Actions, models, displays, and settings of the viewing."""
+    shown = _after("open-viewing")
     return (
-        *(_of(action) for action in ACTIONS if action.name != "commands"),
-        *(Command("Model", model, change=_model(model)) for model in MODELS),
-        *(Command("Display", name, change=_display(name)) for name in PRESETS),
-        *(Command("Surround", name, change=_surround(name)) for name in SURROUNDS),
-        *(Command("Space", name, change=_shown(space=name)) for name in SPACES),
-        *(Command("Gamut", name, change=_shown(gamut=name)) for name in GAMUTS),
-        *(Command("Setting", name, change=_viewing, item=name) for name in SETTINGS),
+        *(_command_of(action) for action in ACTIONS if action.name != "commands"),
+        *(Command("Model", model, change=_after("model", model)) for model in MODELS),
+        *(Command("Display", name, change=_after("room", name)) for name in PRESETS),
+        *(Command("Surround", name, change=_after("surround", name)) for name in SURROUNDS),
+        *(Command("Space", name, change=_after("space", name)) for name in SPACES),
+        *(Command("Gamut", name, change=_after("gamut", name)) for name in GAMUTS),
+        *(Command("Setting", name, change=shown, item=name) for name in SETTINGS),
     )
 
 
-def _of(action: Action) -> Command:
-    key = shown(action.keys[0]) if action.keys and action.keys[0] else ""
+def _command_of(action: Action) -> Command:
     ask = action.name if action.change is None else ""
     title = action.title.removesuffix(" …")
-    return Command(action.menu or "Step", title, key, action.change, ask, action.refusal)
+    return Command(
+        action.menu or "Step", title, key_text(action), action.change, ask, action.refusal
+    )
 
 
 @lru_cache(maxsize=8)
 def _alone(names: tuple[str, ...]) -> tuple[Command, ...]:
-    def change(index: int) -> Change:
-        return lambda state: only(state, index)
-
-    return tuple(Command("Light", name, change=change(i)) for i, name in enumerate(names))
+    return tuple(
+        Command("Light", name, change=_after("alone", index=i)) for i, name in enumerate(names)
+    )
 
 
 @lru_cache(maxsize=8)
@@ -135,51 +134,14 @@ def _files(recent: tuple[RecentFile, ...]) -> tuple[Command, ...]:
 @lru_cache(maxsize=1)
 def _added() -> tuple[Command, ...]:
     """Lights of the library."""
-
-    def change(name: str) -> Change:
-        def add(state: ViewState) -> ViewState:
-            try:
-                rows = lighting.added(state.lights, name, state.document.grid)
-            except VolspecError:  # no room, or bands that the light does not cover
-                return state
-            return with_last(state, rows)
-
-        return add
-
-    return tuple(Command("Add light", name, change=change(name)) for name in light_names())
+    return tuple(
+        Command("Add light", name, change=_after("add-light", name)) for name in light_names()
+    )
 
 
-def _model(name: str) -> Change:
-    return lambda state: replace(state, seen=with_model(state.seen, name))
-
-
-def _display(name: str) -> Change:
-    def change(state: ViewState) -> ViewState:
-        now = state.seen.viewing.display
-        display = replace(PRESETS[name].display(now.space, now.gamut), mark=now.mark)
-        return replace(state, seen=changed(state.seen, display=display))
-
-    return change
-
-
-def _surround(name: str) -> Change:
-    return lambda state: replace(state, seen=changed(state.seen, surround=name))
-
-
-def _shown(**settings: Any) -> Change:
-    """Another setting of the display."""
-
-    def change(state: ViewState) -> ViewState:
-        display = replace(state.seen.viewing.display, **settings)
-        return replace(state, seen=changed(state.seen, display=display))
-
-    return change
-
-
-def _viewing(state: ViewState) -> ViewState:
-    """With the panel in which its setting stands."""
-    panels = state.interface.panels | {"Viewing"}
-    return replace(state, interface=replace(state.interface, panels=panels))
+def _after(name: str, key: str = "", index: int = 0) -> Change:
+    """What an event makes of a state."""
+    return lambda state: reduced(state, Event(name, key=key, index=index))
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
@@ -241,7 +203,7 @@ def _body(search: Search, state: ViewState, desk: Desk) -> Command | None:
     desk.note("commands")
     if text != search.text:
         search.text, search.at = text, 0
-    names = _called(state)
+    names = _light_titles(state)
     rows = _searched(names, desk.recent, search.text)
     step = _pressed(imgui.Key.down_arrow) - _pressed(imgui.Key.up_arrow)
     step += _ROWS * (_pressed(imgui.Key.page_down) - _pressed(imgui.Key.page_up))
@@ -278,7 +240,7 @@ def _row(command: Command, chosen: bool, follow: bool, desk: Desk) -> bool:
     imgui.same_line(left + desk.px(92))
     imgui.text(command.title)
     if command.key:
-        imgui.same_line(right - imgui.calc_text_size(command.key).x - desk.px(8))
+        imgui.same_line(right - text_width(command.key) - desk.px(8))
         imgui.text_disabled(command.key)
     imgui.pop_id()
     return pressed

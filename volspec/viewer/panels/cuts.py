@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from imgui_bundle import imgui
 
 from volspec.raycast import ClipPlane
 from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer import cuts
+from volspec.viewer.actions import BY_NAME
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.events.cuts import ACTIONS, with_aids
-from volspec.viewer.handles import Handle, handles
-from volspec.viewer.panels.desk import Desk, packed
+from volspec.viewer.hits import handles_of, nearest
+from volspec.viewer.panels.widgets import BLACK, WHITE, over_picture, packed, tip
 from volspec.viewer.projection import Place, Projection
 from volspec.viewer.slices import outline_index
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 from volspec.viewer.views import radius_mm
 
-# So near the mouse takes hold of a handle; pixels at 96 dpi.
-_GRIP, _SIZE = 11.0, 5.5
+# A handle's radius; pixels at 96 dpi.
+_SIZE = 5.5
 _ORDER = ("crop", "plane-shift", "plane-tilt")
-_ACTIONS = {action.name: action for action in ACTIONS}
-_WHITE, _DIM, _SHADE = (1.0, 1.0, 1.0, 0.85), (1.0, 1.0, 1.0, 0.3), (0.0, 0.0, 0.0, 0.6)
+_WHITE, _DIM = (*WHITE, 0.85), (*WHITE, 0.3)
 # Of the slices across x, y and z.
 SLICE_COLOURS = ((0.86, 0.42, 0.40), (0.45, 0.75, 0.45), (0.45, 0.62, 0.92))
 
@@ -35,37 +33,15 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     return None if new is state else new
 
 
-def handles_of(state: ViewState, seen: Projection, scale: float) -> tuple[Handle, ...]:
-    """Those in the picture; ``scale`` as `cuts.handles`."""
-    aids, shading = state.interface.aids, state.shading
-    if not (aids.crop or (aids.planes and shading.clip_planes)):
-        return ()
-    return handles(shading, state.document.volume, seen, aids, scale)
-
-
-def nearest(found: tuple[Handle, ...], place: Place, scale: float) -> Handle | None:
-    """The handle that a press at a place of the window takes hold of."""
-    handle = min(found, key=lambda each: math.dist(each.place, place), default=None)
-    if handle is None or math.dist(handle.place, place) > _GRIP * scale:
-        return None
-    return handle
-
-
-def _done(state: ViewState, desk: Desk, name: str) -> ViewState:
-    """What an action makes of a state."""
-    action = _ACTIONS[name]
-    return state if action.change is None else desk.acted(state, action.change, action.refusal)
-
-
 def _crop(state: ViewState, desk: Desk) -> ViewState:
     aids, volume = state.interface.aids, state.document.volume
-    pressed, shown = imgui.checkbox("Crop box in the picture", aids.crop)
+    pressed, _ = imgui.checkbox("Crop box in the picture", aids.crop)
     desk.note("crop box")
-    new = with_aids(state, crop=shown) if pressed else state
+    new = desk.done(state, BY_NAME["crop"]) if pressed else state
     imgui.same_line(imgui.get_content_region_avail().x - desk.px(52))
     imgui.begin_disabled(state.shading.crop_voxels is None)
     if imgui.button("Reset##crop", (desk.px(64), 0)):
-        new = _done(new, desk, "reset-crop")
+        new = desk.done(new, BY_NAME["reset-crop"])
     imgui.end_disabled()
     crop = cuts.crop_of(state.shading, volume)
     imgui.push_item_width(-desk.px(24))
@@ -86,20 +62,19 @@ def _crop(state: ViewState, desk: Desk) -> ViewState:
 def _planes(state: ViewState, desk: Desk) -> ViewState:
     new, planes = state, state.shading.clip_planes
     imgui.separator_text("Clip planes")
-    pressed, shown = imgui.checkbox("Handles", state.interface.aids.planes)
+    pressed, _ = imgui.checkbox("Handles", state.interface.aids.planes)
     if pressed:
-        new = with_aids(new, planes=shown)
+        new = desk.done(new, BY_NAME["planes"])
     imgui.begin_disabled(len(planes) >= MAX_PLANES)
-    for name, title, tip in (
+    for name, title, what in (
         ("plane-facing", "+ facing", "A plane through the middle; what is before it is cut away"),
         *((f"plane-{axis}", f"+ {axis}", f"A plane across the voxels' {axis}") for axis in "xyz"),
     ):
         imgui.same_line()
         if imgui.button(title):
-            new = _done(new, desk, name)
+            new = desk.done(new, BY_NAME[name])
         desk.note(name)
-        if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-            imgui.set_tooltip(tip)
+        tip(what)
     imgui.end_disabled()
     if not planes:
         imgui.text_disabled("None. Drag their handles in the picture.")
@@ -122,8 +97,7 @@ def _row(state: ViewState, desk: Desk, index: int, plane: ClipPlane) -> ViewStat
         "##at", cuts.distance_mm(plane, volume), -reach, reach, "%.1f mm"
     )
     desk.note(f"plane {index}")
-    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-        imgui.set_tooltip(f"From the volume's middle, along ({x:.2f}, {y:.2f}, {z:.2f})")
+    tip(f"From the volume's middle, along ({x:.2f}, {y:.2f}, {z:.2f})")
     if moved:
         state = reduced(state, Event("plane-shift", at, index=index))
     imgui.same_line()
@@ -140,7 +114,6 @@ def _row(state: ViewState, desk: Desk, index: int, plane: ClipPlane) -> ViewStat
 
 def draw_handles(state: ViewState, desk: Desk) -> ViewState | None:
     """Draw the box, the planes and the slices' outlines over the picture."""
-    area = desk.areas["picture"]
     volume, aids = state.document.volume, state.interface.aids
     planes = aids.planes and bool(state.shading.clip_planes)
     outlines = aids.outlines and "Slices" in state.interface.panels
@@ -148,23 +121,21 @@ def draw_handles(state: ViewState, desk: Desk) -> ViewState | None:
         return None
     seen = desk.projection(state)
     crop = cuts.crop_of(state.shading, volume)
-    draw_list = imgui.get_background_draw_list()
-    draw_list.push_clip_rect((area[0], area[1]), (area[0] + area[2], area[1] + area[3]))
-    if outlines:
-        for axis, share in enumerate(state.interface.slices.at):
-            corners = cuts.world_mm(volume, outline_index(volume, axis, share))
-            _polygon(corners, seen, (*SLICE_COLOURS[axis], 0.9), desk)
-    if aids.crop:
-        for start, end, hidden in cuts.box_edges(crop, volume, seen):
-            _line(start, end, _DIM if hidden else _WHITE, desk)
-    if planes:
-        corners = cuts.box_corners_mm(crop, volume)
-        for i, plane in enumerate(state.shading.clip_planes):
-            point, normal = np.asarray(plane.point_mm), np.asarray(plane.normal)
-            colour = ACCENT[True] if i == aids.plane else _WHITE
-            _polygon(cuts.outline_mm(point, normal, corners), seen, colour, desk)
-    _draw_handles(state, seen, desk)
-    draw_list.pop_clip_rect()
+    with over_picture(desk):
+        if outlines:
+            for axis, share in enumerate(state.interface.slices.at):
+                corners = cuts.world_mm(volume, outline_index(volume, axis, share))
+                _polygon(corners, seen, (*SLICE_COLOURS[axis], 0.9), desk)
+        if aids.crop:
+            for start, end, hidden in cuts.box_edges(crop, volume, seen):
+                _line(start, end, _DIM if hidden else _WHITE, desk)
+        if planes:
+            corners = cuts.box_corners_mm(crop, volume)
+            for i, plane in enumerate(state.shading.clip_planes):
+                point, normal = np.asarray(plane.point_mm), np.asarray(plane.normal)
+                colour = ACCENT[True] if i == aids.plane else _WHITE
+                _polygon(cuts.outline_mm(point, normal, corners), seen, colour, desk)
+        _draw_handles(state, seen, desk)
     return None
 
 
@@ -174,12 +145,12 @@ def _draw_handles(state: ViewState, seen: Projection, desk: Desk) -> None:
         mouse = imgui.get_mouse_pos()
         over = nearest(found, (mouse.x, mouse.y), desk.scale)
     draw_list = imgui.get_background_draw_list()
-    shade = packed(_SHADE)
+    shade = packed(BLACK, 0.6)
     middles: dict[int, Place] = {}
     # Of two in one place the first is taken hold of: it is drawn last.
     for handle in (h for name in _ORDER for h in reversed(found) if h.name == name):
         chosen = handle == over
-        lit = ACCENT[True] if chosen else (1.0, 1.0, 1.0, 0.95)
+        lit = ACCENT[True] if chosen else (*WHITE, 0.95)
         size = desk.px(_SIZE * (1.25 if chosen else 1.0))
         x, y = handle.place
         if handle.name == "plane-shift":
@@ -207,5 +178,5 @@ def _polygon(
 def _line(start: Place, end: Place, colour: tuple[float, float, float, float], desk: Desk) -> None:
     """Shaded, so that it is seen on any picture."""
     draw_list = imgui.get_background_draw_list()
-    draw_list.add_line(start, end, packed((0.0, 0.0, 0.0, 0.45 * colour[3])), desk.px(3.0))
+    draw_list.add_line(start, end, packed(BLACK, 0.45 * colour[3]), desk.px(3.0))
     draw_list.add_line(start, end, packed(colour), desk.px(1.4))

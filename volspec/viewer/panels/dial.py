@@ -10,10 +10,11 @@ from typing import Any
 from imgui_bundle import imgui
 
 from volspec.viewer.blending import corners, dial_place
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.lighting import shining
-from volspec.viewer.panels.desk import Desk
-from volspec.viewer.panels.light_look import fitting, packed, raw_colour
+from volspec.viewer.panels.light_colours import raw_colour
+from volspec.viewer.panels.widgets import packed, shortened, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 
@@ -61,8 +62,8 @@ def draw(state: ViewState, desk: Desk, width: float, height: float) -> ViewState
         if hovered >= 0:
             row = state.lights[hovered]
             imgui.set_tooltip("\n".join(dict.fromkeys((row.name, row.label))))
-        elif imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-            imgui.set_tooltip("Drag to blend the lights; the middle is all of them alike")
+        else:
+            tip("Drag to blend the lights; the middle is all of them alike")
     _rim(new, desk, middle, radius, hovered)
     _names(new, desk, (x, y, width, height), middle, radius, hovered)
     return new
@@ -146,7 +147,7 @@ def _names(
         px, py = middle[0] + cx * (radius + out), middle[1] + cy * (radius + out)
         side = (px - within[0]) if cx < 0 else within[0] + within[2] - px
         room = within[2] if abs(cx) < 0.2 else max(side, desk.px(24))
-        texts[i] = fitting(state.lights[i].name, room)
+        texts[i] = shortened(state.lights[i].name, room)
         size = imgui.calc_text_size(texts[i])
         left, top = px - size.x * (0.5 - 0.5 * cx), py - size.y * (0.5 - 0.5 * cy)
         if abs(cx) < 0.2:

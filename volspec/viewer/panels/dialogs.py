@@ -10,7 +10,8 @@ from typing import Any
 from imgui_bundle import imgui
 
 from volspec.raycast.checks import MAX_SIDE
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.desk import Desk
+from volspec.viewer.panels.widgets import pick, wrapped
 from volspec.viewer.paths import Listing, Wish, is_there, listing
 from volspec.viewer.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
 from volspec.viewer.state import ViewState
@@ -88,7 +89,8 @@ class PathDialog:
         right = _right()
         sure = there and path == self._replaces
         if there:
-            _warned(f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}")
+            said = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
+            wrapped(said, imgui.Col_.check_mark)  # not to be overlooked
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Tab completes")
         label = "Replace" if there else "Save" if wish.save else "Open"
@@ -118,15 +120,6 @@ class PathDialog:
             if not found.rows:
                 imgui.text_disabled("No such files here")
         imgui.end_child()
-
-
-def _warned(text: str) -> None:
-    """A line that is not overlooked, in the accent."""
-    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.check_mark))
-    imgui.push_text_wrap_pos(0)
-    imgui.text(text)
-    imgui.pop_text_wrap_pos()
-    imgui.pop_style_color()
 
 
 def _completing(found: Listing) -> Any:
@@ -191,11 +184,7 @@ class PictureDialog:
 
     def _fields(self, state: ViewState, desk: Desk) -> None:
         shot = self.shot
-        if imgui.begin_combo("Size", shot.preset):
-            for preset in PRESETS:
-                if imgui.selectable(preset, preset == shot.preset)[0]:
-                    shot = replace(shot, preset=preset)
-            imgui.end_combo()
+        shot = replace(shot, preset=pick("Size", shot.preset, PRESETS) or shot.preset)
         desk.note("picture size")
         width, height = shot.size(state.size)
         imgui.begin_disabled(shot.preset != CUSTOM)
@@ -210,9 +199,7 @@ class PictureDialog:
         _, name = imgui.input_text_with_hint("Name", "made of the title", shot.name)
         _, folder = imgui.input_text_with_hint("Folder", "where volspec was started", shot.folder)
         shot = replace(shot, name=name, folder=folder)
-        imgui.push_text_wrap_pos(0)
-        imgui.text_disabled(f"Will be {shot.path(state.document.title)}")
-        imgui.pop_text_wrap_pos()
+        wrapped(f"Will be {shot.path(state.document.title)}", _DIM)
         self.shot = shot
 
 

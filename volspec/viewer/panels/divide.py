@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
+from volspec.viewer.desk import Desk
 from volspec.viewer.lighting import Rows, shining
-from volspec.viewer.panels.desk import Desk
-from volspec.viewer.panels.light_look import fitting, packed
+from volspec.viewer.panels.widgets import (
+    BLACK,
+    WHITE,
+    over_picture,
+    packed,
+    shortened,
+    text_width,
+)
 from volspec.viewer.state import ViewState
 
 Box = tuple[float, float, float, float]
-_WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 _TOP, _GAP, _WIDEST = 16.0, 12.0, 260.0
 
 
@@ -22,30 +28,37 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     area = desk.areas["picture"]
     x, y, width, height = area
     at = round(x + state.divide * width)
+    with over_picture(desk) as draw_list:
+        # White on black: seen over any picture.
+        draw_list.add_line((at, y), (at, y + height), packed(BLACK, 0.5), desk.px(3.5))
+        draw_list.add_line((at, y), (at, y + height), packed(WHITE, 0.95), desk.px(1.5))
+        _handle(desk, (at, y + height / 2))
+        _labels(desk, area, at, (state.lights, state.other))
+    return None
+
+
+def _labels(
+    desk: Desk, area: tuple[int, int, int, int], at: float, sides: tuple[Rows, Rows]
+) -> None:
+    """Which lights are at the left and the right of the line."""
+    _, y, width, _ = area
     draw_list = imgui.get_background_draw_list()
-    draw_list.push_clip_rect((x, y), (x + width, y + height))
-    # White on black: seen over any picture.
-    draw_list.add_line((at, y), (at, y + height), packed(_BLACK, 0.5), desk.px(3.5))
-    draw_list.add_line((at, y), (at, y + height), packed(_WHITE, 0.95), desk.px(1.5))
-    _handle(desk, (at, y + height / 2))
     pad, most = desk.px(8), min(width * 0.45, desk.px(_WIDEST))
-    texts = [fitting(called(rows), most) for rows in (state.lights, state.other)]
-    letters = imgui.calc_text_size("A").x + 2 * pad
+    texts = [shortened(names_of(rows), most) for rows in sides]
+    letters = text_width("A") + 2 * pad
     sizes = [imgui.calc_text_size(text) for text in texts]
     wide = sizes[0].x + 2 * pad + letters, sizes[1].x + 2 * pad + letters
     tall = sizes[0].y + pad
     boxes = label_boxes(area, at, wide, tall, desk.px(_TOP), desk.px(_GAP))
     lowest = max(top for _, top, _, _ in boxes) + tall
-    desk.areas["sides"] = x, y, width, int(lowest - y)
+    desk.areas["sides"] = area[0], y, width, int(lowest - y)
     for letter, text, (left, top, breadth, _) in zip("AB", texts, boxes, strict=True):
         ends = (left, top), (left + breadth, top + tall)
-        draw_list.add_rect_filled(*ends, packed(_BLACK, 0.72), desk.px(5))
+        draw_list.add_rect_filled(*ends, packed(BLACK, 0.72), desk.px(5))
         badge = (left, top), (left + letters, top + tall)
-        draw_list.add_rect_filled(*badge, packed(_WHITE, 0.92), desk.px(5))
-        draw_list.add_text((left + pad, top + pad / 2), packed(_BLACK), letter)
-        draw_list.add_text((left + letters + pad, top + pad / 2), packed(_WHITE), text)
-    draw_list.pop_clip_rect()
-    return None
+        draw_list.add_rect_filled(*badge, packed(WHITE, 0.92), desk.px(5))
+        draw_list.add_text((left + pad, top + pad / 2), packed(BLACK), letter)
+        draw_list.add_text((left + letters + pad, top + pad / 2), packed(WHITE), text)
 
 
 def label_boxes(
@@ -83,16 +96,16 @@ def label_boxes(
 
 def _handle(desk: Desk, at: tuple[float, float]) -> None:
     draw_list, radius, (x, y) = imgui.get_background_draw_list(), desk.px(11), at
-    draw_list.add_circle_filled(at, radius + desk.px(1), packed(_BLACK, 0.5))
-    draw_list.add_circle_filled(at, radius, packed(_WHITE, 0.95))
+    draw_list.add_circle_filled(at, radius + desk.px(1), packed(BLACK, 0.5))
+    draw_list.add_circle_filled(at, radius, packed(WHITE, 0.95))
     near, far, half = desk.px(2.5), desk.px(7), desk.px(4)
     for side in (-1, 1):
-        tip, upper, lower = (x + side * far, y), (x + side * near, y - half), y + half
+        end, upper, lower = (x + side * far, y), (x + side * near, y - half), y + half
         dark = packed((0.15, 0.15, 0.15))
-        draw_list.add_triangle_filled(tip, upper, (x + side * near, lower), dark)
+        draw_list.add_triangle_filled(end, upper, (x + side * near, lower), dark)
 
 
-def called(rows: Rows) -> str:
+def names_of(rows: Rows) -> str:
     """The names of what shines."""
     lit = [row.name for row, weight in zip(rows, shining(rows), strict=True) if weight > 0]
     return " + ".join(lit[:3]) + (" + …" if len(lit) > 3 else "") or "dark"

@@ -6,14 +6,13 @@ from functools import lru_cache
 
 from imgui_bundle import imgui
 
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.desk import Desk
+from volspec.viewer.panels.widgets import BLACK, WHITE, over_picture, packed, text_width
 from volspec.viewer.state import ViewState
 
 _STEPS = 48
 # CIEDE2000 of colours that an eye can just tell apart.
 _TOLD_APART = 1.0
-_SHADE = (0.0, 0.0, 0.0, 0.55)
-_WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
@@ -21,13 +20,11 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     heat = desk.heat
     if heat is None or not state.interface.error_map:
         return None
-    x, y, width, height = desk.areas["picture"]
-    draw_list = imgui.get_background_draw_list()
     if heat.texture and heat.image is desk.image:
         left, top, right, bottom = desk.shown_at
-        draw_list.push_clip_rect((x, y), (x + width, y + height))
-        draw_list.add_image(imgui.ImTextureRef(heat.texture), (left, top), (right, bottom))
-        draw_list.pop_clip_rect()
+        with over_picture(desk) as draw_list:
+            draw_list.add_image(imgui.ImTextureRef(heat.texture), (left, top), (right, bottom))
+    x, y, _, _ = desk.areas["picture"]
     _legend(desk, (x + desk.px(14), y + desk.px(14)))
     return None
 
@@ -46,14 +43,14 @@ def _legend(desk: Desk, corner: tuple[float, float]) -> None:
             lines.append("An eye tells 1 apart: nothing here is seen")
     draw_list = imgui.get_background_draw_list()
     x, y = corner
-    wide = max(imgui.calc_text_size(line).x for line in lines)
+    wide = max(text_width(line) for line in lines)
     tall = imgui.get_text_line_height_with_spacing()
     bar = desk.px(10) if found is not None else 0.0
     rows = len(lines) + int(found is not None)
     pad = desk.px(8)
-    shade, white = (imgui.color_convert_float4_to_u32(each) for each in (_SHADE, _WHITE))
+    white = packed(WHITE)
     end = x + wide + 2 * pad, y + rows * tall + bar + 2 * pad
-    draw_list.add_rect_filled((x, y), end, shade, desk.px(5))
+    draw_list.add_rect_filled((x, y), end, packed(BLACK, 0.55), desk.px(5))
     for i, line in enumerate(lines):
         draw_list.add_text((x + pad, y + pad + i * tall), white, line)
     if found is None:
@@ -65,7 +62,7 @@ def _legend(desk: Desk, corner: tuple[float, float]) -> None:
         draw_list.add_rect_filled((left, top), (left + step + 1, top + bar), colour)
     for share in (0.0, 0.5, 1.0):
         text = f"{share * found.top:.3g}"
-        at = x + pad + share * (wide - imgui.calc_text_size(text).x)
+        at = x + pad + share * (wide - text_width(text))
         draw_list.add_text((at, top + bar + desk.px(1)), white, text)
 
 
@@ -78,7 +75,4 @@ def _scale() -> tuple[int, ...]:
 
     ramp = np.linspace(0, 1, _STEPS, dtype=np.float32)[None]
     colours = ErrorMap(ramp, np.ones_like(ramp)).heat(1.0)[0] / 255.0
-    return tuple(
-        int(imgui.color_convert_float4_to_u32((float(r), float(g), float(b), 1.0)))
-        for r, g, b in colours
-    )
+    return tuple(packed(colour) for colour in colours.tolist())

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 from imgui_bundle import imgui
 
-from volspec.viewer.actions import ACTIONS, MENUS, shown
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.actions import ACTIONS, BY_NAME, MENUS, shown
+from volspec.viewer.desk import Desk
+from volspec.viewer.panels.widgets import text_width
 from volspec.viewer.state import ViewState
 
 Row = tuple[str, str]
@@ -36,7 +36,7 @@ _PANELS = (
 )
 
 
-def _of(menu: str) -> tuple[Row, ...]:
+def _rows_of(menu: str) -> tuple[Row, ...]:
     """A menu's actions that have keys."""
     return tuple(
         (", ".join(shown(key) for key in action.keys if key), action.title.removesuffix(" …"))
@@ -47,7 +47,7 @@ def _of(menu: str) -> tuple[Row, ...]:
 
 SHEET: tuple[Part, ...] = (
     ("Mouse", _MOUSE),
-    *((menu, rows) for menu in MENUS if (rows := _of(menu))),
+    *((menu, rows) for menu in MENUS if (rows := _rows_of(menu))),
     ("In panels, after F6", _PANELS),
 )
 _FLAGS = (
@@ -97,7 +97,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     closed = closed or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()
     imgui.pop_style_var(3)
-    return replace(state, interface=replace(state.interface, keys=False)) if closed else None
+    return desk.done(state, BY_NAME["keys"]) if closed else None
 
 
 def _columns(desk: Desk, width: float) -> None:
@@ -137,4 +137,4 @@ def _fitting(width: float, gap: float, apart: float) -> int:
 
 
 def _widest(texts: Iterable[str]) -> float:
-    return max(imgui.calc_text_size(text).x for text in texts)
+    return max(text_width(text) for text in texts)

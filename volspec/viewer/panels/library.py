@@ -11,10 +11,18 @@ from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, light, light_names
 from volspec.spectra.files import split_address
 from volspec.spectra.lamps import LAMPS, PREFIX
-from volspec.viewer import lighting
-from volspec.viewer.events.lights import with_last
-from volspec.viewer.panels.desk import Desk, kelvin_slider
-from volspec.viewer.panels.light_look import fitting, packed, raw_colour, tip
+from volspec.viewer.desk import Desk
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.events.rows import refusal
+from volspec.viewer.panels.light_colours import raw_colour
+from volspec.viewer.panels.widgets import (
+    kelvin_slider,
+    packed,
+    shortened,
+    text_width,
+    tip,
+    wrapped,
+)
 from volspec.viewer.state import ViewState
 
 _POPUP = "add a light"
@@ -37,7 +45,7 @@ _CIE = frozenset(["A", "B", "C", "E", "D50", "D55", "D60", "D65", "D75"])
 
 def open_popup(desk: Desk) -> None:
     """Open it with nothing searched for."""
-    desk.search, desk.complaint = "", ""
+    desk.library.search, desk.library.complaint = "", ""
     imgui.open_popup(_POPUP)
 
 
@@ -52,22 +60,21 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
     if imgui.is_key_pressed(imgui.Key.escape):
         imgui.close_current_popup()
     imgui.set_next_item_width(-1)
-    entered, text = imgui.input_text_with_hint("##search", _HINT, desk.search, _ENTER)
-    if text != desk.search:
-        desk.search, desk.complaint = text, ""
-    found = matching(desk.search)
+    scraps = desk.library
+    entered, text = imgui.input_text_with_hint("##search", _HINT, scraps.search, _ENTER)
+    if text != scraps.search:
+        scraps.search, scraps.complaint = text, ""
+    found = matching(scraps.search)
     grid, folder = state.document.grid, state.document.folder
     wanted = _found(found, desk, grid, folder)
-    typed = desk.search.strip()
+    typed = scraps.search.strip()
     if entered and typed:
         wanted = found[0] if found and not _is_notation(typed) else typed
     imgui.separator()
     wanted = _temperatures(desk) or wanted
     new = _added(state, desk, wanted) if wanted else state
-    if desk.complaint:
-        imgui.push_text_wrap_pos(0)
-        imgui.text(desk.complaint)
-        imgui.pop_text_wrap_pos()
+    if scraps.complaint:
+        imgui.text_wrapped(scraps.complaint)
     imgui.end_popup()
     return new
 
@@ -127,7 +134,7 @@ def _found(found: list[str], desk: Desk, grid: SpectralGrid, folder: str) -> str
     """The list; what was clicked in it, or nothing."""
     wanted = ""
     if imgui.begin_child("found", (0, desk.px(208))):
-        typed = desk.search.strip()
+        typed = desk.library.search.strip()
         rig, wrong = verdict(typed, grid, folder) if typed else (None, "")
         if rig is not None and typed.casefold() not in {n.casefold() for n in found}:
             found = [typed, *found]
@@ -140,9 +147,7 @@ def _found(found: list[str], desk: Desk, grid: SpectralGrid, folder: str) -> str
                 desk.note(f"found {i}")
         clipper.end()
         if not found:
-            imgui.push_text_wrap_pos(0)
-            imgui.text_disabled(wrong)
-            imgui.pop_text_wrap_pos()
+            wrapped(wrong, imgui.Col_.text_disabled)
     imgui.end_child()
     return wanted
 
@@ -161,43 +166,40 @@ def _entry(name: str, desk: Desk, grid: SpectralGrid, folder: str) -> bool:
         draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), desk.px(3))
     left = x + side + desk.px(8)
     what = class_of(name) if name in library_names() else "as typed"
-    own = min(imgui.calc_text_size(name).x, width - side - desk.px(16))
+    own = min(text_width(name), width - side - desk.px(16))
     room = width - side - desk.px(20) - own
     text, dim = (imgui.get_color_u32(c) for c in (imgui.Col_.text, imgui.Col_.text_disabled))
-    draw_list.add_text((left, y), text, fitting(name, width - side - desk.px(16)))
-    kind = fitting(what, room) if room > desk.px(40) else ""
-    draw_list.add_text((x + width - imgui.calc_text_size(kind).x, y), dim, kind)
+    draw_list.add_text((left, y), text, shortened(name, width - side - desk.px(16)))
+    kind = shortened(what, room) if room > desk.px(40) else ""
+    draw_list.add_text((x + width - text_width(kind), y), dim, kind)
     tip(f"{name}\n{what}")
     return bool(clicked)
 
 
 def _temperatures(desk: Desk) -> str:
     """A radiator or a daylight of any temperature; its notation where it was asked for."""
-    wanted = ""
+    wanted, scraps = "", desk.library
     imgui.set_next_item_width(-desk.px(150))
-    _, desk.kelvin = kelvin_slider("##planck", desk.kelvin)
+    _, scraps.kelvin = kelvin_slider("##planck", scraps.kelvin)
     imgui.same_line()
     if imgui.button("Planck", (desk.px(64), 0)):
-        wanted = f"planck:{desk.kelvin:.0f}"
+        wanted = f"planck:{scraps.kelvin:.0f}"
     desk.note("planck")
     tip("A Planck radiator of this temperature")
     imgui.same_line()
     low, high = _DAYLIGHT
-    imgui.begin_disabled(not low <= desk.kelvin <= high)
+    imgui.begin_disabled(not low <= scraps.kelvin <= high)
     if imgui.button("Daylight", (-1, 0)):
-        wanted = f"daylight:{desk.kelvin:.0f}"
+        wanted = f"daylight:{scraps.kelvin:.0f}"
     imgui.end_disabled()
     tip(f"CIE daylight of this temperature, {low:.0f} to {high:.0f} K")
     return wanted
 
 
 def _added(state: ViewState, desk: Desk, wanted: str) -> ViewState:
-    document = state.document
-    try:
-        rows = lighting.added(state.lights, wanted, document.grid, document.folder)
-    except (VolspecError, OSError) as error:
-        desk.complaint = " ".join(str(error).split())
-        return state
-    desk.complaint = ""
-    imgui.close_current_popup()
-    return with_last(state, rows)
+    event = Event("add-light", key=wanted)
+    new = reduced(state, event)
+    desk.library.complaint = refusal(state, event) if new is state else ""
+    if new is not state:
+        imgui.close_current_popup()
+    return new

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 from imgui_bundle import imgui, imgui_knobs
 
-from volspec.errors import VolspecError
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
 from volspec.viewer import light_parts
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
+from volspec.viewer.events.rows import refusal
 from volspec.viewer.light_parts import facing_lux
-from volspec.viewer.panels.desk import Desk, kelvin_slider
-from volspec.viewer.panels.light_look import packed, raw_colour, tip
+from volspec.viewer.panels.light_colours import raw_colour
+from volspec.viewer.panels.widgets import kelvin_slider, packed, text_width, tip, wrapped
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 
@@ -65,9 +65,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
     if not plain:
         new = _parts(new, desk, index, groups)
     note = light_parts.lux_note(state.lights, state.shading.shares(), state.seen)
-    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
-    imgui.text_wrapped(note)
-    imgui.pop_style_color()
+    wrapped(note, imgui.Col_.text_disabled)
     imgui.pop_style_var()
     tip(_LUX_TIP)
     return new
@@ -87,7 +85,7 @@ def _knob(state: ViewState, desk: Desk, index: int) -> ViewState:
     text = f"{weight:.2f}"
     x = imgui.get_cursor_pos_x()
     imgui.set_cursor_pos((x, imgui.get_cursor_pos_y() - desk.px(8)))
-    imgui.set_cursor_pos_x(x + (desk.px(_KNOB) - imgui.calc_text_size(text).x) / 2)
+    imgui.set_cursor_pos_x(x + (desk.px(_KNOB) - text_width(text)) / 2)
     imgui.text(text)
     imgui.end_group()
     return reduced(state, Event("weight", value, index=index)) if moved else state
@@ -162,15 +160,11 @@ def _text(state: ViewState, desk: Desk, index: int, part: int, width: float) -> 
     if not entered:
         return state
     scraps.text_of = ("", 0)
-    document = state.document
-    try:
-        rows = light_parts.respelled(
-            *(state.lights, index, part, text, document.grid, document.folder)
-        )
-    except (VolspecError, OSError) as error:
-        scraps.complain(error, (index, part), state.lights)
-        return state
-    return replace(state, lights=rows)
+    event = Event("respell", index=index, part=part, key=text)
+    new = reduced(state, event)
+    if new is state and (why := refusal(state, event)):
+        scraps.complain(why, (index, part), state.lights)
+    return new
 
 
 def _complaint(said: str, desk: Desk, name: str) -> None:
@@ -227,7 +221,7 @@ def _part(
     picked, at = imgui.combo("##group", now, [name or _ALL for name in names])
     desk.note(f"group {j}")
     if picked:
-        new = replace(new, lights=light_parts.regrouped(new.lights, index, j, names[at]))
+        new = reduced(new, Event("regroup", index=index, part=j, key=names[at]))
     imgui.table_next_column()
     x, y = imgui.get_cursor_screen_pos()
     side, inset = imgui.get_frame_height(), desk.px(3)
@@ -256,7 +250,7 @@ def _part(
             new = reduced(new, Event("lux", lux, index=index, part=j))
     imgui.table_next_column()
     if len(rig.lights) > 1 and imgui.button("×", (-1, 0)):
-        new = replace(new, lights=light_parts.part_removed(new.lights, index, j))
+        new = reduced(new, Event("remove-part", index=index, part=j))
     return new
 
 
@@ -265,7 +259,7 @@ def _more(state: ViewState, desk: Desk, index: int, groups: tuple[str, ...]) -> 
     rig, new = state.lights[index].rig, state
     if "" in rig.groups:
         if imgui.button("A spectrum for each group"):
-            new = replace(new, lights=light_parts.parted(new.lights, index, groups))
+            new = reduced(new, Event("split-part", index=index))
         desk.note("part groups")
         return new
     dark = [name for name in groups if name not in rig.groups]
@@ -273,7 +267,7 @@ def _more(state: ViewState, desk: Desk, index: int, groups: tuple[str, ...]) -> 
         if i:
             imgui.same_line()
         if imgui.button(f"Light {name}"):
-            new = replace(new, lights=light_parts.part_added(new.lights, index, name))
+            new = reduced(new, Event("add-part", index=index, key=name))
         tip(f"Nothing shines from {name} in this light")
     return new
 

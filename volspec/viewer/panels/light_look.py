@@ -1,8 +1,10 @@
-"""How lights are drawn wherever they stand in a panel: as swatches, and as spectra in colour."""
+"""Spectra as panels draw them: filled with the colours of their wavelengths, and as lines.
+
+rows -> [light_look] -> draw lists
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -12,32 +14,28 @@ from numpy.typing import NDArray
 
 from volspec.appearance.srgb import encode, linear_from_XYZ
 from volspec.relight import LightRig
-from volspec.spectra import SpectralGrid, color_matching_functions, white_XYZ
+from volspec.spectra import SpectralGrid, color_matching_functions
+from volspec.viewer.panels.widgets import packed
 
 Rect = tuple[float, float, float, float]
 # Pixels of the window for each column of a spectrum: finer ones look no different.
-COLUMN = 2.0
-
-
-@lru_cache(maxsize=512)
-def raw_colour(rig: LightRig) -> tuple[float, float, float]:
-    """A light on white paper beside the display's white; sRGB codes 0 to 1, the most 1."""
-    white = white_XYZ(rig.mixed(rig.lights[0].grid))
-    linear = np.maximum(linear_from_XYZ(white), 0.0)
-    r, g, b = (float(v) for v in encode(linear / max(float(linear.max()), 1e-9)))
-    return r, g, b
-
-
-def packed(colour: Sequence[float], alpha: float = 1.0) -> int:
-    """A colour as draw lists take it."""
-    r, g, b = colour[:3]
-    return int(imgui.color_convert_float4_to_u32((r, g, b, alpha)))
+_COLUMN = 2.0
+# Of a small spectrum above its peak.
+_HEADROOM = 1.04
 
 
 @lru_cache(maxsize=512)
 def mixed_values(rig: LightRig, grid: SpectralGrid) -> NDArray[np.float64]:
     """(N,) power of a rig's lights together, band by band."""
     return rig.mixed(grid).values
+
+
+def spark(
+    draw_list: Any, rect: Rect, rig: LightRig, grid: SpectralGrid, alpha: float = 1.0
+) -> None:
+    """The spectrum of a rig in small, to its own peak."""
+    values = mixed_values(rig, grid)
+    fill(draw_list, rect, values, float(values.max()) * _HEADROOM, grid, alpha)
 
 
 def fill(
@@ -63,7 +61,7 @@ def fill(
         Opacity.
     """
     x, y, width, height = rect
-    count = max(int(width / COLUMN), 2)
+    count = max(int(width / _COLUMN), 2)
     colours = column_colours(grid, count, round(alpha, 2))
     heights = column_heights(values, count) * (height / max(top, 1e-12))
     bottom, step = y + height, width / count
@@ -111,28 +109,3 @@ def _smooth(codes: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
     padded = np.pad(codes, ((reach, reach), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0)
     return np.asarray(windows.mean(axis=-1))
-
-
-def shortened(text: str, width: float, measure: Callable[[str], float]) -> str:
-    """A text, cut with an ellipsis where it would be wider.
-
-    >>> shortened("tungsten", 5, len), shortened("D65", 5, len)
-    ('tung…', 'D65')
-    """
-    if measure(text) <= width:
-        return text
-    end = len(text)
-    while end > 1 and measure(text[:end].rstrip() + "…") > width:
-        end -= 1
-    return text[:end].rstrip() + "…"
-
-
-def fitting(text: str, width: float) -> str:
-    """As `shortened`, in imgui's present font."""
-    return shortened(text, width, lambda part: float(imgui.calc_text_size(part).x))
-
-
-def tip(text: str) -> None:
-    """A tooltip of the last item."""
-    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-        imgui.set_tooltip(text)

@@ -5,13 +5,20 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.viewer import lighting
-from volspec.viewer.actions import BY_NAME, shown
+from volspec.viewer.actions import BY_NAME
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.events.lights import only, renamed
-from volspec.viewer.panels.desk import Desk
-from volspec.viewer.panels.light_look import fill, fitting, mixed_values, packed, tip
+from volspec.viewer.panels.light_colours import adapted_colour, raw_colour
+from volspec.viewer.panels.light_look import spark
+from volspec.viewer.panels.widgets import (
+    key_text,
+    lit_button,
+    name_field,
+    packed,
+    shortened,
+    tip,
+)
 from volspec.viewer.state import ViewState
-from volspec.viewer.style import ACCENT
 
 _SWATCH, _SPARK, _BOTH = 30.0, 46.0, 48.0
 _FLAGS = (
@@ -86,11 +93,11 @@ def _row(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> Vie
         new = reduced(new, Event("weight", weight, index=i))
         new = reduced(new, Event("select", index=i))
     imgui.table_next_column()
-    if _toggle("S", row.solo, state.interface.dark, "Solo: only lights with S shine"):
+    if _toggle("S", row.solo, state, "Solo: only lights with S shine"):
         new = reduced(new, Event("solo", index=i))
     desk.note(f"solo {i}")
     imgui.same_line(0, desk.px(3))
-    if _toggle("M", row.muted, state.interface.dark, "Mute"):
+    if _toggle("M", row.muted, state, "Mute"):
         new = reduced(new, Event("mute", index=i))
     desk.note(f"mute {i}")
     return new
@@ -104,7 +111,7 @@ def _name(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> Vi
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
     imgui.align_text_to_frame_padding()
     room = imgui.get_content_region_avail().x
-    label = f"{fitting(row.name, room)}##name"
+    label = f"{shortened(row.name, room)}##name"
     if imgui.selectable(label, state.interface.light == i)[0]:
         new = reduced(new, Event("select", index=i))
         if desk.lights.tab != "Spectrum":
@@ -115,7 +122,7 @@ def _name(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> Vi
     level = f"\n{lux:.4g} lx at weight 1" if lux else ""
     tip(f"{described(row)}{level}\nDouble-click: this light alone; F2: another name")
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
-        new = only(new, i)
+        new = reduced(new, Event("alone", index=i))
     return _context(new, desk, i)
 
 
@@ -131,16 +138,11 @@ def described(row: lighting.LightRow) -> str:
 def _rename(new: ViewState, desk: Desk, i: int) -> ViewState:
     """The name's field, in its place."""
     scraps = desk.lights
-    if scraps.focus:
-        imgui.set_keyboard_focus_here()
-        scraps.focus = False
-    imgui.set_next_item_width(-1)
-    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-    entered, scraps.name = imgui.input_text("##rename", scraps.name, flags)
+    entered, ended = name_field("##rename", scraps)
     desk.note(f"rename {i}")
     if entered:
-        new = renamed(new, i, scraps.name)
-    if entered or imgui.is_item_deactivated():
+        new = reduced(new, Event("rename-light", index=i, key=scraps.name))
+    if ended:
         scraps.renaming, scraps.name = -1, ""
     return new
 
@@ -152,13 +154,8 @@ def _context(new: ViewState, desk: Desk, i: int) -> ViewState:
     for name in _MENU:
         action = BY_NAME[name]
         title = action.title.replace("the chosen ", "the ").replace("The chosen ", "This ")
-        key = shown(action.keys[0]) if action.keys else ""
-        if imgui.menu_item(title, key, False)[0]:
-            new = reduced(new, Event("select", index=i))
-            if action.change is not None:
-                new = action.change(new)
-            else:
-                desk.asked.append(action.name)
+        if imgui.menu_item(title, key_text(action), False)[0]:
+            new = desk.done(reduced(new, Event("select", index=i)), action)
         desk.note(f"row {name}")
     imgui.end_popup()
     return new
@@ -166,7 +163,8 @@ def _context(new: ViewState, desk: Desk, i: int) -> ViewState:
 
 def _swatch(state: ViewState, desk: Desk, index: int) -> None:
     """Left as the light is, right as an adapted eye sees it."""
-    raw, adapted = desk.swatch(state.lights[index].rig, state.seen)
+    rig = state.lights[index].rig
+    raw, adapted = raw_colour(rig), adapted_colour(rig, state.seen)
     x, y = imgui.get_cursor_screen_pos()
     width, height = desk.px(_SWATCH), imgui.get_frame_height()
     imgui.dummy((width, height))
@@ -194,19 +192,13 @@ def _spark(state: ViewState, desk: Desk, index: int, lit: bool) -> bool:
     draw_list, grid = imgui.get_window_draw_list(), state.document.grid
     ends = (x, y + inset), (x + width, y + height - inset)
     draw_list.add_rect_filled(*ends, imgui.get_color_u32(imgui.Col_.frame_bg, 0.55))
-    values = mixed_values(state.lights[index].rig, grid)
-    fill(draw_list, rect, values, float(values.max()) * 1.04, grid, 1.0 if lit else 0.4)
+    spark(draw_list, rect, state.lights[index].rig, grid, 1.0 if lit else 0.4)
     tip("Its spectrum; a click opens it to be drawn")
     return clicked
 
 
-def _toggle(label: str, on: bool, dark: bool, text: str) -> bool:
-    if on:
-        imgui.push_style_color(imgui.Col_.button, ACCENT[dark])
-        imgui.push_style_color(imgui.Col_.text, (0.05, 0.05, 0.05, 1.0))
+def _toggle(label: str, on: bool, state: ViewState, what: str) -> bool:
     side = imgui.get_frame_height()
-    pressed: bool = imgui.button(label, (side, side))
-    if on:
-        imgui.pop_style_color(2)
-    tip(text)
+    pressed = lit_button(label, on, state.interface.dark, (side, side))
+    tip(what)
     return pressed

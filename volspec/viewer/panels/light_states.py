@@ -7,23 +7,25 @@ from functools import lru_cache
 from imgui_bundle import imgui
 
 from volspec.relight import LightRig
-from volspec.viewer.events import lightstates
+from volspec.viewer.actions import BY_NAME
+from volspec.viewer.desk import Desk
+from volspec.viewer.events import Event, reduced
 from volspec.viewer.lighting import Rows, rig_of
 from volspec.viewer.lightstates import MOST_SECONDS, recalled
-from volspec.viewer.panels.desk import Desk
-from volspec.viewer.panels.light_look import fill, fitting, mixed_values, packed, raw_colour, tip
+from volspec.viewer.panels.light_colours import raw_colour
+from volspec.viewer.panels.light_look import spark
+from volspec.viewer.panels.widgets import name_field, packed, shortened, tip
 from volspec.viewer.state import ViewState
 
 _SWATCH, _SPARK = 16.0, 46.0
 _MENU = "state menu"
-_ENTER = imgui.InputTextFlags_.enter_returns_true
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState:
     """Draw the tab."""
     new = state
     if imgui.button("Save state"):
-        new = lightstates.saved(new)
+        new = desk.done(new, BY_NAME["save-state"])
     desk.note("save state")
     tip("All lights and the viewing, to come back to (Alt+S)")
     imgui.same_line()
@@ -32,7 +34,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
     moved, seconds = imgui.slider_float("Fade", state.interface.fade_s, 0.0, MOST_SECONDS, text)
     desk.note("fade")
     if moved:
-        new = lightstates.fade_lasting(new, seconds)
+        new = reduced(new, Event("fade", seconds))
     if not state.kept:
         imgui.text_disabled("Saved states stand here. Alt+1 … Alt+9 fade to them.")
         return new
@@ -55,7 +57,7 @@ def _line(new: ViewState, state: ViewState, desk: Desk, i: int) -> ViewState:
     desk.note(f"state {i}")
     tip(f"Fade to {saved.name}{f' (Alt+{i + 1})' if i < 9 else ''}")
     if pressed:
-        new = lightstates.recall(new, i)
+        new = reduced(new, Event("recall-state", index=i))
     _look(state, desk, i, (x, y))
     imgui.same_line(width - button)
     if imgui.button("…", (button, 0)):
@@ -77,12 +79,11 @@ def _look(state: ViewState, desk: Desk, i: int, at: tuple[float, float]) -> None
     if rig is not None:
         ends = (left, y + inset), (left + desk.px(_SWATCH), y + height - inset)
         draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), desk.px(3))
-        values = mixed_values(rig, grid)
         rect = left + desk.px(_SWATCH + 6), y + inset, desk.px(_SPARK), height - 2 * inset
-        fill(draw_list, rect, values, float(values.max()) * 1.04, grid)
+        spark(draw_list, rect, rig, grid)
     left += desk.px(_SWATCH + _SPARK + 14)
     room = x + imgui.get_content_region_avail().x - height - desk.px(12) - left
-    draw_list.add_text((left, top), text, fitting(saved.name, room))
+    draw_list.add_text((left, top), text, shortened(saved.name, room))
 
 
 @lru_cache(maxsize=128)
@@ -93,15 +94,11 @@ def kept_rig(rows: Rows) -> LightRig | None:
 
 def _rename(new: ViewState, desk: Desk, i: int) -> ViewState:
     scraps = desk.lights
-    if scraps.focus:
-        imgui.set_keyboard_focus_here()
-        scraps.focus = False
-    imgui.set_next_item_width(-1)
-    entered, scraps.name = imgui.input_text("##name", scraps.name, _ENTER)
+    entered, ended = name_field("##name", scraps)
     desk.note("state name")
     if entered:
-        new = lightstates.renamed(new, i, scraps.name)
-    if entered or imgui.is_item_deactivated():
+        new = reduced(new, Event("rename-state", index=i, key=scraps.name))
+    if ended:
         scraps.naming, scraps.name = -1, ""
     return new
 
@@ -114,8 +111,8 @@ def _menu(new: ViewState, state: ViewState, desk: Desk, i: int) -> ViewState:
         desk.lights.focus = True
     desk.note("rename state")
     if imgui.menu_item("Save the present lights here", "", False)[0]:
-        new = lightstates.saved_over(new, i)
+        new = reduced(new, Event("save-over-state", index=i))
     if imgui.menu_item("Delete", "", False)[0]:
-        new = lightstates.deleted(new, i)
+        new = reduced(new, Event("delete-state", index=i))
     imgui.end_popup()
     return new

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.viewer.actions import BY_NAME, shown
+from volspec.viewer.actions import BY_NAME
+from volspec.viewer.desk import Desk
 from volspec.viewer.lighting import rig_of
 from volspec.viewer.panels import dial, library, light_detail, light_rows, light_states, spectrum
-from volspec.viewer.panels.desk import Desk
-from volspec.viewer.panels.light_look import tip
+from volspec.viewer.panels.widgets import key_text, lit_button, tip
 from volspec.viewer.state import ViewState
-from volspec.viewer.style import ACCENT
 
 # Of what is under the rows, tabs included; and of the buttons.
 _LEAST_TABS, _BUTTONS = 134.0, 34.0
@@ -97,14 +96,10 @@ def _action(
     action = BY_NAME[name]
     imgui.same_line(0, desk.px(6))
     on = action.on is not None and action.on(state)
-    if on:
-        imgui.push_style_color(imgui.Col_.button, ACCENT[state.interface.dark])
-        imgui.push_style_color(imgui.Col_.text, (0.05, 0.05, 0.05, 1.0))
     imgui.begin_disabled(disabled)
-    pressed = imgui.button(title)
+    pressed = lit_button(title, on, state.interface.dark)
     imgui.end_disabled()
-    if on:
-        imgui.pop_style_color(2)
     desk.note(f"button {name}")
-    tip(f"{what}{f' ({shown(action.keys[0])})' if action.keys else ''}")
-    return action.change(state) if pressed and action.change else state
+    key = key_text(action)
+    tip(f"{what} ({key})" if key else what)
+    return desk.done(state, action) if pressed else state

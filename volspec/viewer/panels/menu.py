@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.viewer.actions import ACTIONS, MENUS, shown
+from volspec.viewer.actions import ACTIONS, MENUS
+from volspec.viewer.desk import Desk
 from volspec.viewer.events.event import Action
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.panels.widgets import key_text
 from volspec.viewer.state import ViewState
 
 # Actions that begin another part of their menu; the recent files follow the first.
@@ -40,17 +41,12 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
 def _row(action: Action, state: ViewState, desk: Desk) -> ViewState:
     if action.name in _PARTS:
         imgui.separator()
-    key = shown(action.keys[0]) if action.keys and action.keys[0] else ""
     on = action.on is not None and action.on(state)
-    picked = imgui.menu_item(action.title, key, on)[0]
+    picked = imgui.menu_item(action.title, key_text(action), on)[0]
     desk.note(f"action {action.name}")
     if action.name == _AFTER:
         _recent(desk)
-    if picked and action.change is None:
-        desk.asked.append(action.name)
-    elif picked and action.change is not None:
-        return desk.acted(state, action.change, action.refusal)
-    return state
+    return desk.done(state, action) if picked else state
 
 
 def _recent(desk: Desk) -> None:

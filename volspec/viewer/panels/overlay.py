@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.desk import Desk
 
 _FLAGS = (
     imgui.WindowFlags_.no_decoration

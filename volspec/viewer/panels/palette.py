@@ -13,8 +13,9 @@ from volspec.palette.advice import VISIBLE
 from volspec.viewer.actions import BY_NAME
 from volspec.viewer.design_spectra import can_be_exact
 from volspec.viewer.design_table import Table, table_of
+from volspec.viewer.desk import Desk
 from volspec.viewer.panels import palette_cells, palette_editor, palette_tools
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.panels.widgets import AT_ONCE, WAITING_GREYED, packed, tip, wrapped
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 
@@ -33,6 +34,11 @@ _MARKS = (
 )
 _MISSED = "Below 1 nobody sees it. No spectrum that may change shows all that is wanted."
 _MOST_SAID = 3
+# Actions of the menu, in three parts.
+_MENU = (
+    *("palette-light", "palette-anew", "", "palette-load", "palette-save", ""),
+    *("palette-forget", "palette-own"),
+)
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
@@ -75,19 +81,10 @@ def _head(state: ViewState, table: Table, desk: Desk) -> ViewState:
                 continue
             action = BY_NAME[name]
             if imgui.menu_item(action.title, "", False)[0]:
-                if action.change is None:
-                    desk.asked.append(name)
-                else:
-                    new = action.change(new)
+                new = desk.done(new, action)
             desk.note(f"palette {name}")
         imgui.end_popup()
     return new
-
-
-_MENU = (
-    *("palette-light", "palette-anew", "", "palette-load", "palette-save", ""),
-    *("palette-forget", "palette-own"),
-)
 
 
 def summary(table: Table) -> str:
@@ -119,29 +116,26 @@ def _legend(state: ViewState, desk: Desk) -> None:
     imgui.dummy((side, side))
     imgui.same_line(0, desk.px(6))
     imgui.text_disabled("reached, around wanted")
-    palette_cells.tip("The larger the square, the more the wish counts.\n" + _MARKS)
+    tip("The larger the square, the more the wish counts.\n" + _MARKS, WAITING_GREYED)
     imgui.same_line(0, desk.px(14))
     x, y = imgui.get_cursor_screen_pos()
-    accent = imgui.color_convert_float4_to_u32(ACCENT[state.interface.dark])
+    accent = packed(ACCENT[state.interface.dark])
     draw_list.add_rect((x, y), (x + side, y + side), accent, desk.px(2), desk.px(2))
     imgui.dummy((side, side))
     imgui.same_line(0, desk.px(6))
     imgui.text_disabled("missed, by ΔE")
-    palette_cells.tip(_MISSED)
+    tip(_MISSED, WAITING_GREYED)
 
 
 def _news(state: ViewState, desk: Desk) -> None:
     """Why something was refused, what would help, what a wizard reached."""
     news = desk.design
     if news.complaint:
-        imgui.push_style_color(imgui.Col_.text, ACCENT[state.interface.dark])
-        imgui.text_wrapped(news.complaint)
-        imgui.pop_style_color()
+        wrapped(news.complaint, imgui.Col_.check_mark)
         desk.note("palette complaint")
     for line in (*news.reached, *news.advice)[:_MOST_SAID]:
         imgui.text_wrapped(line)
     rest = (*news.reached, *news.advice)[_MOST_SAID:]
     if rest:
         imgui.text_disabled(f"and {len(rest)} more")
-        if imgui.is_item_hovered():
-            imgui.set_tooltip("\n".join(rest))
+        tip("\n".join(rest), AT_ONCE)

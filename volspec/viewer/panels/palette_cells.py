@@ -14,9 +14,10 @@ from volspec.spectra import Spectrum
 from volspec.viewer import lighting
 from volspec.viewer.design import LIGHT, REFLECTANCE, clipped, stays
 from volspec.viewer.design_table import Table
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.light_look import fill, outline
+from volspec.viewer.panels.widgets import WAITING_GREYED, packed, shortened, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 
@@ -65,7 +66,7 @@ def _header(state: ViewState, table: Table, desk: Desk, wide: float) -> ViewStat
     imgui.table_set_bg_color(imgui.TableBgTarget_.row_bg0, _window_colour())
     imgui.table_next_column()
     imgui.text_disabled("may change")
-    tip("Ticked spectra are designed; the others stay as they are")
+    tip("Ticked spectra are designed; the others stay as they are", WAITING_GREYED)
     for j, name in enumerate(table.columns):
         if not imgui.table_next_column():  # scrolled out of view
             continue
@@ -93,8 +94,7 @@ def _row(state: ViewState, table: Table, desk: Desk, i: int, wide: float) -> Vie
         wish = state.board.wishes.cells.get((name, column))
         picked = state.interface.pick.place == (name, column)
         _cell(report, wish, picked, state.interface.dark, desk)
-        if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-            imgui.set_tooltip(explained(report, wish))
+        tip(explained(report, wish))
         imgui.pop_id()
         if pressed:
             new = reduced(new, Event("pick-cell", index=number))
@@ -118,13 +118,14 @@ def _member(
     imgui.text(shortened(name, wide))
     imgui.pop_style_color()
     clicked = imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
-    tip(f"{name}{', shown in the picture' if lit else ''}\nClick for more")
+    tip(f"{name}{', shown in the picture' if lit else ''}\nClick for more", WAITING_GREYED)
     single = not is_light or len(state.lights[index].rig.lights) == 1
     imgui.begin_disabled(not single)
     pressed, _ = imgui.checkbox("##open", opened)
     imgui.end_disabled()
     desk.note(f"open {kind} {index}")
-    tip("It may change, to show the colours wanted" if single else "Several lights in one")
+    why = "It may change, to show the colours wanted" if single else "Several lights in one"
+    tip(why, WAITING_GREYED)
     if pressed:
         new = reduced(new, Event("open", index=index, key=kind))
     imgui.same_line()
@@ -174,16 +175,16 @@ def _cell(report: CellReport, wish: Cell | None, picked: bool, dark: bool, desk:
     (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     draw_list = imgui.get_window_draw_list()
     seen = clipped(report.obtained)
-    on = imgui.color_convert_float4_to_u32((*contrast(seen), 0.85))
+    on = packed(contrast(seen), 0.85)
     rounding = desk.px(3)
-    draw_list.add_rect_filled((x, y), (right, bottom), _packed(seen), rounding)
+    draw_list.add_rect_filled((x, y), (right, bottom), packed(seen), rounding)
     middle = (x + right) / 2, (y + bottom) / 2
     if wish is not None:
         half = importance(wish) * min(right - x, bottom - y) / 2
         ends = (middle[0] - half, middle[1] - half), (middle[0] + half, middle[1] + half)
-        faint = imgui.color_convert_float4_to_u32((*contrast(seen), 0.45))
+        faint = packed(contrast(seen), 0.45)
         if report.wanted is not None:
-            draw_list.add_rect_filled(*ends, _packed(clipped(report.wanted)))
+            draw_list.add_rect_filled(*ends, packed(clipped(report.wanted)))
         draw_list.add_rect(*ends, faint, 0.0, desk.px(2 if np.isinf(wish.weight) else 1))
         if wish.kind in _MARKS:
             _write(_MARKS[wish.kind], middle, on, desk.px(14), (0.5, 0.5))
@@ -191,8 +192,7 @@ def _cell(report: CellReport, wish: Cell | None, picked: bool, dark: bool, desk:
         text = f"{report.error:.{1 if report.error < 9.95 else 0}f}"
         _write(text, (right - desk.px(3), bottom - desk.px(1)), on, desk.px(11), (1.0, 1.0))
         if wish is not None and not stays(wish):
-            accent = imgui.color_convert_float4_to_u32(ACCENT[dark])
-            draw_list.add_rect((x, y), (right, bottom), accent, rounding, desk.px(2))
+            draw_list.add_rect((x, y), (right, bottom), packed(ACCENT[dark]), rounding, desk.px(2))
     if not report.in_gamut:
         _write("!", (right - desk.px(4), y + desk.px(1)), on, desk.px(11), (1.0, 0.0))
     if picked:
@@ -236,15 +236,6 @@ def contrast(codes: tuple[float, float, float]) -> tuple[float, float, float]:
     return (0.0, 0.0, 0.0) if luma > _LIGHT else (1.0, 1.0, 1.0)
 
 
-def shortened(name: str, room: float) -> str:
-    """As much of a name as there is room for."""
-    if imgui.calc_text_size(name).x <= room:
-        return name
-    while name and imgui.calc_text_size(f"{name}…").x > room:
-        name = name[:-1]
-    return f"{name.rstrip()}…"
-
-
 def _write(
     text: str, place: tuple[float, float], colour: int, size: float, pivot: tuple[float, float]
 ) -> None:
@@ -255,18 +246,5 @@ def _write(
     imgui.get_window_draw_list().add_text(font, size, (left, top), colour, text)
 
 
-def _packed(codes: tuple[float, float, float]) -> int:
-    return int(imgui.color_convert_float4_to_u32((*codes, 1.0)))
-
-
 def _window_colour() -> int:
     return int(imgui.get_color_u32(imgui.Col_.window_bg))
-
-
-def tip(text: str) -> None:
-    """What the last item is, for a mouse that stays on it."""
-    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal | _DISABLED):
-        imgui.set_tooltip(text)
-
-
-_DISABLED = imgui.HoveredFlags_.allow_when_disabled

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from imgui_bundle import imgui
 
@@ -11,13 +10,13 @@ from volspec.palette import Cell
 from volspec.palette.colours import hexadecimal
 from volspec.palette.model import Place
 from volspec.spectra import light_names
-from volspec.viewer import lighting
 from volspec.viewer.design import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clipped
 from volspec.viewer.design_table import Table
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.palette import MUST
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP
+from volspec.viewer.panels.widgets import AT_ONCE, pick, tip
 from volspec.viewer.state import ViewState
 
 KINDS = {
@@ -28,16 +27,18 @@ KINDS = {
     "same": "The colour of another cell",
     "distinct": "Apart from another cell",
 }
+_OF_WORDS = {words: kind for kind, words in KINDS.items()}
 _TIPS = {
-    "": "The colour comes as it comes",
-    "colour": "Picked below",
-    "free": "All cells of a group come to one colour, which is found (metamers)",
-    "black": "Reflects nothing of this light: a metameric black",
-    "same": "Alike, whatever that colour is",
-    "distinct": "At least so far away",
+    KINDS[""]: "The colour comes as it comes",
+    KINDS["colour"]: "Picked below",
+    KINDS["free"]: "All cells of a group come to one colour, which is found (metamers)",
+    KINDS["black"]: "Reflects nothing of this light: a metameric black",
+    KINDS["same"]: "Alike, whatever that colour is",
+    KINDS["distinct"]: "At least so far away",
 }
 _LOG = imgui.SliderFlags_.logarithmic
 _WIDTH = 232.0
+_ENTER = imgui.InputTextFlags_.enter_returns_true
 _PICKER = (
     imgui.ColorEditFlags_.no_side_preview
     | imgui.ColorEditFlags_.no_label
@@ -77,14 +78,10 @@ def _cell(state: ViewState, table: Table, desk: Desk, place: Place) -> ViewState
     imgui.text(f"{place[0]} under {place[1]}")
     imgui.push_item_width(desk.px(_WIDTH))
     kind = own.kind if own else ""
-    if imgui.begin_combo("##kind", KINDS[kind], imgui.ComboFlags_.height_large):
-        for name, words in KINDS.items():
-            if imgui.selectable(words, name == kind)[0]:
-                new = reduced(new, Event("wish-kind", -1.0, index=number, key=name))
-            if imgui.is_item_hovered():
-                imgui.set_tooltip(_TIPS[name])
-        imgui.end_combo()
+    chosen = pick("##kind", KINDS[kind], _OF_WORDS, lambda each: tip(_TIPS[each], AT_ONCE))
     desk.note("wish kind")
+    if chosen is not None:
+        new = reduced(new, Event("wish-kind", -1.0, index=number, key=_OF_WORDS[chosen]))
     if kind in ("", "colour"):
         # Where nothing is wanted yet, picking a colour wishes for it.
         codes = own.colour if own and own.colour else clipped(report.obtained)
@@ -109,28 +106,22 @@ def _other(state: ViewState, table: Table, number: int, own: Cell, desk: Desk) -
     """What a wish that is no colour is about: a group, or another cell."""
     if own.kind == "free":
         entered, name = imgui.input_text("##group", own.group, _ENTER)
-        if imgui.is_item_hovered():
-            imgui.set_tooltip("Cells of one name come to one colour")
+        tip("Cells of one name come to one colour", AT_ONCE)
         return reduced(state, Event("wish-group", index=number, key=name)) if entered else state
     new = state
     if own.other is not None:
-        if imgui.begin_combo("##other", " under ".join(own.other), imgui.ComboFlags_.height_large):
-            for place in table.cells:
-                if table.index(place) == number:
-                    continue
-                if imgui.selectable(" under ".join(place), place == own.other)[0]:
-                    at = float(table.index(place))
-                    new = reduced(new, Event("wish-kind", at, index=number, key=own.kind))
-            imgui.end_combo()
+        places = {" under ".join(place): table.index(place) for place in table.cells}
+        others = [words for words, at in places.items() if at != number]
+        chosen = pick("##other", " under ".join(own.other), others)
         desk.note("wish other")
+        if chosen is not None:
+            at = float(places[chosen])
+            new = reduced(new, Event("wish-kind", at, index=number, key=own.kind))
     if own.kind == "distinct":
         moved, far = imgui.slider_float("##distance", own.distance, *DISTANCES, "ΔE %.0f or more")
         if moved:
             new = reduced(new, Event("wish-distance", far, index=number))
     return new
-
-
-_ENTER = imgui.InputTextFlags_.enter_returns_true
 
 
 def _weight(state: ViewState, number: int, own: Cell, desk: Desk) -> ViewState:
@@ -140,14 +131,12 @@ def _weight(state: ViewState, number: int, own: Cell, desk: Desk) -> ViewState:
     moved, weight = imgui.slider_float("##weight", now, *WEIGHTS, "Weight %.2g", _LOG)
     desk.note("wish weight")
     imgui.end_disabled()
-    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-        imgui.set_tooltip("How much it counts beside the other wishes")
+    tip("How much it counts beside the other wishes")
     if moved and not must:
         new = reduced(new, Event("wish-weight", weight, index=number))
     if own.kind != "distinct":
         pressed, must = imgui.checkbox("Must be met", must)
-        if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-            imgui.set_tooltip("Exactly, or the design is refused")
+        tip("Exactly, or the design is refused")
         if pressed:
             key = MUST if must else ""
             new = reduced(new, Event("wish-weight", 1.0, index=number, key=key))
@@ -163,7 +152,7 @@ def _light(state: ViewState, table: Table, desk: Desk) -> ViewState:
     imgui.text_disabled(state.lights[index].label or "light")
     imgui.separator()
     if imgui.menu_item("Show in the picture", "", False)[0]:
-        new = replace(new, lights=lighting.alone(new.lights, index))
+        new = reduced(new, Event("show-light", index=index))
     desk.note("show light")
     opened = (LIGHT, name) in state.board.wishes.open
     single = len(state.lights[index].rig.lights) == 1
@@ -197,8 +186,6 @@ def _material(state: ViewState, table: Table, desk: Desk) -> ViewState:
         new = reduced(new, Event("constant", index=index))
     for action, title in (("hide", "Hide …"), ("reveal", "Reveal …"), ("keep", "Keep its colour")):
         if imgui.menu_item(f"{title}##{action}", "", False)[0]:
-            light = (state.interface.pick.place or ("", ""))[1]
-            pick = replace(state.interface.pick, place=(name, light))
-            new = replace(new, interface=replace(new.interface, pick=pick))
+            new = reduced(new, Event("pick-material", key=name))
             desk.asked.append(action)
     return new

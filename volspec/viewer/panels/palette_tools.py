@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 from imgui_bundle import imgui
 
@@ -14,12 +12,14 @@ from volspec.viewer.design import DISTANCES, MOST_ROUNDS, SMOOTHNESS
 from volspec.viewer.design_ranges import ranges
 from volspec.viewer.design_spectra import columns
 from volspec.viewer.design_table import picked
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.panels.widgets import pick, tip, wrapped
 from volspec.viewer.state import ViewState
 
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
 _SURROUNDINGS, _BLACK = "what surrounds it", "nothing: black"
+_NO_LIGHT = "none: the light stays as it is"
 _METRICS = dict(zip(METRICS, ("as the eye does (CIELAB)", "as numbers (RGB)"), strict=True))
 
 
@@ -43,60 +43,63 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
 
 def _wizards(state: ViewState, desk: Desk) -> ViewState:
     material, light = picked(state)
-    pick, rows = state.interface.pick, tuple(state.transfer.materials)
-    lights = columns(state.lights)
+    rows, lights = tuple(state.transfer.materials), columns(state.lights)
+    own, new = state.interface.pick, state
     half = (imgui.get_content_region_avail().x - desk.px(_UNDER)) / 2
     chosen = _combo("##material", material, rows, desk, half)
-    if chosen is not None:
-        pick = replace(pick, place=(chosen, light))
+    new = _told(new, "pick-material", chosen)
     imgui.same_line(0, desk.px(7))
     imgui.text_disabled("under")
     imgui.same_line(0, desk.px(7))
-    chosen = _combo("##light", light, lights, desk)
-    if chosen is not None:
-        pick = replace(pick, place=((pick.place or (material, ""))[0], chosen))
-    like = pick.like if pick.like in lights else ""
-    none = "none: the light stays as it is"
-    chosen = _combo("New light", f"like {like}" if like else none, (none, *lights), desk)
-    _tip("Designs a light along, under which the other materials look as under this one")
-    if chosen is not None:
-        pick = replace(pick, like="" if chosen == none else chosen)
+    new = _told(new, "pick-light", _combo("##light", light, lights, desk))
+    like = own.like if own.like in lights else ""
+    chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), desk)
+    tip("Designs a light along, under which the other materials look as under this one")
+    new = _told(new, "pick-like", "" if chosen == _NO_LIGHT else chosen)
     imgui.spacing()
     _ask("hide", "Hide", "Make it look like its surroundings under this light", desk)
-    within = _BLACK if pick.black else pick.within or _SURROUNDINGS
+    within = _BLACK if own.black else own.within or _SURROUNDINGS
     others = tuple(name for name in rows if name != material)
     chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), desk)
-    if chosen is not None:
-        own = "" if chosen in (_SURROUNDINGS, _BLACK) else chosen
-        pick = replace(pick, within=own, black=chosen == _BLACK)
+    name = "pick-black" if chosen == _BLACK else "pick-within"
+    new = _told(new, name, "" if chosen in (_SURROUNDINGS, _BLACK) else chosen)
     _ask("reveal", "Reveal", "Make it stand out from all others under this light", desk)
     imgui.set_next_item_width(-1)
-    moved, distance = imgui.slider_float("##far", pick.distance, *DISTANCES, "by ΔE %.0f")
+    moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
     if moved:
-        pick = replace(pick, distance=min(max(distance, DISTANCES[0]), DISTANCES[1]))
+        new = reduced(new, Event("pick-distance", distance))
     _ask("keep", "Keep", "Give it one colour under all lights", desk)
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("its colour, under all lights")
     _ask("merge", "Merge", "Give materials one colour under this light", desk)
-    several = [name for name in rows if name in pick.materials]
+    return _merged(new, rows)
+
+
+def _told(state: ViewState, name: str, key: str | None) -> ViewState:
+    """After an event with what was picked from a list, if anything was."""
+    return state if key is None else reduced(state, Event(name, key=key))
+
+
+def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
+    """A list of materials to tick."""
+    ticked, new = state.interface.pick.materials, state
+    several = [name for name in rows if name in ticked]
     words = ", ".join(several) if len(several) > 1 else "all materials"
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##several", words, imgui.ComboFlags_.height_large):
         for name in rows:
-            if imgui.checkbox(name, name in pick.materials)[0]:
-                pick = replace(pick, materials=pick.materials ^ {name})
+            if imgui.checkbox(name, name in ticked)[0]:
+                new = reduced(new, Event("pick-merged", key=name))
         imgui.end_combo()
-    if pick is state.interface.pick:
-        return state
-    return replace(state, interface=replace(state.interface, pick=pick))
+    return new
 
 
-def _ask(name: str, title: str, tip: str, desk: Desk) -> None:
+def _ask(name: str, title: str, what: str, desk: Desk) -> None:
     """A button of a wizard; what it is about follows in the line."""
     if imgui.button(title, (desk.px(_BUTTON), 0)):
         desk.asked.append(name)
     desk.note(f"wizard {name}")
-    _tip(tip)
+    tip(what)
     imgui.same_line()
 
 
@@ -113,14 +116,14 @@ def _values(state: ViewState, desk: Desk) -> ViewState:
         imgui.text(f"{own.low:.4g} – {own.high:.4g}")
         imgui.same_line(desk.px(100))
         chosen = _combo("##of", own.material, names, desk)
-        if chosen is not None:
+        if chosen not in (None, own.material):
             new = reduced(new, Event("recast", index=number, key=chosen))
         imgui.pop_id()
     imgui.separator()
-    pick = state.interface.pick
+    told = state.interface.pick
     low, high = state.document.volume.range
-    first, last = pick.values or (low, high)
-    use = pick.use if pick.use in names else names[0]
+    first, last = told.values or (low, high)
+    use = told.use if told.use in names else names[0]
     imgui.set_next_item_width(desk.px(118))
     speed = (high - low) / 300
     moved, first, last = imgui.drag_float_range2(
@@ -128,19 +131,15 @@ def _values(state: ViewState, desk: Desk) -> ViewState:
     )
     desk.note("range")
     if moved:
-        pick = replace(pick, values=(min(first, last), max(first, last)))
+        new = reduced(new, Event("pick-values", first, last))
     imgui.same_line()
-    chosen = _combo("##use", use, names, desk, -desk.px(52))
-    if chosen is not None:
-        pick = replace(pick, use=chosen)
+    new = _told(new, "pick-use", _combo("##use", use, names, desk, -desk.px(52)))
     imgui.same_line()
     if imgui.button("Use", (-1, 0)):
         new = reduced(new, Event("assign", first, last, key=use))
     desk.note("use")
-    _tip("Makes all values of this range this material; opacities stay")
-    if pick is state.interface.pick:
-        return new
-    return replace(new, interface=replace(new.interface, pick=pick))
+    tip("Makes all values of this range this material; opacities stay")
+    return new
 
 
 def _criteria(state: ViewState, desk: Desk) -> ViewState:
@@ -151,11 +150,11 @@ def _criteria(state: ViewState, desk: Desk) -> ViewState:
         "Smooth", criteria.smoothness, low, high, "%.4f", imgui.SliderFlags_.logarithmic
     )
     desk.note("smooth")
-    _tip("How much smooth spectra count; much of it misses colours")
+    tip("How much smooth spectra count; much of it misses colours")
     if moved:
         new = reduced(new, Event("smoothness", smoothness))
     moved, rounds = imgui.slider_int("Rounds", criteria.rounds, 1, MOST_ROUNDS)
-    _tip("How often lights and materials take turns, and colours are compared anew")
+    tip("How often lights and materials take turns, and colours are compared anew")
     if moved:
         new = reduced(new, Event("rounds", float(rounds)))
     imgui.pop_item_width()
@@ -163,29 +162,16 @@ def _criteria(state: ViewState, desk: Desk) -> ViewState:
     if chosen is not None:
         key = next(name for name, words in _METRICS.items() if words == chosen)
         new = reduced(new, Event("metric", key=key))
-    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
-    imgui.text_wrapped("No spectrum goes below 0, no reflectance above 1.")
-    imgui.pop_style_color()
+    wrapped("No spectrum goes below 0, no reflectance above 1.", imgui.Col_.text_disabled)
     return new
 
 
 def _combo(
     label: str, now: str, names: Iterable[str], desk: Desk, width: float | None = None
 ) -> str | None:
-    """A list to pick from; None where nothing is picked."""
-    chosen = None
+    """As `pick`, as wide as the panel leaves."""
     plain = label.startswith("##")
     imgui.set_next_item_width(width or (-1 if plain else -desk.px(_LABEL)))
-    opened = imgui.begin_combo(label, now, imgui.ComboFlags_.height_large)
-    if opened:
-        for name in names:
-            if imgui.selectable(name, name == now)[0] and name != now:
-                chosen = name
-        imgui.end_combo()
+    chosen = pick(label, now, names)
     desk.note(f"pick {label.strip('#')}")
     return chosen
-
-
-def _tip(text: Any) -> None:
-    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-        imgui.set_tooltip(text)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.desk import Desk
 from volspec.viewer.panels.light_look import fill, outline
+from volspec.viewer.panels.widgets import text_width
 from volspec.viewer.reading import Reading
 from volspec.viewer.state import ViewState
 
@@ -33,7 +34,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(5))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(8), desk.px(3)))
     if imgui.begin("##probe", None, _FLAGS)[0]:
-        widest = max(imgui.calc_text_size(name).x for name, _ in reading.rows)
+        widest = max(text_width(name) for name, _ in reading.rows)
         label = widest + desk.px(14) + imgui.get_style().window_padding.x
         for name, value in reading.rows:
             imgui.text_disabled(name)

@@ -6,12 +6,12 @@ import math
 
 from imgui_bundle import imgui
 
-from volspec.viewer.panels.desk import Desk, packed
+from volspec.viewer.desk import Desk
+from volspec.viewer.panels.widgets import BLACK, WHITE, over_picture, packed
 from volspec.viewer.state import ViewState
 
 # Pixels at 96 dpi; a narrower picture has no bar.
 _LONGEST, _MARGIN, _TICK, _NARROW = 130.0, 16.0, 4.0, 90.0
-_LINE, _SHADE = (1.0, 1.0, 1.0, 0.9), (0.0, 0.0, 0.0, 0.55)
 
 
 def length_mm(mm_per_px: float, longest_px: float) -> float:
@@ -56,19 +56,18 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     left, tick = right - long, desk.px(_TICK)
     text = length_text(mm)
     size = imgui.calc_text_size(text)
-    line, shade = packed(_LINE), packed(_SHADE)
-    draw_list = imgui.get_background_draw_list()
-    draw_list.push_clip_rect((x, y), (x + width, y + height))
-    # The shade first, so that it is legible on any picture.
-    for colour, thick, shift in ((shade, 3.5, 1.0), (line, 1.5, 0.0)):
-        for ends in (
-            ((left, low), (right, low)),
-            ((left, low - tick), (left, low + tick)),
-            ((right, low - tick), (right, low + tick)),
-        ):
-            draw_list.add_line(*ends, colour, desk.px(thick))
-        place = (left + right - size.x) / 2 + shift, low - size.y - tick + shift
-        draw_list.add_text(place, colour, text)
-    draw_list.pop_clip_rect()
+    line, shade = packed(WHITE, 0.9), packed(BLACK, 0.55)
+    strokes = (
+        ((left, low), (right, low)),
+        ((left, low - tick), (left, low + tick)),
+        ((right, low - tick), (right, low + tick)),
+    )
+    with over_picture(desk) as draw_list:
+        # The shade first, so that it is legible on any picture.
+        for colour, thick, shift in ((shade, 3.5, 1.0), (line, 1.5, 0.0)):
+            for ends in strokes:
+                draw_list.add_line(*ends, colour, desk.px(thick))
+            place = (left + right - size.x) / 2 + shift, low - size.y - tick + shift
+            draw_list.add_text(place, colour, text)
     desk.areas["scale"] = int(left), int(low - tick), int(long), int(2 * tick)
     return None

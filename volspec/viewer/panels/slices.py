@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui
 
+from volspec.viewer.actions import BY_NAME
 from volspec.viewer.cuts import crop_of, world_mm
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.events.slices import with_slices
 from volspec.viewer.panels.cuts import SLICE_COLOURS
-from volspec.viewer.panels.desk import Desk, packed
+from volspec.viewer.panels.widgets import BLACK, WHITE, packed, text_width, tip
 from volspec.viewer.slice_pictures import SlicePictures
 from volspec.viewer.slices import (
     PLANES,
@@ -98,15 +99,11 @@ def _widest(state: ViewState, layouts: list[Layout]) -> float:
     """Of the words beside the sliders."""
     shape = state.document.volume.shape_xyz
     lasts = [shape[layout.normal] - 1 for layout in layouts]
-    return max(_width(_where(_title(state, i), last, last)) for i, last in enumerate(lasts))
+    return max(text_width(_where(_title(state, i), last, last)) for i, last in enumerate(lasts))
 
 
 def _where(title: str, number: int, last: int) -> str:
     return f"{title} {number}/{last}".lstrip()
-
-
-def _width(text: str) -> float:
-    return float(imgui.calc_text_size(text).x)
 
 
 def _slider(
@@ -119,7 +116,7 @@ def _slider(
     room, wide = widths
     fits = room >= desk.px(_SHORTEST)
     if not fits:
-        short = wide < _width(_where(_title(state, index), last, last))
+        short = wide < text_width(_where(_title(state, index), last, last))
         imgui.text(_where("" if short else _title(state, index), number, last))
     imgui.set_next_item_width(room if fits else wide)
     moved, new = imgui.slider_int(f"##{plane.name}", number, 0, last, "")
@@ -164,7 +161,7 @@ def _picture(
 def _crosshair(
     state: ViewState, desk: Desk, layout: Layout, area: tuple[float, float, float, float]
 ) -> None:
-    """What a crop leaves, the other two slices' lines in their colours, and the edges' letters."""
+    """What a crop leaves, and the other two slices' lines in their colours."""
     x, y, width, height = area
     volume, slices = state.document.volume, state.interface.slices
     draw_list = imgui.get_window_draw_list()
@@ -174,18 +171,27 @@ def _crosshair(
         *((0.0, top, left, bottom), (right, top, 1.0, bottom)),
     ):
         ends = (x + x0 * width, y + y0 * height), (x + x1 * width, y + y1 * height)
-        draw_list.add_rect_filled(*ends, packed((0.0, 0.0, 0.0, 0.55)))
+        draw_list.add_rect_filled(*ends, packed(BLACK, 0.55))
     across, down = shown_at(volume, layout, slices)
     at = x + across * width, y + down * height
     for axis, ends in (
         (layout.across, ((at[0], y), (at[0], y + height))),
         (layout.down, ((x, at[1]), (x + width, at[1]))),
     ):
-        draw_list.add_line(*ends, packed((*SLICE_COLOURS[axis], 0.75)), desk.px(1))
-    own = packed((*SLICE_COLOURS[layout.normal], 0.9))
+        draw_list.add_line(*ends, packed(SLICE_COLOURS[axis], 0.75), desk.px(1))
+    own = packed(SLICE_COLOURS[layout.normal], 0.9)
     draw_list.add_rect((x, y), (x + width, y + height), own, 0.0, desk.px(1))
-    patient = is_patient(volume, state.interface.aids.patient)
-    letters = edge_letters(volume, layout, patient)
+    _letters(state, desk, layout, area)
+
+
+def _letters(
+    state: ViewState, desk: Desk, layout: Layout, area: tuple[float, float, float, float]
+) -> None:
+    """Where the edges look, on a shade that is legible on any slice."""
+    (x, y, width, height), volume = area, state.document.volume
+    draw_list = imgui.get_window_draw_list()
+    shade, ink = packed(BLACK, 0.85), packed(WHITE, 0.95)
+    letters = edge_letters(volume, layout, is_patient(volume, state.interface.aids.patient))
     edges = (0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0)
     margin = desk.px(_MARGIN)
     for text, (px, py) in zip(letters, edges, strict=True):
@@ -198,24 +204,23 @@ def _crosshair(
         )
         for around in _AROUND:
             at = place[0] + desk.px(around[0]), place[1] + desk.px(around[1])
-            draw_list.add_text(at, packed((0, 0, 0, 0.85)), text)
-        draw_list.add_text(place, packed((1, 1, 1, 0.95)), text)
+            draw_list.add_text(at, shade, text)
+        draw_list.add_text(place, ink, text)
 
 
 def _looks(state: ViewState, desk: Desk) -> ViewState:
     slices = state.interface.slices
-    pressed, lit = imgui.checkbox("Lit", slices.lit)
+    pressed, _ = imgui.checkbox("Lit", slices.lit)
     desk.note("lit")
-    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-        imgui.set_tooltip("Under the same lights as the volume; else plain greys")
-    new = with_slices(state, lit=lit) if pressed else state
-    wanted = imgui.calc_text_size("Auto greys").x + 2 * imgui.get_style().frame_padding.x
+    tip("Under the same lights as the volume; else plain greys")
+    new = desk.done(state, BY_NAME["slices-lit"]) if pressed else state
+    wanted = text_width("Auto greys") + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
     if imgui.get_content_region_avail().x < wanted:
         imgui.new_line()
     imgui.begin_disabled(slices.greys is None)
     if imgui.button("Auto greys"):
-        new = with_slices(new, greys=None)
+        new = desk.done(new, BY_NAME["slices-greys"])
     imgui.end_disabled()
     low, high = state.document.volume.range
     span = (high - low) or 1.0
@@ -227,8 +232,7 @@ def _looks(state: ViewState, desk: Desk) -> ViewState:
         "##greys", black, white, span / 300, low, high, digits, digits
     )
     desk.note("greys")
-    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-        imgui.set_tooltip("Values shown black and white, where the transfer function shows nothing")
+    tip("Values shown black and white, where the transfer function shows nothing")
     if moved:
         new = reduced(new, Event("slice-greys", (black - low) / span, (white - low) / span))
     return new

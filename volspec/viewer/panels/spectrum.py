@@ -7,16 +7,19 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from volspec.spectra import SpectralGrid
+from volspec.viewer.actions import BY_NAME
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.events.lights import reset_spectrum
 from volspec.viewer.light_parts import row_at
 from volspec.viewer.lighting import rig_of
-from volspec.viewer.panels.desk import Desk
-from volspec.viewer.panels.light_look import Rect, fill, fitting, mixed_values, outline, tip
+from volspec.viewer.panels.light_look import Rect, fill, mixed_values, outline
+from volspec.viewer.panels.widgets import shortened, text_width, tip
 from volspec.viewer.state import ViewState
 
 # Free above the peak; more where the pen is to go there.
 _MIX_TOP, _PEN_TOP = 1.08, 1.35
+# Type beside the panel's.
+_SMALL = 0.87
 _TICKS = (400, 450, 500, 550, 600, 650, 700, 750)
 
 
@@ -54,10 +57,8 @@ def draw_pen(state: ViewState, desk: Desk, height: float) -> ViewState:
         scraps.pen, scraps.top = None, float(values.max()) * _PEN_TOP
     draw_list = imgui.get_window_draw_list()
     fill(draw_list, rect, values, scraps.top, grid)
-    outline(
-        *(draw_list, rect, values, scraps.top),
-        *(imgui.get_color_u32(imgui.Col_.text), desk.px(1.5)),
-    )
+    ink = imgui.get_color_u32(imgui.Col_.text)
+    outline(draw_list, rect, values, scraps.top, ink, desk.px(1.5))
     if not (held or imgui.is_item_hovered()):
         return new
     mouse = imgui.get_mouse_pos()
@@ -88,7 +89,7 @@ def _heading(state: ViewState, desk: Desk) -> ViewState:
     groups, new = row.rig.groups, state
     room = imgui.get_content_region_avail().x
     imgui.align_text_to_frame_padding()
-    imgui.text(fitting(row.name, room * 0.4))
+    imgui.text(shortened(row.name, room * 0.4))
     if len(groups) > 1:
         imgui.same_line()
         imgui.set_next_item_width(desk.px(84))
@@ -100,10 +101,10 @@ def _heading(state: ViewState, desk: Desk) -> ViewState:
         imgui.text_disabled("Draw with the mouse")
         return new
     label = "Reset"
-    button = imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
+    button = text_width(label) + 2 * imgui.get_style().frame_padding.x
     imgui.same_line(room - button)
     if imgui.button(label):
-        new = reset_spectrum(new)
+        new = desk.done(new, BY_NAME["reset-spectrum"])
     desk.note("reset spectrum")
     tip(f"Back to {row.before.name}")
     return new
@@ -114,7 +115,7 @@ def _frame(desk: Desk, grid: SpectralGrid, width: float, height: float, name: st
     x, y = imgui.get_cursor_screen_pos()
     imgui.invisible_button(name, (width, height))
     desk.note(name)
-    draw_list, small = imgui.get_window_draw_list(), imgui.get_font_size() * 0.87
+    draw_list, small = imgui.get_window_draw_list(), imgui.get_font_size() * _SMALL
     rect = x, y + desk.px(2), width, height - small - desk.px(8)
     bottom = rect[1] + rect[3]
     draw_list.add_rect_filled(
@@ -126,7 +127,7 @@ def _frame(desk: Desk, grid: SpectralGrid, width: float, height: float, name: st
         at = x + wavelength_share(nm, grid) * width
         text = f"{nm} nm" if nm == _TICKS[0] and every == 1 else f"{nm}"
         font = imgui.get_font()
-        wide = imgui.calc_text_size(text).x * 0.87
+        wide = text_width(text) * _SMALL
         if not x <= at <= x + width:
             continue
         draw_list.add_line((at, bottom), (at, bottom + desk.px(3)), dim)
@@ -158,6 +159,6 @@ def _cross(
     draw_list.add_line((at, y), (at, y + height), hair)
     first, last = grid.wavelengths_nm[[0, -1]]
     text = f"{first + share * (last - first):.0f} nm  {place[1]:.2f}"
-    wide = imgui.calc_text_size(text).x
+    wide = text_width(text)
     left = at + desk.px(6) if at + wide + desk.px(8) < x + width else at - wide - desk.px(6)
     draw_list.add_text((left, y + desk.px(3)), imgui.get_color_u32(imgui.Col_.text), text)

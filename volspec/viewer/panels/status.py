@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from imgui_bundle import imgui
 
-from volspec.viewer.panels.desk import Desk
-from volspec.viewer.panels.light_look import shortened
+from volspec.viewer.desk import Desk
+from volspec.viewer.panels.widgets import shortened, text_width
 from volspec.viewer.state import ViewState
 
 _FLAGS = (
@@ -28,13 +28,13 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     )
     texts = (state.document.title, sizes(state, desk), f"H: keys    {timings(desk)}")
     room = imgui.get_content_region_avail().x
-    title, shown, times = fitting_texts(texts, room, desk.px(16), _width)
+    title, shown, times = fitting_texts(texts, room, desk.px(16), text_width)
     imgui.text(title)
     if shown:
         imgui.same_line(0, desk.px(16))
         imgui.text_disabled(shown)
     if times:
-        imgui.same_line(imgui.get_window_width() - _width(times) - desk.px(12))
+        imgui.same_line(imgui.get_window_width() - text_width(times) - desk.px(12))
         imgui.text_disabled(times)
     imgui.end()
     imgui.pop_style_var()
@@ -58,10 +58,6 @@ def fitting_texts(
     if wide[0] + wide[1] + apart <= room:
         return title, shown, ""
     return shortened(title, room, measure), "", ""
-
-
-def _width(text: str) -> float:
-    return float(imgui.calc_text_size(text).x)
 
 
 def sizes(state: ViewState, desk: Desk) -> str:

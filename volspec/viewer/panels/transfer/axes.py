@@ -11,12 +11,12 @@ from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
 from volspec.viewer import presets
-from volspec.viewer.panels.desk import Desk
+from volspec.viewer.desk import Desk
 from volspec.viewer.state import ViewState
 
 # Opacities of a step are small: their root shows them apart, and its axis says so.
 _TICKS = (0.0, 0.01, 0.1, 0.3, 0.6, 1.0)
-_FLAGS = implot.Flags_.canvas_only
+FLAGS = implot.Flags_.canvas_only
 _MARGIN = 0.02
 
 
@@ -34,22 +34,24 @@ def opacity_at(height: float) -> float:
     return max(height, 0.0) ** 2
 
 
-def bars(counts: NDArray[np.float64], logarithmic: bool) -> NDArray[np.float64]:
+def bars(
+    counts: NDArray[np.float64], logarithmic: bool, share: float = 0.98
+) -> NDArray[np.float64]:
     """Heights 0 to 1 of a histogram.
 
-    Linear ones are cut where a tenth of the highest but few stand, as air would dwarf the rest.
+    Linear ones are cut above what this share of them reaches, as air would dwarf the rest.
     """
     if logarithmic:
         heights = np.log1p(counts)
         return np.asarray(heights / max(float(heights.max()), 1e-12))
-    top = float(np.quantile(counts, 0.98))
+    top = float(np.quantile(counts, share))
     return np.asarray(np.minimum(counts / max(top, 1.0), 1.0))
 
 
 @contextmanager
 def opacity_plot(state: ViewState, desk: Desk, height: float) -> Iterator[bool]:
     """A plot of opacity over value, with the histogram; whether anything is to be drawn."""
-    if not implot.begin_plot("##transfer", (-1, height), _FLAGS):
+    if not implot.begin_plot("##transfer", (-1, height), FLAGS):
         yield False
         return
     set_values_axis(state, _MARGIN)

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from volspec.appearance import passage_of
 from volspec.appearance.srgb import encode, linear_from_XYZ
-from volspec.errors import VolspecError
 from volspec.relight import RelightSpec
 from volspec.spectra import SpectralGrid, Spectrum, XYZ_of, white_XYZ
 from volspec.transfer import Transfer
 from volspec.transfer.mixes import share_matrix
 from volspec.viewer.lighting import Rows, rig_of
-from volspec.viewer.panels.desk import Colour
+from volspec.viewer.panels.light_colours import Colour, adapted_to, as_colour
 from volspec.viewer.state import ViewState
 from volspec.viewer.transfer_parts import parts_of
 
@@ -33,11 +29,6 @@ def part_colours(state: ViewState) -> tuple[Colour, ...]:
 def material_colours(state: ViewState) -> dict[str, Colour]:
     """Of every material by name."""
     return _material_colours(state.transfer, state.lights, state.seen)
-
-
-def packed(colour: Colour, alpha: float = 1.0) -> int:
-    """A colour as imgui's draw lists take it."""
-    return int(imgui.color_convert_float4_to_u32((*colour, alpha)))
 
 
 @lru_cache(maxsize=64)
@@ -64,7 +55,7 @@ def _coloured(
     if light is not None:
         XYZ = XYZ_of(light, list(transfer.materials.values()), basis.observer_deg)
     codes = shown(shares @ XYZ)
-    return tuple((float(r), float(g), float(b)) for r, g, b in codes)
+    return tuple(as_colour(each) for each in codes)
 
 
 @lru_cache(maxsize=64)
@@ -80,11 +71,5 @@ def _adapted(
     if rig is None:
         return None, codes
     light = rig.mixed(grid)
-    given = replace(seen.viewing, adapting="given")
-    try:
-        if rig.total_lux:
-            given = replace(given, illuminance_lux=rig.total_lux)
-        passage = passage_of(given, white_XYZ(light, observer_deg))
-    except VolspecError:  # a light without a white to adapt to
-        return light, codes
-    return light, lambda XYZ: codes(passage.apply(XYZ))
+    passage = adapted_to(rig, seen, white_XYZ(light, observer_deg))
+    return light, codes if passage is None else lambda XYZ: codes(passage.apply(XYZ))

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from imgui_bundle import imgui
 
 from volspec.viewer import presets
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.panels.desk import Colour, Desk
-from volspec.viewer.panels.transfer.colours import material_colours, packed, part_colours
+from volspec.viewer.panels.light_colours import Colour
+from volspec.viewer.panels.transfer.colours import material_colours, part_colours
+from volspec.viewer.panels.widgets import packed, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.transfer_parts import parts_of
 
 _CLAMP = imgui.SliderFlags_.always_clamp
 # Opacities are small: the slider is finer there.
 _FINE = imgui.SliderFlags_.logarithmic | _CLAMP
+# The width of what takes a part away.
+_REMOVE = 24
 
 
 def chosen(state: ViewState) -> int:
@@ -21,15 +27,10 @@ def chosen(state: ViewState) -> int:
     return min(max(state.interface.part, 0), len(parts_of(state.transfer)) - 1)
 
 
-def tip(text: str) -> None:
-    """A word more about the last item, for who waits."""
-    if imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal):
-        imgui.set_tooltip(text)
-
-
-def rows_height(rows: int) -> float:
-    """What so many lines of the details take."""
-    return rows * imgui.get_frame_height_with_spacing()
+def height_above(lines: int, desk: Desk, least: float = 115) -> float:
+    """What is left of the panel above so many lines of details."""
+    room = imgui.get_content_region_avail().y - lines * imgui.get_frame_height_with_spacing()
+    return max(room, desk.px(least))
 
 
 def value_and_opacity(state: ViewState, desk: Desk, what: str) -> ViewState:
@@ -51,9 +52,6 @@ def value_and_opacity(state: ViewState, desk: Desk, what: str) -> ViewState:
     new = opacity(new, desk, index, wide)
     imgui.same_line()
     return remove(new, desk, index, f"Remove the {what.lower()}")
-
-
-_REMOVE = 24
 
 
 def opacity(state: ViewState, desk: Desk, index: int, wide: float) -> ViewState:
@@ -115,16 +113,15 @@ def material(state: ViewState, desk: Desk, index: int, wide: float = -1.0) -> Vi
     return new
 
 
-def in_words(mix: object) -> str:
+def in_words(mix: Mapping[str, float]) -> str:
     """A mix as people write it.
 
     >>> in_words({"steel": 0.7, "gold": 0.3, "iron": 0.0}), in_words({"steel": 1.0})
     ('70 % steel, 30 % gold', 'steel')
     """
-    assert isinstance(mix, dict)
     seen = sorted(((share, name) for name, share in mix.items() if share > 0), reverse=True)
     if len(seen) == 1 and seen[0][0] > 0.995:
-        return str(seen[0][1])
+        return seen[0][1]
     return ", ".join(f"{100 * share:.0f} % {name}" for share, name in seen)
 
 

@@ -5,10 +5,14 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.transfer import LabelFunction
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.transfer import detail
+from volspec.viewer.panels.widgets import tip
 from volspec.viewer.state import ViewState
+
+# The list's height.
+_LEAST = 100
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState:
@@ -17,8 +21,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
     assert isinstance(function, LabelFunction)
     new = state
     flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
-    room = max(imgui.get_content_region_avail().y - detail.rows_height(1), desk.px(100))
-    if imgui.begin_table("labels", 4, flags, (0, room)):
+    if imgui.begin_table("labels", 4, flags, (0, detail.height_above(1, desk, _LEAST))):
         imgui.table_setup_column("label", imgui.TableColumnFlags_.width_fixed, desk.px(34))
         imgui.table_setup_column("opacity", imgui.TableColumnFlags_.width_stretch, 0.45)
         imgui.table_setup_column("material", imgui.TableColumnFlags_.width_stretch, 0.55)
@@ -42,7 +45,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
         imgui.end_table()
     if imgui.button("Add label"):
         new = reduced(new, Event("add-point", next_label(function), 0.5))
-    detail.tip("The least number that is not listed")
+    tip("The least number that is not listed")
     return new
 
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from imgui_bundle import imgui
 
 from volspec.transfer import LabelFunction, TransferFunction2D
 from volspec.viewer import bands, presets
 from volspec.viewer.actions import BY_NAME
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.curve import KIND_TITLES, THICKNESSES
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.transfer import labels, points, regions
-from volspec.viewer.panels.transfer.detail import tip
+from volspec.viewer.panels.widgets import AT_ONCE, pick, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 
@@ -26,6 +24,11 @@ _HELP: dict[bands.Kind, str] = {
     "surfaces": "Drag the surfaces to other values and opacities.\n"
     "Double-click adds one, a right click removes it.",
 }
+_KIND_TIP = (
+    "How a place looks follows from its value, from its value and gradient,\n"
+    "or from surfaces of one value. Another kind keeps no filters of materials and no opacity\n"
+    "over gradients of a curve, and back to it brings none; Ctrl+Z does"
+)
 _LOG = imgui.SliderFlags_.logarithmic
 
 
@@ -48,41 +51,25 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
 
 def _kinds(state: ViewState, desk: Desk) -> ViewState:
     """Presets, what is edited, and the histogram's scale."""
-    new = state
     room = imgui.get_content_region_avail().x - desk.px(70)
     imgui.set_next_item_width(room * 0.5)
-    title = presets.picked(state.transfer)
-    if imgui.begin_combo("##preset", title or "Presets", imgui.ComboFlags_.height_largest):
-        for preset in presets.offered(state.document.volume):
-            change = BY_NAME[f"preset-{preset.name}"].change
-            if imgui.selectable(preset.title, preset.title == title)[0] and change is not None:
-                new = change(new)
-            desk.note(f"preset {preset.name}")
-        imgui.end_combo()
-    desk.note("presets")
+    new = _presets(state, desk)
     tip("Begin anew with a named look and its materials; Ctrl+Z brings yours back")
     imgui.same_line()
     imgui.set_next_item_width(room * 0.5 - desk.px(6))
     kind = bands.kind_of(state.transfer)
-    if imgui.begin_combo("##kind", KIND_TITLES[kind]):
-        for other, name in KIND_TITLES.items():
-            change = BY_NAME[f"transfer-{other}"].change
-            if imgui.selectable(name, other == kind)[0] and change is not None:
-                new = change(new)
-            desk.note(f"kind {other}")
-        imgui.end_combo()
+    kinds = {title: other for other, title in KIND_TITLES.items()}
+    chosen = pick("##kind", KIND_TITLES[kind], kinds, lambda each: desk.note(f"kind {kinds[each]}"))
+    if chosen is not None:
+        new = desk.done(new, BY_NAME[f"transfer-{kinds[chosen]}"])
     desk.note("kind")
-    tip(
-        "How a place looks follows from its value, from its value and gradient,\n"
-        "or from surfaces of one value. Another kind keeps no filters of materials and no opacity\n"
-        "over gradients of a curve, and back to it brings none; Ctrl+Z does"
-    )
+    tip(_KIND_TIP)
     imgui.same_line()
     on = state.interface.logarithmic
     if on:
         imgui.push_style_color(imgui.Col_.text, ACCENT[state.interface.dark])
     if imgui.button("log", (desk.px(40), 0)):
-        new = replace(new, interface=replace(new.interface, logarithmic=not on))
+        new = reduced(new, Event("logarithmic"))
     if on:
         imgui.pop_style_color()
     desk.note("log")
@@ -90,9 +77,17 @@ def _kinds(state: ViewState, desk: Desk) -> ViewState:
     imgui.same_line()
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("?")
-    if imgui.is_item_hovered():
-        imgui.set_tooltip(_HELP[kind])
+    tip(_HELP[kind], AT_ONCE)
     return new
+
+
+def _presets(state: ViewState, desk: Desk) -> ViewState:
+    """A list of named looks; the present one, picked again, is as it was at first."""
+    offered = {preset.title: preset.name for preset in presets.offered(state.document.volume)}
+    title = presets.picked(state.transfer) or "Presets"
+    chosen = pick("##preset", title, offered, lambda each: desk.note(f"preset {offered[each]}"))
+    desk.note("presets")
+    return state if chosen is None else desk.done(state, BY_NAME[f"preset-{offered[chosen]}"])
 
 
 def _sliders(state: ViewState, desk: Desk) -> ViewState:

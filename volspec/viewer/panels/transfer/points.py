@@ -6,24 +6,24 @@ import numpy as np
 from imgui_bundle import imgui, implot
 
 from volspec.transfer import Isosurfaces, TransferFunction
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.panels.desk import Colour, Desk
+from volspec.viewer.panels.light_colours import Colour
 from volspec.viewer.panels.transfer import detail
 from volspec.viewer.panels.transfer.axes import height_of, opacity_at, opacity_plot, say
-from volspec.viewer.panels.transfer.colours import packed, part_colours
+from volspec.viewer.panels.transfer.colours import part_colours
+from volspec.viewer.panels.widgets import packed
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 from volspec.viewer.transfer_parts import Part, parts_of
 
 _STRIP_PX = 3.0
-_LEAST = 115
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState:
     """Draw the plot, and the chosen point or surface below."""
-    room = imgui.get_content_region_avail().y - detail.rows_height(2)
     new, what = state, "Surface" if isinstance(state.transfer, Isosurfaces) else "Point"
-    with opacity_plot(state, desk, max(room, desk.px(_LEAST))) as shown:
+    with opacity_plot(state, desk, detail.height_above(2, desk)) as shown:
         if shown:
             implot.push_plot_clip_rect()
             if isinstance(state.transfer, TransferFunction):
@@ -56,11 +56,10 @@ def _fill(state: ViewState, curve: TransferFunction, desk: Desk) -> None:
     for i in range(len(at) - 1):
         if max(opacity[i], opacity[i + 1]) <= 0:
             continue
-        r, g, b = (float(code) for code in (mixed[i] + mixed[i + 1]) / 2)
         ends = (at[i], (tops[i] + tops[i + 1]) / 2), (at[i + 1], zero)
-        draw_list.add_rect_filled(*ends, packed((r, g, b), 0.7))
+        draw_list.add_rect_filled(*ends, packed((mixed[i] + mixed[i + 1]) / 2, 0.7))
     line: list[imgui.ImVec2Like] = [(float(x), float(y)) for x, y in zip(at, tops, strict=True)]
-    draw_list.add_polyline(line, packed(_ink()), desk.px(1.4), 0)
+    draw_list.add_polyline(line, _ink(), desk.px(1.4), 0)
 
 
 def _stems(state: ViewState, desk: Desk) -> None:
@@ -69,7 +68,7 @@ def _stems(state: ViewState, desk: Desk) -> None:
     for part, colour in zip(parts_of(state.transfer), part_colours(state), strict=True):
         foot = implot.plot_to_pixels(part.values[0], 0.0)
         head = implot.plot_to_pixels(*_place(part))
-        draw_list.add_line(foot, head, packed(_ink()), desk.px(5))
+        draw_list.add_line(foot, head, _ink(), desk.px(5))
         draw_list.add_line(foot, head, packed(colour), desk.px(3))
 
 
@@ -103,7 +102,7 @@ def _mark(desk: Desk, part: Part, colour: Colour, chosen: bool, dark: bool) -> N
     """A handle in its colour, ringed so that it is seen on any ground."""
     implot.push_plot_clip_rect(desk.px(6))
     draw_list, place = implot.get_plot_draw_list(), implot.plot_to_pixels(*_place(part))
-    ring = packed(ACCENT[dark][:3]) if chosen else packed(_ink())
+    ring = packed(ACCENT[dark]) if chosen else _ink()
     draw_list.add_circle_filled(place, desk.px(5.5 if chosen else 4.5), ring)
     draw_list.add_circle_filled(place, desk.px(3.5), packed(colour))
     implot.pop_plot_clip_rect()
@@ -113,6 +112,5 @@ def _place(part: Part) -> tuple[float, float]:
     return part.values[0], height_of(part.opacity)
 
 
-def _ink() -> Colour:
-    colour = imgui.get_style_color_vec4(imgui.Col_.text)
-    return colour.x, colour.y, colour.z
+def _ink() -> int:
+    return int(imgui.get_color_u32(imgui.Col_.text))

@@ -11,17 +11,16 @@ from numpy.typing import NDArray
 
 from volspec.transfer import Region, TransferFunction2D
 from volspec.viewer import presets
+from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.joint import JointHistogram
-from volspec.viewer.panels.desk import Desk
 from volspec.viewer.panels.transfer import detail
-from volspec.viewer.panels.transfer.axes import note_area, set_values_axis
-from volspec.viewer.panels.transfer.colours import packed, part_colours
+from volspec.viewer.panels.transfer.axes import FLAGS, bars, note_area, set_values_axis
+from volspec.viewer.panels.transfer.colours import part_colours
+from volspec.viewer.panels.widgets import packed, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.style import ACCENT
 
-_FLAGS = implot.Flags_.canvas_only
-_LEAST = 115
 # Of edges and corners, to either side.
 _GRIP = 6
 # Regions reach beyond the volume's values, so that their soft sides do not cut them.
@@ -32,13 +31,12 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
     """Draw the plot, and the chosen region below."""
     # Above the plot: inside it would lie across what is drawn there.
     imgui.text_disabled("gradient per mm, over value")
-    room = imgui.get_content_region_avail().y - detail.rows_height(3)
-    new = _plot(state, desk, max(room, desk.px(_LEAST)))
+    new = _plot(state, desk, detail.height_above(3, desk))
     return _numbers(new, desk)
 
 
 def _plot(state: ViewState, desk: Desk, height: float) -> ViewState:
-    if not implot.begin_plot("##regions", (-1, height), _FLAGS):
+    if not implot.begin_plot("##regions", (-1, height), FLAGS):
         return state
     joint = state.document.joint
     implot.push_colormap(_greys(state.interface.dark))
@@ -75,7 +73,7 @@ def _rectangles(state: ViewState, desk: Desk) -> ViewState:
         desk.areas[f"region {i}"] = int(left), int(above), int(right - left), int(below - above)
         draw_list.add_rect_filled(*box, packed(colours[i], 0.3))
         if i == chosen:
-            ring = packed(ACCENT[state.interface.dark][:3])
+            ring = packed(ACCENT[state.interface.dark])
             draw_list.add_rect(*box, ring, 0.0, desk.px(3), 0)
         moved, a, b, c, d, clicked, hovered, down = implot.drag_rect(
             i, x1, y1, x2, y2, (*colours[i], 1.0), implot.DragToolFlags_.no_fit, False, False, False
@@ -151,7 +149,7 @@ def _numbers(state: ViewState, desk: Desk) -> ViewState:
         "##values", *region.values, (high - low) / 500, 0.0, 0.0, "≥ %.4g", "≤ %.4g"
     )
     desk.note("region values")
-    detail.tip("From value to value")
+    tip("From value to value")
     if moved:
         new = reduced(new, Event("region-values", values[0], values[1], index))
     imgui.same_line()
@@ -162,7 +160,7 @@ def _numbers(state: ViewState, desk: Desk) -> ViewState:
         "##gradients", bottom, end, top / 500, 0.0, top, "≥ %.4g", most
     )
     desk.note("region gradients")
-    detail.tip("From gradient to gradient, value per mm; at the axis' end and above: any")
+    tip("From gradient to gradient, value per mm; at the axis' end and above: any")
     if moved:
         new = reduced(new, Event("region-gradients", gradients[0], gradients[1], index))
     wide = (imgui.get_content_region_avail().x - desk.px(36)) / 2
@@ -182,11 +180,7 @@ def _numbers(state: ViewState, desk: Desk) -> ViewState:
 @lru_cache(maxsize=2)
 def shades(joint: JointHistogram, logarithmic: bool) -> NDArray[np.float32]:
     """(64, 128) 0 to 1, steepest first: how many voxels."""
-    counts = joint.counts[::-1]
-    if logarithmic:
-        shown = np.log1p(counts)
-        return np.ascontiguousarray(shown / max(float(shown.max()), 1e-12), dtype=np.float32)
-    shown = np.minimum(counts / max(float(np.quantile(counts, 0.99)), 1.0), 1.0)
+    shown = bars(joint.counts[::-1], logarithmic, 0.99)
     return np.ascontiguousarray(shown, dtype=np.float32)
 
 
