@@ -8,7 +8,8 @@ The parts of a file with several are taken together; its header is the first one
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -50,11 +51,45 @@ def read_exr(
     InputError
         Of the given class, if the file is missing, unreadable or damaged.
     """
+    name, channels = os.fspath(path), Channels()
+    _require_file(name, error, missing)
+    said: list[str] = []
+    with _refused(name, error, again), captured_output(said), _opened(name) as file:
+        header = dict(file.header())
+        for part in range(len(file.parts)):
+            for key, channel in file.channels(part).items():
+                if key in channels:
+                    raise error(f"{name}: two parts hold a channel {key!r}; export one part")
+                channels[key] = np.array(channel.pixels)
+    if any("error" in line.lower() or "EXR_ERR" in line for line in said):
+        raise error(f"{name}: damaged ({said[-1].strip()}); {again}")
+    return header, channels
+
+
+def read_header(path: str | os.PathLike[str], error: type[InputError]) -> dict[str, Any]:
+    """The header of an OpenEXR file, of the first part where it has several.
+
+    Raises
+    ------
+    InputError
+        As `read_exr`.
+    """
+    name = os.fspath(path)
+    _require_file(name, error, "no such file")
+    again = "export it again"
+    with _refused(name, error, again), captured_output([]), _opened(name, header_only=True) as file:
+        return dict(file.header())
+
+
+def _opened(name: str, **how: bool) -> Any:
     import OpenEXR
 
-    name = os.fspath(path)
+    return OpenEXR.File(name, **{"separate_channels": True, **how})
+
+
+def _require_file(name: str, error: type[InputError], missing: str) -> None:
+    """Refuse what OpenEXR, whatever it is, would call truncated."""
     try:
-        # OpenEXR calls whatever it cannot open truncated.
         Path(name).open("rb").close()
     except FileNotFoundError:
         raise error(f"{name}: {missing}") from None
@@ -62,23 +97,17 @@ def read_exr(
         raise error(f"{name}: is a folder; give an .exr file") from None
     except OSError as fault:
         raise error(f"{name}: cannot be read: {fault.strerror}") from None
-    said: list[str] = []
-    channels: Channels = {}
+
+
+@contextmanager
+def _refused(name: str, error: type[InputError], again: str) -> Iterator[None]:
+    """Put what OpenEXR raises into one line."""
     try:
-        with captured_output(said), OpenEXR.File(name, separate_channels=True) as file:
-            header = dict(file.header())
-            for part in range(len(file.parts)):
-                for key, channel in file.channels(part).items():
-                    if key in channels:
-                        raise error(f"{name}: two parts hold a channel {key!r}; export one part")
-                    channels[key] = np.array(channel.pixels)
+        yield
     except error:
         raise
     except (RuntimeError, OSError, ValueError) as fault:
         raise error(f"{name}: not a readable OpenEXR file, or truncated; {again}") from fault
-    if any("error" in line.lower() or "EXR_ERR" in line for line in said):
-        raise error(f"{name}: damaged ({said[-1].strip()}); {again}")
-    return header, channels
 
 
 def write_exr(
@@ -114,6 +143,19 @@ def write_exr(
                 OpenEXR.File({**header, **layout}, pixels).write(os.fspath(temporary))
         except (RuntimeError, OSError, ValueError) as fault:
             raise error(f"{os.fspath(path)}: cannot be written: {fault}") from fault
+
+
+def chromaticities(
+    primaries_xy: Sequence[tuple[float, float]], white_xy: tuple[float, float]
+) -> tuple[float, ...]:
+    """OpenEXR's header attribute of that name: what R, G, B and their white are."""
+    return tuple(float(v) for xy in (*primaries_xy, white_xy) for v in xy)
+
+
+def halves(pixels: ArrayLike) -> NDArray[np.float16]:
+    """As half floats; what is too large becomes the largest, NaN 0."""
+    largest = float(np.finfo(np.float16).max)
+    return np.clip(np.nan_to_num(pixels, nan=0.0), -largest, largest).astype(np.float16)
 
 
 def _stored(image: NDArray[Any]) -> NDArray[Any]:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict, load_basis
-from volspec.errors import BasisError, RelightError, TransferError
+from volspec.errors import BasisError, ImageError, TransferError
 from volspec.pipeline import Relighter, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.gpu import Raycaster
@@ -105,7 +105,7 @@ def test_only_a_cast_of_materials_can_be_edited() -> None:
     image = CoefficientImage(grey, opaque, opaque, SpectralBasis.load("general-7"))
     with (
         Relighter(image, backend="numpy") as relighter,
-        pytest.raises(RelightError, match=r"general-7.*MaterialBasis"),
+        pytest.raises(ImageError, match=r"general-7.*MaterialBasis"),
     ):
         relighter.set_reflectances({"gold": reflectance("gold")})
 

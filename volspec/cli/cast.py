@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -55,6 +55,9 @@ def render(
 ) -> None:
     """Cast a scene once into a coefficient image.
 
+    Compositors open it: a layer of channels a light group, depth, a picture under the first light,
+    and in the header how to relight it (`volspec compositing --help`).
+
     Ctrl-C ends a cast within moments; an image that was there before stays as it is.
 
     Example: `volspec render engine.toml -o engine.exr --size 1024x768`
@@ -70,6 +73,7 @@ def render(
     half
         Keep the channels as float16: half the memory and file, three digits.
     """
+    from volspec.export.compositing import Recipe, save_for_compositors
     from volspec.scene import Scene
 
     if output.suffix.lower() != ".exr":
@@ -80,13 +84,15 @@ def render(
         loaded = Scene.load(scene)
         tell("load the scene", 1)
         spec = replace(loaded.raycast, half=half or loaded.raycast.half)
+        lights = {light.name: light.rig for light in loaded.lights}
+        recipe = Recipe.of(loaded.basis, spec.shares(), lights, loaded.relight)
         image = loaded.render(
             size=_pixels(size) if size else None,
             spec=spec,
             device=device,
             progress=lambda share: tell("cast", share),
         )
-    image.save(output)
+    save_for_compositors(image, output, recipe)
     groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
     said = f"{output}: {image.size[0]}×{image.size[1]}, {image.basis.size} channels{groups}"
     Console().print(said, highlight=False, markup=False, soft_wrap=True)
@@ -114,6 +120,7 @@ def relight(
     reflectance: Annotated[list[str] | None, Parameter(negative="")] = None,
     basis: str | None = None,
     taken_under: str | None = None,
+    spectral: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Relight a stored coefficient image, or a measured spectral picture.
 
@@ -128,13 +135,16 @@ def relight(
 
     Example: `volspec relight painting.exr --basis general-9 --light A -o painting.png`
 
+    Example: `volspec relight engine.exr --light FL2 --spectral -o spectra.exr`
+
     Parameters
     ----------
     image
         A coefficient image that `volspec render` or `volspec demo` wrote; or, with `--basis`, an
         OpenEXR picture with a spectrum in every pixel (`T.550,000000nm`, …).
     output
-        The PNG file; with several lights the name gets the light's: `engine-A.png`.
+        The PNG file, with `--spectral` OpenEXR; with several lights the name gets the light's:
+        `engine-A.png`.
     errors
         Write a map of the colours' errors beside each frame: `engine-errors.png`.
     reflectance
@@ -148,16 +158,21 @@ def relight(
         What the eye makes of it: CIECAM02, CAM16, RLAB, Hunt, CAT02, none, … As in the scene when
         left out.
     mode
-        componentwise, exact (the light matrix) or linear-model. As in the scene when left out.
+        componentwise, exact (the light matrix) or linear-model. As in the scene when left out;
+        exact with `--spectral`.
     backdrop
         Reflectance of the diffuser behind, 0 to 1. As in the scene when left out.
+    spectral
+        Write what reaches the eye as a spectrum in every pixel: 31 half-float channels
+        `S0.400,000000nm`, …, and red, green, blue to look at. No eye is asked, so that of the
+        viewing `--exposure` and `--lux` alone count.
     """
     from volspec.export.frames import file_stem, write_frame
+    from volspec.export.spectral import write_spectral_frame
     from volspec.pipeline import Relighter
     from volspec.scene import viewing_of
 
-    if output.suffix.lower() != ".png":
-        raise ImageError(f"{output}: frames are PNG files; name it .png")
+    _check_kind(output, spectral, viewing, model, errors)
     stems = [f"-{file_stem(text)}" if len(light) > 1 else "" for text in light]
     paths = [output.with_name(f"{output.stem}{stem}{output.suffix}") for stem in stems]
     if len({str(path).lower() for path in paths}) < len(paths):
@@ -171,6 +186,14 @@ def relight(
     spec = table.model_copy(update={k: v for k, v in given.items() if v is not None}).spec()
     lamps = [read_setting(text, stored.groups, stored.basis.grid) for text in light]
     changes = _reflectances(reflectance or (), stored.basis.grid)
+    if spectral:
+        stored = stored.with_reflectances(changes) if changes else stored
+        spec = replace(spec, mode=mode or "exact")
+        for text, lamp, path in zip(light, lamps, paths, strict=True):
+            notes = {"light": text, "mode": spec.mode, "Software": f"volspec {__version__}"}
+            write_spectral_frame(path, stored, lamp, spec, notes)
+            Console().print(f"{path}", highlight=False, soft_wrap=True)
+        return
     with Relighter(stored) as relighter:
         if changes:
             relighter.set_reflectances(changes)
@@ -193,6 +216,29 @@ def relight(
                     VolspecWarning,
                     stacklevel=1,
                 )
+
+
+def _check_kind(
+    output: Path, spectral: bool, viewing: PictureOptions, model: str | None, errors: bool
+) -> None:
+    """Refuse an output of another kind than is asked for, and options that it has no use for."""
+    suffix = output.suffix.lower()
+    if not spectral:
+        if suffix == ".exr":
+            raise ImageError(
+                f"{output}: frames are PNG files; name it .png, or add --spectral for a spectrum "
+                "in every pixel"
+            )
+        if suffix != ".png":
+            raise ImageError(f"{output}: frames are PNG files; name it .png")
+        return
+    if suffix != ".exr":
+        raise ImageError(f"{output}: spectral pictures are OpenEXR; name it .exr")
+    given = {"model": model, "errors": errors or None, **asdict(viewing)}
+    for name, value in given.items():
+        if value is not None and name not in ("exposure", "lux"):
+            option = name if name[0].isupper() else name.replace("_", "-")
+            raise InputError(f"--{option} with --spectral: no eye looks at spectra; leave it out")
 
 
 def _picture(path: Path, basis: str | None, taken_under: str | None) -> CoefficientImage:

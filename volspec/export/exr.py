@@ -1,4 +1,4 @@
-"""Frames as OpenEXR: linear light, half floats, the primaries told.
+"""Frames as OpenEXR: linear light, half floats, the primaries told, spectra where asked for.
 
     pixels -> [exr]
 
@@ -13,13 +13,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from volspec._exr import write_exr
+from volspec._exr import chromaticities, halves, write_exr
 from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ImageError
-
-_LARGEST_HALF = float(np.finfo(np.float16).max)
+from volspec.spectra.spectral_image import spectral_channels, spectral_header
 
 
 class ExrRows:
@@ -30,13 +29,16 @@ class ExrRows:
 
     def rows(self, pixels: NDArray[Any]) -> None:
         """Add rows; (R, W, C) linear."""
-        bounded = np.clip(np.nan_to_num(pixels, nan=0.0), -_LARGEST_HALF, _LARGEST_HALF)
-        self.parts.append(bounded.astype(np.float16))
+        self.parts.append(halves(pixels))
 
 
 @contextmanager
 def exr_file(
-    path: str | os.PathLike[str], space: ColourSpace, text: Mapping[str, str]
+    path: str | os.PathLike[str],
+    space: ColourSpace,
+    text: Mapping[str, str],
+    wavelengths_nm: ArrayLike | None = None,
+    units: str = "",
 ) -> Iterator[ExrRows]:
     """An OpenEXR picture that takes its rows; it appears when all are there.
 
@@ -47,6 +49,11 @@ def exr_file(
         Its primaries and white go into the header's ``chromaticities``.
     text : {name: text}
         Goes into the header, as ``volspec:name``.
+    wavelengths_nm : (N,) array, optional
+        Behind red, green and blue (and opacity) the rows hold a spectrum: radiances in the
+        spectral layout (`volspec.spectra.spectral_image`).
+    units : str
+        Of the radiances.
 
     Raises
     ------
@@ -55,9 +62,17 @@ def exr_file(
     """
     writer = ExrRows()
     yield writer
-    pixels = np.concatenate(writer.parts)
-    numbers = [float(v) for xy in (*space.primaries_xy, space.white_xy) for v in xy]
-    header: dict[str, Any] = {"chromaticities": tuple(numbers)}
-    header |= {f"volspec:{name}": value for name, value in text.items()}
-    channels = {name: pixels[..., i] for i, name in enumerate("RGBA"[: pixels.shape[2]])}
+    header: dict[str, Any] = {
+        "chromaticities": chromaticities(space.primaries_xy, space.white_xy),
+        **{f"volspec:{name}": value for name, value in text.items()},
+    }
+    bands = []
+    if wavelengths_nm is not None:
+        header |= spectral_header("emissive", units)
+        bands = spectral_channels("emissive", wavelengths_nm)
+    colours = "RGBA"[: writer.parts[0].shape[2] - len(bands)]
+    channels = {
+        name: np.concatenate([part[..., i] for part in writer.parts])
+        for i, name in enumerate((*colours, *bands))
+    }
     write_exr(path, header, channels, ImageError)

@@ -2,37 +2,27 @@
 
     volume -> transfer -> [raycast] -> relight -> appearance
 
-In the file every channel of the basis is one float or half channel ``coefficients.00``,
-``coefficients.01``, …; several light groups are layers, ``key.coefficients.00``. ``A`` is the
-opacity, ``Z`` the depth and ``ZFirst`` the first hit, both in millimetres. The header's
-``volspec:groups`` holds the groups' shares and ``volspec:basis`` the whole basis (JSON), so that an
-image can be relit without the scene that made it, and one of another basis version is refused;
-``volspec:fov_deg`` the camera's vertical field of view, where it has one.
+What the file looks like: `volspec.raycast.image_file`.
 """
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from volspec._exr import read_exr, write_exr
-from volspec.basis import Basis, SpectralBasis, basis_from_dict
-from volspec.errors import BasisError, ImageError, ShapeError, nearest, quoted
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.errors import ImageError, ShapeError, nearest, quoted
 from volspec.raycast.checks import number
-from volspec.raycast.groups import ONE_GROUP, channel_names, checked_groups
+from volspec.raycast.groups import ONE_GROUP, checked_groups
+from volspec.raycast.image_file import read_image, write_image
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.values import light_power
 
-FORMAT = 2
-_READ = (1, FORMAT)  # images of format 1 have one light group
-_ALPHA_ERROR = 1e-3  # what a compositor's rounding may add to an opacity
 # What a camera's noise may bring below 0, and highlights above 1, in a spectral picture.
 _NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
 
@@ -144,6 +134,28 @@ class CoefficientImage:
         first = list(self.groups).index(group) * size
         return self.coefficients[..., first : first + size]
 
+    def with_reflectances(self, reflectances: Mapping[str, Spectrum]) -> CoefficientImage:
+        """The same cast of materials with other reflectances.
+
+        Parameters
+        ----------
+        reflectances : {material: Spectrum}
+            Those that change.
+
+        Raises
+        ------
+        ImageError
+            If the image was not cast with a `MaterialBasis`.
+        BasisError
+            If a name is unknown or a reflectance is none.
+        """
+        if not isinstance(self.basis, MaterialBasis):
+            raise ImageError(
+                f"coefficient image: reflectances cannot be edited in basis {self.basis.name!r}, "
+                f"whose channels are {self.basis.method}; cast with MaterialBasis(materials)"
+            )
+        return replace(self, basis=self.basis.with_reflectances(reflectances))
+
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
@@ -201,32 +213,30 @@ class CoefficientImage:
         alpha = np.ones(coefficients.shape[:2], np.float32)
         return cls(coefficients, alpha, np.full_like(alpha, np.inf), basis, dict(image.notes))
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        preview: ArrayLike | None = None,
+        texts: Mapping[str, str] | None = None,
+    ) -> None:
         """Write an OpenEXR file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.exr``.
+        preview : (H, W, 3) array, optional
+            What a picture viewer shall show: linear Rec. 709, premultiplied by `alpha`. Not read
+            again.
+        texts : {str: str}, optional
+            Kept in the header for other programs, as ``volspec:name``. Not read again.
 
         Raises
         ------
         ImageError
             If the name does not end in ``.exr`` or the file cannot be written.
         """
-        if Path(path).suffix.lower() != ".exr":
-            raise ImageError(f"{os.fspath(path)}: coefficient images are OpenEXR; name it .exr")
-        header = {
-            "volspec:format": FORMAT,
-            "volspec:basis": json.dumps(self.basis.to_dict()),
-            "volspec:groups": json.dumps(self.groups),
-            "volspec:notes": json.dumps(dict(self.notes)),
-        }
-        if self.fov_deg is not None:
-            header["volspec:fov_deg"] = json.dumps(float(self.fov_deg))
-        names = channel_names(self.groups, self.basis.size)
-        channels = {name: self.coefficients[..., k] for k, name in enumerate(names)}
-        channels |= {
-            name: np.asarray(pixels, np.float32)
-            for name, pixels in (("A", self.alpha), ("Z", self.depth_mm), ("ZFirst", self.first_mm))
-            if pixels is not None
-        }
-        write_exr(path, header, channels, ImageError)
+        write_image(path, self, preview, texts or {})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> CoefficientImage:
@@ -238,51 +248,11 @@ class CoefficientImage:
             If the file is missing, damaged, no coefficient image, made with a format or basis
             version this volspec does not know, or holds what no cast leaves.
         """
-        name = os.fspath(path)
-        missing = f"no such file; `volspec render SCENE -o {name}` makes one"
-        header, pixels = read_exr(path, ImageError, missing=missing, again="render the scene again")
-        if "volspec:basis" not in header:
-            raise ImageError(
-                f"{name}: not a coefficient image; `volspec render` makes them, and a spectral "
-                "picture needs --basis"
-            )
-        if (version := header.get("volspec:format")) not in _READ:
-            raise ImageError(
-                f"{name}: format {version}, this volspec reads {' and '.join(map(str, _READ))}; "
-                "render the scene again"
-            )
+        fields = read_image(path)
         try:
-            basis = basis_from_dict(json.loads(header["volspec:basis"]))
-            notes = dict(json.loads(header.get("volspec:notes", "{}")))
-        except (BasisError, ValueError, KeyError, TypeError) as error:
-            raise ImageError(f"{name}: its basis is refused ({error}); render again") from error
-        try:
-            stored = ONE_GROUP if version == 1 else json.loads(header["volspec:groups"])
-            groups = checked_groups(stored)
-        except (ImageError, ValueError, KeyError, TypeError) as error:
-            raise ImageError(
-                f"{name}: its light groups are refused ({error}); render again"
-            ) from error
-        wanted = channel_names(groups, basis.size)
-        for key in (*wanted, "A", "Z"):
-            if key not in pixels:
-                raise ImageError(f"{name}: channel {key!r} is missing; render the scene again")
-        coefficients = np.stack([pixels[key] for key in wanted], axis=-1)
-        if not (np.isfinite(coefficients).all() and np.isfinite(pixels["A"]).all()):
-            raise ImageError(f"{name}: holds NaN or infinite values; render the scene again")
-        alpha, depth = (pixels[key].astype(np.float32) for key in ("A", "Z"))
-        low, high = float(alpha.min()), float(alpha.max())
-        if low < -_ALPHA_ERROR or high > 1 + _ALPHA_ERROR:
-            raise ImageError(
-                f"{name}: channel 'A' runs from {low:g} to {high:g}; an opacity is 0…1, render "
-                "the scene again"
-            )
-        first = pixels["ZFirst"].astype(np.float32) if "ZFirst" in pixels else None
-        try:
-            fov_deg = json.loads(header.get("volspec:fov_deg", "null"))
-            return cls(coefficients, alpha.clip(0, 1), depth, basis, notes, groups, first, fov_deg)
+            return cls(**fields)
         except (ImageError, ShapeError, ValueError, TypeError) as error:
-            raise ImageError(f"{name}: {error}") from error
+            raise ImageError(f"{os.fspath(path)}: {error}") from error
 
 
 def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:

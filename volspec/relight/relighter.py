@@ -305,18 +305,12 @@ class Relighter:
         Raises
         ------
         RelightError
-            If it is closed, or the image was not cast with a `MaterialBasis`.
-        BasisError
-            If a name is unknown or a reflectance is negative or does not cover the grid.
+            If it is closed.
+        ImageError, BasisError
+            As `CoefficientImage.with_reflectances`.
         """
         self._require_open()
-        basis = self._image.basis
-        if not isinstance(basis, MaterialBasis):
-            raise RelightError(
-                f"Relighter: reflectances cannot be edited in basis {basis.name!r}, whose channels "
-                f"are {basis.method}; cast with MaterialBasis(materials)"
-            )
-        self._image = replace(self._image, basis=basis.with_reflectances(reflectances))
+        self._image = self._image.with_reflectances(reflectances)
         self._edits |= reflectances
 
     def _on_engine(self, call: Callable[[GLEngine | HostEngine], Any]) -> Any:

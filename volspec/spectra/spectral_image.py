@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from volspec._exr import read_exr, write_exr
 from volspec.errors import SpectrumError, VolspecWarning
@@ -187,16 +187,10 @@ class SpectralImage:
         name = path_text(path)
         if Path(name).suffix.lower() != ".exr":
             raise SpectrumError(f"{name}: spectral images are OpenEXR; name it .exr")
-        header: dict[str, Any] = {
-            "spectralLayoutVersion": "1.0",
-            "volspec:notes": json.dumps(dict(self.notes)),
-        }
-        if self.kind == "emissive":
-            header["emissiveUnits"] = self.notes.get("emissive units", _DEFAULT_UNITS)
-        channels = {
-            f"{_LAYER[self.kind]}." + f"{w:.6f}nm".replace(".", ","): self.values[..., k]
-            for k, w in enumerate(self.wavelengths_nm)
-        }
+        units = self.notes.get("emissive units", _DEFAULT_UNITS)
+        header = spectral_header(self.kind, units) | {"volspec:notes": json.dumps(dict(self.notes))}
+        names = spectral_channels(self.kind, self.wavelengths_nm)
+        channels = {channel: self.values[..., k] for k, channel in enumerate(names)}
         write_exr(name, header, channels, SpectrumError)
 
     @classmethod
@@ -243,6 +237,22 @@ class SpectralImage:
             return cls(values, np.array([w for w, _ in samples]), wanted, notes)
         except (SpectrumError, ValueError) as error:
             raise SpectrumError(f"{name}: {error}") from None
+
+
+def spectral_channels(kind: Kind, wavelengths_nm: ArrayLike) -> list[str]:
+    """The layout's names of channels.
+
+    >>> spectral_channels("emissive", [400, 547.5])
+    ['S0.400,000000nm', 'S0.547,500000nm']
+    """
+    samples = np.atleast_1d(wavelengths_nm)
+    return [f"{_LAYER[kind]}." + f"{w:.6f}nm".replace(".", ",") for w in samples]
+
+
+def spectral_header(kind: Kind, units: str = _DEFAULT_UNITS) -> dict[str, str]:
+    """The attributes that the layout asks for; ``units`` are those of radiances."""
+    header = {"spectralLayoutVersion": "1.0"}
+    return header | {"emissiveUnits": units} if kind == "emissive" else header
 
 
 def require_kind(kind: object, label: str) -> None:

@@ -1,0 +1,78 @@
+"""A chart under two light groups, and files of it as other programs open them."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from volspec import cli
+from volspec.appearance import Viewing
+from volspec.appearance.spaces import SPACES
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.export.compositing import Recipe, save_for_compositors
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig, RelightSpec, relight
+from volspec.spectra import light, reflectance, reflectance_set
+
+GENERAL = SpectralBasis.load("general-7")
+METALS = MaterialBasis({"rotor": reflectance("copper"), "case": reflectance("iron")})
+MODES = ("componentwise", "exact", "linear-model")
+EVENING = LightRig((light("A"), light("daylight:7500*0.4")), groups=("key", "the sky"))
+LIGHTS = {"day": light("D65"), 'fluorescent {"$x"]': light("FL2"), "evening": EVENING}
+SHARES = {"key": 0.7, "the sky": 0.3}
+NOTES = {"viewing": '{"backdrop": 0.25, "exposure": 1.25}'}
+HALF = 2.0**-11  # a half float's rounding, of its value; below 2^-14 half of 2^-24
+SPEC = RelightSpec(Viewing(model="Bradford", exposure=1.25), backdrop=0.25)
+
+
+def made(basis: Basis = GENERAL, kind: type = np.float32) -> CoefficientImage:
+    """Held-out reflectances, or shares of two metals, from below a key to below the sky."""
+    if isinstance(basis, MaterialBasis):
+        own = np.random.default_rng(7).dirichlet(np.ones(3), (7, 12))
+    else:
+        own = basis.analyze(reflectance_set("test").reshape(7, 12, 31))
+    alpha = np.linspace(0, 1, 84, dtype=np.float32).reshape(7, 12)
+    ramp = np.linspace(0, 1, 12)[:, None]
+    layers = np.concatenate([0.6 * (1 - ramp) * own, 0.25 * ramp * own], -1) * alpha[..., None]
+    return CoefficientImage(
+        *(layers.astype(kind), alpha, alpha, basis, NOTES), groups=SHARES, first_mm=alpha
+    )
+
+
+def stored(path: Path, image: CoefficientImage, spec: RelightSpec = SPEC) -> Recipe:
+    recipe = Recipe.of(image.basis, image.groups, LIGHTS, spec)
+    save_for_compositors(image, path, recipe)
+    return recipe
+
+
+def call(*words: str | Path) -> int:
+    """The command in this process; returns the exit code."""
+    try:
+        cli.main([*map(str, words)])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def opened(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Header and channels by OpenEXR's own library alone."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return dict(file.header()), {k: np.array(c.pixels) for k, c in file.channels().items()}
+
+
+def shown(image: CoefficientImage, name: str, spec: RelightSpec = SPEC) -> NDArray[Any]:
+    """Linear light of volspec's own frame: an eye that adapts by Bradford, black behind."""
+    spec = dataclasses.replace(spec, backdrop=0.0)
+    given = LIGHTS[name], spec.viewing, spec.mode, spec.backdrop, spec.level
+    codes = relight(image, *given, dtype=np.float32, backend="numpy")
+    return SPACES["sRGB"].decode(codes)
+
+
+def close(found: NDArray[Any], frame: NDArray[Any]) -> bool:
+    """Frames are cut to the display's gamut; else nine digits and float32 bound the error."""
+    return np.allclose(np.clip(found, 0, 1), frame, rtol=1e-5, atol=2e-6)

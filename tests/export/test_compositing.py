@@ -1,0 +1,281 @@
+"""Files for compositors: layers, lights in the header, recipes for Blender and Nuke."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import OpenEXR
+import pytest
+from numpy.typing import NDArray
+
+from tests.export._blender import blender
+from tests.export._layers import (
+    EVENING,
+    GENERAL,
+    LIGHTS,
+    METALS,
+    MODES,
+    SHARES,
+    SPEC,
+    call,
+    close,
+    made,
+    opened,
+    shown,
+    stored,
+)
+from volspec._gpu.sources import asset
+from volspec.appearance import Viewing
+from volspec.appearance.spaces import SPACES
+from volspec.basis import Basis
+from volspec.errors import ImageError
+from volspec.export.compositing import Recipe
+from volspec.export.recipes import write_recipe
+from volspec.export.spectral import write_spectral_frame
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig, RelightSpec, relight
+from volspec.relight.illumination import Illumination
+from volspec.spectra import SpectralImage, light
+
+
+@pytest.mark.parametrize("basis", [GENERAL, METALS], ids=["spectral", "materials"])
+@pytest.mark.parametrize("mode", MODES)
+def test_the_header_s_matrices_relight_the_file_s_channels(
+    basis: Basis, mode: str, tmp_path: Path
+) -> None:
+    image, spec = made(basis), dataclasses.replace(SPEC, mode=mode)
+    stored(tmp_path / "i.exr", image, spec)
+    header, channels = opened(tmp_path / "i.exr")
+    data = json.loads(header["volspec:compositing"])
+    assert list(data["lights"]) == list(LIGHTS) and data["mode"] == mode
+    for name, row in data["lights"].items():
+        found = np.zeros((*image.alpha.shape, 3))
+        for group, M in row["matrices"].items():
+            layer = np.dstack([channels[each] for each in data["channels"][group]])
+            found += layer @ np.array(M).T
+        assert close(found, shown(image, name, spec)), name
+    assert close(np.dstack([channels[k] for k in "RGB"]), shown(image, "day", spec))
+
+
+def test_over_the_header_s_backdrop_a_picture_is_the_opaque_frame() -> None:
+    image, recipe = made(), Recipe.of(GENERAL, SHARES, LIGHTS, SPEC)
+    behind = (1 - image.alpha)[..., None] * recipe.lights["evening"].backdrop
+    codes = relight(image, EVENING, SPEC.viewing, backdrop=0.25, dtype=np.float32, backend="numpy")
+    frame = SPACES["sRGB"].decode(codes)
+    assert close(recipe.picture(image, "evening") + behind, frame)
+
+
+def test_numbers_of_a_light_are_its_channels_and_one_for_flat_white() -> None:
+    lights = {"flat": light("E"), "key": LightRig((light("A"),), groups=("key",))}
+    spec = dataclasses.replace(SPEC, viewing=Viewing())
+    rows = Recipe.of(GENERAL, SHARES, lights, spec).lights
+    assert np.allclose(rows["flat"].numbers["key"], 1.0)
+    assert list(rows["key"].numbers) == list(rows["key"].matrices) == ["key"], "the sky is dark"
+    e = GENERAL.analyze(light("A"))
+    assert np.allclose(rows["key"].numbers["key"] / rows["key"].numbers["key"][0], e / e[0])
+    # White that faces the key alone gets 0.7 of what faces both, and it is the adopted white.
+    assert np.allclose(0.7 * rows["key"].matrices["key"] @ np.ones(7), 1.0)
+
+
+def test_lux_count_where_all_lights_have_them() -> None:
+    spec = RelightSpec(Viewing(illuminance_lux=500.0), level="absolute")
+    dim = LightRig((light("A"),), illuminance_lux=(100.0,))
+    for others, white in (({}, 0.2), ({"bare": light("A")}, 1.0)):
+        lights = Recipe.of(GENERAL, {"light": 1.0}, {"dim": dim, **others}, spec).lights
+        assert all(
+            np.allclose(row.matrices["light"] @ np.ones(7), white) for row in lights.values()
+        )
+
+
+@pytest.mark.parametrize("name", ["LPS", "HP1", "planck:2000"])
+def test_white_is_white_under_every_light(name: str) -> None:
+    """LPS has next to no blue, which must not become noise."""
+    M = Recipe.of(GENERAL, {"light": 1.0}, {"l": light(name)}).lights["l"].matrices["light"]
+    assert np.allclose(M @ np.ones(7), 1.0, atol=1e-6)
+
+
+def test_a_rendered_scene_opens_with_layers_preview_depth_and_its_lights(
+    scene: Callable[..., Any], tmp_path: Path
+) -> None:
+    path = scene().path
+    assert call("render", path, "-o", tmp_path / "i.exr", "--half") == 0
+    header, channels = opened(tmp_path / "i.exr")
+    layers = {f"light.c{k:02d}.V" for k in range(7)}
+    assert set(channels) == layers | {"R", "G", "B", "A", "Z", "first.Z"}
+    assert {channels[name].dtype.name for name in layers} == {"float16"}
+    nothing = channels["A"] == 0
+    assert nothing.any() and np.isinf(channels["Z"][nothing]).all()
+    assert list(Recipe.load(tmp_path / "i.exr").lights) == ["day", "lamp", "tube"]
+    image = CoefficientImage.load(tmp_path / "i.exr")
+    lit = Illumination.of(image.basis, light("D65"), RelightSpec(backdrop=0.0))
+    XYZ = lit.scene_XYZ(image.coefficients, image.alpha)
+    # D65 needs next to no adaptation: its bands' white is (95.1, 100, 108.9) within 0.3.
+    preview = np.dstack([channels[k] for k in "RGB"])
+    assert np.allclose(preview, XYZ @ SPACES["sRGB"].RGB_from_XYZ.T, atol=0.005)
+    assert header["volspec:relight.2"].startswith("lamp\nred: (")
+
+
+def pasted(channels: dict[str, NDArray[Any]]) -> dict[str, Any]:
+    """Channels by the names that Nuke's reader gives them, for an expression."""
+    names: dict[str, Any] = {}
+    for name, pixels in channels.items():
+        *layer, last = (
+            re.sub(r"[^A-Za-z0-9]", "_", part.lstrip("0123456789")) for part in name.split(".", 2)
+        )
+        if layer:
+            names.setdefault("_".join(layer), SimpleNamespace()).__dict__[last] = pixels
+    return names
+
+
+def test_the_header_s_sums_can_be_pasted_into_an_expression(tmp_path: Path) -> None:
+    image = made()
+    stored(tmp_path / "i.exr", image)
+    header, channels = opened(tmp_path / "i.exr")
+    for number, name in enumerate(LIGHTS, start=1):
+        first, *rows = header[f"volspec:relight.{number}"].split("\n")
+        assert first == name and [row.split(": ")[0] for row in rows] == ["red", "green", "blue"]
+        found = [eval(row.split(": ")[1], pasted(channels)) for row in rows]
+        assert close(np.dstack(found), shown(image, name))
+
+
+def test_nuke_s_group_has_a_knob_for_each_weight(tmp_path: Path) -> None:
+    """The nodes are as Nuke's own files write them; the sums are evaluated here."""
+    image = made()
+    source = tmp_path / "a [b] $c.exr"
+    stored(source, image)
+    assert call("compositing", source, "-o", tmp_path / "i.nk") == 0
+    text = (tmp_path / "i.nk").read_text()
+    bare = re.sub(r"\\.", "", text)
+    assert bare.count("{") == bare.count("}") and bare.count('"') % 2 == 0
+    assert f' file "{tmp_path.as_posix()}/a \\[b\\] \\$c.exr"' in text
+    knobs = re.findall(r'addUserKnob \{7 (weight\d) l "((?:\\.|[^"])*)"', text)
+    assert [label for _, label in knobs] == [
+        *(f"day: {group}" for group in SHARES),
+        *(f'fluorescent (\\"\\$x\\"\\]: {group}' for group in SHARES),
+        *(f"evening: {group}" for group in SHARES),
+    ]
+    sums = re.findall(r'expr\d "(.*)"', text)
+    names = pasted(opened(source)[1])
+    for name in LIGHTS:
+        on = {knob: float(label.startswith(name[:5])) for knob, label in knobs}
+        found = [eval(each, {**names, "parent": SimpleNamespace(**on)}) for each in sums]
+        assert close(np.dstack(found), shown(image, name))
+    first = dict(re.findall(r"^ (weight\d) (\d)$", text, re.MULTILINE))
+    assert first == {knob: "01"[label.startswith("day")] for knob, label in knobs}
+
+
+def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen in Blender 3.4 and 5.0 on the engine: CIEDE2000 below 1e-4 from volspec's own frames."""
+    image = made()
+    stored(tmp_path / "i.exr", image)
+    assert call("compositing", tmp_path / "i.exr", "-o", tmp_path / "i.py") == 0
+    bpy, nodes = blender(opened(tmp_path / "i.exr")[1])
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    monkeypatch.setattr(sys, "argv", ["blender"])
+    exec((tmp_path / "i.py").read_text(), {"__name__": "__main__"})
+    weights = [node for node in nodes if node.kind == "Value"]
+    assert [node.label for node in weights] == [
+        f"{name}: {group}" for name in LIGHTS for group in SHARES
+    ]
+    output = next(node for node in nodes if node.kind == "Composite").inputs[0]
+    for name in LIGHTS:
+        if name != "day":  # which is on at first
+            for node in weights:
+                node.outputs[0].default_value = float(node.label.startswith(f"{name}: "))
+        found = output.value()
+        assert close(found[..., :3], shown(image, name))
+        assert np.array_equal(found[..., 3], image.alpha)
+    render = bpy.context.scene.render
+    assert (render.resolution_x, render.resolution_y) == image.size
+
+
+def test_old_images_get_other_lights_by_being_written_once_more(tmp_path: Path) -> None:
+    image = made()
+    image.save(tmp_path / "bare.exr")
+    words = ("--light", "FL2", "--light", "key=A", "--mode", "exact")
+    assert call("compositing", tmp_path / "bare.exr", *words, "-o", tmp_path / "i.exr") == 0
+    recipe, again = Recipe.load(tmp_path / "i.exr"), CoefficientImage.load(tmp_path / "i.exr")
+    assert list(recipe.lights) == ["FL2", "key=A"] and recipe.mode == "exact"
+    assert np.array_equal(again.coefficients, image.coefficients)
+    # White light's quarter, at the exposure of the scene that is noted in the image.
+    assert np.allclose(recipe.lights["FL2"].backdrop, 0.25 * 1.25)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("bare.exr", "-o", "x.py"), "bare.exr: names no lights for compositors; `volspec comp"),
+        (("bare.exr", "-o", "x.tif"), "x.tif: name it .py for Blender, .nk for Nuke, or .exr"),
+        (("bare.exr", "-o", "x.exr"), "which lights shall it name? add --light"),
+        (("i.exr", "-o", "x.nk", "--light", "A"), "takes the lights that i.exr names"),
+        (("i.exr", "-o", "x.exr", "--light", "D56"), "'D65'"),
+        (("i.exr", "-o", "x.exr", "--light", "kye=D65"), "no light group 'kye'; did you mean"),
+        (("i.exr", "-o", "x.exr", "--light", "A", "--mode", "exat"), "did you mean 'exact'"),
+        (("nothing.exr", "-o", "x.nk"), "nothing.exr: no such file"),
+        (("text.exr", "-o", "x.nk"), "text.exr: not a readable OpenEXR file"),
+        (("other.exr", "-o", "x.py"), "other.exr: names no lights"),
+        (("other.exr", "-o", "x.exr", "--light", "A"), "other.exr: not a coefficient image"),
+        (("flat.exr", "-o", "x.exr", "--light", "A"), "flat.exr: channel 'Z' is missing"),
+    ],
+)
+def test_what_no_compositor_can_be_given_is_refused(
+    words: tuple[str, ...],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    image = made()
+    image.save("bare.exr")
+    stored(Path("i.exr"), image)
+    Path("text.exr").write_text("hello")
+    SpectralImage(np.ones((2, 2, 3)), [400, 550, 700], "reflective").save("other.exr")
+    header, channels = opened(Path("i.exr"))
+    header.pop("channels")
+    OpenEXR.File(header, {k: v for k, v in channels.items() if k != "Z"}).write("flat.exr")
+    assert call("compositing", *words) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 and message in lines[0]
+    assert not Path(words[2]).exists()
+
+
+@pytest.mark.parametrize("text", ["{", "3", '{"version": 2}', '{"version": 1, "lights": {"a": 3}}'])
+def test_a_recipe_that_was_edited_by_hand_is_refused(text: str, tmp_path: Path) -> None:
+    made().save(tmp_path / "i.exr", texts={"compositing": text})
+    with pytest.raises(ImageError, match=r"i\.exr: volspec:compositing cannot be read") as caught:
+        write_recipe(tmp_path / "i.nk", tmp_path / "i.exr")
+    assert "\n" not in str(caught.value) and not (tmp_path / "i.nk").exists()
+
+
+def test_blender_s_script_says_where_its_image_is_once() -> None:
+    text = asset("data/compositing/blender.py").read_text(encoding="utf-8")
+    assert text.count('IMAGE = "IMAGE.exr"') == 1
+
+
+def test_the_guide_s_python_reads_both_kinds_of_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    guide = Path(__file__).resolve().parents[2] / "docs" / "compositing.md"
+    relit, seen = re.findall(r"```python\n(.*?)```", guide.read_text(encoding="utf-8"), re.DOTALL)
+    image, spec = made(), dataclasses.replace(SPEC, mode="exact")
+    stored(Path("engine.exr"), image)
+    found: dict[str, Any] = {}
+    exec(relit, found)
+    assert close(found["RGB"], shown(image, "day"))
+    write_spectral_frame("spectra.exr", image, light("D65"), spec, {})
+    exec(seen, found)
+    own = Illumination.of(GENERAL, light("D65"), spec, SHARES).scene_XYZ(
+        image.coefficients, image.alpha
+    )
+    # The eye sampled every 10 nm is not its mean over 10 nm.
+    assert np.allclose(found["XYZ"], own, rtol=0.01)

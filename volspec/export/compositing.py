@@ -1,0 +1,282 @@
+"""Relighting by a compositor: lights as matrices in the header of a coefficient image.
+
+basis, light groups, lights -> [compositing] -> the file's header -> Blender, Nuke, a script
+
+    RGB = Σ_g M_g C_g  (+ (1 - A) backdrop)        linear Rec. 709, white 1, premultiplied by A
+    M_g = RGB_from_XYZ · Bradford(white of the light -> D65) · D_g diag(e_g)
+
+D_g diag(e_g) is the matrix of `Illumination`, of whichever mode the picture is shown in. A
+compositor has no eye, so that the light's white is adapted by a matrix, completely, as ICC profiles
+do it; CIECAM02 is no matrix. docs/compositing.md tells users.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._exr import read_header
+from volspec.appearance.adaptation import adaptation
+from volspec.appearance.surround import ViewingConditions
+from volspec.basis import Basis, SpectralBasis
+from volspec.basis.display import visible_white
+from volspec.errors import ImageError
+from volspec.export.pixels import PRIMARIES
+from volspec.raycast import CoefficientImage
+from volspec.raycast.groups import channel_names
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.illumination import Illumination
+from volspec.spectra import Spectrum
+from volspec.spectra.observer import color_matching_functions
+
+Array = NDArray[np.float64]
+
+VERSION = 1
+_JSON, _TEXT = "compositing", "relight"  # of the header's attributes, after "volspec:"
+_DIGITS = 9  # of numbers in a header; float32 has 7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompositorLight:
+    """What one light does, as a compositor counts.
+
+    Parameters
+    ----------
+    matrices : {group: (3, M) array}
+        Channels to linear Rec. 709, for each light group that shines.
+    backdrop : (3,) array
+        The colour of the diffuser behind.
+    numbers : {group: (M,) array}
+        The lights' own channels e_g, ones for flat white light of as much luminance; of a basis of
+        materials, which has none, empty.
+    """
+
+    matrices: Mapping[str, Array]
+    backdrop: Array
+    numbers: Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recipe:
+    """All that a compositor needs beside the channels.
+
+    Parameters
+    ----------
+    channels : {group: tuple of str}
+        Of each light group, as the file calls them.
+    lights : {name: CompositorLight}
+        The first is the preview's.
+    mode : str
+        As `RelightSpec.mode`.
+
+    Examples
+    --------
+    >>> from volspec.basis import SpectralBasis
+    >>> from volspec.spectra import light
+    >>> basis = SpectralBasis.load("general-7")
+    >>> recipe = Recipe.of(basis, {"light": 1.0}, {"tungsten": light("A")})
+    >>> M = recipe.lights["tungsten"].matrices["light"]
+    >>> M.shape, (M @ np.ones(7)).round(6).tolist()
+    ((3, 7), [1.0, 1.0, 1.0])
+    """
+
+    channels: Mapping[str, tuple[str, ...]]
+    lights: Mapping[str, CompositorLight]
+    mode: str
+
+    @classmethod
+    def of(
+        cls,
+        basis: Basis,
+        groups: Mapping[str, float],
+        lights: Mapping[str, Spectrum | LightRig],
+        spec: RelightSpec | None = None,
+    ) -> Self:
+        """Work out the lights of an image.
+
+        Parameters
+        ----------
+        basis, groups
+            The image's.
+        lights : {name: Spectrum or LightRig}
+        spec : RelightSpec, optional
+            Mode, backdrop, level and exposure; the eye's conditions count for nothing here. Where a
+            light carries no lux, all are at level ``"relative"``.
+
+        Raises
+        ------
+        ViewingError, SpectrumError
+            As `Illumination.of`.
+        """
+        spec, size = spec or RelightSpec(), basis.size
+        names = channel_names(groups, size)
+        channels = {g: tuple(names[k * size : (k + 1) * size]) for k, g in enumerate(groups)}
+        rigs = {
+            name: LightRig((light,)) if isinstance(light, Spectrum) else light
+            for name, light in lights.items()
+        }
+        if any(rig.illuminance_lux is None for rig in rigs.values()):
+            spec = replace(spec, level="relative")
+        rows = {}
+        for name, rig in rigs.items():
+            lit = Illumination.of(basis, rig, spec, groups)
+            to_RGB = _RGB_from_XYZ(lit.white_XYZ)
+            parts = np.split(to_RGB @ lit.XYZ_from_channels, len(groups), axis=1)
+            shining = {g: part for g, part in zip(groups, parts, strict=True) if part.any()}
+            numbers = _numbers(basis, groups, rig, lit.gain)
+            rows[name] = CompositorLight(shining, to_RGB @ lit.backdrop_XYZ, numbers)
+        return cls(channels, MappingProxyType(rows), spec.mode)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """The recipe in an image's header.
+
+        Raises
+        ------
+        ImageError
+            If the file cannot be read or says nothing of lights.
+        """
+        name = os.fspath(path)
+        text = read_header(path, ImageError).get(f"volspec:{_JSON}")
+        if text is None:
+            raise ImageError(
+                f"{name}: names no lights for compositors; `volspec compositing {name} --light D65 "
+                "-o NEW.exr` writes one that does"
+            )
+        try:
+            data = json.loads(text)
+            if data["version"] != VERSION:
+                raise ValueError(f"version {data['version']}, this volspec knows {VERSION}")
+            lights = {
+                light: CompositorLight(
+                    _arrays(row["matrices"]), np.array(row["backdrop"]), _arrays(row["numbers"])
+                )
+                for light, row in data["lights"].items()
+            }
+            channels = {g: tuple(names) for g, names in data["channels"].items()}
+            return cls(channels, lights, data["mode"])
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ImageError(
+                f"{name}: volspec:{_JSON} cannot be read ({error}); write it again by "
+                "`volspec compositing`"
+            ) from None
+
+    def texts(self) -> dict[str, str]:
+        """Attributes of the header: all as JSON, and each light's sums to paste."""
+        data = {
+            "version": VERSION,
+            "colours": "linear Rec. 709, white D65 = 1, premultiplied by A",
+            "adapted": "Bradford, completely, from the white of each light",
+            "mode": self.mode,
+            "channels": {group: list(names) for group, names in self.channels.items()},
+            "lights": {
+                name: {
+                    "matrices": {g: _rounded(M) for g, M in light.matrices.items()},
+                    "backdrop": _rounded(light.backdrop),
+                    "numbers": {g: _rounded(e) for g, e in light.numbers.items()},
+                }
+                for name, light in self.lights.items()
+            },
+        }
+        texts = {_JSON: json.dumps(data, ensure_ascii=False)}
+        for number, name in enumerate(self.lights, start=1):
+            sums = zip(("red", "green", "blue"), self.sums(name), strict=True)
+            rows = (f"{colour}: {' + '.join(parts.values())}" for colour, parts in sums)
+            texts[f"{_TEXT}.{number}"] = "\n".join((name, *rows))
+        return texts
+
+    def sums(self, light: str) -> list[dict[str, str]]:
+        """What R, G and B are, group by group, with the names that Nuke gives the channels.
+
+        Parameters
+        ----------
+        light : str
+        """
+        matrices = self.lights[light].matrices
+        return [
+            {group: self._sum(group, M[row]) for group, M in matrices.items()} for row in range(3)
+        ]
+
+    def _sum(self, group: str, row: Array) -> str:
+        """``(0.12*key_c00.V-0.03*key_c01.V…)``."""
+        names = (name.replace(".", "_", 1) for name in self.channels[group])
+        terms = (f"{v:+.{_DIGITS}g}*{name}" for v, name in zip(row, names, strict=True))
+        return f"({''.join(terms).removeprefix('+')})"
+
+    def picture(self, image: CoefficientImage, light: str) -> NDArray[np.float32]:
+        """(H, W, 3): an image under a light, as a compositor makes it of the file.
+
+        Parameters
+        ----------
+        image : CoefficientImage
+        light : str
+        """
+        RGB = np.zeros((*image.alpha.shape, 3), np.float32)
+        for group, M in self.lights[light].matrices.items():
+            RGB += image.layer(group).astype(np.float32) @ M.T.astype(np.float32)
+        return RGB
+
+
+def save_for_compositors(
+    image: CoefficientImage, path: str | os.PathLike[str], recipe: Recipe
+) -> None:
+    """Write a coefficient image with lights in its header and a picture under the first.
+
+    Parameters
+    ----------
+    image : CoefficientImage
+    path : path
+        Ends in ``.exr``.
+    recipe : Recipe
+        Of the image's basis and light groups.
+
+    Raises
+    ------
+    ImageError
+        As `CoefficientImage.save`.
+    """
+    first = next(iter(recipe.lights), None)
+    preview = None if first is None else recipe.picture(image, first)
+    image.save(path, preview, recipe.texts())
+
+
+def _RGB_from_XYZ(white_XYZ: Array) -> Array:
+    """(3, 3): XYZ beside a white to linear Rec. 709 beside D65."""
+    space = PRIMARIES["Rec. 709"]
+    whites = visible_white(white_XYZ), space.white_XYZ
+    seen, shown = (ViewingConditions(tuple(white.tolist())) for white in whites)
+    adapted = adaptation("Bradford")(seen, shown).apply(np.eye(3)).T
+    return np.asarray(space.RGB_from_XYZ @ adapted)
+
+
+def _numbers(
+    basis: Basis, groups: Mapping[str, float], rig: LightRig, gain: float
+) -> dict[str, Array]:
+    """The channels of what shines from each group."""
+    if not isinstance(basis, SpectralBasis):
+        return {}
+    V = color_matching_functions(basis.grid, basis.observer_deg)[1]
+    per_luminance = gain * V.sum() / (V @ rig.facing(groups).mixed(basis.grid).values)
+    shining = {group: rig.shining_from(group) for group in groups}
+    return {
+        group: per_luminance * basis.analyze(own.mixed(basis.grid))
+        for group, own in shining.items()
+        if own is not None
+    }
+
+
+def _arrays(data: Mapping[str, Any]) -> dict[str, Array]:
+    return {group: np.array(numbers, np.float64) for group, numbers in data.items()}
+
+
+def _rounded(values: Array) -> Any:
+    if values.ndim > 1:
+        return [_rounded(row) for row in values]
+    return [float(f"{v:.{_DIGITS}g}") for v in values]

@@ -1,0 +1,127 @@
+"""Relighting recipes as compositors take them: a script for Blender, a group of nodes for Nuke.
+
+the file's header -> [recipes] -> FILE.py | FILE.nk
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from volspec._files import write_whole
+from volspec._gpu.sources import asset
+from volspec.errors import ImageError
+from volspec.export.compositing import Recipe
+
+SUFFIXES = (".py", ".nk")
+
+
+def write_recipe(path: Path, image: Path) -> None:
+    """Write what relights an image in Blender (``.py``) or Nuke (``.nk``).
+
+    Parameters
+    ----------
+    path : Path
+        Where to.
+    image : Path
+        A coefficient image with lights in its header.
+
+    Raises
+    ------
+    ImageError
+        If the image has none, or the suffix is another.
+    InputError
+        If the file cannot be written.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise ImageError(f"{path}: name it .py for Blender or .nk for Nuke")
+    recipe, place = Recipe.load(image), image.resolve()
+    is_nuke = path.suffix.lower() == ".nk"
+    text = nuke_group(recipe, place) if is_nuke else blender_script(place)
+    with write_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def blender_script(image: Path) -> str:
+    """The shipped script with the path of an image in it."""
+    text = asset("data/compositing/blender.py").read_text(encoding="utf-8")
+    return text.replace('IMAGE = "IMAGE.exr"', f"IMAGE = {str(image)!r}")
+
+
+def nuke_group(recipe: Recipe, image: Path) -> str:
+    """Nodes to paste: the image, and a group with a knob for each light's weight.
+
+    Parameters
+    ----------
+    recipe : Recipe
+    image : Path
+
+    Returns
+    -------
+    str
+        In the format of Nuke's scripts. The sums are those of an Expression node.
+    """
+    weights = list(_weights(recipe))
+    knobs = [
+        line
+        for number, (light, group) in enumerate(weights, start=1)
+        for line in (
+            f" addUserKnob {{7 weight{number} l {_quoted(_label(recipe, light, group))} R 0 4}}",
+            f" weight{number} {float(light == weights[0][0]):g}",
+        )
+    ]
+    sums = {light: recipe.sums(light) for light in recipe.lights}
+    expressions = [
+        "+".join(
+            f"parent.weight{number}*{sums[light][row][group]}"
+            for number, (light, group) in enumerate(weights, start=1)
+        )
+        for row in range(3)
+    ]
+    return "\n".join(
+        (
+            "Read {",
+            " inputs 0",
+            " file_type exr",
+            f" file {_quoted(image.as_posix())}",
+            " name volspec_image",
+            "}",
+            "Group {",
+            " name volspec_relight",
+            " addUserKnob {20 lights}",
+            *knobs,
+            "}",
+            " Input {",
+            "  inputs 0",
+            "  name Input1",
+            " }",
+            " Expression {",
+            *(f"  expr{row} {_quoted(text)}" for row, text in enumerate(expressions)),
+            "  name sums",
+            " }",
+            " Output {",
+            "  name Output1",
+            " }",
+            "end_group",
+            "",
+        )
+    )
+
+
+def _weights(recipe: Recipe) -> Iterator[tuple[str, str]]:
+    """(light, group) of every weight."""
+    for name, light in recipe.lights.items():
+        for group in light.matrices:
+            yield name, group
+
+
+def _label(recipe: Recipe, light: str, group: str) -> str:
+    text = f"{light}: {group}" if len(recipe.channels) > 1 else light
+    # Braces count even within quotes.
+    return text.translate(str.maketrans("{}\n", "() "))
+
+
+def _quoted(text: str) -> str:
+    """A Tcl word."""
+    return '"' + re.sub(r'([\\"\[\]$])', r"\\\1", text) + '"'

@@ -1,0 +1,170 @@
+"""Relit pictures as spectra: what reaches the eye from each pixel, band by band.
+
+coefficient image, light -> [spectral] -> exr
+
+    S = Σ_g W_g C_g + (1 - A) S_backdrop             W_g = κ diag(E_g) B         exact
+                                                     W_g = κ B diag(A E_g)       componentwise
+                                                     W_g = κ B R(A E_g)          linear-model
+
+κ is such that a perfect diffuser under flat white light of the same luminance has 1 in every band:
+Y = Σ S V / Σ V is 1 for white, as in an EXR frame. In the exact product bands keep what the light
+itself is, spikes and all; the others give it as smooth as the basis holds it. The colours of an
+exact spectrum are those of the exact light matrix where the basis holds flat white (B 1 = 1).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.basis import Basis, SpectralBasis
+from volspec.errors import ImageError
+from volspec.export.exr import exr_file
+from volspec.export.pixels import PRIMARIES
+from volspec.raycast import CoefficientImage
+from volspec.raycast.groups import ONE_GROUP
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.illumination import Illumination
+from volspec.spectra import SpectralGrid, Spectrum
+from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.photometry import illuminance_lux
+from volspec.spectra.values import stack
+
+Array = NDArray[np.float64]
+
+# Numbers of a strip of rows while they are float64.
+_STRIP = 1 << 23
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpectralIllumination:
+    """What one light does to coefficients, as `Illumination`, in N bands.
+
+    Parameters
+    ----------
+    bands_from_channels : (N, L·M) array
+    backdrop : (N,) array
+    grid : SpectralGrid
+    observer_deg : int
+        Whose eye sees the colours.
+    radiance_of_one : float
+        What 1 in a band is, W / (m² sr nm): white has the lights' lux, else the viewing's.
+
+    Examples
+    --------
+    >>> from volspec.basis import SpectralBasis
+    >>> from volspec.spectra import light
+    >>> lit = SpectralIllumination.of(SpectralBasis.load("general-7"), light("E"), RelightSpec())
+    >>> lit.pixels(np.full((1, 7), 0.5), np.ones(1))[0, 3:].round(6).tolist() == [0.5] * 31
+    True
+    """
+
+    bands_from_channels: Array
+    backdrop: Array
+    grid: SpectralGrid
+    observer_deg: int
+    radiance_of_one: float
+
+    @classmethod
+    def of(
+        cls,
+        basis: Basis,
+        light: Spectrum | LightRig,
+        spec: RelightSpec,
+        groups: Mapping[str, float] = ONE_GROUP,
+    ) -> Self:
+        """Work out what a light does to the coefficients of a basis.
+
+        Parameters and errors are those of `Illumination.of`.
+        """
+        lit = Illumination.of(basis, light, spec, groups)
+        rig = LightRig((light,)) if isinstance(light, Spectrum) else light
+        mixed = rig.facing(groups).mixed(basis.grid)
+        V = color_matching_functions(basis.grid, basis.observer_deg)[1]
+        kappa = lit.gain * V.sum() / (V @ mixed.values)
+        parts = []
+        for group in groups:
+            own = rig.shining_from(group)
+            product = None if own is None else _product(basis, own.mixed(basis.grid), spec.mode)
+            parts.append(np.zeros((basis.grid.size, basis.size)) if product is None else product)
+        reflected = (
+            stack(spec.backdrop, basis.grid)
+            if isinstance(spec.backdrop, Spectrum)
+            else (spec.backdrop)
+        )
+        lux = lit.illuminance_lux or spec.viewing.illuminance_lux
+        return cls(
+            kappa * np.hstack(parts),
+            kappa * mixed.values * reflected,
+            basis.grid,
+            basis.observer_deg,
+            lux / np.pi / (kappa * illuminance_lux(mixed)),
+        )
+
+    def pixels(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
+        """(..., 3 + N): linear Rec. 709 of the spectra, white 1 and nothing adapted, then these."""
+        bare = 1.0 - np.asarray(alpha, np.float64)
+        C = np.asarray(coefficients, np.float64)
+        spectra = C @ self.bands_from_channels.T + bare[..., None] * self.backdrop
+        Q = color_matching_functions(self.grid, self.observer_deg)
+        to_RGB = PRIMARIES["Rec. 709"].RGB_from_XYZ @ (100.0 * Q / Q[1].sum())
+        return np.concatenate([spectra @ to_RGB.T, spectra], axis=-1)
+
+
+def _product(basis: Basis, light: Spectrum, mode: str) -> Array:
+    """(N, M): channels to the bands of the colour signal."""
+    B = basis.synthesize(np.eye(basis.size)).T
+    if not isinstance(basis, SpectralBasis) or mode == "exact":
+        return light.values[:, None] * B
+    if mode == "componentwise":
+        return B * basis.analyze(light)
+    return B @ basis.illumination_matrix(light)
+
+
+def write_spectral_frame(
+    path: str | os.PathLike[str],
+    image: CoefficientImage,
+    light: Spectrum | LightRig,
+    spec: RelightSpec,
+    text: Mapping[str, str],
+) -> None:
+    """Write a relit picture with a spectrum in every pixel, whole or not at all.
+
+    Bands are half floats ``S0.400,000000nm``, … in the layout of Fichet et al. (2021), whose
+    ``emissiveUnits`` say what 1 is; R, G and B are for picture viewers. Worked out in strips of
+    rows, of which the halves stay until the file is written: twice 68 bytes a pixel for 31 bands.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.exr``.
+    image : CoefficientImage
+    light : Spectrum or LightRig
+    spec : RelightSpec
+        Mode, backdrop, level and exposure; the eye's conditions count for nothing here.
+    text : {name: text}
+        Goes into the header.
+
+    Raises
+    ------
+    ImageError
+        If the file cannot be written or has another name.
+    ViewingError, SpectrumError
+        As `Illumination.of`.
+    """
+    if os.path.splitext(path)[1].lower() != ".exr":
+        raise ImageError(f"{os.fspath(path)}: spectral frames are OpenEXR; name it .exr")
+    lit = SpectralIllumination.of(image.basis, light, spec, image.groups)
+    width, height = image.size
+    step = max(1, _STRIP // (width * (3 + lit.grid.size)))
+    space, nm = PRIMARIES["Rec. 709"], lit.grid.wavelengths_nm
+    units = f"{lit.radiance_of_one:.7g} W.m^-2.sr^-1.nm^-1"
+    with exr_file(path, space, text, nm, units) as file:
+        for y in range(0, height, step):
+            strip = np.s_[y : y + step]
+            file.rows(lit.pixels(image.coefficients[strip], image.alpha[strip]))
