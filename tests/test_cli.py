@@ -5,17 +5,19 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import warnings
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.test_cli_render import TELLING_BANDS
-from volspec import cli
+from volspec import cli, doctor
 from volspec._gpu import devices
 from volspec.basis import SpectralBasis
 from volspec.errors import OpenGLError
@@ -180,6 +182,28 @@ def test_doctor_lists_devices(capsys: pytest.CaptureFixture[str]) -> None:
     report = json.loads(capsys.readouterr().out)
     assert report["healthy"] and report["opencl"][0]["name"]
     assert call("doctor") == 0
+
+
+def test_doctor_names_what_brings_films_and_notebooks(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def missing(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    monkeypatch.setattr(doctor, "version", lambda name: missing(name) if "any" in name else "1.2")
+    found = doctor.examine()
+    assert found.healthy and found.problems == ()
+    assert found.extras == {
+        "films": "not here: pip install 'volspec[video]'",
+        "notebooks": "not here: pip install 'volspec[notebook]'",
+        "several machines": "dask 1.2, zarr 1.2",
+    }
+    monkeypatch.undo()
+    pytest.importorskip("imageio_ffmpeg")
+    assert call("doctor") == 0
+    # The binary's own version, from running it.
+    assert re.search(r"films +│ ffmpeg \S*\d", capsys.readouterr().out)
 
 
 BAD = {

@@ -23,6 +23,11 @@ _PACKAGES = (
     *("numpy", "scipy", "pyopencl", "pocl-binary-distribution", "moderngl", "pyvista"),
     *("SimpleITK", "colour-science", "OpenEXR", "imageio"),
 )
+# What an extra of the package adds: its name, and the distributions that it needs.
+_EXTRAS = {
+    "notebooks": ("notebook", ("anywidget",)),
+    "several machines": ("distributed", ("dask", "zarr")),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +45,8 @@ class Examination:
     no_sharing : str or None
         Why casts cannot hand pictures to it on the device (``Raycaster(context=…)``), which is an
         option only; None where they can.
+    extras : {str: str}
+        What can be had besides, films first: versions, or the command that brings it.
     problems : tuple of str
         Each names what is missing and the command that mends it.
     healthy : bool
@@ -52,6 +59,7 @@ class Examination:
     casts_on: int | None
     gl: str | None
     no_sharing: str | None
+    extras: dict[str, str]
     problems: tuple[str, ...]
     healthy: bool
 
@@ -82,6 +90,8 @@ class Examination:
         )
         table.add_row("GL", self.gl or "[yellow]no context: relighting uses NumPy[/yellow]")
         table.add_row("CL-GL sharing", escape(self.no_sharing or "offered: Raycaster(context=…)"))
+        for what, found in self.extras.items():
+            table.add_row(what, escape(found))
         table.add_row("versions", "\n".join(f"{k} {v}" for k, v in self.versions.items()))
         console.print(table)
         for problem in self.problems:
@@ -134,6 +144,32 @@ def examine() -> Examination:
         casts_on=casts_on,
         gl=gl,
         no_sharing=no_sharing,
+        extras=_extras(),
         problems=tuple(problems),
         healthy=bool(devices) and not blocked,
     )
+
+
+def _extras() -> dict[str, str]:
+    """What may be left out, and is no problem: what is here, or how to get it."""
+    found = {"films": _ffmpeg() or _remedy("video")}
+    for what, (extra, packages) in _EXTRAS.items():
+        try:
+            found[what] = ", ".join(f"{package} {version(package)}" for package in packages)
+        except PackageNotFoundError:
+            found[what] = _remedy(extra)
+    return found
+
+
+def _ffmpeg() -> str | None:
+    """The ffmpeg that films are encoded with; None where none can be run."""
+    try:
+        from imageio_ffmpeg import get_ffmpeg_version
+
+        return f"ffmpeg {get_ffmpeg_version()}, imageio-ffmpeg {version('imageio-ffmpeg')}"
+    except (ImportError, RuntimeError, OSError):
+        return None
+
+
+def _remedy(extra: str) -> str:
+    return f"not here: pip install 'volspec[{extra}]'"

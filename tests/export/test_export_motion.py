@@ -100,6 +100,73 @@ def test_a_camera_at_its_key_is_the_orbit_itself(scene: Make) -> None:
     assert met.position_mm == pytest.approx(orbit.position_mm, abs=1e-9)  # 390° is 30°
 
 
+PLACES = """
+[[keyframe]]
+time_s = 0
+camera = {{ position_mm = {} }}
+
+[[keyframe]]
+time_s = 1
+camera = {{ position_mm = {} }}
+
+[[keyframe]]
+time_s = 2
+camera = {{ position_mm = {} }}
+
+[export]
+fps = 10
+lights = ["day"]
+"""
+
+
+def test_places_move_as_the_orbit_that_they_lie_on(scene: Make) -> None:
+    """Around the target at their distance; numbers of their own would lead through the ball."""
+    turned = CAMERAS.replace("azimuth_deg = 80,", "azimuth_deg = 80, zoom = 4,")
+    met = plan(scene(turned)).shots
+    places = [list(met[i].camera.position_mm) for i in (0, 10, 20)]
+    shots = plan(scene(PLACES.format(*places), "places.toml")).shots
+    for placed, orbiting in zip(shots, met, strict=True):
+        assert placed.camera.position_mm == pytest.approx(orbiting.camera.position_mm, abs=1e-9)
+        assert placed.camera.frame()[1] == pytest.approx(orbiting.camera.frame()[1], abs=1e-9)
+
+
+def test_a_camera_that_keeps_its_place_is_cast_once(scene: Make) -> None:
+    made = scene(PLACES.format([0, -99, 50], [70, 0, 60], [70, 0, 60]))
+    cameras = [shot.camera for shot in plan(made).shots]
+    assert cameras[10].position_mm == pytest.approx((70, 0, 60), abs=1e-12)
+    assert len(set(cameras[10:])) == 1 and len(set(cameras)) == 11
+
+
+def test_a_camera_beside_its_target_flies_straight(scene: Make) -> None:
+    text = PLACES.format(
+        "[0, -90, 8], target_mm = [0, 8, 8]",
+        "[50, -90, 8], target_mm = [50, 8, 8]",
+        "[90, -90, 8], target_mm = [90, 8, 8]",
+    )
+    cameras = [shot.camera for shot in plan(scene(text)).shots]
+    for camera in cameras:
+        assert camera.position_mm[1:] == pytest.approx((-90, 8), abs=1e-9)
+        assert camera.position_mm[0] == pytest.approx(camera.target_mm[0], abs=1e-9)
+
+
+def test_a_place_above_its_target_takes_its_azimuth_from_the_others(scene: Make) -> None:
+    key = "{}, target_mm = [8, 8, 8], up = [0, {}, {}]".format
+    text = PLACES.format(key([8, -92, 8], 0, 1), key([8, 8, 108], 1, 0), key([8, 8, 108], 1, 0))
+    cameras = [shot.camera for shot in plan(scene(text)).shots]
+    away = np.array([np.subtract(c.position_mm, c.target_mm) for c in cameras])
+    assert np.linalg.norm(away, axis=1) == pytest.approx(100)
+    assert away[:, 0] == pytest.approx(0, abs=1e-9) and np.all(np.diff(away[:11, 2]) > 0)
+    assert cameras[10].up == (0, 1, 0)
+
+
+def test_a_scene_with_a_place_is_moved_by_places_targets_and_angles(scene: Make) -> None:
+    camera = "[camera]\nposition_mm = [8, -92, 8]\ntarget_mm = [8, 8, 8]\n"
+    look = "[[keyframe]]\ntime_s = {}\ncamera = {{ target_mm = [8, 8, {}], fov_deg = {} }}\n"
+    text = camera + look.format(0, 8, 30) + look.format(2, 20, 50)
+    middle = plan(scene(text), fps=1, lights=["day"]).shots[1].camera
+    assert middle == Camera((8, -92, 8), (8, 8, 14), fov_deg=40)
+
+
 def test_a_turntable_is_a_rising_azimuth(scene: Make) -> None:
     made = scene()
     volume = made.volume()
@@ -190,6 +257,12 @@ def test_a_sweep_meets_every_light_and_gives_light_all_the_way() -> None:
     assert sweep_weights(2, 1).tolist() == [[1, 0]]
 
 
+def test_a_turn_and_a_sweep_of_as_many_frames_go_together(scene: Make) -> None:
+    both = plan(scene(), turntable={"frames": 5}, sweep={"frames": 5})
+    assert [shot.light for shot in both.shots[::2]] == ["day", "lamp", "tube"]
+    assert len(both.casts()) == len(both.shots) == 5
+
+
 def test_lights_with_and_without_lux_do_not_mix(scene: Make) -> None:
     day, lamp, _ = scene().lights
     bright = replace(day, rig=replace(day.rig, illuminance_lux=(500.0,)))
@@ -211,6 +284,10 @@ def test_lights_with_and_without_lux_do_not_mix(scene: Make) -> None:
         ("[export.turntable]\nframes = 9\ndegrees = nan", "export.turntable.degrees"),
         ("[export.turntable]\nframes = 9\naxis = [0, 0, 0]", "give a direction"),
         ("[export]\nfps = -1", "export.fps"),
+        (
+            "[export]\nturntable = { frames = 4 }\nsweep = { frames = 3 }",
+            "turntable has 4 frames, sweep 3; leave out the sweep's",
+        ),
         ("[export]\nbits = 12", "export.bits"),
         ('[export]\nshows = "scene"', 'shows = "scene" is for format = "exr"'),
         ("[[keyframe]]\ntime_s = -1", "keyframe.1.time_s"),
@@ -227,6 +304,21 @@ def test_lights_with_and_without_lux_do_not_mix(scene: Make) -> None:
             '[[keyframe]]\ntime_s = 0\nlights = { day = 1 }\n[export]\nlights = ["day"]',
             "export.lights: keyframe.1 has lights, too",
         ),
+        (
+            "[[keyframe]]\ntime_s = 0\ncamera = { up = [0, 0, 0] }",
+            "keyframe.1.camera.up: is [0, 0, 0]; give a direction",
+        ),
+        (
+            "[[keyframe]]\ntime_s = 0\ncamera = { position_mm = [0, 0, 9] }\n"
+            "[[keyframe]]\ntime_s = 1\ncamera = { zoom = 2 }",
+            "keyframe.2.camera.zoom: is of an orbit, keyframe.1.camera.position_mm of a place; "
+            "give one kind",
+        ),
+        (
+            "[camera]\nposition_mm = [0, 0, 9]\n"
+            "[[keyframe]]\ntime_s = 1\ncamera = { azimuth_deg = 2 }",
+            "keyframe.1.camera.azimuth_deg: is of an orbit, [camera]'s position_mm of a place",
+        ),
         ("[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 1e9", "more than 100000 frames"),
         ("[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 1e308", "more than 100000 frames"),
     ],
@@ -242,6 +334,9 @@ def test_what_keyframes_cannot_move_is_said(scene: Make) -> None:
     row = '{ value = 1, opacity = 0.1, material = "grey" },'
     with pytest.raises(SceneError, match=r"points: 1 at 0 s, \[transfer\] has 2"):
         plan(scene(f"{key}{row}] }}"))
+    place = "[[keyframe]]\ntime_s = 2\ncamera = { position_mm = [1, 2, 3], target_mm = [1, 2, 3] }"
+    with pytest.raises(SceneError, match=r"camera: position_mm at 2 s is target_mm; move one"):
+        plan(scene(place))
     with pytest.raises(SceneError, match=r"Viewing.D is 0.5.*discount|discount"):
         plan(scene("[viewing]\ndiscount = true\n[[keyframe]]\ntime_s = 0\nviewing = { D = 0.5 }"))
 
@@ -252,7 +347,7 @@ def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
         KeyframeTable.model_validate(row)
         for row in (
             {"time_s": 0, "camera": {"azimuth_deg": 1.5}, "viewing": {"L_A": 20}},
-            {"time_s": 2, "transfer": {"shift": -0.25}},
+            {"time_s": 2, "transfer": {"shift": -0.25}, "camera": {"fov_deg": 20}},
         )
     ]
     file = made.file.model_copy(

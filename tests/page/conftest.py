@@ -2,16 +2,70 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from benchmarks.webpage import chromium, missing
+from benchmarks.webpage import chromium, missing, saved
 from volspec._gpu.sources import asset
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
+
+
+@dataclass
+class Opened:
+    """A page in the browser, with what it asked for and complained of."""
+
+    page: Any
+    requests: list[str] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
+
+    def show(self, **words: object) -> None:
+        """Go to a state by the address."""
+        self.page.evaluate("(words) => { location.hash = words; }", urlencode(words, safe=","))
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait two frames: one to note a change, one to draw it."""
+        frames = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        self.page.evaluate(frames)
+
+    def until(self, expression: str) -> None:
+        """Wait until it is true; the page's policy lets no text be run inside of it."""
+        for _ in range(200):
+            if self.page.evaluate(expression):
+                return
+            self.page.wait_for_timeout(25)
+        raise AssertionError(f"never true: {expression}")
+
+    def picture(self) -> NDArray[np.uint8]:
+        """What the page saves."""
+        return saved(self.page)
+
+
+def open_file(
+    browser: Any, path: Path, words: str = "", before: str = "", ready: str = "ready"
+) -> Opened:
+    """Open a file, in a context of its own, and wait for its picture."""
+    context = browser.new_context(viewport={"width": 900, "height": 640})
+    made = Opened(context.new_page())
+    if before:
+        made.page.add_init_script(before)
+    made.page.on("request", lambda request: made.requests.append(request.url))
+    made.page.on(
+        "console",
+        lambda said: made.complaints.append(said.text) if said.type == "error" else None,
+    )
+    made.page.on("pageerror", lambda error: made.complaints.append(str(error)))
+    made.page.goto(f"{path.as_uri()}{words}")
+    made.page.wait_for_selector(f"html.{ready}", state="attached", timeout=20_000)
+    return made
 
 
 @pytest.fixture(scope="session")
@@ -21,6 +75,20 @@ def browser() -> Iterator[Any]:
         pytest.skip(why)
     with chromium() as made:
         yield made
+
+
+@pytest.fixture
+def opened(browser: Any) -> Iterator[Callable[..., Opened]]:
+    """`open_file`; what it opened is closed after the test."""
+    made: list[Opened] = []
+
+    def open_one(*where: Any, **how: Any) -> Opened:
+        made.append(open_file(browser, *where, **how))
+        return made[-1]
+
+    yield open_one
+    for each in made:
+        each.page.context.close()
 
 
 @pytest.fixture(scope="session")

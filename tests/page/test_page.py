@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlencode
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from PIL import Image
 
-from benchmarks.webpage import apart, saved
+from benchmarks.webpage import apart
+from tests.page.conftest import Opened, open_file
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.live import CLOSED
 from volspec.appearance.models import ciecam02
@@ -27,67 +29,6 @@ from volspec.scene.lights import NamedLight
 from volspec.spectra import light, reflectance
 
 BAD_TITLE = "</script><b id=hurt>\"'&amp; \u202egnisrever"
-
-
-@dataclass
-class Opened:
-    """A page in the browser, with what it asked for and complained of."""
-
-    page: Any
-    requests: list[str] = field(default_factory=list)
-    complaints: list[str] = field(default_factory=list)
-
-    def show(self, **words: object) -> None:
-        """Go to a state by the address."""
-        self.page.evaluate("(words) => { location.hash = words; }", urlencode(words, safe=","))
-        # Two frames: one to note the change, one to draw it.
-        frames = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
-        self.page.evaluate(frames)
-
-    def until(self, expression: str) -> None:
-        """Wait until it is true; the page's policy lets no text be run inside of it."""
-        for _ in range(200):
-            if self.page.evaluate(expression):
-                return
-            self.page.wait_for_timeout(25)
-        raise AssertionError(f"never true: {expression}")
-
-    def picture(self) -> NDArray[np.uint8]:
-        """What the page saves."""
-        return saved(self.page)
-
-
-def open_file(
-    browser: Any, path: Path, words: str = "", before: str = "", ready: str = "ready"
-) -> Opened:
-    """Open a file, in a context of its own, and wait for its picture."""
-    context = browser.new_context(viewport={"width": 900, "height": 640})
-    made = Opened(context.new_page())
-    if before:
-        made.page.add_init_script(before)
-    made.page.on("request", lambda request: made.requests.append(request.url))
-    made.page.on(
-        "console",
-        lambda said: made.complaints.append(said.text) if said.type == "error" else None,
-    )
-    made.page.on("pageerror", lambda error: made.complaints.append(str(error)))
-    made.page.goto(f"{path.as_uri()}{words}")
-    made.page.wait_for_selector(f"html.{ready}", state="attached", timeout=20_000)
-    return made
-
-
-@pytest.fixture
-def opened(browser: Any) -> Iterator[Callable[..., Opened]]:
-    """`open_file`; what it opened is closed after the test."""
-    made: list[Opened] = []
-
-    def open_one(*where: Any, **how: Any) -> Opened:
-        made.append(open_file(browser, *where, **how))
-        return made[-1]
-
-    yield open_one
-    for each in made:
-        each.page.context.close()
 
 
 @pytest.fixture(scope="module")
@@ -151,6 +92,28 @@ def test_five_lights_give_the_desktops_frames(
         wanted = frame(engine_image, lamp, engine_scene.relight)
         assert apart(page.picture(), wanted) <= most, lamp.name
     assert page.complaints == []
+
+
+def test_the_screen_shows_the_desktops_frames_under_three_lights(
+    engine_page: Opened, engine_scene: Scene, engine_image: CoefficientImage
+) -> None:
+    """Screenshots, chosen by clicks: each pixel of the picture is read in its middle."""
+    page, (width, height) = engine_page.page, engine_image.size
+    engine_page.show()
+    for i in (1, 3, 0):
+        page.click(f"#light-list li:nth-child({i + 1}) .light-name")
+        page.mouse.move(0, 0)
+        engine_page.settle()
+        box = page.locator("#frame").bounding_box()
+        shot = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+        x, y = (
+            (box[start] + (np.arange(count) + 0.5) * box[side] / count).astype(int)
+            for start, side, count in (("x", "width", width), ("y", "height", height))
+        )
+        # Above and below are captions and buttons.
+        rows = slice(height // 5, -height // 5)
+        wanted = frame(engine_image, engine_scene.lights[i], engine_scene.relight)
+        assert apart(shot[np.ix_(y, x)][rows], wanted[rows]) <= 0.4, engine_scene.lights[i].name
 
 
 @pytest.mark.parametrize("model", [*CLOSED, *ADAPTATIONS])
@@ -284,18 +247,6 @@ def test_the_keyboard_reads_pixels_aloud(
     J, C, _ = told["J C h"].split()
     # Half a step of eight bits moves J by a few tenths.
     assert abs(float(J) - float(look.J)) < 0.5 and abs(float(C) - float(look.C)) < 1.0
-
-
-def test_every_control_has_a_name_and_a_focus(engine_page: Opened) -> None:
-    nameless = engine_page.page.evaluate("""() => {
-        const named = (e) => e.getAttribute('aria-label') || e.textContent.trim()
-            || [...(e.labels ?? [])].some((label) => label.textContent.trim());
-        return [...document.querySelectorAll('button, input, select, textarea, [tabindex]')]
-            .filter((e) => !named(e) || e.tabIndex < 0).map((e) => e.outerHTML.slice(0, 80));
-    }""")
-    assert nameless == []
-    ids = engine_page.page.evaluate("[...document.querySelectorAll('[id]')].map((e) => e.id)")
-    assert len(ids) == len(set(ids))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Numbers between keyframes: smooth, and never beyond the keys on either side.
 
-    keyframes -> [motion] -> plan
+    keyframes -> [motion] -> moved, plan
 
 References
 ----------
@@ -10,10 +10,15 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+# times, values of the keys, times asked for -> values there.
+Way = Callable[[ArrayLike, ArrayLike, ArrayLike], Array]
 
 
 def between_keys(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike) -> Array:
@@ -73,3 +78,52 @@ def short_way(angles_deg: ArrayLike) -> Array:
     [350.0, 370.0, 350.0]
     """
     return np.unwrap(np.asarray(angles_deg, dtype=np.float64), period=360.0)
+
+
+def angles_between_keys(times_s: ArrayLike, angles_deg: ArrayLike, at_s: ArrayLike) -> Array:
+    """The same for angles, each from the one before by the short way.
+
+    >>> angles_between_keys([0, 1], [350, 10], [0.5]).tolist()
+    [360.0]
+    """
+    return between_keys(times_s, short_way(angles_deg), at_s)
+
+
+def tracks_between(
+    keys: Sequence[tuple[float, Any]], ways: Mapping[str, Way], at_s: Array
+) -> dict[str, Array]:
+    """Every number that some key gives, at every time.
+
+    Parameters
+    ----------
+    keys : sequence of (time_s, table)
+        A table is None, or has an attribute for each way, which may be None.
+    ways : {name: way}
+    at_s : (F,) array
+
+    Returns
+    -------
+    {name: (F, ...) array}
+        Without the names that no key gives.
+    """
+    found = {}
+    for name, way in ways.items():
+        given = [
+            (time, getattr(table, name))
+            for time, table in keys
+            if table is not None and getattr(table, name) is not None
+        ]
+        if given:
+            found[name] = way([time for time, _ in given], [value for _, value in given], at_s)
+    return found
+
+
+def rows_of(tracks: Mapping[str, Array], count: int) -> list[dict[str, Any]]:
+    """The numbers of each time, as plain floats and tuples of them."""
+    return [
+        {
+            name: tuple(track[i].tolist()) if track.ndim > 1 else float(track[i])
+            for name, track in tracks.items()
+        }
+        for i in range(count)
+    ]

@@ -1,4 +1,4 @@
-"""Cameras of a turntable, and transfer functions between keyframes.
+"""Cameras of a turntable, cameras and transfer functions between keyframes.
 
 Scene, [export], [[keyframe]] -> [moved] -> plan
 """
@@ -6,20 +6,44 @@ Scene, [export], [[keyframe]] -> [moved] -> plan
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import SceneError
-from volspec.export.motion import between_keys
+from volspec.errors import CameraError, SceneError
+from volspec.export.motion import (
+    Way,
+    angles_between_keys,
+    between_keys,
+    ratios_between_keys,
+    rows_of,
+    tracks_between,
+)
 from volspec.raycast import Camera
 from volspec.scene import Scene
-from volspec.scene.export import KeyframeTable, TurntableTable
+from volspec.scene.export import KeyCameraTable, KeyframeTable, TurntableTable
 from volspec.transfer import Isosurfaces, Transfer, TransferFunction, TransferFunction2D
 from volspec.volume import Volume
+
+# Azimuth and elevation go by themselves, so that the horizon stays level and neither swings past
+# its keys.
+_ORBIT: Mapping[str, Way] = {
+    "azimuth_deg": angles_between_keys,
+    "elevation_deg": between_keys,
+    "fov_deg": between_keys,
+    "zoom": ratios_between_keys,
+    "target_mm": between_keys,
+}
+_PLACE: Mapping[str, Way] = {
+    "up": between_keys,
+    "fov_deg": between_keys,
+    "target_mm": between_keys,
+}
+# Below this share of the distance a camera stands on the axis, where no azimuth is.
+_ON_AXIS = 1e-6
 
 
 def turned(scene: Scene, volume: Volume, table: TurntableTable) -> list[Camera]:
@@ -53,6 +77,77 @@ def around(camera: Camera, axis: tuple[float, float, float], degrees: float) -> 
 def _triple(vector: NDArray[np.float64]) -> tuple[float, float, float]:
     x, y, z = (float(v) for v in vector)
     return x, y, z
+
+
+def moved_cameras(
+    scene: Scene, volume: Volume, keys: Sequence[KeyframeTable], at_s: NDArray[np.float64]
+) -> list[Camera]:
+    """The camera at every time: an orbit, or places.
+
+    Raises
+    ------
+    CameraError
+        If what lies between is no camera.
+    """
+    told = [(key.time_s, key.camera) for key in keys]
+    table = scene.file.camera
+    given = {name for _, key in told if key is not None for name in key.given}
+    if not given:
+        return [scene.camera(volume)] * len(at_s)
+    if table.position_mm is None and not given & {"position_mm", "up"}:
+        common = table.model_dump(exclude={"position_mm"})
+        moved = rows_of(tracks_between(told, _ORBIT, at_s), len(at_s))
+        return [Camera.orbit(volume, **{**common, **row}) for row in moved]
+    # An orbit's own up leans with the camera; beside places it is the axis.
+    still = replace(scene.camera(volume), up=table.up)
+    tracks = tracks_between(told, _PLACE, at_s)
+    places = [
+        (time, key.position_mm)
+        for time, key in told
+        if key is not None and key.position_mm is not None
+    ]
+    if places:
+        targets = tracks.get("target_mm", np.asarray([still.target_mm] * len(at_s)))
+        tracks["position_mm"] = targets + _offsets(told, places, still, at_s)
+    return [replace(still, **row) for row in rows_of(tracks, len(at_s))]
+
+
+def _offsets(
+    told: Sequence[tuple[float, KeyCameraTable | None]],
+    places: Sequence[tuple[float, tuple[float, float, float]]],
+    still: Camera,
+    at_s: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """(F, 3) from target to camera: angles and distance go by themselves, as an orbit's do.
+
+    Numbers of the places themselves would lead through the volume where it is gone around.
+    """
+    times = np.array([time for time, _ in places])
+    targets = tracks_between(told, {"target_mm": between_keys}, times)
+    away = np.array([place for _, place in places]) - targets.get("target_mm", still.target_mm)
+    distance = np.linalg.norm(away, axis=1)
+    if not distance.all():
+        at = times[distance == 0][0]
+        raise CameraError(f"position_mm at {at:g} s is target_mm; move one of them")
+    axes = _axes(still.up)
+    front, side, axis = (away / distance[:, None] @ axes.T).T
+    turned = np.hypot(front, side) > _ON_AXIS
+    azimuth = np.zeros(len(at_s))
+    if turned.any():
+        angles = np.degrees(np.arctan2(side, front))[turned]
+        azimuth = np.radians(angles_between_keys(times[turned], angles, at_s))
+    elevation = between_keys(times, np.arcsin(np.clip(axis, -1.0, 1.0)), at_s)
+    level = np.cos(elevation)
+    parts = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+    return ratios_between_keys(times, distance, at_s)[:, None] * np.stack(parts, axis=1) @ axes
+
+
+def _axes(up: tuple[float, float, float]) -> NDArray[np.float64]:
+    """(3, 3) rows: two directions square to ``up``, and ``up``."""
+    axis = np.asarray(up) / np.linalg.norm(up)
+    front = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    front /= np.linalg.norm(front)
+    return np.stack([front, np.cross(axis, front), axis])
 
 
 def moved_transfers(

@@ -5,18 +5,18 @@ Scene, [export], [[keyframe]] -> [plan] -> run
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from volspec.errors import InputError, SceneError
 from volspec.export.frames import distinct_stems
-from volspec.export.motion import between_keys, ratios_between_keys, short_way
-from volspec.export.moved import moved_transfers, turned
+from volspec.export.motion import Way, between_keys, ratios_between_keys, rows_of, tracks_between
+from volspec.export.moved import moved_cameras, moved_transfers, turned
 from volspec.raycast import Camera
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import NamedLight, Scene
@@ -24,23 +24,8 @@ from volspec.scene.export import ExportTable, KeyframeTable
 from volspec.transfer import Transfer
 from volspec.volume import Volume
 
-Way = Callable[[ArrayLike, ArrayLike, ArrayLike], NDArray[np.float64]]
-
-
-def _turning(times_s: ArrayLike, angles_deg: ArrayLike, at_s: ArrayLike) -> NDArray[np.float64]:
-    return between_keys(times_s, short_way(angles_deg), at_s)
-
-
-# How each value goes from key to key. Azimuth and elevation go by themselves, so that the horizon
-# stays level and neither swings past its keys.
-_ORBIT: Mapping[str, Way] = {
-    "azimuth_deg": _turning,
-    "elevation_deg": between_keys,
-    "fov_deg": between_keys,
-    "zoom": ratios_between_keys,
-    "target_mm": between_keys,
-}
-_TONE: Mapping[str, Way] = {
+# How each number of the eye goes from key to key.
+_TONE: dict[str, Way] = {
     "exposure": ratios_between_keys,
     "L_A": ratios_between_keys,
     "Y_b": between_keys,
@@ -175,13 +160,10 @@ def _keyed(
     scene: Scene, volume: Volume, keys: Sequence[KeyframeTable], at: NDArray[np.float64]
 ) -> list[_Moment]:
     """What holds at every time."""
-    cameras: list[Camera] = [scene.camera(volume)] * len(at)
-    if any(key.camera is not None for key in keys):
-        moved = _rows(_tracks([(key.time_s, key.camera) for key in keys], _ORBIT, at), len(at))
-        common = scene.file.camera.model_dump(exclude={"position_mm"})
-        with _named("camera"):
-            cameras = [Camera.orbit(volume, **{**common, **row}) for row in moved]
-    changes = _rows(_tracks([(key.time_s, key.viewing) for key in keys], _TONE, at), len(at))
+    with _named("camera"):
+        cameras = moved_cameras(scene, volume, keys, at)
+    seen = tracks_between([(key.time_s, key.viewing) for key in keys], _TONE, at)
+    changes = rows_of(seen, len(at))
     with _named("viewing"):
         specs = [_seen(scene.relight, row) for row in changes]
     with _named("transfer"):
@@ -199,32 +181,6 @@ def _named(what: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise SceneError(f"[[keyframe]] {what}: {error}") from error
-
-
-def _tracks(
-    keys: Sequence[tuple[float, Any]], ways: Mapping[str, Way], at: NDArray[np.float64]
-) -> dict[str, NDArray[np.float64]]:
-    """Each value that some key gives, at every time."""
-    found = {}
-    for name, way in ways.items():
-        given = [
-            (time, getattr(table, name))
-            for time, table in keys
-            if table is not None and getattr(table, name) is not None
-        ]
-        if given:
-            found[name] = way([time for time, _ in given], [value for _, value in given], at)
-    return found
-
-
-def _rows(tracks: dict[str, NDArray[np.float64]], count: int) -> list[dict[str, Any]]:
-    return [
-        {
-            name: tuple(track[i].tolist()) if track.ndim > 1 else float(track[i])
-            for name, track in tracks.items()
-        }
-        for i in range(count)
-    ]
 
 
 def _mixes(

@@ -32,7 +32,7 @@ from volspec.export.tiles import Canvas, Caster
 from volspec.pipeline import Raycaster
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
-from volspec.scene.export import ExportTable
+from volspec.scene.export import Exported, ExportTable
 from volspec.volume import Volume
 
 Tell = Callable[[str, float], object]
@@ -49,29 +49,6 @@ _NOT_FOLDERS = (
 )
 # Larger pictures than this are a slip: 64 Ki pixels a side.
 MAX_SIDE = 1 << 16
-
-
-@dataclass(frozen=True, slots=True)
-class Exported:
-    """What an export has made.
-
-    Parameters
-    ----------
-    output : Path
-        The folder, or the film.
-    files : tuple of str
-        Within the folder; of a film the film alone.
-    frames, made : int
-        How many there are, and how many of them this call has made.
-    casts : int
-        That it took.
-    """
-
-    output: Path
-    files: tuple[str, ...]
-    frames: int
-    made: int
-    casts: int
 
 
 def export_scene(

@@ -8,7 +8,9 @@ What they mean is told to users in docs/export.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -89,13 +91,16 @@ class ExportTable(Table):
             raise ValueError('shows = "scene" is for format = "exr"; PNG shows the display')
         if self.sweep is None:
             return self
-        if self.turntable is not None and self.sweep.frames is not None:
-            raise ValueError("turntable and sweep both say frames; leave out the sweep's")
+        if self.turntable is not None and self.sweep.frames not in (None, self.turntable.frames):
+            raise ValueError(
+                f"turntable has {self.turntable.frames} frames, sweep {self.sweep.frames}; leave "
+                "out the sweep's"
+            )
         return self
 
 
 class KeyCameraTable(Table):
-    """``camera`` of a keyframe: what differs from [camera]."""
+    """``camera`` of a keyframe: what differs from [camera], an orbit's or a place's."""
 
     azimuth_deg: Finite | None = None
     """The short way from the key before."""
@@ -107,6 +112,19 @@ class KeyCameraTable(Table):
     """As [camera]."""
     target_mm: Place | None = None
     """What it looks at."""
+    position_mm: Place | None = None
+    """Where it stands, in place of the orbit; goes around the target."""
+    up: Annotated[Place, AfterValidator(_direction)] | None = None
+    """Beside position_mm: what is above in the picture."""
+
+    @property
+    def given(self) -> set[str]:
+        """Names of what it says."""
+        return {name for name in type(self).model_fields if getattr(self, name) is not None}
+
+
+# Of a keyframe's camera, by whether it says where it stands.
+_KINDS = {True: "a place", False: "an orbit"}
 
 
 class KeyTransferTable(Table):
@@ -141,7 +159,7 @@ class KeyframeTable(Table):
     time_s: Annotated[NotNegative, Field(examples=[0])]
     """Rising."""
     camera: KeyCameraTable | None = None
-    """The orbit."""
+    """Where it is seen from."""
     transfer: KeyTransferTable | None = None
     """What is seen of the volume."""
     lights: dict[Name, NotNegative] | None = None
@@ -154,6 +172,29 @@ class KeyframeTable(Table):
         if self.lights is not None and not any(self.lights.values()):
             raise ValueError("lights: no weight is above 0, so there is no light; raise one")
         return self
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What an export has made.
+
+    Parameters
+    ----------
+    output : Path
+        The folder, or the film.
+    files : tuple of str
+        Within the folder; of a film the film alone.
+    frames, made : int
+        How many there are, and how many of them this call has made.
+    casts : int
+        That it took.
+    """
+
+    output: Path
+    files: tuple[str, ...]
+    frames: int
+    made: int
+    casts: int
 
 
 def check_export(
@@ -182,10 +223,6 @@ def check_export(
     for i, key in enumerate(keys, start=1):
         for name in key.lights or ():
             _check_light(f"keyframe.{i}.lights", name, lights)
-        if key.camera is not None and not orbit:
-            raise ValueError(
-                f"keyframe.{i}.camera: [camera] has position_mm; give that an orbit to move it"
-            )
     for i, (before, after) in enumerate(pairwise(keys), start=2):
         if not after.time_s > before.time_s:
             raise ValueError(
@@ -200,8 +237,25 @@ def check_export(
         )
     if keys:
         _check_ways(table, keys)
+        _check_cameras(keys, orbit)
     if table.sweep is not None and len(table.lights or lights) < 2:
         raise ValueError("export.sweep: there is one light; a sweep needs two")
+
+
+def _check_cameras(keys: Sequence[KeyframeTable], orbit: bool) -> None:
+    """All of an orbit or all of places: the way from one to the other would be a guess."""
+    first: dict[bool, str] = {} if orbit else {True: "[camera]'s position_mm"}
+    for i, key in enumerate(keys, start=1):
+        for name in sorted(key.camera.given) if key.camera is not None else ():
+            if name in ("target_mm", "fov_deg"):
+                continue
+            placed = name in ("position_mm", "up")
+            first.setdefault(placed, f"keyframe.{i}.camera.{name}")
+            if (not placed) in first:
+                raise ValueError(
+                    f"keyframe.{i}.camera.{name}: is of {_KINDS[placed]}, {first[not placed]} of "
+                    f"{_KINDS[not placed]}; give one kind"
+                )
 
 
 def _check_light(where: str, name: str, lights: Sequence[str]) -> None:

@@ -25,6 +25,7 @@ from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.bands import Cancel, Progress
 from volspec.scene.basis import ChosenBasis, choose_basis, retrained
+from volspec.scene.export import Exported
 from volspec.scene.file import SceneFile
 from volspec.scene.reading import scene_data, scene_file
 from volspec.scene.resolve import Resolver
@@ -227,7 +228,7 @@ class Scene:
         volume: Volume | None = None,
         caster: Raycaster | None = None,
         **changes: Any,
-    ) -> Any:
+    ) -> Exported:
         """Export re-lit frames, or a film; see docs/export.md.
 
         Parameters
@@ -241,7 +242,7 @@ class Scene:
 
         Returns
         -------
-        volspec.export.run.Exported
+        Exported
 
         Raises
         ------
@@ -253,7 +254,7 @@ class Scene:
         scene = self.exporting(**changes) if changes else self
         # The exporter knows scenes, so that it can only be asked for by name.
         run = import_module("volspec.export.run")
-        return run.export_scene(
+        made: Exported = run.export_scene(
             *(scene, output),
             size=size,
             overwrite=overwrite,
@@ -262,3 +263,4 @@ class Scene:
             volume=volume,
             caster=caster,
         )
+        return made

@@ -5,17 +5,14 @@ scene -> [views] -> page
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from dataclasses import replace
 
-import numpy as np
-
+from volspec.export.moved import turned
 from volspec.export.page.build import PageView
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera
 from volspec.raycast.bands import Progress
 from volspec.scene import Scene
+from volspec.scene.export import TurntableTable
 
 MOST_VIEWS = 360
 
@@ -48,12 +45,10 @@ def scene_views(
     """
     volume = scene.volume()
     caster = Raycaster(volume, device=device)
-    camera = scene.camera(volume)
     pixels = size or (scene.file.output.width, scene.file.output.height)
-    for i in range(count):
-        turned = turned_camera(camera, scene.file.camera.up, 360.0 * i / count)
+    for i, camera in enumerate(turned(scene, volume, TurntableTable(frames=count))):
         image = raycast(
-            *(volume, scene.transfer, turned, pixels, scene.raycast),
+            *(volume, scene.transfer, camera, pixels, scene.raycast),
             caster=caster,
             progress=None if progress is None else _part(progress, i, count),
         )
@@ -63,21 +58,3 @@ def scene_views(
 def _part(progress: Progress, i: int, count: int) -> Progress:
     """The progress of one view of several."""
     return lambda share: progress((i + share) / count)
-
-
-def turned_camera(camera: Camera, axis: tuple[float, float, float], degrees: float) -> Camera:
-    """A camera carried around its target, counter-clockwise seen from the axis' end.
-
-    >>> camera = Camera((0, -2, 1), (0, 0, 1))
-    >>> [round(x) for x in turned_camera(camera, (0, 0, 1), 90).position_mm]
-    [2, 0, 1]
-    """
-    if degrees == 0:
-        return camera
-    from scipy.spatial.transform import Rotation
-
-    unit = np.asarray(axis, np.float64) / np.linalg.norm(axis)
-    turn = Rotation.from_rotvec(math.radians(degrees) * unit)
-    target = np.asarray(camera.target_mm)
-    place = target + turn.apply(np.asarray(camera.position_mm) - target)
-    return replace(camera, position_mm=tuple(place), up=tuple(turn.apply(camera.up)))

@@ -18,7 +18,7 @@ function lightsPanel(app) {
     byId('mixed').replaceChildren(lit
       ? spectrumBars(
         page.basis, lit.power, Math.max(...lit.power) * 1.04, { width: 310, height: 90 })
-      : el('span', { class: 'quiet' }, 'No light'));
+      : el('span', {}, 'No light'));
     byId('white').textContent = lit ? whiteInWords(lit) : 'Every light is off.';
   };
 }
@@ -44,7 +44,7 @@ function lightRow(app, light, i) {
     type: 'range', min: 0, max: 1, step: 0.01, 'aria-label': `Weight of ${named}`,
     oninput: () => set(slider.valueAsNumber),
   });
-  const output = el('output', {});
+  const output = el('output', { 'aria-hidden': 'true' });
   const only = el('button', {
     type: 'button', class: 'light-name', title: `${isolated(light.label)}, alone`,
     onclick: () => app.edit((look) => ({
@@ -61,6 +61,7 @@ function lightRow(app, light, i) {
   const refresh = (look) => {
     slider.value = look.weights[i];
     output.textContent = look.weights[i].toFixed(2);
+    only.setAttribute('aria-pressed', shining(look).every((w, j) => (w > 0) === (j === i)));
     solo.setAttribute('aria-pressed', look.solo === i);
     item.classList.toggle('off', shining(look)[i] === 0);
   };

@@ -186,8 +186,11 @@ function labels(app) {
     byId('label-a').textContent = (compare ? 'A: ' : '') + said(sides[0]);
     byId('label-b').textContent = compare ? `B: ${said(sides[1])}` : '';
     byId('label-b').hidden = !compare;
-    byId('picture').setAttribute('aria-label', `${isolated(app.page.title)} under ${said(sides[0])}`
-      + (compare ? `, beside ${said(sides[1])}` : ''));
+    const whole = `${isolated(app.page.title)} under ${said(sides[0])}`
+      + (compare ? `, beside ${said(sides[1])}` : '');
+    byId('picture').setAttribute('aria-label', whole);
+    // What is inside of the port is not read out: its keys are its own.
+    byId('port').setAttribute('aria-label', `${whole}: zoom and probe`);
   };
 }
 
@@ -210,6 +213,7 @@ function refuse(error) {
   byId('notice').textContent = `${reason} You see a still picture.`;
   byId('notice').hidden = false;
   byId('controls').disabled = true;
+  for (const name of [...Object.keys(HEARS_KEYS), 'aria-label']) byId('port').removeAttribute(name);
   document.documentElement.classList.remove('ready');
   document.documentElement.classList.add('still');
 }

@@ -2,7 +2,9 @@
 //
 // One finger or button turns (or pans where there is one view), two fingers pinch, the wheel zooms.
 
-const MOST_ZOOM = 40, NEAR_DIVIDE = 16, MOVED = 5;
+const MOST_ZOOM = 40, NEAR_DIVIDE = 16, MOVED = 5, MARGIN = 24;
+// What makes the port a control, while there is a picture to relight.
+const HEARS_KEYS = { tabindex: 0, role: 'application', 'aria-describedby': 'keys' };
 
 class Stage {
   constructor(app) {
@@ -36,13 +38,28 @@ class Stage {
     const cross = byId('cross'), { probe } = app;
     cross.hidden = !probe;
     if (probe) {
-      const [x, y] = [left + (probe[0] + 0.5) * scale, top + (probe[1] + 0.5) * scale];
+      const [x, y] = this.placeOf(probe);
       cross.style.transform = `translate(${x}px, ${y}px)`;
     }
-    byId('zoom-out').disabled = byId('zoom-fit').disabled = this.place.zoom <= 1;
+    // Not `disabled`, which would take the focus away from who presses them.
+    for (const id of ['zoom-out', 'zoom-fit']) {
+      byId(id).setAttribute('aria-disabled', this.place.zoom <= 1);
+    }
   }
 
-  zoomed(factor, x = this.port.clientWidth / 2, y = this.port.clientHeight / 2) {
+  // Where a pixel's middle is on the port.
+  placeOf([i, j]) {
+    const { scale, left, top } = this.box;
+    return [left + (i + 0.5) * scale, top + (j + 0.5) * scale];
+  }
+
+  // What buttons and keys zoom at: the pixel that is kept, else the middle.
+  get focus() {
+    const { app: { state: { probe } }, port } = this;
+    return probe ? this.placeOf(probe) : [port.clientWidth / 2, port.clientHeight / 2];
+  }
+
+  zoomed(factor, [x, y] = this.focus) {
     const before = this.box, zoom = clamped(this.place.zoom * factor, 1, MOST_ZOOM);
     const grown = zoom / this.place.zoom;
     this.place.zoom = zoom;
@@ -62,6 +79,13 @@ class Stage {
     this.app.refresh();
   }
 
+  // Pan as far as a pixel needs to be seen: who has no pointer pans by the probe.
+  reveal(pixel) {
+    const { clientWidth, clientHeight } = this.port, [x, y] = this.placeOf(pixel);
+    const into = (at, size) => clamped(at, MARGIN, size - MARGIN) - at;
+    this.moved(into(x, clientWidth), into(y, clientHeight));
+  }
+
   fit() {
     this.place = { zoom: 1, x: 0, y: 0 };
     this.app.refresh();
@@ -76,6 +100,7 @@ class Stage {
 
   listen() {
     const { port, app } = this;
+    filled(port, HEARS_KEYS, []);
     port.addEventListener('pointerdown', (event) => this.pressed(event));
     port.addEventListener('pointermove', (event) => this.dragged(event));
     for (const end of ['pointerup', 'pointercancel']) {
@@ -88,8 +113,7 @@ class Stage {
       // Inside another page the wheel scrolls that page, unless Ctrl is held.
       if (window.parent !== window && !event.ctrlKey) return;
       event.preventDefault();
-      const [x, y] = this.within(event);
-      this.zoomed(Math.exp(-clamped(event.deltaY, -120, 120) / 300), x, y);
+      this.zoomed(Math.exp(-clamped(event.deltaY, -120, 120) / 300), this.within(event));
     }, { passive: false });
     port.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => app.refresh()).observe(port);
@@ -140,8 +164,8 @@ class Stage {
     const held = this.pointers.get(id);
     const [other] = [...this.pointers].filter(([key]) => key !== id).map(([, pointer]) => pointer);
     const apart = (p) => Math.hypot(p[0] - other.at[0], p[1] - other.at[1]);
-    const [mx, my] = [(at[0] + other.at[0]) / 2, (at[1] + other.at[1]) / 2];
-    this.zoomed(apart(at) / Math.max(apart(held.at), 1), mx, my);
+    const middle = [(at[0] + other.at[0]) / 2, (at[1] + other.at[1]) / 2];
+    this.zoomed(apart(at) / Math.max(apart(held.at), 1), middle);
     this.moved((at[0] - held.at[0]) / 2, (at[1] - held.at[1]) / 2);
     other.task = held.task = 'pinch';
   }
@@ -180,6 +204,8 @@ class Stage {
     app.spoken = true;
     app.hovered = null;
     const moved = [x + step * way[0], y + step * way[1]];
-    app.put({ probe: [clamped(moved[0], 0, width - 1), clamped(moved[1], 0, height - 1)] });
+    const probe = [clamped(moved[0], 0, width - 1), clamped(moved[1], 0, height - 1)];
+    app.put({ probe });
+    this.reveal(probe);
   }
 }

@@ -1,0 +1,334 @@
+"""A page for everybody: axe-core's rules, and what it cannot see: focus, order, names, room."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from tests.page.conftest import Opened, open_file
+from volspec.appearance.spaces import SPACES
+from volspec.basis import SpectralBasis
+from volspec.export.page import PageSpec, PageView, write_page
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig
+from volspec.scene.lights import NamedLight
+from volspec.spectra import light, reflectance
+
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22a", "wcag22aa", "best-practice"]
+# Every control shown and able: two sides, a pixel, own values, errors.
+ALL_ON = {"compare": 1, "probe": "9,9", "errors": 1, "a.L_A": 20, "a.D": 0.4}
+WIDE, PHONE = (1280, 1400), (360, 740)
+# Words whose ground is the picture, or a drawing: `_CONTRASTS` reads them.
+ON_PICTURE = ".label, #probe dt, #probe dd, #dial text"
+CONTROLS = "button, input, select, textarea, [tabindex]"
+
+
+@pytest.fixture(scope="module")
+def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of a ball that nobody cast, from 36 sides, under three lights."""
+    basis, (y, x) = SpectralBasis.load("general-5"), np.mgrid[-1:1:18j, -1.4:1.4:24j]
+    alpha = (np.hypot(x, y) < 0.9).astype(np.float32)
+    colour = basis.analyze(reflectance("copper")).astype(np.float32)
+    image = CoefficientImage(alpha[..., None] * colour, alpha, alpha, basis)
+    lamps = [(name, light(name)) for name in ("D65", "A", "FL2")]
+    lights = [NamedLight(name, f"lamp {name}", lamp, LightRig((lamp,))) for name, lamp in lamps]
+    views = [PageView(image, 10.0 * i) for i in range(36)]
+    path = tmp_path_factory.mktemp("access") / "balls.html"
+    write_page(path, views, lights, spec=PageSpec("Ball", "Copper from all sides"))
+    return path
+
+
+@pytest.fixture(scope="module")
+def one_page(browser: Any, balls: Path) -> Iterator[Opened]:
+    made = open_file(browser, balls)
+    yield made
+    made.page.context.close()
+
+
+@pytest.fixture
+def ball(one_page: Opened) -> Iterator[Callable[..., Opened]]:
+    """The page in a state, at a size, under a browser's preferences."""
+
+    def put(size: tuple[int, int] = WIDE, media: str = "", **words: object) -> Opened:
+        one_page.page.set_viewport_size({"width": size[0], "height": size[1]})
+        scheme = "light" if "light" in media else "dark"
+        forced = "active" if "forced" in media else "none"
+        one_page.page.emulate_media(color_scheme=scheme, forced_colors=forced)
+        one_page.show(**words)
+        return one_page
+
+    yield put
+    one_page.page.evaluate("document.getElementById('share-dialog').close()")
+    one_page.page.evaluate("document.activeElement.blur()")
+
+
+def breaches(page: Any) -> list[str]:
+    """What axe-core finds wrong, and what it leaves undecided that no test here decides."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    rules = {"runOnly": {"type": "tag", "values": RULES}}
+    found = axe.run(page, options=rules).response
+    assert len(found["passes"]) > 15
+    ours = "([where, words]) => document.querySelector(where).matches(words)"
+    undecided = [
+        (rule, node)
+        for rule in found["incomplete"]
+        for node in rule["nodes"]
+        if rule["id"] != "color-contrast"
+        or not page.evaluate(ours, [node["target"][0], ON_PICTURE])
+    ]
+    wrong = [(rule, node) for rule in found["violations"] for node in rule["nodes"]]
+    return [f"{rule['id']}: {node['target']}" for rule, node in wrong + undecided]
+
+
+@pytest.mark.parametrize(
+    ("size", "media", "words"),
+    [
+        (WIDE, "light", {"a.weights": "0,0,0"}),
+        (WIDE, "dark", ALL_ON),
+        (PHONE, "light", ALL_ON),
+        (PHONE, "dark", {"view": 7}),
+        (WIDE, "dark forced", ALL_ON),
+        (WIDE, "light forced", {"a.weights": "0,0,0", "a.discount": 1}),
+    ],
+)
+def test_axe_finds_nothing_wrong(
+    ball: Callable[..., Opened], size: tuple[int, int], media: str, words: dict[str, object]
+) -> None:
+    assert breaches(ball(size, media, **words).page) == []
+
+
+@pytest.mark.parametrize("size", [WIDE, PHONE])
+def test_axe_finds_nothing_wrong_with_sharing(
+    ball: Callable[..., Opened], size: tuple[int, int]
+) -> None:
+    page = ball(size).page
+    page.click("#share")
+    assert breaches(page) == []
+    page.keyboard.press("Escape")
+    assert page.evaluate("document.activeElement.id") == "share", "focus comes back"
+
+
+def test_axe_finds_nothing_wrong_with_the_still_picture(
+    opened: Callable[..., Opened], balls: Path
+) -> None:
+    page = opened(balls, before="delete window.DecompressionStream;", ready="still").page
+    assert breaches(page) == []
+    controls = [pair for pair in exposed(page) if pair[0] in _ROLES]
+    assert controls == [] and ("image", "Ball") in exposed(page)
+
+
+@pytest.mark.parametrize("media", ["light", "dark", "dark forced", "light forced"])
+def test_words_on_the_picture_can_be_read_on_any_picture(
+    ball: Callable[..., Opened], media: str
+) -> None:
+    """What axe leaves undecided: 4.5 : 1 over black as over white."""
+    ratios = ball(WIDE, media, **ALL_ON).page.evaluate(_CONTRASTS, ON_PICTURE)
+    assert len(ratios) > 10
+    assert [pair for pair in ratios if pair[1] < 4.5] == []
+
+
+# Of each text on the picture or the dial: its first letters, and its least contrast.
+_CONTRASTS = """(words) => {
+    const numbers = (words) => (words.match(/[\\d.]+/g) ?? [0, 0, 0, 0]).map(Number);
+    const luminance = (rgb) => rgb.slice(0, 3).map((v) => v / 255)
+        .map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
+        .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+    const over = (element, ground) => {
+        if (element.id === 'port' || element === document.documentElement) return ground;
+        const below = over(element.parentElement, ground);
+        const [r, g, b, a = 1] = numbers(getComputedStyle(element).backgroundColor);
+        return [r, g, b].map((v, i) => a * v + (1 - a) * below[i]);
+    };
+    const least = (element) => Math.min(...[0, 255].map((grey) => {
+        const style = getComputedStyle(element);
+        const ink = luminance(numbers(element.closest('svg') ? style.fill : style.color));
+        const paper = luminance(over(element, [grey, grey, grey]));
+        return (Math.max(ink, paper) + 0.05) / (Math.min(ink, paper) + 0.05);
+    }));
+    return [...document.querySelectorAll(words)]
+        .filter((element) => element.getClientRects().length)
+        .map((element) => [element.textContent.slice(0, 12), least(element)]);
+}"""
+
+
+def test_every_control_has_a_name_of_its_own(ball: Callable[..., Opened]) -> None:
+    page = ball(WIDE, **ALL_ON).page
+    names = [name for role, name in exposed(page) if role in _ROLES]
+    assert len(names) > 30 and all(names)
+    assert sorted(names) == sorted(set(names))
+    assert "Illuminance" in names, "a slider's value is no part of its name"
+    assert any(name.startswith("\u2068Ball\u2069 under") for name in names)
+    page.click("#share")
+    shared = [name for role, name in exposed(page) if role in _ROLES]
+    assert len(shared) == 6 and len(set(shared)) == 6 and all(shared)
+    ids = page.evaluate("[...document.querySelectorAll('[id]')].map((e) => e.id)")
+    assert len(ids) == len(set(ids))
+
+
+_ROLES = ("application", "button", "checkbox", "combobox", "radio", "slider", "textbox")
+
+
+def exposed(page: Any) -> list[tuple[str, str]]:
+    """(role, name) of what Chromium tells a screen reader, as it works them out."""
+    tree = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")
+    nodes = [node for node in tree["nodes"] if not node["ignored"]]
+    return [(node["role"]["value"], node.get("name", {}).get("value", "")) for node in nodes]
+
+
+def test_tab_reaches_every_control_in_reading_order_and_ends(ball: Callable[..., Opened]) -> None:
+    page = ball(WIDE, **ALL_ON).page
+    wanted = page.evaluate(_TABBABLE, CONTROLS)
+    page.click("h1")
+    stops = []
+    for _ in wanted:
+        page.keyboard.press("Tab")
+        stops.append(page.evaluate(_STOP))
+    assert [stop and stop["what"] for stop in stops] == wanted
+    page.keyboard.press("Tab")
+    after = page.evaluate(_STOP)
+    assert after is None or after["what"] == wanted[0], "out again"
+    for one, other in pairwise(stops):
+        below, beside = other["y"] >= one["y"], other["x"] >= one["x"] + one["width"]
+        assert below or beside, f"{one['what']} before {other['what']}"
+
+
+_WHAT = """(e) => e.id || e.getAttribute('aria-label') || e.dataset.look || e.textContent"""
+_TABBABLE = f"""(controls) => [...document.querySelectorAll(controls)]
+    .filter((e) => e.getClientRects().length && !e.disabled)
+    .filter((e) => e.type !== 'radio' || e.checked).map({_WHAT})"""
+_STOP = f"""() => {{
+    const e = document.activeElement;
+    if (!e || e === document.body) return null;
+    const {{ x, y, width, height }} = e.getBoundingClientRect();
+    const top = document.elementFromPoint(x + width / 2, y + height / 2);
+    return {{ x, y, width, height, what: ({_WHAT})(e), seen: e.contains(top) }};
+}}"""
+
+
+@pytest.mark.parametrize("media", ["light", "dark", "light forced", "dark forced"])
+def test_every_control_shows_that_it_has_the_focus(ball: Callable[..., Opened], media: str) -> None:
+    """As WCAG 2.2, 2.4.13: as many pixels as an outline of two has change by 3 : 1 or more."""
+    page = ball(WIDE, media, **ALL_ON).page
+    boxes = page.evaluate(_BOXES, CONTROLS)
+    bare = luminance(page.screenshot())
+    with focused(page):
+        ringed = luminance(page.screenshot())
+    changed = np.maximum(bare, ringed) + 0.05 >= 3 * (np.minimum(bare, ringed) + 0.05)
+    faint = []
+    for what, x, y, width, height in boxes:
+        # Its ring stands at most four pixels off.
+        left, top = max(int(x) - 4, 0), max(int(y) - 4, 0)
+        found = changed[top : int(y + height) + 5, left : int(x + width) + 5].sum()
+        # Corners are round, and a ring may lie over its neighbour's line.
+        if found < 0.8 * 2 * 2 * (width + height):
+            faint.append((what, int(found), width, height))
+    assert len(boxes) > 30 and faint == []
+
+
+_BOXES = f"""(controls) => [...document.querySelectorAll(controls)]
+    .filter((e) => e.getClientRects().length && !e.disabled).map((e) => {{
+        const {{ x, y, width, height }} = e.getBoundingClientRect();
+        return [({_WHAT})(e), x, y, width, height];
+    }})"""
+
+
+@contextmanager
+def focused(page: Any) -> Iterator[None]:
+    """Every control at once as it looks where Tab has reached it."""
+    session = page.context.new_cdp_session(page)
+    session.send("DOM.enable")
+    session.send("CSS.enable")
+    root = session.send("DOM.getDocument")["root"]["nodeId"]
+    found = session.send("DOM.querySelectorAll", {"nodeId": root, "selector": CONTROLS})
+    for node in found["nodeIds"]:
+        looks = {"nodeId": node, "forcedPseudoClasses": ["focus", "focus-visible"]}
+        session.send("CSS.forcePseudoState", looks)
+    yield
+    session.detach()
+
+
+def luminance(png: bytes) -> NDArray[np.float64]:
+    """(H, W) of a window's picture; white 1."""
+    codes = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")) / 255.0
+    return SPACES["sRGB"].decode(codes) @ SPACES["sRGB"].XYZ_from_RGB[1]
+
+
+def test_what_is_tabbed_to_is_not_behind_the_picture(ball: Callable[..., Opened]) -> None:
+    page = ball(PHONE, **ALL_ON).page
+    for key in ("Tab", "Shift+Tab"):
+        for _ in range(40):
+            page.keyboard.press(key)
+            stop = page.evaluate(_STOP)
+            assert stop is None or stop["seen"], f"{stop} by {key}"
+
+
+def test_targets_are_as_large_as_a_finger_asks(ball: Callable[..., Opened]) -> None:
+    for size in (WIDE, PHONE):
+        page = ball(size, **ALL_ON).page
+        assert page.evaluate(_SMALL, CONTROLS) == []
+
+
+# A label is a part of its control's target.
+_SMALL = f"""(controls) => [...document.querySelectorAll(controls)]
+    .filter((e) => e.getClientRects().length).flatMap((e) => {{
+        const boxes = [e, ...(e.labels ?? [])].map((part) => part.getBoundingClientRect());
+        const [wide, tall] = ['width', 'height'].map((k) => Math.max(...boxes.map((b) => b[k])));
+        return wide < 24 || tall < 24 ? [[({_WHAT})(e), wide, tall]] : [];
+    }})"""
+
+
+@pytest.mark.parametrize("size", [(640, 400), (360, 740), (320, 256)])
+def test_nothing_is_beside_the_window(ball: Callable[..., Opened], size: tuple[int, int]) -> None:
+    """1280 pixels at 200 %, a phone, and 1280 at 400 %."""
+    page = ball(size, **ALL_ON).page
+    wide = """() => [...document.querySelectorAll('body *')]
+        .filter((e) => !e.closest('#port') && !e.closest('.unseen') && e.getClientRects().length)
+        .filter((e) => e.getBoundingClientRect().right > innerWidth + 0.5)
+        .map((e) => e.outerHTML.slice(0, 80))"""
+    assert page.evaluate(wide) == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+    # A slider is there to be moved: by a finger, over some way.
+    least = "Math.min(...[...document.querySelectorAll('[type=range]')].map((e) => e.clientWidth))"
+    assert page.evaluate(least) >= 60
+
+
+def test_nothing_moves_for_who_asks_for_stillness(ball: Callable[..., Opened]) -> None:
+    page = ball(WIDE).page
+    moving = """() => [...document.querySelectorAll('*')].filter((e) => {
+        const { transitionDuration, animationName } = getComputedStyle(e);
+        return !/^(0s(, )?)+$/.test(transitionDuration) || animationName !== 'none';
+    }).length"""
+    page.emulate_media(reduced_motion="no-preference")
+    assert page.evaluate(moving) > 0
+    page.emulate_media(reduced_motion="reduce")
+    assert page.evaluate(moving) == 0
+
+
+def test_the_keyboard_zooms_at_the_probe_and_pans_after_it(ball: Callable[..., Opened]) -> None:
+    opened = ball(WIDE, probe="2,2")
+    page = opened.page
+    page.focus("#port")
+    inside = """() => {
+        const port = document.getElementById('port').getBoundingClientRect();
+        const cross = document.getElementById('cross').getBoundingClientRect();
+        return cross.left >= port.left && cross.right <= port.right
+            && cross.top >= port.top && cross.bottom <= port.bottom;
+    }"""
+    for key in (*["+"] * 12, *["Shift+ArrowRight"] * 2, *["Shift+ArrowDown"] * 2):
+        page.keyboard.press(key)
+        opened.settle()
+        assert page.evaluate(inside), key
+    page.focus("#zoom-fit")
+    page.keyboard.press("Enter")
+    opened.settle()
+    assert page.evaluate("document.activeElement.id") == "zoom-fit", "it keeps the focus"
+    assert page.get_attribute("#zoom-fit", "aria-disabled") == "true"

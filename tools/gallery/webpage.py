@@ -1,0 +1,87 @@
+"""The pictures of docs/page.md: ``python -m tools.gallery.webpage``.
+
+scenes -> pages -> [webpage] -> docs/images/page-engine.jpg, page-frog.jpg
+
+Each page is opened in Chromium at a phone's width and shown under three of its lights. The frog's
+labels come with pyvista.
+"""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from benchmarks.webpage import chromium
+from tools.gallery.studio import READERS, ROOT
+from volspec.export.page import PageSpec, PageView, write_page
+from volspec.scene import Scene
+
+FOLDER = ROOT / "docs" / "images"
+SHOWN = {"engine": ("D65", "A", "HP1"), "frog": ("noon", "evening", "street")}
+_PHONE = {"width": 460, "height": 740}
+_GAP, _PAPER, _BYTES = 24, (255, 255, 255), 250_000
+
+
+def main() -> None:
+    """Make both strips."""
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        for name, lights in SHOWN.items():
+            path = Path(folder) / f"{name}.html"
+            scene = write(name, path)
+            numbers = [[light.name for light in scene.lights].index(light) for light in lights]
+            size = save(strip(screens(browser, path, numbers)), FOLDER / f"page-{name}.jpg")
+            print(f"page-{name}.jpg: {size / 1000:.0f} kB", flush=True)
+
+
+def write(name: str, path: Path) -> Scene:
+    """Write a scene's page, as `volspec page` does, from a volume wherever it is."""
+    scene = Scene.load(ROOT / "data" / "scenes" / f"{name}.toml")
+    image = scene.render(READERS[name]())
+    title = PageSpec(scene.file.title)
+    write_page(path, [PageView(image)], scene.lights, scene.relight, title)
+    return scene
+
+
+def screens(browser: Any, path: Path, lights: list[int]) -> list[Image.Image]:
+    """The page under each of the lights, chosen as a finger does."""
+    context = browser.new_context(viewport=_PHONE, device_scale_factor=2, color_scheme="dark")
+    page = context.new_page()
+    page.goto(path.as_uri())
+    page.wait_for_selector("html.ready", state="attached")
+    shots = []
+    for light in lights:
+        page.click(f"#light-list li:nth-child({light + 1}) .light-name")
+        page.evaluate("document.activeElement.blur(); window.scrollTo(0, 0)")
+        page.mouse.move(0, 0)
+        page.wait_for_timeout(400)
+        shots.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+    context.close()
+    return shots
+
+
+def strip(shots: list[Image.Image]) -> Image.Image:
+    """Pictures side by side."""
+    width, height = shots[0].size
+    whole = Image.new("RGB", (len(shots) * (width + _GAP) - _GAP, height), _PAPER)
+    for i, shot in enumerate(shots):
+        whole.paste(shot, (i * (width + _GAP), 0))
+    return whole
+
+
+def save(picture: Image.Image, path: Path) -> int:
+    """Bytes of the JPEG: as good as its size allows."""
+    for quality in range(92, 40, -4):
+        memory = io.BytesIO()
+        picture.save(memory, "JPEG", quality=quality, optimize=True)
+        if memory.tell() <= _BYTES:
+            break
+    path.write_bytes(memory.getvalue())
+    return memory.tell()
+
+
+if __name__ == "__main__":
+    main()
