@@ -16,6 +16,7 @@ _HOMES = {
     "volspec.appearance": ("Display", "Viewing"),
     "volspec.basis": ("MaterialBasis", "SpectralBasis", "load_basis"),
     "volspec.export": ("write_frame",),
+    "volspec.export.notebook": ("notebook",),
     "volspec.errors": (
         *("CastCancelled", "DeviceError", "InputError", "VolspecError", "VolspecWarning"),
     ),

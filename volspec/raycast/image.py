@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
-from volspec.errors import ImageError, ShapeError, nearest, quoted
+from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
 from volspec.raycast.checks import number
 from volspec.raycast.groups import ONE_GROUP, checked_groups
 from volspec.raycast.image_file import read_image, write_image
@@ -155,6 +155,17 @@ class CoefficientImage:
                 f"whose channels are {self.basis.method}; cast with MaterialBasis(materials)"
             )
         return replace(self, basis=self.basis.with_reflectances(reflectances))
+
+    def _ipython_display_(self) -> None:
+        """What a notebook's cell shows: `volspec.notebook`, or the text where that is missing."""
+        from IPython.display import display
+
+        import volspec
+
+        try:
+            display(volspec.notebook(self))
+        except DeviceError:
+            raise NotImplementedError from None  # IPython's word for taking the text
 
     @property
     def size(self) -> tuple[int, int]:

@@ -36,7 +36,7 @@ _WEB = Path(__file__).parent / "web"
 _SCRIPTS = (
     *("algebra", "illumination", "conditions", "passages", "looks", "channels", "relight"),
     *("lighting", "state", "elements", "spectrum", "lights", "viewing", "errors", "probe"),
-    *("stage", "share", "main"),
+    *("stage", "share", "widget", "main"),
 )
 _POLICY = (
     "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; "

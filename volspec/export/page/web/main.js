@@ -130,6 +130,7 @@ class App {
     ].map((panel) => panel(this));
     sharing(this);
     if (this.page.views.length > 1) turning(this);
+    inNotebook(this);
     await this.turnTo(this.state.view);
     const { canvas } = this.relighter;
     canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());

@@ -1,0 +1,133 @@
+"""The widget in a real JupyterLab: what is seen, what goes to Python and what comes from there."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from benchmarks.webpage import apart, missing
+from tests.notebook.lab import Lab, opened
+from volspec.appearance import Viewing
+from volspec.pipeline import relight
+from volspec.raycast import CoefficientImage
+from volspec.spectra import light
+
+# Eight bits a channel, and the display's rounding: 0.1 to 0.2 on the engine.
+NEAR = 0.4
+ASKED = "print(json.dumps([dict(w.weights), w.viewing.model, w.probe, w.probed and w.probed.XYZ]))"
+CELLS = (
+    "import json\n"
+    "import volspec as vs\n"
+    "w = vs.notebook(vs.CoefficientImage.load('colours.exr'), ['D65', 'A', 'HP1'])\n"
+    "w",
+    ASKED,
+    "w.weights = {'HP1': 1.0}\nw.viewing = vs.Viewing(model='none')\nw.probe = (40, 20)",
+    "w.image = vs.CoefficientImage.load('turned.exr')",
+    ASKED,
+)
+
+
+@pytest.fixture(scope="module")
+def lab(
+    tmp_path_factory: pytest.TempPathFactory,
+    colours: CoefficientImage,
+    turned: CoefficientImage,
+) -> Iterator[Lab]:
+    pytest.importorskip("jupyterlab")
+    if why := missing():
+        pytest.skip(why)
+    folder = tmp_path_factory.mktemp("lab")
+    colours.save(folder / "colours.exr")
+    turned.save(folder / "turned.exr")
+    # What the kernel's lights need is kept for it.
+    for name in ("D65", "A", "HP1"):
+        light(name)
+    with opened(folder, CELLS) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def turned(colours: CoefficientImage) -> CoefficientImage:
+    """Its lower half: another size."""
+    half = colours.size[1] // 2
+    return replace(
+        colours,
+        coefficients=colours.coefficients[half:],
+        alpha=colours.alpha[half:],
+        depth_mm=colours.depth_mm[half:],
+    )
+
+
+def seen(lab: Lab, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """The picture on the screen, one sample for each of its pixels."""
+    shot = Image.open(io.BytesIO(lab.frame.locator("#picture").screenshot())).convert("RGB")
+    columns, rows = (
+        ((np.arange(count) + 0.5) * whole / count).astype(int)
+        for count, whole in zip(size, shot.size, strict=True)
+    )
+    return np.asarray(shot)[rows[:, None], columns]
+
+
+def clear(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """What neither label, buttons nor the probe's card stand before."""
+    height, width = frame.shape[:2]
+    return frame[height // 4 : -height // 4, 7 * width // 16 :]
+
+
+def test_one_picture_goes_to_and_fro(
+    lab: Lab, colours: CoefficientImage, turned: CoefficientImage
+) -> None:
+    """One story: each step needs the one before, and a second JupyterLab costs too much."""
+    shown = seen(lab, colours.size)
+    assert shown.std() > 20, "the picture is empty"
+    assert apart(clear(shown), clear(relight(colours, light("D65")))) <= NEAR
+
+    # A slider is dragged and a pixel is clicked in the page; the next cell reads them.
+    track = lab.frame.locator("#light-list li:nth-child(2) input").bounding_box()
+    across, down = track["x"] + track["width"] / 2, track["y"] + track["height"] / 2
+    lab.page.mouse.move(track["x"] + 4, down)
+    lab.page.mouse.down()
+    lab.page.mouse.move(across, down, steps=5)
+    lab.page.mouse.up()
+    lab.frame.locator("#picture").click(position={"x": 300, "y": 250})
+    card = lab.frame.locator("#probe-rows dd")
+    place, XYZ = (card.nth(k).text_content() for k in (0, 2))
+    # The page tells up to ten times a second: a cell run at once may be before the click.
+    answers = (json.loads(lab.run(1)) for _ in range(20))
+    weights, _, probe, probed = next(answer for answer in answers if answer[2])
+    assert weights["D65"] == 1.0 and abs(weights["A"] - 0.5) < 0.1 and weights["HP1"] == 0.0
+    assert place == ", ".join(map(str, probe))
+    # Eight bits of each channel: a step of the root of 255 moves a bright pixel by 0.8 %.
+    np.testing.assert_allclose([float(part) for part in XYZ.split()], probed, rtol=0.02, atol=0.1)
+
+    # What a cell sets is drawn, and another image takes its place with the same settings.
+    lab.run(2)
+    lab.until("#label-a", "HP1")
+    bare = Viewing(model="none")
+    wanted = relight(colours, light("HP1"), bare)
+    assert apart(clear(seen(lab, colours.size)), clear(wanted)) <= NEAR
+    lab.run(3)
+    lab.until(f"#picture[height='{turned.size[1]}']", "")
+    lab.ready()
+    lab.until("#label-a", "HP1")
+    wanted = relight(turned, light("HP1"), bare)
+    assert apart(clear(seen(lab, turned.size)), clear(wanted)) <= NEAR
+    with lab.page.expect_download() as download:
+        lab.frame.locator("header .download").click()
+    saved = np.asarray(Image.open(download.value.path()).convert("RGB"))
+    assert apart(saved, wanted) <= NEAR
+    assert json.loads(lab.run(4))[1:3] == ["none", [40, 20]]
+
+    # The page stands apart from the notebook, and nothing has asked another host for anything.
+    element = lab.page.locator(".jp-OutputArea iframe")
+    assert element.get_attribute("sandbox") == "allow-scripts allow-downloads"
+    hosts = {urlsplit(url).hostname for url in lab.requests if url.startswith(("http", "ws"))}
+    assert hosts == {"127.0.0.1"}

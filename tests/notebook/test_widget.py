@@ -1,0 +1,248 @@
+"""The widget's traits and what they refuse, without a browser."""
+
+from __future__ import annotations
+
+import base64
+import io
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import volspec as vs
+from volspec.appearance import Display, Viewing
+from volspec.errors import DeviceError, ImageError, SpectrumError, ViewingError, VolspecWarning
+from volspec.pipeline import relight
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig
+from volspec.scene.lights import NamedLight
+
+pytest.importorskip("anywidget")
+
+LIGHTS = ["D65", "A", "FL2"]
+# As the page tells it: every field of a look that a Viewing holds.
+LOOK: dict[str, Any] = {
+    "model": "CAM16",
+    "lux": 300,
+    "L_A": 12.5,
+    "Y_b": 35,
+    "surround": 0.1,
+    "D": None,
+    "discount": False,
+    "exposure": 2,
+    "gamut": "reduce",
+    "mark": True,
+}
+
+
+@pytest.fixture
+def widget(colours: CoefficientImage) -> Any:
+    return vs.notebook(colours, LIGHTS)
+
+
+def noted(image: CoefficientImage, viewing: str) -> CoefficientImage:
+    return replace(image, notes={"viewing": viewing, "scene": "Patches"})
+
+
+def test_the_first_light_shines(widget: Any, colours: CoefficientImage) -> None:
+    assert dict(widget.weights) == {"D65": 1.0, "A": 0.0, "FL2": 0.0}
+    np.testing.assert_array_equal(widget.frame(), relight(colours, vs.light("D65")))
+    assert repr(widget) == "RelightWidget(64x64, D65, A, FL2)"
+
+
+def test_a_frame_follows_every_setting(widget: Any, colours: CoefficientImage) -> None:
+    viewing = Viewing(model="CIELAB", exposure=0.5)
+    widget.weights = {"A": 0.5, "FL2": 0.25}
+    widget.viewing, widget.mode, widget.backdrop = viewing, "exact", 0.4
+    rig = LightRig((vs.light("A"), vs.light("FL2")), (0.5, 0.25))
+    np.testing.assert_array_equal(widget.frame(), relight(colours, rig, viewing, "exact", 0.4))
+    widget.weights = {}
+    assert widget.rig is None and not widget.frame().any()
+
+
+def test_what_the_page_tells_becomes_traits_and_is_not_sent_back(
+    widget: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[dict[str, Any]] = []
+    monkeypatch.setattr(widget, "_send", lambda message, buffers=None: sent.append(message))
+    told = {"weights": [0, 0.5, 1], "viewing": LOOK, "mode": "exact", "backdrop": 0.5}
+    widget.set_state({**told, "level": "relative", "probe": [5, 6]})
+    assert dict(widget.weights) == {"D65": 0.0, "A": 0.5, "FL2": 1.0}
+    display = Display(gamut="reduce", mark=True)
+    assert widget.viewing == Viewing("CAM16", 300, 12.5, 35, "dim", exposure=2, display=display)
+    assert (widget.mode, widget.backdrop, widget.probe) == ("exact", 0.5, (5, 6))
+    # Other views are told what came (echo_update); an update would move back a slider in hand.
+    assert [message["method"] for message in sent] == ["echo_update"]
+
+
+@pytest.mark.parametrize(("ratio", "surround"), [(0.0, "dark"), (0.2, "average"), (0.15, 0.15)])
+def test_a_surround_has_its_name_where_it_has_one(
+    widget: Any, ratio: float, surround: str | float
+) -> None:
+    widget.set_state({"viewing": {**LOOK, "surround": ratio}})
+    assert widget.viewing.surround == surround
+    assert widget.get_state("viewing")["viewing"]["surround"] == ratio
+
+
+def test_a_displays_room_reaches_the_page(widget: Any) -> None:
+    widget.viewing = Viewing(display=Display(L_A=40.0, surround="dark"))
+    room = widget.get_state("_room")["_room"]["display"]
+    assert room["L_A"] == 40.0 and room["surround"] == 0.0
+    widget.set_state({"viewing": LOOK})
+    assert widget.viewing.display == Display(L_A=40.0, surround="dark", gamut="reduce", mark=True)
+
+
+def test_a_pixel_is_read_again_at_every_change(widget: Any, colours: CoefficientImage) -> None:
+    told: list[Any] = []
+    widget.observe(lambda change: told.append(change["new"]), "probed")
+    widget.probe = (40, 3)
+    assert widget.probed.opacity == 1.0
+    coefficients = colours.coefficients[3, 40]
+    wanted = colours.basis.xyz(coefficients, vs.light("D65"))
+    # Componentwise here, full spectra of the basis there: general-7 is within 1 %.
+    np.testing.assert_allclose(widget.probed.XYZ, wanted, rtol=0.03)
+    widget.weights = {"A": 1.0}
+    widget.weights = {}
+    assert [each and round(each.XYZ[1], 3) for each in told] == [
+        round(told[0].XYZ[1], 3), round(told[1].XYZ[1], 3), None]  # fmt: skip
+    assert told[0].XYZ[2] > 2 * told[1].XYZ[2], "tungsten has little blue"
+
+
+def test_another_image_keeps_the_settings(widget: Any, colours: CoefficientImage) -> None:
+    widget.weights, widget.probe = {"A": 1.0}, (60, 60)
+    before = widget.get_state("_page")["_page"]
+    widget.image = replace(
+        colours,
+        coefficients=colours.coefficients[:16],
+        alpha=colours.alpha[:16],
+        depth_mm=colours.depth_mm[:16],
+    )
+    assert widget.get_state("_page")["_page"] != before
+    assert dict(widget.weights)["A"] == 1.0 and widget.probe is None
+    assert widget.frame().shape == (16, 64, 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "error", "said"),
+    [
+        ("weights", {"D56": 1}, ViewingError, "no light 'D56'; did you mean 'D65'"),
+        ("weights", {"A": -0.5}, ViewingError, "weight of 'A' is -0.5; expected 0 to 1"),
+        ("weights", {"A": True}, ViewingError, "weight of 'A' is True"),
+        ("weights", [1, 0, 0], ViewingError, "give them by name, as {'D65': 1.0}"),
+        ("viewing", "CAM16", ViewingError, "expected a volspec.Viewing"),
+        ("viewing", Viewing(model="Hunt"), ViewingError, "'Hunt' has no closed form"),
+        ("viewing", Viewing(adapting="pixel"), ViewingError, "measures nothing"),
+        ("viewing", Viewing(display=Display(space="Display P3")), ViewingError, "made for sRGB"),
+        ("mode", "exakt", ViewingError, "did you mean 'exact'"),
+        ("backdrop", 2, ViewingError, "expected within 0"),
+        ("backdrop", vs.light("D65"), ViewingError, "is a spectrum; give a reflectance"),
+        ("level", "absolute", ViewingError, "'D65' has none"),
+        ("probe", (64, 0), ImageError, "inside of 64x64"),
+        ("probe", 7, ImageError, "give (x, y)"),
+        ("image", "engine.exr", ImageError, "expected a CoefficientImage"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_leaves_the_widget_as_it_was(
+    widget: Any, name: str, value: object, error: type[Exception], said: str
+) -> None:
+    before = getattr(widget, name)
+    with pytest.raises(error) as refused:
+        setattr(widget, name, value)
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+    assert getattr(widget, name) is before
+
+
+def test_an_image_without_a_lights_group_is_refused(colours: CoefficientImage) -> None:
+    grouped = replace(colours, groups={"key": 1.0})
+    rig = LightRig((vs.light("A"),), groups=("key",))
+    widget = vs.notebook(grouped, {"lamp": rig})
+    with pytest.raises(ViewingError, match="group 'key'"):
+        widget.image = colours
+    assert widget.image is grouped
+
+
+def test_lights_with_lux_add_up(colours: CoefficientImage) -> None:
+    lamps = {
+        name: LightRig((vs.light(name),), (), (lux,)) for name, lux in (("A", 50), ("D65", 900))
+    }
+    widget = vs.notebook(colours, lamps, Viewing(illuminance_lux=900))
+    widget.level = "absolute"
+    assert widget.rig.total_lux == 50
+    dim = widget.frame().mean()
+    widget.weights = {"A": 1.0, "D65": 1.0}
+    assert widget.rig.total_lux == 950 and widget.frame().mean() > 2 * dim
+
+
+@pytest.mark.parametrize(
+    ("lights", "error", "said"),
+    [
+        ("D65", ImageError, "give several in a list"),
+        ([], ImageError, "there is no light"),
+        (["A", "A"], ImageError, "two lights are 'A'"),
+        (["D56"], SpectrumError, "D56"),
+        ([LightRig((vs.light("A"),))], SpectrumError, "has no name"),
+        ([3], SpectrumError, "a light is 3"),
+    ],
+)
+def test_lights_that_are_none_are_refused(
+    colours: CoefficientImage, lights: Any, error: type[Exception], said: str
+) -> None:
+    with pytest.raises(error, match=said):
+        vs.notebook(colours, lights)
+
+
+def test_a_scenes_lights_and_viewing_are_taken(colours: CoefficientImage) -> None:
+    lamp = NamedLight("lamp", "Lamp", vs.light("A"), LightRig((vs.light("A"),)))
+    image = noted(colours, '{"model": "CAM16", "surround": "dark", "backdrop": 0.05}')
+    widget = vs.notebook(image, [lamp])
+    assert widget.lights == (lamp,)
+    assert widget.viewing == Viewing("CAM16", surround="dark") and widget.backdrop == 0.05
+    assert "<title>Patches</title>" in widget.get_state("_page")["_page"]
+    # What no page draws is replaced in what the scene says, and refused where it is asked for.
+    with pytest.warns(VolspecWarning, match="Hunt has no closed form"):
+        assert vs.notebook(noted(colours, '{"model": "Hunt"}')).viewing.model == "CIECAM02"
+    with pytest.raises(ViewingError, match="Hunt"):
+        vs.notebook(image, [lamp], Viewing(model="Hunt"))
+
+
+def test_an_image_in_a_cell_shows_the_widget(
+    colours: CoefficientImage, bundles: Callable[[object], list[dict[str, Any]]]
+) -> None:
+    (bundle,) = bundles(colours)
+    assert "application/vnd.jupyter.widget-view+json" in bundle
+    # Readers that run no widgets get a still picture, as a saved notebook's.
+    still = Image.open(io.BytesIO(base64.b64decode(bundle["image/jpeg"])))
+    shown = np.asarray(still).astype(float)
+    assert np.abs(shown - relight(colours, vs.light("D65"))).mean() < 6
+
+
+def test_without_the_extra_an_image_shows_its_text(
+    colours: CoefficientImage,
+    bundles: Callable[[object], list[dict[str, Any]]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    monkeypatch.delitem(sys.modules, "volspec.export.notebook.widget", raising=False)
+    with pytest.raises(DeviceError, match=r"pip install 'volspec\[notebook\]'"):
+        vs.notebook(colours)
+    assert bundles(colours) == [{"text/plain": "CoefficientImage(64x64, 7 channels)"}]
+
+
+@pytest.fixture
+def bundles() -> Callable[[object], list[dict[str, Any]]]:
+    """What IPython shows of an object that is a cell's last line."""
+    from IPython.core.interactiveshell import InteractiveShell
+    from IPython.utils.capture import capture_output
+
+    shell = InteractiveShell.instance()
+
+    def shown(value: object) -> list[dict[str, Any]]:
+        with capture_output(stdout=False, stderr=False) as captured:
+            data, _ = shell.display_formatter.format(value)
+        return [output.data for output in captured.outputs] + ([data] if data else [])
+
+    return shown

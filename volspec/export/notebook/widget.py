@@ -1,0 +1,263 @@
+"""The widget: traits that follow the page, and a page that follows the traits.
+
+    image, lights, RelightSpec -> [widget] <-> host.js <-> page's web/widget.js
+
+What is set in Python is shown at once; what is moved in the page arrives here about ten times a
+second, when the kernel is free. Only `notebook` imports this module: it needs anywidget.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import anywidget
+import ipywidgets
+import numpy as np
+import traitlets
+
+from volspec.appearance import Viewing
+from volspec.appearance.surround import is_finite
+from volspec.errors import ImageError, ViewingError, nearest, quoted
+from volspec.export.notebook.lights import require_lit, rig_of
+from volspec.export.notebook.settings import checked_viewing, look_of, read_at, viewing_from
+from volspec.export.page import PageSpec, PageView, page_html, payload
+from volspec.pipeline import relight
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.spec import Pixels
+from volspec.scene.lights import NamedLight
+from volspec.spectra import Spectrum
+
+_HEIGHT = "600px"
+_SETTINGS = ("image", "weights", "viewing", "mode", "backdrop", "level", "probe")
+
+
+class _Checked(traitlets.TraitType):
+    """A trait whose values a method of the widget checks, at once and in this package's words."""
+
+    def __init__(self, check: str, **kind: Any) -> None:
+        super().__init__(**kind)
+        self._check = check
+
+    def validate(self, widget: RelightWidget, value: object) -> Any:
+        return getattr(widget, self._check)(value)
+
+
+class RelightWidget(anywidget.AnyWidget):
+    """A coefficient image in a cell; `volspec.notebook` makes it.
+
+    Every attribute but the lights can be set, and observed with ``observe`` as any trait. A value
+    that cannot be is refused, and everything stays as it was. Where the page compares two
+    settings, they are those of its side A.
+
+    Parameters
+    ----------
+    image : CoefficientImage
+        What is shown; another may have another size, basis and groups.
+    lights : sequence of NamedLight
+        What can be switched on; the first is.
+    seen : RelightSpec
+        How it looks first, and again after the page's Reset.
+
+    Attributes
+    ----------
+    weights : {name: float}
+        How much of each light shines, 0 to 1; those that an assignment leaves out are off.
+    viewing : Viewing
+    mode, level : str
+        As `RelightSpec`.
+    backdrop : float
+        A reflectance, 0 to 1.
+    probe : (x, y) or None
+        The pixel that is read; row 0 is the top.
+    probed : volspec.export.notebook.settings.Probed or None
+        What it is; None where no pixel is read, or no light shines. Not to be set.
+
+    Raises
+    ------
+    ImageError
+        If an image is none, or a probe lies outside of it.
+    ViewingError
+        If a light's name is unknown, a weight is out of range, or the page cannot draw a viewing.
+    """
+
+    _esm = Path(__file__).parent / "host.js"
+    _page = traitlets.Unicode().tag(sync=True)
+    _room = traitlets.Dict().tag(sync=True)
+
+    image = _Checked("_checked_image")
+    weights = _Checked("_checked_weights").tag(
+        sync=True,
+        to_json=lambda weights, _: list(weights.values()),
+        from_json=lambda values, widget: dict(zip(widget._names, values, strict=True)),
+    )
+    viewing = _Checked("_checked_viewing").tag(
+        sync=True,
+        to_json=lambda viewing, widget: look_of(viewing, widget.lights),
+        from_json=lambda look, widget: viewing_from(look, widget.viewing.display),
+    )
+    mode = _Checked("_checked_mode").tag(sync=True)
+    backdrop = _Checked("_checked_backdrop").tag(sync=True)
+    level = _Checked("_checked_level").tag(sync=True)
+    probe = _Checked("_checked_probe", default_value=None).tag(sync=True)
+    probed = traitlets.Any(read_only=True, default_value=None)
+
+    def __init__(
+        self, image: CoefficientImage, lights: Sequence[NamedLight], seen: RelightSpec
+    ) -> None:
+        self._lights = tuple(lights)
+        self._opens = seen
+        super().__init__(
+            image=image,
+            weights={self._names[0]: 1.0},
+            viewing=seen.viewing,
+            mode=seen.mode,
+            backdrop=seen.backdrop,
+            level=seen.level,
+            layout=ipywidgets.Layout(height=_HEIGHT),
+        )
+
+    @property
+    def lights(self) -> tuple[NamedLight, ...]:
+        """What can be switched on."""
+        return self._lights
+
+    @property
+    def rig(self) -> LightRig | None:
+        """What shines; None where every light is off."""
+        return rig_of(self._lights, tuple(self.weights.values()))
+
+    @property
+    def seen(self) -> RelightSpec:
+        """How the picture is made, beside its light."""
+        return RelightSpec(self.viewing, self.mode, self.backdrop, self.level)
+
+    def frame(self, dtype: Any = np.uint8) -> Pixels:
+        """The desktop's picture for the same settings; black where every light is off.
+
+        Parameters
+        ----------
+        dtype : numpy.uint8 or numpy.float32
+            8-bit codes, or codes 0 to 1 before rounding.
+
+        Returns
+        -------
+        (H, W, 3) uint8 or float32
+            sRGB; row 0 at the top.
+
+        Raises
+        ------
+        RelightError
+            If the dtype is another.
+        """
+        rig, (width, height) = self.rig, self.image.size
+        if rig is None:
+            return np.zeros((height, width, 3), dtype)
+        seen = self.seen
+        return relight(self.image, rig, seen.viewing, seen.mode, seen.backdrop, seen.level, dtype)
+
+    def __repr__(self) -> str:
+        width, height = self.image.size
+        return f"RelightWidget({width}x{height}, {', '.join(self._names)})"
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> Any:
+        """The widget; and a still picture for readers that run none, as a saved notebook's."""
+        from PIL import Image
+
+        bundle = super()._repr_mimebundle_(**kwargs)
+        buffer = io.BytesIO()
+        Image.fromarray(self.frame()).save(buffer, "JPEG", quality=88)
+        bundle[0]["image/jpeg"] = base64.b64encode(buffer.getvalue()).decode("ascii")
+        return bundle
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(lamp.name for lamp in self._lights)
+
+    @traitlets.observe("image")
+    def _show(self, _: object) -> None:
+        """Another picture is another page; what is set stays."""
+        title = self.image.notes.get("scene") or PageSpec().title
+        self._page = page_html([PageView(self.image)], self._lights, self._opens, PageSpec(title))
+
+    @traitlets.observe("viewing")
+    def _move(self, _: object) -> None:
+        """The display's room is the page's own; only Python changes it."""
+        self._room = payload.page_viewing(self.viewing)
+
+    @traitlets.observe(*_SETTINGS)
+    def _read(self, _: object) -> None:
+        if self.probe is not None and not _inside(self.probe, self.image):
+            self.probe = None  # which comes here again
+            return
+        rig, found = self.rig, None
+        if self.probe is not None and rig is not None:
+            found = read_at(self.image, rig, self.seen, self.probe)
+        self.set_trait("probed", found)
+
+    def _checked_image(self, image: object) -> CoefficientImage:
+        if not isinstance(image, CoefficientImage):
+            raise ImageError(f"notebook: image is {quoted(image)}; expected a CoefficientImage")
+        require_lit(self._lights, image)
+        return image
+
+    def _checked_weights(self, weights: object) -> Mapping[str, float]:
+        if not isinstance(weights, Mapping):
+            raise ViewingError(
+                f"notebook: weights are {quoted(weights)}; give them by name, as "
+                f"{{{self._names[0]!r}: 1.0}}"
+            )
+        for name, weight in weights.items():
+            if name not in self._names:
+                raise ViewingError(
+                    f"notebook: no light {name!r}; {nearest(str(name), self._names)}"
+                    f"there are {', '.join(self._names)}"
+                )
+            if not (is_finite(weight) and 0.0 <= weight <= 1.0):
+                raise ViewingError(f"notebook: weight of {name!r} is {weight!r}; expected 0 to 1")
+        return MappingProxyType({name: float(weights.get(name, 0.0)) for name in self._names})
+
+    def _checked_viewing(self, viewing: object) -> Viewing:
+        return checked_viewing(viewing)
+
+    def _checked_mode(self, mode: str) -> str:
+        return RelightSpec(mode=mode).mode
+
+    def _checked_backdrop(self, backdrop: Any) -> float:
+        if isinstance(backdrop, Spectrum):
+            raise ViewingError("notebook: the backdrop is a spectrum; give a reflectance 0 to 1")
+        RelightSpec(backdrop=backdrop)
+        return float(backdrop)
+
+    def _checked_level(self, level: str) -> str:
+        RelightSpec(level=level)
+        dark = [lamp.name for lamp in self._lights if lamp.rig.illuminance_lux is None]
+        if level == "absolute" and dark:
+            raise ViewingError(
+                f"notebook: level 'absolute' needs the lux of every light; {dark[0]!r} has none, "
+                "give it as LightRig(..., illuminance_lux=...)"
+            )
+        return level
+
+    def _checked_probe(self, probe: object) -> tuple[int, int] | None:
+        if probe is None:
+            return None
+        if not (isinstance(probe, Sequence) and len(probe) == 2 and _inside(probe, self.image)):
+            width, height = self.image.size
+            raise ImageError(
+                f"notebook: probe is {quoted(probe)}; give (x, y) inside of {width}x{height}, or "
+                "None"
+            )
+        return int(probe[0]), int(probe[1])
+
+
+def _inside(pixel: Sequence[Any], image: CoefficientImage) -> bool:
+    return all(
+        isinstance(at, int | np.integer) and 0 <= at < size
+        for at, size in zip(pixel, image.size, strict=True)
+    )
