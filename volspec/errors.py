@@ -87,6 +87,16 @@ class OpenGLError(DeviceError):
     """No GL context could be made; see ``volspec doctor``."""
 
 
+def one_line(said: object) -> str:
+    """A message without its line breaks; of an error that says nothing, the name of its class.
+
+    >>> one_line(InputError("no such\\n  file")), one_line(MemoryError())
+    ('no such file', 'MemoryError')
+    """
+    text = " ".join(str(said).split())
+    return text or (type(said).__name__ if isinstance(said, BaseException) else "")
+
+
 def quoted(given: object, most: int = 40) -> str:
     """What was given, to stand inside a message: its ``repr`` in one line, cut where it is long.
 

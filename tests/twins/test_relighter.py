@@ -11,6 +11,7 @@ import pytest
 from volspec._gpu.opengl import headless_context
 from volspec.appearance import Viewing
 from volspec.appearance.srgb import decode, to_uint8
+from volspec.appearance.table import TablePassage
 from volspec.basis.model import SpectralBasis
 from volspec.errors import (
     OpenGLError,
@@ -24,7 +25,9 @@ from volspec.raycast.image import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module
 from volspec.relight import programs as programs_module
+from volspec.relight import tables as tables_module
 from volspec.relight.reference import relight_reference
+from volspec.relight.tables import MOST_TABLES, HostTables, TableKey
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.observer import color_matching_functions
 
@@ -203,6 +206,43 @@ def test_several_relighters_work_at_once_and_in_any_thread():
     assert np.array_equal(frames[0], first)
     assert np.array_equal(one.frame(light("A")), first)
     one.close()
+
+
+@pytest.mark.parametrize("adapting", ["given", "picture"])
+def test_a_table_made_beforehand_on_another_thread_is_what_the_frame_is_drawn_with(
+    monkeypatch: pytest.MonkeyPatch, adapting: str
+) -> None:
+    rig = LightRig((light("A"),), illuminance_lux=(500.0,))
+    how = rig, Viewing(model="Nayatani95", adapting=adapting, fov_deg=20.0), "exact"
+    with gl_or_skip(cast()) as alone:
+        alone_key, expected = alone.missing_table(*how), alone.frame(*how)
+        assert alone.missing_table(*how) is None
+        assert alone.missing_table(light("A"), RAW) is None
+    tables = HostTables()
+    with gl_or_skip(cast(), tables=tables) as first, gl_or_skip(cast(), tables=tables) as second:
+        key = first.missing_table(*how)
+        assert key is not None and key == alone_key and key not in tables
+        thread = threading.Thread(target=tables.texels, args=(key,))
+        thread.start()
+        thread.join()
+        monkeypatch.setattr(TablePassage, "of", None)  # nobody works one out any more
+        assert first.missing_table(*how) is None and second.missing_table(*how) is None
+        for relighter in (first, second):
+            assert np.array_equal(relighter.frame(*how), expected)
+    with Relighter(cast(), backend="numpy") as host:
+        assert host.missing_table(*how) is None
+
+
+def test_of_tables_the_latest_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[TableKey] = []
+    empty = np.zeros((1, 1, 1, 4), np.float32)
+    monkeypatch.setattr(tables_module, "_texels", lambda key: (made.append(key), empty)[1])
+    tables, keys = HostTables(), [TableKey(RAW, (95.0, 100.0, 80.0 + i)) for i in range(20)]
+    for key in keys:
+        tables.texels(key)
+        tables.texels(keys[0])  # asked for again and again
+    assert made == keys
+    assert [key in tables for key in keys] == [True, *[False] * 8, *[True] * (MOST_TABLES - 1)]
 
 
 def test_given_context_is_drawn_in_and_left_alive():

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
-from volspec.viewer import finding
 from volspec.viewer.actions import ACTIONS, BY_KEY, MENUS, shown
 from volspec.viewer.lighting import shining
 from volspec.viewer.recent import RecentFile
@@ -21,13 +19,8 @@ keys = pytest.importorskip("volspec.viewer.panels.keys")
 RECENT = (RecentFile("/data/head.nrrd", True), RecentFile("/data/gone.nrrd", False))
 
 
-def found(rows: tuple[Any, ...], search: str) -> list[Any]:
-    """As the palette has them."""
-    return finding.found(rows, search, lambda row: str(row.text))
-
-
 def titles(state: ViewState, search: str) -> list[str]:
-    return [row.text for row in found(commands.commands_of(state, RECENT), search)]
+    return [row.text for row in commands.commands_of(state, RECENT, search)]
 
 
 def test_the_palette_lists_every_action_light_model_display_and_file(state: ViewState) -> None:
@@ -62,7 +55,7 @@ def test_a_search_finds_words_before_letters(state: ViewState) -> None:
 
 def test_rows_do_what_they_say(state: ViewState) -> None:
     def done(search: str) -> ViewState:
-        row = found(commands.commands_of(state, ()), search)[0]
+        row = commands.commands_of(state, (), search)[0]
         assert row.change is not None
         new = row.change(state)
         assert isinstance(new, ViewState)
@@ -75,14 +68,14 @@ def test_rows_do_what_they_say(state: ViewState) -> None:
     dark = next(name for name, preset in PRESETS.items() if preset.surround == "dark")
     marked = replace(state.seen.viewing.display, mark=True)
     seen = replace(state.seen, viewing=replace(state.seen.viewing, display=marked))
-    row = found(commands.commands_of(state, ()), f"display {dark}")[0]
+    row = commands.commands_of(state, (), f"display {dark}")[0]
     display = row.change(replace(state, seen=seen)).seen.viewing.display
     assert display.surround == "dark" and display.mark
 
 
 def test_settings_are_reached_by_name(state: ViewState) -> None:
     def row(text: str) -> commands.Command:
-        return found(commands.commands_of(state, ()), text)[0]
+        return commands.commands_of(state, (), text)[0]
 
     closed = replace(state, interface=replace(state.interface, panels=frozenset()))
     for name in ("Illuminance", "Exposure", "Background", "Room", "Adaptation"):
@@ -97,7 +90,7 @@ def test_settings_are_reached_by_name(state: ViewState) -> None:
 
 def test_lights_that_find_no_room_change_nothing(state: ViewState) -> None:
     full = replace(state, lights=state.lights * 30)
-    row = found(commands.commands_of(state, ()), "add light HP1")[0]
+    row = commands.commands_of(state, (), "add light HP1")[0]
     assert row.change(full) is full
 
 

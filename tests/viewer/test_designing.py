@@ -20,7 +20,7 @@ from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
 from volspec.viewer import asking, design_files, design_wizards, design_worker, designing
 from volspec.viewer.actions import BY_NAME
-from volspec.viewer.asking import WISHES, Asking
+from volspec.viewer.asking import REQUESTS, Asking
 from volspec.viewer.chores import Chores
 from volspec.viewer.design import Pick
 from volspec.viewer.design_spectra import with_reflectances
@@ -32,9 +32,9 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.history import History
 from volspec.viewer.lighting import MOST_ROWS
 from volspec.viewer.notice import Notice
-from volspec.viewer.opening import Tasks
 from volspec.viewer.recent import STATE_VARIABLE
 from volspec.viewer.state import ViewState
+from volspec.viewer.tasks import Tasks
 from volspec.viewer.trace import Trace
 
 PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
@@ -104,7 +104,7 @@ def test_closing_does_not_wait_for_a_design(
     worker.request(DesignJob(palette_of(asked), asked.board.wishes))
     assert begun.wait(20)
     started = time.perf_counter()
-    worker.close()
+    worker.close(0.1)
     took = time.perf_counter() - started
     may_end.set()
     # It waits 0.1 s; a slow machine gets as much as is still far from the design's 20 s.
@@ -134,6 +134,7 @@ def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
     bench = Bench()
     bench.designing.follow(begun)
     bench.designing.do("hide", begun)
+    bench.designing.taken(History(begun))
     bench.designing.forget()  # as undo does
     assert bench.desk.design.busy.startswith("Hiding gold")
     silver = with_reflectances(state.transfer, {"gold": reflectance("silver")})
@@ -143,6 +144,34 @@ def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
     assert (after.present is history.present) == other
     assert ("dropped: the materials changed" in bench.desk.design.complaint) == other
     assert ("dropped: the materials changed" in bench.notice.text) == other
+
+
+def test_a_wizard_waits_for_the_design_under_way_and_lands_on_what_it_brings(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It began at once, and was dropped when the design's last pass changed the materials."""
+    pick = Pick(place=("gold", "A"))
+    begun = wished(replace(state, interface=replace(state.interface, pick=pick)))
+    result, may_end = design_wizards.asked(begun, "hide"), threading.Event()
+    monkeypatch.setattr(
+        design_worker, "design", lambda palette: (may_end.wait(20), design(palette))[1]
+    )
+    began_with: list[ViewState] = []
+    monkeypatch.setattr(designing, "asked", lambda state, _: (began_with.append(state), result)[1])
+    bench = Bench()
+    bench.designing.follow(begun)
+    bench.designing.do("hide", begun)
+    history = bench.designing.taken(History(begun))
+    assert not began_with and bench.desk.design.busy.startswith("Hiding gold")
+    # Wishes that come later are designed after it.
+    later = wished(history.present, "#906050")
+    bench.designing.follow(later)
+    may_end.set()
+    history = bench.until(history, lambda h: not bench.desk.design.busy)
+    assert began_with[0].transfer is not begun.transfer
+    assert "dropped" not in bench.notice.text + bench.desk.design.complaint
+    assert history.past[-1] is began_with[0] and history.present.transfer is not begun.transfer
+    bench.designing.close()
 
 
 def test_the_scene_s_own_spectra_are_its_lights_too(state: ViewState) -> None:
@@ -167,7 +196,7 @@ def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
     for name in ("palette-save", "palette-load"):
         assert name not in bench.designing.asks
         chores.do(name, asked)
-        monkeypatch.setattr(Asking, "take", lambda _, wish=WISHES[name]: (wish, path))
+        monkeypatch.setattr(Asking, "take", lambda _, request=REQUESTS[name]: (request, path))
         chores.take(first=False)
         ends = {"palette-save": lambda h: bench.notice.text == f"Saved {path}"}
         history = bench.until(history, ends.get(name, lambda h: len(h.past) == 1))

@@ -25,7 +25,7 @@ from volspec.viewer.as_python import export_python, script_of
 from volspec.viewer.document import demo
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.lighting import LightRow
-from volspec.viewer.paths import Wish, dropped, listing
+from volspec.viewer.paths import PathRequest, dropped, listing
 from volspec.viewer.recent import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
 from volspec.viewer.screenshot import CUSTOM, SHOWN, TWICE, UHD, Progress, Shot, frame_of, taken
 from volspec.viewer.state import ViewState
@@ -140,10 +140,10 @@ def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> N
 
 
 def test_a_name_to_be_written_gets_its_ending() -> None:
-    save = Wish("x", "Save", True, (".volspec.json", ".json"))
+    save = PathRequest("x", "Save", True, (".volspec.json", ".json"))
     assert save.named(" a ") == "a.volspec.json"
     assert save.named("a.json") == "a.json" and save.named("") == ""
-    assert Wish("x", "Open", suffixes=(".toml",)).named("~/a") == os.path.expanduser("~/a")
+    assert PathRequest("x", "Open", suffixes=(".toml",)).named("~/a") == os.path.expanduser("~/a")
 
 
 def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path: Path) -> None:
@@ -246,18 +246,26 @@ def test_a_path_that_is_not_there_is_refused_before_a_window_opens(tmp_path: Pat
 
 
 _ZENITY = """#!/bin/sh
-case "$*" in *--save*) echo /tmp/saved.toml;; *--file-selection*) echo /tmp/chosen.nrrd;; esac
+case "$*" in
+*Wait*) exec sleep 60;;
+*--save*) echo /tmp/saved.toml;;
+*--file-selection*) echo /tmp/chosen.nrrd;;
+esac
 """
 _ASK = """
 import time
-from volspec.viewer.paths import NativeDialog, Wish, native
+from volspec.viewer.paths import NativeDialog, PathRequest, native
 assert native()
-for wish in (Wish("o", "Open", suffixes=(".nrrd",)), Wish("s", "Save", True, (".toml",), "x.toml")):
-    dialog = NativeDialog(wish)
+read = PathRequest("o", "Open", suffixes=(".nrrd",))
+for request in (read, PathRequest("s", "Save", True, (".toml",), "x.toml")):
+    dialog = NativeDialog(request)
     until = time.time() + 10
     while (path := dialog.answer()) is None and time.time() < until:
         time.sleep(0.01)
     print(path)
+left_open = NativeDialog(PathRequest("w", "Wait"))
+assert left_open.answer() is None
+left_open.close()  # or the program would end with it
 """
 
 
@@ -272,6 +280,7 @@ def test_the_system_s_dialog_is_asked_without_waiting(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=False,
+        timeout=40,
     )
     assert done.stdout.split() == ["/tmp/chosen.nrrd", "/tmp/saved.toml"], done.stderr
 
@@ -304,7 +313,7 @@ for values in (None, Reading((("XYZ", "1 2 3"),), None, None, None)):
 
 
 def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
-    from volspec.viewer.opening import Outcome, Tasks
+    from volspec.viewer.tasks import Outcome, Tasks
 
     def ends(task: Callable[[], object]) -> Outcome:
         woken = threading.Event()

@@ -155,7 +155,7 @@ def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: View
         present = history.present
         shown = fader.shown(present, float(i) / 10)
         turned = reduced(shown, Event("orbit", 0.1))
-        history = history.then(fader.kept(present, shown, turned), 1 + i)
+        history = history.then(fader.to_keep(present, shown, turned), 1 + i)
     assert history.present.lights == state.lights and fader.running
     for _ in range(4):
         history = history.undone()
@@ -170,7 +170,7 @@ def test_a_hand_on_a_light_stops_the_fade_where_it_is(state: ViewState) -> None:
     fader, new = Fader(), recalling(state, 1.0)
     fader.shown(new, 0.0)
     shown = fader.shown(new, 0.5)
-    stopped = fader.kept(new, shown, reduced(shown, Event("weight", 0.9, index=2)))
+    stopped = fader.to_keep(new, shown, reduced(shown, Event("weight", 0.9, index=2)))
     assert stopped.fade is None and shining(stopped.lights)[:3] == (0.5, 0.5, 0.9)
     assert fader.shown(stopped, 0.6) is stopped and not fader.running
 
@@ -179,7 +179,7 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
     fader, new = Fader(), recalling(state, 1.0)
     fader.shown(new, 0.0)
     shown = fader.shown(new, 0.5)
-    again = fader.kept(new, shown, lightstates.recall(shown, 0))
+    again = fader.to_keep(new, shown, lightstates.recall(shown, 0))
     assert again.fade is not None and shining(again.fade.lights)[:2] == (0.5, 0.5)
     assert shining(fader.shown(again, 0.7).lights)[:2] == (0.5, 0.5)
 

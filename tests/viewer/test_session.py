@@ -201,12 +201,26 @@ def test_a_session_is_kept_when_what_changed_rests(tmp_path: Path) -> None:
     assert not store.due(changed, 300.0) and not store.due(changed, 300.0 + 0.9 * REST_S)
     assert store.due(changed, 300.0 + REST_S)
     # Asked for, it is not asked for again at once; where it failed, later.
-    store.asked(304.0)
+    store.saving(changed, 304.0)
     assert not store.due(changed, 305.0) and store.due(changed, 304.0 + EVERY_S)
     assert store.save(changed) is not None and store.save(changed) is None
     assert not store.due(changed, 1000.0)
     again = reduced(changed, Event("orbit", 0.1))
     assert not store.due(again, 1001.0) and store.due(again, 1001.0 + REST_S)
+
+
+def test_a_state_that_is_late_to_be_written_does_not_overwrite_a_newer_one(tmp_path: Path) -> None:
+    """As at the end, when a thread that was to save has not come to it yet."""
+    state, store = opened(tmp_path), SessionStore(tmp_path / "state")
+    store.begin(state)
+    older, newer = (reduced(state, Event("orbit", x)) for x in (0.1, 0.2))
+    late = store.saving(older, 1.0)
+    own = store.save(newer)
+    assert own is not None and late() is None
+    assert resumed(read_session(own), cast=False).view == newer.view
+    # What was written in its order is.
+    again = store.saving(reduced(newer, Event("orbit", 0.1)), 2.0)
+    assert again() == own
 
 
 def test_a_session_is_kept_every_thirty_seconds_while_something_changes(tmp_path: Path) -> None:

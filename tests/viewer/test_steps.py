@@ -26,9 +26,11 @@ from volspec.viewer.inputs import Input
 from volspec.viewer.light_parts import respelled
 from volspec.viewer.lighting import LightRow, shining
 from volspec.viewer.notice import Notice
-from volspec.viewer.opening import Opened, Tasks
+from volspec.viewer.opening import Opened, Openings
 from volspec.viewer.recent import RecentFiles
 from volspec.viewer.state import Interface, ViewState
+from volspec.viewer.tasks import Tasks
+from volspec.viewer.trace import Trace
 
 
 def done(state: ViewState, name: str) -> ViewState:
@@ -61,9 +63,7 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) 
 def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
     commands = pytest.importorskip("volspec.viewer.panels.commands")
     for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
-        row = commands.found(commands.commands_of(state, ()), search, lambda command: command.text)[
-            0
-        ]
+        row = commands.commands_of(state, (), search)[0]
         new = row.change(state)
         assert new.interface.light == chosen
         assert [i for i, weight in enumerate(shining(new.lights)) if weight] == [chosen]
@@ -180,20 +180,17 @@ def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
 def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
     state: ViewState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    chores = pytest.importorskip("volspec.viewer.chores")
+    desk = pytest.importorskip("volspec.viewer.desk")
     monkeypatch.setenv("VOLSPEC_STATE", str(tmp_path))
     begun: list[str | None] = []
     monkeypatch.setattr(
-        chores.Chores, "open", lambda _, path, say=True: begun.append(path), raising=True
+        Openings, "open", lambda _, path, say=True: begun.append(path), raising=True
     )
-    from volspec.viewer.desk import Desk
-    from volspec.viewer.trace import Trace
 
     def resumed(path: str | None) -> tuple[Any, Notice]:
         begun.clear()
         notice = Notice()
-        parts = (Tasks(lambda: None), None, Desk(), notice, Trace(), None, None)
-        made = chores.Chores(*parts, lambda *_: None)
+        made = Openings(Tasks(lambda: None), desk.Desk(), notice, Trace(), None)
         made.resume(path, last=True)
         return made, notice
 

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from volspec.pipeline import raycast
 from volspec.spectra import reflectance
 from volspec.transfer import (
+    MAX_LABEL,
     Isosurfaces,
     LabelFunction,
     Region,
@@ -24,16 +25,15 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer import presets
+from volspec.viewer import preset_table, presets, slice_table
 from volspec.viewer.actions import ACTIONS, BY_NAME
 from volspec.viewer.bands import converted, kind_of
 from volspec.viewer.document import Document, histogram
 from volspec.viewer.events import Event, curve, reduced
 from volspec.viewer.history import History
 from volspec.viewer.joint import joint_histogram
-from volspec.viewer.slices import codes
 from volspec.viewer.state import ViewState
-from volspec.viewer.transfer_parts import parts_of, with_share
+from volspec.viewer.transfer_parts import MOST_PARTS, parts_of, with_share
 from volspec.volume import Volume, phantom
 
 KINDS = ("points", "regions", "surfaces", "labels")
@@ -151,7 +151,40 @@ def test_thickening_is_undone_of_what_was_shifted_and_goes_on_from_what_was_edit
     assert values_of(back) == values_of(moved) != values_of(state)
     edited = reduced(thick, Event("opacity", 0.3, index=1))
     same = reduced(reduced(edited, Event("thicken", 2.0)), Event("thicken", 50.0))
-    assert same.transfer is edited.transfer
+    # Through a power and back: float64's last digits.
+    np.testing.assert_allclose(opacities_of(same), opacities_of(edited), rtol=1e-12)
+
+
+def opacities_of(state: ViewState) -> list[float]:
+    return [part.opacity for part in parts_of(state.transfer)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_was_left_alone_at_fifty_fold_thickness_is_what_it_was_at_one(
+    state: ViewState, kind: str
+) -> None:
+    """Opacities that fifty-fold thickness rounds to 1 were all .129 after any edit there."""
+    state = of_kind(state, kind)
+    thick = reduced(state, Event("thicken", 50.0))
+    edited = reduced(thick, Event("opacity", 0.3, index=0))
+    for event in (Event("material", index=1, key="gold"), Event("opacity", 0.4, index=0)):
+        edited = reduced(edited, event)
+    back = opacities_of(reduced(edited, Event("thicken", 1.0)))
+    assert back[1:] == opacities_of(state)[1:]
+    assert back[0] == pytest.approx(1 - 0.6 ** (1 / 50))
+
+
+def test_points_added_and_removed_at_fifty_fold_thickness_leave_the_others(
+    state: ViewState,
+) -> None:
+    old = opacities_of(state)
+    thick = reduced(state, Event("thicken", 50.0))
+    added = reduced(thick, Event("add-point", 0.7, 0.5))
+    assert len(opacities_of(added)) == len(old) + 1
+    back = opacities_of(reduced(added, Event("thicken", 1.0)))
+    assert [opacity for opacity in back if opacity in old] == old
+    removed = reduced(thick, Event("remove-point", index=1))
+    assert opacities_of(reduced(removed, Event("thicken", 1.0))) == [old[0], *old[2:]]
 
 
 def test_a_drag_in_the_picture_is_one_step_of_undo(state: ViewState) -> None:
@@ -309,7 +342,7 @@ def _volumes() -> dict[str, Volume]:
 def test_every_preset_fits_every_volume(state: ViewState, name: str) -> None:
     volume = _volumes()[name]
     low, high = presets.span(volume)
-    for preset in presets.PRESETS:
+    for preset in preset_table.PRESETS:
         made = presets.transfer_of(preset, volume, histogram(volume), state.transfer.basis)
         assert made.bake(1.0).opacity.max() > 0
         values = [value for part in parts_of(made) for value in part.values]
@@ -320,7 +353,7 @@ def test_every_preset_fits_every_volume(state: ViewState, name: str) -> None:
 def test_presets_take_hounsfield_units_as_they_are() -> None:
     volume = _volumes()["hounsfield"]
     assert presets.in_hounsfield(volume)
-    bone = presets.fitted(presets.BY_NAME["bone"], volume, histogram(volume))
+    bone = presets.fitted(preset_table.BY_NAME["bone"], volume, histogram(volume))
     assert [value for value, _, _ in bone] == [200, 380, 650, 1200]
     names = [preset.name for preset in presets.offered(volume)]
     assert names.index("bone") < names.index("metal")
@@ -372,7 +405,52 @@ def test_the_histogram_on_the_screen_keeps_no_closed_volume(document: Document) 
     assert closed() is None
 
 
+def test_a_curve_of_more_bands_than_it_has_points_for_shows_all_of_them(state: ViewState) -> None:
+    """Every second corner was left out, and with them whole bands."""
+    count = 24
+    edges = np.linspace(0.0, 1.0, count + 1)
+    regions = [
+        Region((low + 0.005, high - 0.005), (0.0, math.inf), 0.1 + 0.03 * i, "gold", 0.3)
+        for i, (low, high) in enumerate(itertools.pairwise(edges))
+    ]
+    many = TransferFunction2D(regions, state.transfer.materials, state.transfer.basis)
+    curve_ = converted(many, "points", _SPAN)
+    assert isinstance(curve_, TransferFunction)
+    values, opacities = np.array([point[:2] for point in curve_.points]).T
+    assert len(values) == MOST_PARTS[TransferFunction]
+    for region in regions:
+        inside = (values > region.values[0]) & (values < region.values[1])
+        assert opacities[inside].max() == pytest.approx(region.opacity)
+    # Of more than there is room for, what shows least goes.
+    bands = [Region((e, e + 0.01), (0, math.inf), 0.5, "gold") for e in np.linspace(0, 0.9, 40)]
+    wide = Region((0.95, 1.0), (0, math.inf), 0.9, "copper")
+    whole = TransferFunction2D([*bands, wide], state.transfer.materials, state.transfer.basis)
+    surfaces = converted(whole, "surfaces", _SPAN)
+    assert isinstance(surfaces, Isosurfaces) and surfaces.surfaces[-1][2] == {"copper": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("dtype", "top"),
+    [(np.uint16, 300), (np.uint16, 65535), *((np.float32, top) for top in (300, 65535, 2**31))],
+)
+def test_a_table_of_labels_is_bounded_and_tells_those_apart_that_can_be_named(
+    dtype: type, top: int
+) -> None:
+    """Volumes of 32-bit integers are kept as floats: they had 4096 entries, evenly."""
+    volume = Volume(np.array([0, 1, 2, top // 2, top - 1, top, 7, 8], dtype).reshape(2, 2, 2))
+    entries = slice_table.entries_of(volume, labels=True)
+    assert entries.count <= MAX_LABEL + 1 + slice_table.ENTRIES
+    named = volume.values[volume.values <= MAX_LABEL]
+    np.testing.assert_array_equal(entries.values[entries.codes(named)], named)
+    # The others are grey by what they are.
+    shades = slice_table.greys(entries, volume.range, (0.0, 1.0))
+    np.testing.assert_allclose(
+        shades[entries.codes(volume.values)], volume.values / top, atol=1 / slice_table.ENTRIES
+    )
+
+
 def test_slices_tell_labels_above_65535_apart() -> None:
     """70000 was 4464."""
     labels = np.array([[0, 4464, 65535, 70000]], np.int32)
-    np.testing.assert_array_equal(codes(labels, (0, 70000), 70001), labels)
+    codes = slice_table.Entries(0.0, 65536, 70000.0, slice_table.ENTRIES).codes(labels)
+    np.testing.assert_array_equal(codes, [[0, 4464, 65535, 65535 + slice_table.ENTRIES]])

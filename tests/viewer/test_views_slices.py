@@ -20,7 +20,7 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer import slices
+from volspec.viewer import slice_table, slices
 from volspec.viewer.aids import Slices
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.slices import with_slices
@@ -226,10 +226,10 @@ def test_every_kind_of_transfer_function_has_a_table(state: ViewState) -> None:
     volume = numbered()
     gold = basis.analyze(materials["gold"].values)
     for name, transfer in kinds.items():
-        image = slices.table_image(volume, transfer, state.shading, (0.0, 1.0))
+        image = slice_table.table_image(volume, transfer, state.shading, (0.0, 1.0))
         assert image.size == (346, 1) and np.isfinite(image.coefficients).all(), name
         assert image.coefficients[0, 0] == pytest.approx(0.0, abs=1e-6)  # black, not seen
-    surfaces = slices.table_image(volume, kinds["surfaces"], state.shading, (0.0, 1.0))
+    surfaces = slice_table.table_image(volume, kinds["surfaces"], state.shading, (0.0, 1.0))
     np.testing.assert_allclose(surfaces.coefficients[0, 300], gold, rtol=1e-6)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from volspec._gpu.sources import Source
+from volspec.errors import one_line
 
 # "FILE:12:5: error: …" is clang's form, "error: FILE:12:5: …" PoCL's.
 _COMPLAINT = re.compile(
@@ -29,8 +30,3 @@ def complaint(log: str, source: Source) -> str:
         if (name, number) == (file, int(found[2])):
             return f'{file}:{number}:{found[3]}: error: {found[4]}: "{line.strip()}"'
     return one_line(found[0])
-
-
-def one_line(error: object) -> str:
-    """Text without line breaks."""
-    return " ".join(str(error).split())

@@ -18,7 +18,7 @@ from weakref import WeakKeyDictionary
 
 from numpy.typing import NDArray
 
-from volspec._gpu.build_log import complaint, one_line
+from volspec._gpu.build_log import complaint
 from volspec._gpu.devices import (
     DEVICE_VARIABLE,
     DeviceInfo,
@@ -31,7 +31,7 @@ from volspec._gpu.devices import (
 from volspec._gpu.memory import host_free_bytes
 from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import Source
-from volspec.errors import OpenCLError, ShapeError
+from volspec.errors import OpenCLError, ShapeError, one_line
 
 if TYPE_CHECKING:
     import pyopencl as cl

@@ -13,7 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from volspec._gpu.sources import Source
-from volspec.errors import OpenGLError
+from volspec.errors import OpenGLError, one_line
 
 if TYPE_CHECKING:
     import moderngl
@@ -47,10 +47,9 @@ def headless_context() -> moderngl.Context:
             settings |= {"libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
         return moderngl.create_standalone_context(require=MINIMUM_VERSION, **settings)
     except Exception as error:  # moderngl and glcontext raise bare Exception and ImportError
-        reason = " ".join(str(error).split()) or type(error).__name__
         raise OpenGLError(
-            f"OpenGL: no headless context of version 3.3 ({reason}); install EGL and a driver, "
-            "on Debian or Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri"
+            f"OpenGL: no headless context of version 3.3 ({one_line(error)}); install EGL and a "
+            "driver, on Debian or Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri"
         ) from error
 
 
@@ -67,7 +66,7 @@ def window_context() -> moderngl.Context:
     try:
         return moderngl.create_context(require=MINIMUM_VERSION)
     except Exception as error:  # as above
-        raise OpenGLError(f"OpenGL: {' '.join(str(error).split())}; 3.3 is needed") from error
+        raise OpenGLError(f"OpenGL: {one_line(error)}; 3.3 is needed") from error
 
 
 @cache

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from volspec._gpu.build_log import one_line
 from volspec._gpu.devices import DEVICE_VARIABLE
 from volspec._gpu.opengl import describe, egl_handle, made_current
-from volspec.errors import OpenCLError, VolspecError
+from volspec.errors import OpenCLError, VolspecError, one_line
 
 if TYPE_CHECKING:
     import pyopencl as cl

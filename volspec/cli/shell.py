@@ -30,7 +30,7 @@ from rich.table import Table
 from rich.text import Text
 
 from volspec import __version__
-from volspec.errors import VolspecError, VolspecWarning
+from volspec.errors import VolspecError, VolspecWarning, one_line
 
 app = App(
     name="volspec",
@@ -138,13 +138,13 @@ def main(arguments: list[str] | None = None) -> None:
         app(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         # Of many commands cyclopts lists the first, and ends in "info, ...".
-        said = " ".join(str(error).split()).replace(", ...", " and more").rstrip(".")
+        said = one_line(error).replace(", ...", " and more").rstrip(".")
         print(f"volspec: {said}; see volspec --help", file=sys.stderr)
         raise SystemExit(2) from error
     except VolspecError as error:
         if debug:
             raise
-        print(f"volspec: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"volspec: {one_line(error)}", file=sys.stderr)
         raise SystemExit(1) from error
     except BrokenPipeError:
         # The reader of a pipe closed early, as `| head` does.
@@ -154,7 +154,7 @@ def main(arguments: list[str] | None = None) -> None:
             raise
         where = f"{error.filename}: " if error.filename else ""
         said = f"{where}{error.strerror or error}; check the path, its permissions and the disk"
-        print(f"volspec: {' '.join(said.split())}", file=sys.stderr)
+        print(f"volspec: {one_line(said)}", file=sys.stderr)
         raise SystemExit(1) from error
     except KeyboardInterrupt:
         print("volspec: interrupted; nothing half-written is left", file=sys.stderr)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 
 from volspec._gpu.opengl import ContextLost, describe, egl_handle, headless_context, made_current
 from volspec._gpu.sharing import Sharing, current, named
-from volspec.appearance.display import Display
 from volspec.appearance.field import PassageField
 from volspec.appearance.live import passage_of
 from volspec.appearance.models.conditions import CamPassage
@@ -32,6 +30,7 @@ from volspec.relight.packed import layer_count, pack_layers
 from volspec.relight.programs import UNITS, Programs
 from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import Pixels
+from volspec.relight.tables import HostTables, TableKey
 from volspec.relight.uniforms import (
     FORMS,
     Closed,
@@ -58,11 +57,6 @@ TABLE_PIXELS = 2**20
 _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
 
 
-def _plain(viewing: Viewing) -> Display:
-    """A viewing's display without what becomes of colours at it: passages do not ask for that."""
-    return replace(viewing.display, gamut="clip", mark=False)
-
-
 class GLEngine:
     """Draws frames of one coefficient image with OpenGL.
 
@@ -76,6 +70,8 @@ class GLEngine:
         A context that is current and stays its owner's; None makes a headless one.
     table : bool, optional
         Look passages up in a table, also those that have a closed form; None where it is quicker.
+    tables : HostTables, optional
+        Where those that the host works out are kept; None makes one.
 
     Raises
     ------
@@ -90,13 +86,15 @@ class GLEngine:
         alpha: NDArray[np.float32],
         context: moderngl.Context | None = None,
         table: bool | None = None,
+        tables: HostTables | None = None,
     ) -> None:
         self._owned = context is None
         self._context = headless_context() if context is None else context
         self._resources: list[Any] = []
         # The last viewing and white, their passage, and its table's space once that is filled.
-        self._passed: tuple[Any, Passage, Tabled | None] | None = None
+        self._passed: tuple[TableKey, Passage, Tabled | None] | None = None
         self._by_table = table
+        self._tables = HostTables() if tables is None else tables
         # The viewing under which the picture has colours that its table does not hold.
         self._doubted: Viewing | None = None
         self._targets: dict[str, Any] = {}
@@ -260,7 +258,7 @@ class GLEngine:
         screen = screen_of(viewing)
         drawn: Drawn
         if field is None:
-            drawn = self._drawn(light.viewed(viewing), light, dtype)
+            drawn = self._drawn(viewing, light, dtype)
         else:
             drawn = field
             self._lookups.load(field)
@@ -273,7 +271,7 @@ class GLEngine:
             if self._counted.samples == self._height * self._width:
                 return target
             # Some pixel's colour is not in the table: this picture is not one for it.
-            self._doubted = replace(viewing, display=_plain(viewing))
+            self._doubted = TableKey.of(light, viewing).viewing
             drawn = self._closed
         self._relight(light, drawn, screen)
         return target
@@ -297,25 +295,33 @@ class GLEngine:
         picture has many more pixels than the table nodes; frames of floats, which are measured,
         those under narrow lights, and pictures with colours that no table holds stay exact.
         """
-        display = _plain(viewing)
-        key = replace(viewing, display=display), tuple(light.white_XYZ)
+        key = TableKey.of(light, viewing)
+        colours = key.viewing.display.colours
         if self._passed is None or self._passed[0] != key:
-            self._passed = key, passage_of(viewing, light.white_XYZ), None
+            self._passed = key, passage_of(key.viewing, light.white_XYZ), None
         passage, tabled = self._passed[1:]
         if isinstance(passage, LinearPassage):
             return passage
         if isinstance(passage, Closed):
             many = self._height * self._width >= TABLE_PIXELS and dtype is np.uint8
-            quicker = self._software and many and self._doubted != key[0]
-            quicker = quicker and not is_narrow(light.white_XYZ, display.colours)
+            quicker = self._software and many and self._doubted != key.viewing
+            quicker = quicker and not is_narrow(light.white_XYZ, colours)
             if not (quicker if self._by_table is None else self._by_table):
                 return passage
         if tabled is None:
-            tabled = Tabled.of(passage, TableSpace.between(light.white_XYZ, display.colours))
-            self._lookups.fill(passage, tabled, screen_of(viewing), self._draw)
+            tabled = Tabled.of(passage, TableSpace.between(light.white_XYZ, colours))
+            if tabled.behind is None:
+                self._lookups.write(self._tables.texels(key))
+            else:
+                self._lookups.fill(tabled.behind, screen_of(viewing), self._draw)
             self._passed = key, passage, tabled
         self._lookups.use_table()
         return tabled
+
+    def missing_table(self, light: Illumination, viewing: Viewing) -> TableKey | None:
+        """Of a model that `is_tabled`: the table that is not there yet, or None."""
+        key = TableKey.of(light, viewing)
+        return None if key in self._tables else key
 
     def close(self) -> None:
         """Release everything made here."""

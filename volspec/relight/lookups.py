@@ -1,6 +1,6 @@
 """What pixels look up on the device: an appearance table, and a field of passages.
 
-passage, field -> [lookups] -> gpu -> shaders/include/table.glsl, cam.glsl
+tables, passage, field -> [lookups] -> gpu -> shaders/include/table.glsl, cam.glsl
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from volspec.appearance.field import PassageField
-from volspec.appearance.passages import Passage
 from volspec.appearance.screen import Screen
-from volspec.appearance.table import NODES, TablePassage
+from volspec.appearance.table import NODES
 from volspec.relight.programs import UNITS
-from volspec.relight.uniforms import Tabled, form_of, node_uniforms
+from volspec.relight.uniforms import Closed, form_of, node_uniforms
 
 
 class Lookups:
@@ -50,40 +50,39 @@ class Lookups:
         """Bind the table."""
         self._table.use(UNITS["table"])
 
-    def fill(
-        self, passage: Passage, tabled: Tabled, screen: Screen, draw: Callable[..., None]
-    ) -> None:
-        """Put a passage into the table: on the device where it has a closed form.
+    def write(self, texels: NDArray[np.float32]) -> None:
+        """Put a table into the texture that the host has worked out (`HostTables.texels`)."""
+        self._texture().write(texels)
+
+    def fill(self, behind: Closed, screen: Screen, draw: Callable[..., None]) -> None:
+        """Work a passage's table out on the device.
 
         Parameters
         ----------
-        passage : Passage
-        tabled : Tabled
-            The same, to be looked up.
+        behind : CurvePassage or CamPassage
+            From adapted linear RGB on.
         screen : Screen
         draw : callable
             The engine's: (name of the fragment shader, form, uniforms, screen).
         """
-        if self._table is None:
-            self._table = self._keep(self._context.texture3d((NODES,) * 3, 4, dtype="f4"))
-            self._table.filter = self._context.LINEAR, self._context.LINEAR
-            self._table.repeat_x = self._table.repeat_y = self._table.repeat_z = False
-        if tabled.behind is None:
-            made = TablePassage.of(passage, tabled.space)
-            texels = np.concatenate([made.codes, made.trusted[..., None]], axis=-1)
-            self._table.write(np.ascontiguousarray(texels))
-            return
         nodes, middles, trusted = self._framebuffers()
-        form = form_of(tabled.behind)
+        form = form_of(behind)
         for target, offset in ((nodes, 0.0), (middles, 0.5)):
             target.use()
-            draw("nodes", form, node_uniforms(tabled.behind, offset, screen), screen)
+            draw("nodes", form, node_uniforms(behind, offset, screen), screen)
         trusted.use()
         nodes.color_attachments[0].use(UNITS["nodes"])
         middles.color_attachments[0].use(UNITS["middles"])
         draw("trust", form, {}, screen)
         trusted.read_into(self._buffer, components=4, dtype="f4")
-        self._table.write(self._buffer)
+        self._texture().write(self._buffer)
+
+    def _texture(self) -> Any:
+        if self._table is None:
+            self._table = self._keep(self._context.texture3d((NODES,) * 3, 4, dtype="f4"))
+            self._table.filter = self._context.LINEAR, self._context.LINEAR
+            self._table.repeat_x = self._table.repeat_y = self._table.repeat_z = False
+        return self._table
 
     def _framebuffers(self) -> list[Any]:
         """One for the nodes, one for the cells' middles, one for both judged."""

@@ -28,6 +28,7 @@ from volspec.relight.host import HostEngine
 from volspec.relight.illumination import Illumination
 from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
+from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
@@ -52,6 +53,9 @@ class Relighter:
         of a picture's colours; CIEDE2000 .03 from the closed forms under tungsten. None: where a
         model has no closed form, and for 8-bit frames of 1024² pixels and more on software GL,
         where it is quicker.
+    tables : HostTables, optional
+        Where tables are kept that the host works out, for several Relighters or threads to share;
+        None makes one.
 
     Raises
     ------
@@ -84,6 +88,7 @@ class Relighter:
         backend: str | None = None,
         context: Any = None,
         table: bool | None = None,
+        tables: HostTables | None = None,
     ) -> None:
         if backend is not None and backend not in BACKENDS:
             raise RelightError(
@@ -98,13 +103,14 @@ class Relighter:
             raise RelightError(f"Relighter: table is {table!r}; expected True, False or None")
         self._closed = False
         self._table = table
+        self._tables = HostTables() if tables is None else tables
         self._lent = context is not None
         self._engine: GLEngine | HostEngine
         if backend == "numpy":
             self._engine = HostEngine(coefficients, alpha)
             return
         try:
-            self._engine = GLEngine(coefficients, alpha, context, table)
+            self._engine = GLEngine(coefficients, alpha, context, table, self._tables)
         except OpenGLError as error:
             if backend == "gl":
                 raise
@@ -263,6 +269,43 @@ class Relighter:
         seen, field = self._adapting.seen(self._image, lit, spec.viewing)
         return self._engine.draw(lit, seen, np.uint8, field)
 
+    def missing_table(
+        self,
+        light: Spectrum | LightRig,
+        viewing: Viewing | None = None,
+        mode: str = "componentwise",
+        backdrop: float | Spectrum = 0.2,
+        level: str = "relative",
+    ) -> TableKey | None:
+        """What the next frame would wait for: a table that the host has to work out first.
+
+        Hunt and Nayatani 95 have such tables, for each light and viewing their own.
+
+        Parameters
+        ----------
+        light, viewing, mode, backdrop, level
+            As `frame`.
+
+        Returns
+        -------
+        TableKey or None
+            For `HostTables.texels` of the ``tables`` given to the Relighter, on any thread.
+
+        Raises
+        ------
+        RelightError
+            If it is closed.
+        ViewingError, SpectrumError
+            As `frame`.
+        """
+        self._require_open()
+        spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
+        if isinstance(self._engine, HostEngine) or not is_tabled(spec.viewing.model):
+            return None
+        lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
+        seen, _ = self._adapting.seen(self._image, lit, spec.viewing)
+        return self._engine.missing_table(lit, seen)
+
     def error_map(
         self,
         light: Spectrum | LightRig,
@@ -321,7 +364,7 @@ class Relighter:
             if self._lent:  # what a viewer lends is the viewer's to mend
                 raise
             self._engine.close()
-            self._engine = GLEngine(*arrays_of(self._image), table=self._table)
+            self._engine = GLEngine(*arrays_of(self._image), None, self._table, self._tables)
             return call(self._engine)
 
     def close(self) -> None:

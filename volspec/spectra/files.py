@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import SpectrumError, VolspecWarning
+from volspec.errors import SpectrumError, VolspecWarning, one_line
 from volspec.spectra._colour import colour_science
 from volspec.spectra._paths import path_text
 from volspec.spectra.grid import SpectralGrid
@@ -200,9 +200,8 @@ def _tm27(path: str) -> Spectrum:
             warnings.simplefilter("ignore")
             document = colour.SpectralDistribution_IESTM2714(path)
     except (ValueError, AssertionError) as error:
-        reason = " ".join(str(error).split())
         raise SpectrumError(
-            f"{path}: cannot be read as IES TM-27 ({reason}); mend or export it again"
+            f"{path}: cannot be read as IES TM-27 ({one_line(error)}); mend or export it again"
         ) from None
     notes = {}
     for part in (document.header, document):

@@ -21,21 +21,21 @@ from volspec.viewer.chores import Chores
 from volspec.viewer.designing import Designing
 from volspec.viewer.desk import Desk
 from volspec.viewer.document import opened
-from volspec.viewer.events.event import Action
 from volspec.viewer.fader import Fader
 from volspec.viewer.focus import Focus
 from volspec.viewer.history import History, changed_in
 from volspec.viewer.inputs import Input
-from volspec.viewer.layout import Layout
+from volspec.viewer.layout import Docks
 from volspec.viewer.meter import Meter
 from volspec.viewer.mouse import Mouse
 from volspec.viewer.notice import SHORT_SECONDS, Notice
-from volspec.viewer.opening import Opened, Tasks
+from volspec.viewer.opening import Opened
 from volspec.viewer.panels import overlay
 from volspec.viewer.screen import Area, Screen
 from volspec.viewer.session import SUFFIX
 from volspec.viewer.stale import stale_stage
 from volspec.viewer.state import ViewState
+from volspec.viewer.tasks import Tasks
 from volspec.viewer.trace import Trace
 from volspec.viewer.window import Window
 
@@ -101,16 +101,16 @@ class _App:
         self._meter, self._notice = Meter(self._desk, trace), Notice()
         if window.note:
             self._notice.say(window.note)
-        self._screen = Screen(window.context, self._desk, self._meter, trace, self._notice.say)
+        self._screen = Screen(window.context, self._desk, self._meter, trace, self._notice)
         self._designing = Designing(Window.wake, self._desk, self._notice, trace)
         self._chores = Chores(
             *(tasks, self._screen.pictures, self._desk, self._notice, trace),
             *(options.device, options.screenshot, self._designing.file),
         )
         if options.restore or (options.path or "").lower().endswith(SUFFIX):
-            self._chores.resume(options.path, options.restore)
+            self._chores.openings.resume(options.path, options.restore)
         self._casting = Casting(Window.wake)
-        self._layout, self._mouse = Layout(), Mouse(window.scale)
+        self._docks, self._mouse = Docks(), Mouse(window.scale)
         self._fader, self._focus = Fader(), Focus()
         self._history: History | None = None
         self._shown: ViewState | None = None  # what casts and relights were last asked for
@@ -138,7 +138,7 @@ class _App:
                 self._casting.tick(ended, self._mouse.held)
                 if self._history is not None:
                     moves = self._mouse.held or self._fader.running
-                    self._chores.tick(self._history.present, ended, moves)
+                    self._chores.openings.tick(self._history.present, ended, moves)
                 self._meter.answered(began - asked - patience, time.perf_counter() - began)
         finally:
             # At the end, and where an error ends it.
@@ -166,16 +166,15 @@ class _App:
             self._open(opened)
         if self._history is not None:
             news |= self._screen.heated(self._history.present, self._mouse.held)
+        news |= self._screen.tabled()
         return self._notice.ended(time.perf_counter()) or news or bool(casts)
 
     def _open(self, opened: Opened) -> None:
         before = self._history.present if self._history else None
         opened = opened.after(before)
-        self._chores.begin(opened, before)
+        self._chores.openings.begin(opened, before)
         self._history = History(opened.state)
         document = opened.state.document
-        if document.caster is not None:
-            self._desk.device = document.caster.device
         self._window.name(f"{document.title} – volspec")
         self._trace.note("open", title=document.title)
 
@@ -188,15 +187,15 @@ class _App:
         kept = self._history.present if self._history else None
         state = shown = self._fader.shown(kept, started) if kept else None
         if state is not None:
-            state = self._layout.bars(state, self._desk)
-        area = self._layout.picture(self._desk, state is not None)
+            state = self._docks.bars(state, self._desk)
+        area = self._docks.picture(self._desk, state is not None)
         if state is not None and self._history is not None:
             state = self._next(state, inputs, area)
             assert kept is not None and shown is not None
-            state = self._fader.kept(kept, shown, state)
+            state = self._fader.to_keep(kept, shown, state)
             self._history = self._history.then(state, self._mouse.gesture)
             self._ask()
-            if self._layout.settled:
+            if self._docks.settled:
                 self._designing.follow(self._history.present)  # a fade's end, not what is shown
                 self._update(self._fader.shown(self._history.present, started), started)
             if self._fader.running:
@@ -224,20 +223,13 @@ class _App:
             if given.name != "move":
                 self._trace.note(given.name, key=given.key, button=given.button)
             if given.name == "drop" and given.paths:
-                self._chores.drop(given.paths)
+                self._chores.openings.drop(given.paths)
             elif given.name != "key" or typing or self._focus.takes(given.key):
                 continue
             elif given.key in BY_KEY:
-                state = self._act(BY_KEY[given.key], state)
+                state = self._desk.done(state, BY_KEY[given.key])
         state = self._mouse.applied(state, inputs, area)
-        return self._layout.panels(state, self._desk)
-
-    def _act(self, action: Action, state: ViewState) -> ViewState:
-        """Do what was asked for now, or once the state is settled."""
-        if action.change is not None:
-            return self._desk.acted(state, action.change, action.refusal)
-        self._desk.asked.append(action.name)
-        return state
+        return self._docks.panels(state, self._desk)
 
     def _ask(self) -> None:
         """What was asked for beyond the state."""
@@ -251,7 +243,7 @@ class _App:
             elif name in self._designing.asks:
                 self._designing.do(name, self._history.present)
             elif name == "focus":
-                self._focus.next(self._layout.open_panels(self._history.present))
+                self._focus.next(self._docks.open_panels(self._history.present))
             elif name == "menu":
                 self._desk.menu = True
                 self._focus.enter(menu=True)

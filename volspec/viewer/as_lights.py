@@ -66,7 +66,7 @@ def _tables(
     """One setting: its row as the open file has it, or a row for each of its lights."""
     name = next(n for n in _names(row.name) if n not in taken)
     taken.add(name)
-    kept = _kept(state, row)
+    kept = _as_in_file(state, row)
     if kept is not None and name == row.name:
         yield from (t.model_copy(update={"weight": t.weight * weight}) for t in kept)
         return
@@ -95,7 +95,7 @@ def _names(name: str) -> Iterator[str]:
         number += 1
 
 
-def _kept(state: ViewState, row: LightRow) -> list[LightTable] | None:
+def _as_in_file(state: ViewState, row: LightRow) -> list[LightTable] | None:
     """What the open file says of a light that is as it was opened."""
     assert state.document.file is not None
     if all(row.rig is not other.rig for other in state.document.lights):

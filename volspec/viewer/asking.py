@@ -14,21 +14,21 @@ from pathlib import Path
 from volspec.viewer.desk import Desk
 from volspec.viewer.document import Document
 from volspec.viewer.panels.dialogs import PathDialog
-from volspec.viewer.paths import NativeDialog, Wish, native
+from volspec.viewer.paths import NativeDialog, PathRequest, native
 from volspec.viewer.session import SUFFIX
 
 _FILES = (
     *(".toml", SUFFIX, ".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk"),
     ".npy",
 )
-WISHES = {
-    "open": Wish("open", "Open a scene or a volume", suffixes=_FILES),
-    "open-session": Wish("resume", "Open a session", suffixes=(SUFFIX,)),
-    "export-scene": Wish("export-scene", "Export as scene", True, (".toml",)),
-    "export-python": Wish("export-python", "Export as Python", True, (".py",)),
-    "palette-load": Wish("palette-load", "Load a palette", suffixes=(".toml",)),
-    "palette-save": Wish("palette-save", "Save the palette as", True, (".toml",)),
-    "save-session": Wish("save-session", "Save the session", True, (SUFFIX, ".json")),
+REQUESTS = {
+    "open": PathRequest("open", "Open a scene or a volume", suffixes=_FILES),
+    "open-session": PathRequest("resume", "Open a session", suffixes=(SUFFIX,)),
+    "export-scene": PathRequest("export-scene", "Export as scene", True, (".toml",)),
+    "export-python": PathRequest("export-python", "Export as Python", True, (".py",)),
+    "palette-load": PathRequest("palette-load", "Load a palette", suffixes=(".toml",)),
+    "palette-save": PathRequest("palette-save", "Save the palette as", True, (".toml",)),
+    "save-session": PathRequest("save-session", "Save the session", True, (SUFFIX, ".json")),
 }
 
 
@@ -39,34 +39,39 @@ class Asking:
         self._own = PathDialog()
         self._native: NativeDialog | None = None
 
-    def ask(self, wish: Wish, document: Document) -> None:
+    def ask(self, request: PathRequest, document: Document) -> None:
         """Ask for a path; nothing where another is being asked for in the system's dialog."""
-        asked = replace(wish, start=proposed(wish, document))
+        asked = replace(request, start=proposed(request, document))
         if self._native is None and native():
             self._native = NativeDialog(asked)
         elif self._native is None:
             self._own.ask(asked)
 
-    def take(self) -> tuple[Wish, str] | None:
+    def take(self) -> tuple[PathRequest, str] | None:
         """What the system's dialog has answered by now."""
         if self._native is None or (path := self._native.answer()) is None:
             return None
-        wish, self._native = self._native.wish, None
-        return (wish, wish.named(path)) if path else None
+        request, self._native = self._native.request, None
+        return (request, request.named(path)) if path else None
 
-    def draw(self, desk: Desk) -> tuple[Wish, str] | None:
+    def close(self) -> None:
+        """End the system's dialog, for which the program would wait."""
+        if self._native is not None:
+            self._native.close()
+
+    def draw(self, desk: Desk) -> tuple[PathRequest, str] | None:
         """Draw our own, where it is open; what it has answered."""
-        wish = self._own.wish
+        request = self._own.request
         path = self._own.draw(desk)
-        return (wish, path) if wish is not None and path else None
+        return (request, path) if request is not None and path else None
 
 
-def proposed(wish: Wish, document: Document) -> str:
+def proposed(request: PathRequest, document: Document) -> str:
     """Where a dialog begins: in the open file's folder, or where the program runs."""
     source = document.source
     path = Path("engine.toml" if source is None else source.partition("?")[0])
     if path.is_relative_to(Path.cwd()):
         path = path.relative_to(Path.cwd())
-    if wish.save:
-        return os.fspath(path.with_name(f"{path.stem}-view{wish.suffixes[0]}"))
+    if request.save:
+        return os.fspath(path.with_name(f"{path.stem}-view{request.suffixes[0]}"))
     return "" if path.parent == Path() else f"{path.parent}/"

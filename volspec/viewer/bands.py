@@ -82,7 +82,8 @@ def converted(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Tran
     bands = _bands(transfer, span)
     step_mm = getattr(transfer, "reference_step_mm", None)
     if kind == "regions":
-        regions = [_region(band) for band in bands[: MOST_PARTS[TransferFunction2D]]]
+        shown = _most_seen(bands, MOST_PARTS[TransferFunction2D])
+        regions = [_region(band) for band in shown]
         return TransferFunction2D(regions, transfer.materials, transfer.basis, step_mm)
     if kind == "surfaces":
         return Isosurfaces(_surfaces(bands), transfer.materials, transfer.basis)
@@ -196,19 +197,26 @@ def _region(band: Band) -> Region:
 
 def _surfaces(bands: Sequence[Band]) -> list[Point]:
     found: dict[float, Point] = {}
-    for band in bands:
+    for band in _most_seen(bands, MAX_SURFACES):
         at = min(band.low + band.ramp / 2, band.high)
         found.setdefault(at, (at, 1 - (1 - band.opacity) ** _DEPTH, dict(band.mix)))
-    return list(found.values())[:MAX_SURFACES]
+    return list(found.values())
+
+
+def _most_seen(bands: Sequence[Band], most: int) -> list[Band]:
+    """Those that show most, in their order, where there are too many."""
+
+    def shown(i: int) -> float:
+        return bands[i].opacity * (bands[i].high - bands[i].low)
+
+    return [bands[i] for i in sorted(sorted(range(len(bands)), key=shown, reverse=True)[:most])]
 
 
 def _points(bands: Sequence[Band]) -> list[Point]:
     """A curve through the bands' corners; where bands overlap they add up as regions do."""
     corners = sorted({at for b in bands for at in (b.low, b.low + b.ramp, b.high - b.ramp, b.high)})
-    most = MOST_PARTS[TransferFunction]
-    every = -(-len(corners) // most)
     points: list[Point] = []
-    for at in corners[::every]:
+    for at in corners:
         seen = [(band, _height(band, at)) for band in bands]
         total = sum(height for _, height in seen)
         if total > 0:
@@ -220,6 +228,26 @@ def _points(bands: Sequence[Band]) -> list[Point]:
         else:
             nearest = min(bands, key=lambda b: max(b.low - at, at - b.high, 0.0))
             points.append((at, 0.0, dict(nearest.mix)))
+    return _simplified(points, MOST_PARTS[TransferFunction])
+
+
+def _simplified(points: list[Point], most: int) -> list[Point]:
+    """So many points that leave the curve most like it was; its ends stay.
+
+    References
+    ----------
+    Visvalingam & Whyatt (1993), "Line generalisation by repeated elimination of points",
+    The Cartographic Journal 30(1), 46-51.
+    """
+    points = list(points)
+
+    def area(i: int) -> float:
+        """Of the triangle that goes with a point, by its opacity: faint bands count as well."""
+        (x0, y0, _), (x1, y1, _), (x2, y2, _) = points[i - 1 : i + 2]
+        return abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / (max(y0, y1, y2) or 1.0)
+
+    while len(points) > most:
+        del points[min(range(1, len(points) - 1), key=area)]
     return points
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from volspec.appearance.spec import Viewing
-from volspec.errors import PaletteError, VolspecError
+from volspec.errors import PaletteError, VolspecError, one_line
 from volspec.palette import Cell, CellReport, Design, Palette, PaletteSpectrum
 from volspec.palette.cells import cell_reports
 from volspec.palette.model import Place
@@ -125,7 +125,7 @@ def _table(transfer: Transfer, lights: Columns, seen: RelightSpec, wishes: Wishe
         )
         reports, _ = cell_reports(State.start(palette), cells)
     except VolspecError as error:
-        return Table(rows, names, spectra, {}, " ".join(str(error).split()))
+        return Table(rows, names, spectra, {}, one_line(error))
     return Table(rows, names, spectra, {report.place: report for report in reports})
 
 

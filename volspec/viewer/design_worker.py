@@ -1,4 +1,4 @@
-"""The thread that designs: the latest wish wins, the window never waits.
+"""The thread that designs what was wished for last.
 
 state -> designing -> [design_worker] -> Design -> state
 
@@ -7,15 +7,14 @@ A wish is answered twice: quickly, from the spectra as they are, and well when n
 
 from __future__ import annotations
 
-import threading
 import time
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-from volspec.errors import VolspecError
+from volspec.errors import VolspecError, one_line
 from volspec.palette import Design, Palette, design
 from volspec.viewer.design import Wishes
+from volspec.viewer.latest import LatestWorker
 
 # Rounds of the quick answer: from where the last one ended, they come within ΔE 1 or so. Where
 # lights are open too a round takes several times as long.
@@ -68,7 +67,7 @@ class DesignDone:
     error: str = ""
 
 
-class DesignWorker:
+class DesignWorker(LatestWorker[DesignJob, DesignDone]):
     """Designs in a thread of its own; a job's later passes are left out when a newer one waits.
 
     Parameters
@@ -78,85 +77,32 @@ class DesignWorker:
     """
 
     def __init__(self, wake: Callable[[], object]) -> None:
-        self._wake = wake
-        self._next: DesignJob | None = None
-        self._closed = self._busy = False
-        self._changed = threading.Condition()
-        self._done: deque[DesignDone] = deque()
-        self._thread: threading.Thread | None = None
+        super().__init__(wake, "volspec-design")
 
-    @property
-    def busy(self) -> bool:
-        """Whether a design is under way or waits."""
-        with self._changed:
-            return self._busy or self._next is not None
-
-    def request(self, job: DesignJob) -> None:
-        """Design this next, instead of what waits."""
-        with self._changed:
-            self._next = job
-            self._changed.notify()
-        if self._thread is None:  # most sessions design nothing
-            self._thread = threading.Thread(target=self._run, name="volspec-design", daemon=True)
-            self._thread.start()
-
-    def take(self) -> list[DesignDone]:
-        """What has ended since the last call, in order."""
-        taken = []
-        while self._done:
-            taken.append(self._done.popleft())
-        return taken
-
-    def close(self) -> None:
-        """End the thread after the pass under way, which nobody waits for."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify()
-        if self._thread is not None:
-            self._thread.join(0.1)
-
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._busy = False
-                while self._next is None and not self._closed:
-                    self._changed.wait()
-                if self._closed:
-                    return
-                job, self._next, self._busy = self._next, None, True
-            assert job is not None
-            self._answer(job)
-
-    def _answer(self, job: DesignJob) -> None:
+    def _answers(self, job: DesignJob) -> Iterator[DesignDone]:
         criteria = job.palette.criteria
         rounds = QUICK_LIGHTS if any(light.open for light in job.palette.lights) else QUICK
         quick = replace(
             job.palette, criteria=replace(criteria, rounds=min(rounds, criteria.rounds))
         )
-        made = self._pass(job, quick, whole=quick.criteria == criteria)
-        if made is not None and quick.criteria != criteria and self._rests():
-            self._pass(job, replace(made.palette, criteria=criteria), whole=True)
+        done = _designed(job, quick, whole=quick.criteria == criteria)
+        yield done
+        # A design cannot be ended once it has begun.
+        if done.made is not None and not done.whole and self._rests(REST_S):
+            yield _designed(job, replace(done.made.palette, criteria=criteria), whole=True)
 
-    def _rests(self) -> bool:
-        """Whether no other wish comes for a while: a design cannot be ended once it has begun."""
-        with self._changed:
-            newer = self._changed.wait_for(lambda: self._closed or self._next is not None, REST_S)
-        return not newer
 
-    def _pass(self, job: DesignJob, palette: Palette, whole: bool) -> Design | None:
-        started = time.perf_counter()
-        made, error = None, ""
-        try:
-            made = design(palette)
-        except (VolspecError, MemoryError) as refused:
-            error = " ".join(str(refused).split()) or "no memory for the design"
-        except Exception as failed:  # a solver that does not converge: the thread must outlive it
-            said = " ".join(str(failed).split()) or type(failed).__name__
-            error = f"the design failed: {said}; change a wish, or design from scratch"
-        ms = 1e3 * (time.perf_counter() - started)
-        self._tell(DesignDone(job, ms, made, whole or bool(error), error))
-        return made
-
-    def _tell(self, done: DesignDone) -> None:
-        self._done.append(done)
-        self._wake()
+def _designed(job: DesignJob, palette: Palette, whole: bool) -> DesignDone:
+    started = time.perf_counter()
+    made, error = None, ""
+    try:
+        made = design(palette)
+    except MemoryError:
+        error = "no memory for the design"
+    except VolspecError as refused:
+        error = one_line(refused)
+    except Exception as failed:  # a solver that does not converge: the thread must outlive it
+        said = f"the design failed: {one_line(failed)}"
+        error = f"{said}; change a wish, or design from scratch"
+    ms = 1e3 * (time.perf_counter() - started)
+    return DesignDone(job, ms, made, whole or bool(error), error)

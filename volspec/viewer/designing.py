@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
-from volspec.errors import VolspecError
+from volspec.errors import VolspecError, one_line
 from volspec.palette import Design, Palette, load_palette
 from volspec.palette.advice import VISIBLE, suggestions
 from volspec.viewer import design_files
@@ -24,12 +25,14 @@ from volspec.viewer.desk import Desk
 from volspec.viewer.document import Document
 from volspec.viewer.history import History
 from volspec.viewer.notice import Notice
-from volspec.viewer.opening import Outcome, Tasks
 from volspec.viewer.state import ViewState
+from volspec.viewer.tasks import Outcome, Tasks
 from volspec.viewer.trace import Trace
 from volspec.wizard import Redesigned
 
 PALETTES = _LOAD, _SAVE = "palette-load", "palette-save"
+# At the end, for a design that cannot be ended once it has begun.
+_PATIENCE_S = 0.1
 _DOING = {
     "hide": "Hiding {} under {} …",
     "reveal": "Revealing {} under {} …",
@@ -71,12 +74,15 @@ class Designing:
         self._missed: tuple[Design, Wishes] | None = None
         self._document: Document | None = None
         self._since = 0  # designs asked for before are forgotten
-        self._wizard = ""  # what the wizard under way does
+        self._wizard = ""  # what the wizard that is asked for does
+        self._wizard_waits = ""  # its name, until the designs under way have landed
 
     def follow(self, state: ViewState) -> None:
         """Ask for a design where the wishes have changed."""
         if state.document is not self._document:
             self._document = state.document
+            if self._wizard_waits:
+                self._wizard = self._wizard_waits = ""
             self.forget()
         wishes = state.board.wishes
         if wishes is not self._told:
@@ -84,11 +90,13 @@ class Designing:
             self._tell(complaint="", advice=(), reached=())
         if not state.board.waits or wishes is self._requested:
             return
+        if self._wizard:  # its result would not fit other materials
+            return
         self._requested = wishes
         try:
             palette = palette_of(state)
         except VolspecError as error:
-            self._tell(complaint=_line(error), busy=self._wizard)
+            self._tell(complaint=one_line(error), busy=self._wizard)
             return
         self._worker.request(DesignJob(palette, wishes, state.document, self._since))
         self._tell(busy="Designing …")
@@ -101,19 +109,26 @@ class Designing:
 
     def taken(self, history: History) -> History:
         """The history with what threads have brought; itself where that is nothing."""
+        landed = not self._worker.busy  # before the last is taken
         for done in self._worker.take():
             history = self._designed(history, done)
         for outcome in self._tasks.take():
             history = self._finished(history, outcome)
+        if self._wizard_waits and landed:
+            self._begin(history.present)
         return history
 
     def do(self, name: str, state: ViewState) -> None:
-        """Begin what a wizard is asked for."""
+        """Have done what a wizard is asked for: once designs under way have landed."""
         material, light = picked(state)
         if state.interface.pick.like in columns(state.lights):
             light = "a new light"
         self._wizard = _DOING[name].format(material, light)
         self._tell(busy=self._wizard, complaint="", reached=())
+        self._wizard_waits = name
+
+    def _begin(self, state: ViewState) -> None:
+        name, self._wizard_waits = self._wizard_waits, ""
         self._tasks.start("wizard", lambda: _Made(state, name, asked(state, name)))
 
     def file(self, name: str, path: str, state: ViewState) -> None:
@@ -128,8 +143,8 @@ class Designing:
         self._tasks.start("palette", task)
 
     def close(self) -> None:
-        """End the thread."""
-        self._worker.close()
+        """End the thread after the pass under way, which nobody waits for."""
+        self._worker.close(_PATIENCE_S)
 
     def _designed(self, history: History, done: DesignDone) -> History:
         present, wishes = history.present, done.job.wishes
@@ -186,7 +201,7 @@ class Designing:
             try:
                 state = self._with(present, made)
             except VolspecError as error:
-                self._tell(complaint=_line(error))
+                self._tell(complaint=one_line(error))
             else:
                 self.forget()
                 return history.step(state)
@@ -206,8 +221,8 @@ class Designing:
         self._trace.note("wizard", name=made.name, reached=list(reached))
         return state
 
-    def _tell(self, **news: object) -> None:
-        self._desk.design = replace(self._desk.design, **news)  # type: ignore[arg-type]
+    def _tell(self, **news: Any) -> None:
+        self._desk.design = replace(self._desk.design, **news)
 
 
 def advice_of(advice: tuple[str, ...], wishes: Wishes) -> tuple[str, ...]:
@@ -219,7 +234,3 @@ def advice_of(advice: tuple[str, ...], wishes: Wishes) -> tuple[str, ...]:
 def _same_materials(one: ViewState, other: ViewState) -> bool:
     # Spectra are equal where they are the same object.
     return dict(one.transfer.materials) == dict(other.transfer.materials)
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -150,8 +150,6 @@ class Desk:
         Whether that is as fine as the picture.
     shown_at : (left, top, right, bottom)
         Where the picture was drawn last.
-    device : str
-        What casts.
     fps : float
         Frames per second, while something moves.
     ms : {stage: float}
@@ -188,7 +186,6 @@ class Desk:
     image: CoefficientImage | None = None
     whole: bool = False
     shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    device: str = ""
     fps: float = 0.0
     ms: dict[str, float] = field(default_factory=dict)
     under_mouse: Reading | None = None

@@ -22,7 +22,7 @@ from volspec.scene.file import SceneFile
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import SpectralGrid, reflectance_names
 from volspec.transfer import Transfer
-from volspec.viewer import presets
+from volspec.viewer import preset_table, presets
 from volspec.viewer.fitting import fitted
 from volspec.viewer.joint import JointHistogram, joint_histogram
 from volspec.viewer.lighting import Rows, rows_of
@@ -143,7 +143,7 @@ def demo() -> Path:
 
 def plain_scene(path: str, volume: Volume) -> SceneFile:
     """A scene for a volume of which nothing else is known, by the preset for such."""
-    preset = presets.BY_NAME[presets.DEFAULT]
+    preset = preset_table.BY_NAME[preset_table.DEFAULT]
     looks = presets.fitted(preset, volume, histogram(volume))
     document: dict[str, Any] = {
         "title": Path(path.partition("?")[0]).name,

@@ -49,7 +49,7 @@ class Fader:
         lights, seen = faded((fade.lights, fade.seen), (state.lights, state.seen), share)
         return replace(state, lights=lights, seen=seen)
 
-    def kept(self, state: ViewState, shown: ViewState, new: ViewState) -> ViewState:
+    def to_keep(self, state: ViewState, shown: ViewState, new: ViewState) -> ViewState:
         """What input has made of the shown state, as it is to be kept.
 
         Parameters

@@ -14,7 +14,7 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.viewer.lighting import Rows, rig_of
-from volspec.viewer.opening import Tasks
+from volspec.viewer.tasks import Tasks
 
 # So many pixels are looked at: a fraction of a second, and finer than an eye asks of a map.
 PIXELS = 60_000

@@ -49,7 +49,8 @@ class Input:
         Where the mouse is in the window; of the wheel its notches.
     button : str
     key : str
-        As `volspec.viewer.events.KEYS`; with ``ctrl+``, ``alt+`` or ``ctrl+shift+`` in front.
+        What is written on it, as ``a``, ``1``, ``enter``; with ``ctrl+``, ``alt+`` or
+        ``ctrl+shift+`` in front.
     paths : tuple of str
         What was dropped.
     modifiers : str

@@ -81,7 +81,7 @@ _DOCKED = (
 )
 
 
-class Layout:
+class Docks:
     """Docks the panels when they are first drawn; where the user puts them later is theirs."""
 
     def __init__(self) -> None:

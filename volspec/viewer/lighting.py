@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from volspec.errors import SpectrumError, ViewingError
 from volspec.relight import LightRig
@@ -137,11 +138,11 @@ def rig_of(rows: Rows) -> LightRig | None:
     )
 
 
-def changed(rows: Rows, index: int, **changes: object) -> Rows:
+def changed(rows: Rows, index: int, **changes: Any) -> Rows:
     """One row with other settings; all as they are where there is no such row."""
     if not 0 <= index < len(rows):
         return rows
-    row = replace(rows[index], **changes)  # type: ignore[arg-type]
+    row = replace(rows[index], **changes)
     return (*rows[:index], row, *rows[index + 1 :])
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+from volspec.errors import one_line
+
 SECONDS = 8.0
 # Of what has been seen happen.
 SHORT_SECONDS = 2.0
@@ -19,7 +21,7 @@ class Notice:
 
     def say(self, text: str, seconds: float = SECONDS) -> None:
         """Another line in place of the present one."""
-        self.text, self.until = " ".join(text.split()), time.perf_counter() + seconds
+        self.text, self.until = one_line(text), time.perf_counter() + seconds
 
     def ended(self, now: float) -> bool:
         """Whether its time was over, and it is gone now."""

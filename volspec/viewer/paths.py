@@ -99,7 +99,7 @@ def _shared(rows: Sequence[str]) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class PathRequest:
     """What a path is asked for.
 
     Parameters
@@ -138,23 +138,25 @@ def native() -> bool:
 class NativeDialog:
     """The system's own dialog, in a process of its own; `answer` is asked for, not waited for.
 
+    A program that ends while it is open waits for it, unless it is closed.
+
     Parameters
     ----------
-    wish : Wish
+    request : PathRequest
     """
 
-    def __init__(self, wish: Wish) -> None:
+    def __init__(self, request: PathRequest) -> None:
         from imgui_bundle import portable_file_dialogs as dialogs
 
-        self.wish = wish
-        start = os.path.abspath(os.path.expanduser(wish.start or "."))
-        patterns = " ".join(f"*{suffix}" for suffix in wish.suffixes)
-        filters = [wish.title, patterns, "All files", "*"] if patterns else ["All files", "*"]
+        self.request = request
+        start = os.path.abspath(os.path.expanduser(request.start or "."))
+        patterns = " ".join(f"*{suffix}" for suffix in request.suffixes)
+        filters = [request.title, patterns, "All files", "*"] if patterns else ["All files", "*"]
         self._dialog: Any
-        if wish.save:
-            self._dialog = dialogs.save_file(wish.title, start, filters)
+        if request.save:
+            self._dialog = dialogs.save_file(request.title, start, filters)
         else:
-            self._dialog = dialogs.open_file(wish.title, start, filters)
+            self._dialog = dialogs.open_file(request.title, start, filters)
 
     def answer(self) -> str | None:
         """The path; empty where none was chosen, None while the dialog is open."""

@@ -16,6 +16,7 @@ from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
+from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.viewer.design_spectra import same_channels
 
 # Sizes kept: the whole picture, two coarser, and those of a window before it was resized.
@@ -42,6 +43,13 @@ class Pictures:
     ----------
     context : moderngl.Context
         That of the window.
+
+    Attributes
+    ----------
+    tables : HostTables
+        Where `relight` finds what `missing` has told of.
+    current : bool
+        Whether what is drawn is the last picture under the last light, not one before.
     """
 
     def __init__(self, context: Any) -> None:
@@ -51,6 +59,9 @@ class Pictures:
         self._half: Relighter | None = None
         self._painted: tuple[Relighter, Basis] | None = None
         self._frame: Any = None
+        self._frame_of: Relighter | None = None
+        self.current = False
+        self.tables = HostTables()
         self._queries = [context.query(time=True) for _ in range(2)]
         self.image: CoefficientImage | None = None
 
@@ -66,9 +77,9 @@ class Pictures:
         return int(width), int(height)
 
     def show(self, image: CoefficientImage) -> None:
-        """Take a picture; `relight` draws it."""
+        """Take a picture; until `relight` draws it, that before stays."""
         self._shown, self.image = self._relighter_of(image), image
-        self._frame = self._half = None
+        self._half, self.current = None, False
 
     def repaint(self, basis: Basis) -> None:
         """Give the picture's materials other reflectances, where they are its channels.
@@ -107,12 +118,44 @@ class Pictures:
         relighter = self._relighters.pop(key, None)
         if relighter is None:
             while len(self._relighters) >= MOST_SIZES:
-                self._relighters.pop(next(iter(self._relighters))).close()
-            relighter = Relighter(image, backend="gl", context=self._context)
+                self._release(next(iter(self._relighters)))
+            relighter = Relighter(image, backend="gl", context=self._context, tables=self.tables)
         else:
             relighter.update(image)
         self._relighters[key] = relighter  # the newest last
         return relighter
+
+    def _release(self, key: tuple[int, ...]) -> None:
+        relighter = self._relighters.pop(key)
+        if self._frame_of is relighter:
+            self._frame = None
+        relighter.close()
+
+    def missing(
+        self, rig: LightRig | None, seen: RelightSpec, other: LightRig | None = None
+    ) -> tuple[TableKey, ...]:
+        """Tables that `relight` would have to wait for, under the same lights.
+
+        Parameters
+        ----------
+        rig, seen, other
+            As `relight`.
+        """
+        if self._shown is None or rig is None or not is_tabled(seen.viewing.model):
+            return ()
+        self._paint(self._shown)
+        how = seen.viewing, seen.mode, seen.backdrop, seen.level
+        keys = [self._shown.missing_table(each, *how) for each in (rig, other) if each]
+        found = tuple(key for key in keys if key is not None)
+        self.current &= not found
+        return found
+
+    def _paint(self, shown: Relighter) -> None:
+        """Give a relighter the picture's reflectances, where these are its channels."""
+        basis = self.image.basis if self.image else None
+        if isinstance(basis, MaterialBasis) and self._painted != (shown, basis):
+            shown.set_reflectances(basis.materials)
+            self._painted = shown, basis
 
     def relight(
         self,
@@ -141,18 +184,15 @@ class Pictures:
             What it takes; of the last two.
         """
         if self._shown is None or rig is None:
-            self._frame = None
+            self._frame = self._frame_of = None
             return None
         started = time.perf_counter()
         shown = self._halved() if coarse else self._shown
-        basis = self.image.basis if self.image else None
-        if isinstance(basis, MaterialBasis) and self._painted != (shown, basis):
-            shown.set_reflectances(basis.materials)
-            self._painted = shown, basis
+        self._paint(shown)
         how = seen.viewing, seen.mode, seen.backdrop, seen.level
         self._queries.reverse()
         with self._queries[0]:
-            self._frame = shown.draw(rig, *how)
+            self._frame, self._frame_of, self.current = shown.draw(rig, *how), shown, True
             if other is not None:
                 width, height = self._frame.size
                 left = round(divide * width)

@@ -17,6 +17,7 @@ from volspec.raycast import Camera, CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.spectra import SpectralGrid, Spectrum
+from volspec.viewer.viewing import given_viewing
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -85,7 +86,7 @@ def read(
 
 def attributes(XYZ: Array, lit: Illumination, seen: RelightSpec) -> list[tuple[str, str]]:
     """What the viewing's model says of a colour; CIECAM02 where it only adapts."""
-    given = replace(lit.viewed(seen.viewing), adapting="given")
+    given = given_viewing(seen.viewing, lit.illuminance_lux)
     name = given.model if given.model in MODELS else "CIECAM02"
     look = MODELS[name].forward(XYZ, given.conditions(lit.white_XYZ))
     if not bool(look.defined):

@@ -5,24 +5,31 @@ casts, state -> [screen] -> Painted -> window
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from imgui_bundle import imgui
 
-from volspec.errors import VolspecError
+from volspec.errors import VolspecError, one_line
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.tables import TableKey, is_tabled
 from volspec.viewer.desk import Desk
 from volspec.viewer.heat import Heat
 from volspec.viewer.lighting import rig_of
 from volspec.viewer.meter import Meter
+from volspec.viewer.notice import Notice
+from volspec.viewer.panels.widgets import packed
 from volspec.viewer.pictures import Pictures
 from volspec.viewer.reading import Reading, read
 from volspec.viewer.slice_pictures import SlicePictures
 from volspec.viewer.state import ViewState
+from volspec.viewer.tabling import TableWorker
 from volspec.viewer.trace import Trace
 from volspec.viewer.window import Painted, Window
 from volspec.viewer.worker import CastDone
 
+# The longest that a table is waited for is told; it is gone when the table is there.
+_TABLE_S = 60.0
+_NOTHING = "Nothing is seen: the opacity is 0 everywhere in view, or the view misses it"
 Area = tuple[int, int, int, int]
 
 
@@ -35,18 +42,21 @@ class Screen:
         That of the window.
     desk, meter, trace
         What is measured is told to them.
-    say : callable
-        Takes messages to the user.
+    notice : Notice
+        Where the user is told.
     """
 
     def __init__(
-        self, context: Any, desk: Desk, meter: Meter, trace: Trace, say: Callable[[str], None]
+        self, context: Any, desk: Desk, meter: Meter, trace: Trace, notice: Notice
     ) -> None:
         self.pictures = Pictures(context)
+        self._tabling = TableWorker(Window.wake, self.pictures.tables)
+        self._tables: tuple[TableKey, ...] = ()  # that the picture waits for
         self._slices = desk.slices = SlicePictures(context)
-        self._desk, self._meter, self._trace, self._say = desk, meter, trace, say
+        self._desk, self._meter, self._trace, self._notice = desk, meter, trace, notice
         self._cast: CastDone | None = None
         self._relit = self._coarse = False
+        self._working_out = ""
         self._heat = Heat(context, Window.wake)
         self._read_of: tuple[Any, ...] | None = None
         self._reading: Reading | None = None
@@ -56,7 +66,7 @@ class Screen:
         how = "cancel" if done.image is None else "cast"
         size = [-(-side // done.divisor) for side in done.job.size]
         if done.error:
-            self._say(done.error)
+            self._notice.say(done.error)
             how = "error"
         self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
         if done.image is None or state is None or done.job.document is not state.document:
@@ -64,10 +74,10 @@ class Screen:
         try:
             self.pictures.show(done.image)
         except VolspecError as error:
-            self._say(str(error))
+            self._notice.say(str(error))
             return
         if done.divisor == 1 and not done.image.alpha.any():
-            self._say("Nothing is seen: the opacity is 0 everywhere in view, or the view misses it")
+            self._notice.say(_NOTHING)
         self._cast, self._relit = done, False
         self._desk.image, self._desk.whole = done.image, done.divisor == 1
         self._desk.ms["cast"] = done.ms
@@ -92,16 +102,44 @@ class Screen:
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
         self._desk.image = self.pictures.image
-        self._coarse = held and self._desk.whole and self._meter.slow
-        other = rig_of(state.other) if state.other else None
+        # What is measured in fewer pixels would want tables of its own.
+        few = self._desk.whole and self._meter.slow and not is_tabled(state.seen.viewing.model)
+        self._coarse = held and few
+        rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
         try:
-            relit = self.pictures.relight(
-                *(rig_of(state.lights), state.seen, other, state.divide, self._coarse)
-            )
+            if self._tables_missing(rig, state.seen, other):
+                return
+            relit = self.pictures.relight(rig, state.seen, other, state.divide, self._coarse)
         except VolspecError as error:
-            self._say(" ".join(str(error).split()))
+            self._notice.say(one_line(error))
         else:
             self._meter.relights(relit, self._desk.whole and not self._coarse)
+
+    def _tables_missing(
+        self, rig: LightRig | None, seen: RelightSpec, other: LightRig | None
+    ) -> bool:
+        """Whether the light must wait for tables; they are then being worked out."""
+        missing = self.pictures.missing(rig, seen, other)
+        if missing:
+            self._working_out = f"{seen.viewing.model}: working out its table …"
+            self._notice.say(self._working_out, _TABLE_S)
+            if missing != self._tables:
+                self._tabling.request(missing)
+        elif self._tables and self._notice.text == self._working_out:
+            self._notice.say("")
+        self._tables = missing
+        return bool(missing)
+
+    def tabled(self) -> bool:
+        """Take tables that have been worked out; whether there are any."""
+        said = self._tabling.take()
+        for error in said:
+            if error:
+                self._tables = ()
+                self._notice.say(error)
+            else:
+                self._relit = False
+        return bool(said)
 
     def probe(
         self, state: ViewState, place: tuple[float, float] | None, held: bool
@@ -113,7 +151,7 @@ class Screen:
         image, cast = self.pictures.image, self._cast
         if place is None or rig is None or image is None or cast is None:
             return None
-        if held or not self.pictures.framebuffer:
+        if held or not self.pictures.framebuffer or not self.pictures.current:
             return None
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
@@ -140,7 +178,8 @@ class Screen:
         """The picture behind the panels; one of another shape keeps its own."""
         x, y, width, height = area
         if not self.pictures.framebuffer or self._cast is None or shown is None:
-            _write("Opening …" if self._cast is None else "No light is on", area)
+            dark = self._cast is not None and shown is not None and rig_of(shown.lights) is None
+            _write("No light is on" if dark else "Opening …", area)
             return None
         of, now = self._cast.job.size, shown.size
         wide = width if of == now else height * of[0] / of[1]
@@ -149,7 +188,8 @@ class Screen:
         return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
 
     def close(self) -> None:
-        """Release everything."""
+        """Release everything; nobody waits for a table."""
+        self._tabling.close(0.0)
         self._heat.close()
         self.pictures.close()
         self._slices.close()
@@ -160,5 +200,5 @@ def _write(text: str, area: Area) -> None:
     x, y, width, height = area
     size = imgui.calc_text_size(text)
     place = x + (width - size.x) / 2, y + (height - size.y) / 2
-    grey = imgui.color_convert_float4_to_u32((0.6, 0.6, 0.6, 1.0))
+    grey = packed((0.6, 0.6, 0.6))
     imgui.get_background_draw_list().add_text(place, grey, text)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec import __version__
-from volspec.errors import CastCancelled, InputError, ViewingError
+from volspec.errors import CastCancelled, InputError, OpenCLError, ViewingError
 from volspec.export import write_frame
 from volspec.export.frames import file_stem
 from volspec.pipeline import Relighter, raycast
@@ -140,18 +140,30 @@ def frame_of(state: ViewState, size: tuple[int, int], progress: Progress) -> NDA
     rig = rig_of(state.lights)
     if rig is None:
         raise ViewingError("No light is on, so there is no picture to save")
-    document = state.document
-    image = raycast(
-        *(document.volume, state.transfer, state.view.camera(document.volume), size),
-        state.shading,
-        caster=document.caster,
-        progress=progress.report,
-        cancel=lambda: progress.ended,
-    )
+    image = _cast(state, size, progress)
     if progress.ended:
         raise CastCancelled("the picture was given up")
     other = rig_of(state.other) if state.other else None
     return _relit(image, state, rig, other)
+
+
+def _cast(state: ViewState, size: tuple[int, int], progress: Progress) -> CoefficientImage:
+    """With a Raycaster of its own, as the window's casts would wait for that of the document."""
+    document = state.document
+    volume, shared = document.volume, document.caster
+    what = volume, state.transfer, state.view.camera(volume), size, state.shading
+
+    def cancel() -> bool:
+        return progress.ended
+
+    try:
+        device = shared.device if shared else None
+        return raycast(*what, device=device, progress=progress.report, cancel=cancel)
+    except OpenCLError:
+        if shared is None:
+            raise
+        # The device has no room for the volume twice.
+        return raycast(*what, caster=shared, progress=progress.report, cancel=cancel)
 
 
 def _relit(

@@ -85,8 +85,10 @@ def session_of(state: ViewState) -> Session:
     writer = Writer()
     try:
         parts = {
-            "document": {n: writer.plain(getattr(document, n)) for n in _kept(Document, _REMADE)},
-            "state": {n: writer.plain(getattr(state, n)) for n in _kept(ViewState, _PASSING)},
+            "document": {
+                n: writer.plain(getattr(document, n)) for n in _saved_of(Document, _REMADE)
+            },
+            "state": {n: writer.plain(getattr(state, n)) for n in _saved_of(ViewState, _PASSING)},
         }
     except TypeError as error:
         raise SessionError(f"{document.title}: {error}") from error
@@ -212,7 +214,7 @@ def resumed(session: Session, device: str | None = None, cast: bool = True) -> V
     return ViewState(document, **changed)
 
 
-def _kept(kind: type, but: Sequence[str]) -> list[str]:
+def _saved_of(kind: type, but: Sequence[str]) -> list[str]:
     """The fields of the document or the state that are written."""
     return [field.name for field in fields(kind) if field.init and field.name not in but]
 
@@ -226,7 +228,7 @@ def _read(reader: Reader, kind: type, data: Any, but: Sequence[str]) -> dict[str
         bare = field.default is MISSING and field.default_factory is MISSING
         if bare and field.init and field.name not in (*but, *data):
             raise ValueFault(f"{field.name} is missing")
-    return {n: reader.value(hints[n], data[n], n) for n in _kept(kind, but) if n in data}
+    return {n: reader.value(hints[n], data[n], n) for n in _saved_of(kind, but) if n in data}
 
 
 @cache

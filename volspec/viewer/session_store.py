@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,6 +44,8 @@ class SessionStore:
         self._seen: ViewState | None = None  # in the last look, and when it became so
         self._changed_s = self._due = 0.0
         self._lock = threading.Lock()  # a thread saves, and the end may come meanwhile
+        # States in the order in which they were to be saved, and the last that was.
+        self._asked = self._written = 0
 
     def begin(self, state: ViewState, own: Path | None = None) -> None:
         """Another document is open.
@@ -54,10 +57,11 @@ class SessionStore:
         own : Path, optional
             The file of this store that it was restored from, which goes on.
         """
-        self._document, self._saved = state.document, _kept(state)
-        self._seen, self._due = None, 0.0
-        self._running.end()
-        self._own = own if own is not None and self.holds(own) else None
+        with self._lock:
+            self._document, self._saved = state.document, _without_window(state)
+            self._seen, self._due = None, 0.0
+            self._running.end()
+            self._own = own if own is not None and self.holds(own) else None
 
     def holds(self, path: Path) -> bool:
         """Whether a session's file is one of this store."""
@@ -66,7 +70,7 @@ class SessionStore:
     def due(self, state: ViewState, now: float) -> bool:
         """Whether it is time to `save`: what has changed rests, or has been changing for long."""
         if state is not self._seen:
-            if self._seen is None or _kept(state) != _kept(self._seen):
+            if self._seen is None or _without_window(state) != _without_window(self._seen):
                 self._changed_s = now
                 self._due = self._due or now + EVERY_S
             self._seen = state
@@ -77,9 +81,14 @@ class SessionStore:
         self._due = 0.0
         return False
 
-    def asked(self, now: float) -> None:
-        """It is being saved; where that fails it is tried again later."""
+    def saving(self, state: ViewState, now: float) -> Callable[[], Path | None]:
+        """What a thread is to call to `save` a state that is due.
+
+        It writes nothing once a state that came later is written. Where it fails it is due again
+        after a while.
+        """
         self._changed_s = self._due = now + EVERY_S
+        return self._ordered(state)
 
     def ended_early(self) -> bool:
         """Whether the last session is of a program that died; this is told once."""
@@ -98,8 +107,17 @@ class SessionStore:
         VolspecError
             If it cannot be written.
         """
+        return self._ordered(state)()
+
+    def _ordered(self, state: ViewState) -> Callable[[], Path | None]:
+        """What writes a state, unless one that was to be saved after it is written by then."""
+        self._asked += 1
+        number = self._asked
+        return lambda: self._write(state, number)
+
+    def _write(self, state: ViewState, number: int) -> Path | None:
         with self._lock:
-            if not self._changed(state):
+            if number < self._written or not self._changed(state):
                 return None
             if self._own is None:
                 stamp = time.strftime("%Y%m%d-%H%M%S")
@@ -107,7 +125,7 @@ class SessionStore:
                 self._own = self._folder / name
             self._running.begin(self._own.name)
             save_session(state, self._own)
-            self._saved = _kept(state)
+            self._saved, self._written = _without_window(state), number
             self._forget_oldest()
             return self._own
 
@@ -141,7 +159,7 @@ class SessionStore:
 
     def _changed(self, state: ViewState) -> bool:
         own = state.document is self._document and state.document.file is not None
-        return own and _kept(state) != self._saved
+        return own and _without_window(state) != self._saved
 
     def _files(self) -> list[Path]:
         try:
@@ -158,6 +176,6 @@ class SessionStore:
                 continue
 
 
-def _kept(state: ViewState) -> ViewState:
-    """Without what follows from the window."""
+def _without_window(state: ViewState) -> ViewState:
+    """What is saved of a state: all but what follows from the window."""
     return replace(state, size=(0, 0))

@@ -15,14 +15,11 @@ from volspec.errors import VolspecError
 from volspec.pipeline import Relighter
 from volspec.transfer import LabelFunction
 from volspec.viewer.lighting import rig_of
+from volspec.viewer.slice_table import Entries, entries_of, greys, table_image
 from volspec.viewer.slices import (
     Layout,
-    codes,
-    entries_of,
-    greys,
     number_of,
     sliced,
-    table_image,
     window_of,
 )
 from volspec.viewer.state import ViewState
@@ -70,25 +67,25 @@ class SlicePictures:
         volume = state.document.volume
         shown = self._slices.setdefault(name, _Shown())
         number = number_of(volume, layout.normal, state.interface.slices.at[layout.normal])
-        count = entries_of(volume, isinstance(state.transfer, LabelFunction))
+        entries = entries_of(volume, isinstance(state.transfer, LabelFunction))
         step = max(1, int(volume.shape_xyz[layout.across] / max(width_px, 32.0)))
-        of_codes = volume, layout, number, step, count
+        of_codes = volume, layout, number, step, entries
         if of_codes != shown.of_codes:
             values = sliced(volume, layout, number, step)
-            shown.codes, shown.of_codes = codes(values, volume.range, count), of_codes
+            shown.codes, shown.of_codes = entries.codes(values), of_codes
             shown.of_colours = ()
-        self._relight(state, count)
+        self._relight(state, entries)
         if shown.of_colours != self._of_colours:
             assert shown.codes is not None
             self._write(shown, self._colours[shown.codes])
             shown.of_colours = self._of_colours
         return int(shown.texture.glo)
 
-    def _relight(self, state: ViewState, count: int) -> None:
+    def _relight(self, state: ViewState, entries: Entries) -> None:
         """The colours of all values under the state's lights, where those are others."""
         slices = state.interface.slices
         window = window_of(slices, state.document.histogram)
-        of: tuple[Any, ...] = state.document, count, window
+        of: tuple[Any, ...] = state.document, entries, window
         if slices.lit:
             of = (*of, state.transfer, state.shading.groups, state.lights, state.seen)
         if of == self._of_colours:
@@ -96,7 +93,8 @@ class SlicePictures:
         self._of_colours = of
         seen = _lit(state, window) if slices.lit else None
         if seen is None:
-            seen = np.rint(255 * greys(count, window))[:, None].repeat(3, axis=1)
+            shades = greys(entries, state.document.volume.range, window)
+            seen = np.rint(255 * shades)[:, None].repeat(3, axis=1)
         red, green, blue = seen.astype(np.uint32).T
         self._colours = red | green << 8 | blue << 16 | _OPAQUE
 

@@ -1,10 +1,6 @@
-"""Slices through a volume, lit like it: voxels of three planes, and one table of colours for all.
+"""Slices through a volume: three planes by the world's axes, and what a picture of them shows.
 
-    volume -> codes, transfer -> table -> Relighter -> colours -> [slices] -> pictures
-
-What a slice shows depends on the voxels' values alone. So a light is not put on pixels but on the
-table of all values, a coefficient image of some thousand pixels: a swap takes the same few
-milliseconds however large the slices are.
+volume -> [slices] -> voxels, places -> slice_pictures
 """
 
 from __future__ import annotations
@@ -17,19 +13,11 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast import CoefficientImage, RaycastSpec
-from volspec.transfer import LabelFunction, SurfaceTable, Transfer, TransferTable
 from volspec.viewer.aids import Slices
 from volspec.volume import Volume
 
-# Entries of a table of values that are no small integers.
-ENTRIES = 4096
-# A voxel shows its material as a slab of so many reference steps would; the rest stays grey.
-SLAB_STEPS = 16
 # Shares of the voxels between which greys run unless they are set.
 _MOST = (0.005, 0.995)
-# Greys of a display stand for reflectances by about this power.
-_GAMMA = 2.2
 # What the negative and the positive world axes point to in ITK's LPS frame (docs/conventions.md).
 PATIENT = (("R", "L"), ("A", "P"), ("I", "S"))
 AXES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
@@ -218,23 +206,6 @@ def outline_index(volume: Volume, axis: int, share: float) -> NDArray[np.float64
     return corners
 
 
-def entries_of(volume: Volume, labels: bool) -> int:
-    """How many colours a volume's table has: one a value where these are few whole numbers."""
-    low, high = volume.range
-    whole = volume.values.dtype.kind in "iu"
-    count = int(high - low) + 1
-    return count if whole and (labels or count <= ENTRIES) else ENTRIES
-
-
-def codes(values: NDArray[np.generic], span: tuple[float, float], count: int) -> NDArray[np.uint32]:
-    """Where values stand in a table of so many entries."""
-    low, high = span
-    scale = (count - 1) / (high - low) if high > low else 0.0
-    return np.rint((values.astype(np.float32) - np.float32(low)) * np.float32(scale)).astype(
-        np.uint32
-    )
-
-
 def window_of(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, float]:
     """What is black and white, 0 to 1 of a volume's range: as set, or where most values lie."""
     if slices.greys is not None:
@@ -246,52 +217,3 @@ def window_of(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, fl
     below = np.cumsum(counts) / counts.sum()
     low, high = (int(np.searchsorted(below, share)) for share in _MOST)
     return low / len(counts), (high + 1) / len(counts)
-
-
-def greys(count: int, window: tuple[float, float]) -> NDArray[np.float64]:
-    """(count,) 0 to 1 for a table's entries; a window of no width is a step."""
-    low, high = window
-    at = np.linspace(0.0, 1.0, count)
-    return np.clip((at - low) / max(high - low, 1e-6), 0.0, 1.0)
-
-
-def table_image(
-    volume: Volume, transfer: Transfer, shading: RaycastSpec, window: tuple[float, float]
-) -> CoefficientImage:
-    """All values of a volume as a coefficient image of one row, in each of a cast's light groups.
-
-    Values that the transfer function shows have their materials' reflectance, others a grey.
-    """
-    count = entries_of(volume, isinstance(transfer, LabelFunction))
-    values = np.linspace(*volume.range, count)
-    table = transfer.bake(min(volume.spacing_mm))
-    opacity, shares = _looked_up(table, values)
-    share = (1 - (1 - opacity) ** SLAB_STEPS)[:, None]
-    grey = greys(count, window)[:, None] ** _GAMMA * table.white
-    channels = share * (shares @ table.channels) + (1 - share) * grey
-    groups = shading.shares()
-    # A slice faces every source.
-    layers = np.concatenate([channels * part for part in groups.values()], axis=1)
-    ones = np.ones((1, count), np.float32)
-    return CoefficientImage(
-        layers[None].astype(np.float32), ones, ones, transfer.basis, groups=groups
-    )
-
-
-def _looked_up(
-    table: TransferTable | SurfaceTable, values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(N,) opacity and (N, K) shares of values."""
-    if isinstance(table, SurfaceTable):  # what is inside a surface is made of it
-        inside = np.searchsorted(table.values, values, side="right") - 1
-        return np.where(inside < 0, 0.0, table.opacity[inside]), table.shares[inside]
-    opacity, shares = table.opacity, table.shares
-    if opacity.ndim == 2:  # over gradients, which a slice does not tell: their mean
-        weights = np.maximum(opacity, 1e-9)[..., None]
-        shares = (shares * weights).sum(axis=0) / weights.sum(axis=0)
-        opacity = opacity.max(axis=0)
-    low, high = table.domain
-    at = np.clip((values - low) / (high - low), 0.0, 1.0) * (len(opacity) - 1)
-    nearest = np.rint(at).astype(np.intp)
-    beyond = table.labels & (values > high)
-    return np.where(beyond, 0.0, opacity[nearest]), shares[nearest]

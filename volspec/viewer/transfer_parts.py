@@ -110,6 +110,35 @@ def thickened(transfer: Transfer, factor: float) -> Transfer:
     return _changed(transfer, denser)
 
 
+def thinned(transfer: Transfer, thick: Transfer, thin: Transfer, factor: float) -> Transfer:
+    """A transfer function that was edited while it was thick, as it is without that.
+
+    Parts whose opacity the edit has left alone get back that which they had, also where thickening
+    has rounded it to 1; others are thinned by the factor.
+
+    Parameters
+    ----------
+    transfer, thick, thin : Transfer
+        As edited, as it was before, and what that was thickened from.
+    factor : float
+        By which ``thin`` was thickened.
+    """
+    before, after = parts_of(thick), parts_of(transfer)
+    same = {i: i for i in range(len(after))}
+    if len(before) != len(after):  # some were added or removed
+        there = {(part.values, part.opacity): i for i, part in enumerate(before)}
+        same = {i: there.get((part.values, part.opacity), -1) for i, part in enumerate(after)}
+    opacities = [part.opacity for part in parts_of(thin)]
+
+    def thinner(index: int, opacity: float, mix: Mix) -> tuple[float, Mix]:
+        old = same[index]
+        if old >= 0 and before[old].opacity == opacity:
+            return opacities[old], mix
+        return 1 - (1 - min(opacity, _MOST_OPAQUE)) ** (1 / factor), mix
+
+    return _changed(transfer, thinner)
+
+
 def removed(transfer: Transfer, index: int) -> Transfer:
     """Without one part; of a curve two stay, of others one."""
     count = len(parts_of(transfer))

@@ -15,7 +15,11 @@ from volspec.relight import LightRig, RelightSpec
 
 
 def changed(seen: RelightSpec, **changes: Any) -> RelightSpec:
-    """Other settings of the viewing; as they are where they do not go together."""
+    """Other settings of the viewing; as they are where they do not go together.
+
+    >>> changed(RelightSpec(), surround="dim").viewing.surround
+    'dim'
+    """
     try:
         return replace(seen, viewing=replace(seen.viewing, **changes))
     except VolspecError:
@@ -37,14 +41,27 @@ def with_model(seen: RelightSpec, model: str) -> RelightSpec:
     return changed(seen, model=model, **({"adapting": "picture"} if pixel else {}))
 
 
-def viewing_under(rig: LightRig | None, viewing: Viewing) -> Viewing:
-    """The viewing of an eye adapted to a light: its own lux count, where it carries some."""
+def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
+    """A viewing for single colours, which are no picture to measure an eye's adaptation in.
+
+    Parameters
+    ----------
+    viewing : Viewing
+    lux : float, optional
+        Of the light that shines, where it has its own: it counts in place of the viewing's.
+
+    Raises
+    ------
+    ViewingError
+        If such a light cannot be.
+
+    >>> given_viewing(Viewing(adapting="picture"), 500.0).illuminance_lux
+    500.0
+    """
     given = replace(viewing, adapting="given")
-    if rig is None or not rig.total_lux:
-        return given
-    return replace(given, illuminance_lux=rig.total_lux)
+    return replace(given, illuminance_lux=lux) if lux else given
 
 
 def luminance(rig: LightRig | None, viewing: Viewing) -> float:
     """L_A of the scene, cd/m²: as given, or of the light that shines."""
-    return viewing_under(rig, viewing).adapting_luminance
+    return given_viewing(viewing, rig.total_lux if rig else None).adapting_luminance

@@ -1,21 +1,20 @@
-"""The thread that casts: the latest request wins, the window never waits.
+"""The thread that casts, coarsely and then whole, what was asked for last.
 
 state -> casting -> [worker] -> CoefficientImage -> pictures
 """
 
 from __future__ import annotations
 
-import threading
 import time
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from volspec.errors import CastCancelled, VolspecError
+from volspec.errors import CastCancelled, VolspecError, one_line
 from volspec.pipeline import raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.transfer import Transfer
 from volspec.viewer.document import Document
+from volspec.viewer.latest import LatestWorker
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +50,7 @@ class CastDone:
     error: str = ""
 
 
-class CastWorker:
+class CastWorker(LatestWorker[CastJob, CastDone]):
     """Casts in a thread of its own.
 
     A job's later passes end when a newer job arrives. Its first, if coarse, is let through: were
@@ -64,60 +63,14 @@ class CastWorker:
     """
 
     def __init__(self, wake: Callable[[], object]) -> None:
-        self._wake = wake
-        self._next: CastJob | None = None
-        self._closed = False
-        self._busy = False
-        self._changed = threading.Condition()
-        self._done: deque[CastDone] = deque()
-        self._thread = threading.Thread(target=self._run, name="volspec-cast", daemon=True)
-        self._thread.start()
+        super().__init__(wake, "volspec-cast")
 
-    @property
-    def busy(self) -> bool:
-        """Whether a cast is under way or waits."""
-        with self._changed:
-            return self._busy or self._next is not None
-
-    def request(self, job: CastJob) -> None:
-        """Cast this next, instead of what waits."""
-        with self._changed:
-            self._next = job
-            self._changed.notify()
-
-    def take(self) -> list[CastDone]:
-        """What has ended since the last call, in order."""
-        taken = []
-        while self._done:
-            taken.append(self._done.popleft())
-        return taken
-
-    def close(self) -> None:
-        """End the cast under way, and the thread."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._busy = False
-                while self._next is None and not self._closed:
-                    self._changed.wait()
-                if self._closed:
-                    return
-                job, self._next, self._busy = self._next, None, True
-            assert job is not None
-            for number, divisor in enumerate(job.divisors):
-                done = self._cast(job, divisor, spared=number == 0 and divisor > 1)
-                self._done.append(done)
-                self._wake()
-                if done.image is None:
-                    break
-
-    def _superseded(self) -> bool:
-        return self._closed or self._next is not None
+    def _answers(self, job: CastJob) -> Iterator[CastDone]:
+        for number, divisor in enumerate(job.divisors):
+            done = self._cast(job, divisor, spared=number == 0 and divisor > 1)
+            yield done
+            if done.image is None:
+                break
 
     def _cast(self, job: CastJob, divisor: int, spared: bool) -> CastDone:
         width, height = (-(-side // divisor) for side in job.size)
@@ -137,10 +90,8 @@ class CastWorker:
         except MemoryError:
             return done(error="no memory for the picture; make the window smaller")
         except VolspecError as error:
-            return done(error=" ".join(str(error).split()))
+            return done(error=one_line(error))
         except Exception as error:  # a device that is lost, say: the thread must outlive it
-            said = " ".join(str(error).split()) or type(error).__name__
-            return done(
-                error=f"the cast failed: {said}; open the file again, or see volspec doctor"
-            )
+            said = f"the cast failed: {one_line(error)}"
+            return done(error=f"{said}; open the file again, or see volspec doctor")
         return done(image)

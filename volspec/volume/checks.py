@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import VolspecWarning, VolumeError
+from volspec.errors import VolspecWarning, VolumeError, one_line
 
 # What the kernels read as it is; everything else becomes the nearest of these that holds it.
 KEPT_DTYPES = (np.uint8, np.uint16, np.int16, np.float32)
@@ -60,7 +60,7 @@ def _array(given: ArrayLike, name: str) -> NDArray[Any]:
         values = np.asarray(given)
     except (TypeError, ValueError) as error:
         raise VolumeError(
-            f"{name}: {type(given).__name__} is no array ({' '.join(str(error).split())}); "
+            f"{name}: {type(given).__name__} is no array ({one_line(error)}); "
             "give one scalar a voxel, (Z, Y, X)"
         ) from error
     if values.dtype.kind not in "buif":

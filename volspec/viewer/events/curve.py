@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer import TransferFunction2D as Regions
-from volspec.viewer import bands, curves, presets, transfer_parts
+from volspec.viewer import bands, curves, preset_table, presets, transfer_parts
 from volspec.viewer.events.event import Action, Change, Event, Reducer
 from volspec.viewer.state import ViewState
 
@@ -125,10 +125,14 @@ def _thicken(state: ViewState, event: Event) -> ViewState:
 
 
 def _thin(state: ViewState) -> tuple[Transfer, float]:
-    """What is thickened, and how thick that is: the present one, where it was edited since."""
-    if state.thin is None or state.thin[2] is not state.transfer:
-        return state.transfer, state.thickness
-    return state.thin[:2]
+    """What is thickened, and how thick that is."""
+    transfer = state.transfer
+    if state.thin is None or type(state.thin[2]) is not type(transfer):
+        return transfer, state.thickness
+    thin, own, thick = state.thin
+    if thick is transfer:
+        return thin, own
+    return transfer_parts.thinned(transfer, thick, thin, state.thickness / own), own
 
 
 def _remapped(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
@@ -164,7 +168,7 @@ def _within(state: ViewState, value: float) -> float:
 
 def _fresh(state: ViewState, transfer: Transfer) -> ViewState:
     """With another transfer function altogether."""
-    new = replace(state, transfer=transfer, shift=0.0, thickness=1.0)
+    new = replace(state, transfer=transfer, shift=0.0, thickness=1.0, thin=None)
     return _chosen(new, 0)
 
 
@@ -172,7 +176,7 @@ def _reset(state: ViewState) -> ViewState:
     return _fresh(state, state.document.transfer)
 
 
-def _preset(preset: presets.Preset) -> Change:
+def _preset(preset: preset_table.Preset) -> Change:
     def change(state: ViewState) -> ViewState:
         if isinstance(state.transfer, LabelFunction):  # labels are names, no values
             return state
@@ -222,7 +226,7 @@ KIND_TITLES: dict[bands.Kind, str] = {
 ACTIONS = (
     *(
         Action(f"preset-{preset.name}", "Transfer", f"Preset: {preset.title}", (), _preset(preset))
-        for preset in presets.PRESETS
+        for preset in preset_table.PRESETS
     ),
     *(
         Action(f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _into(kind), _is(kind))

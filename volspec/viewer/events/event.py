@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from volspec.errors import VolspecError
 from volspec.viewer.state import ViewState
 
 
@@ -43,6 +44,18 @@ class Event:
 
 Reducer = Callable[[ViewState, Event], ViewState]
 Change = Callable[[ViewState], ViewState]
+
+
+def guarded(reducer: Reducer) -> Reducer:
+    """A reducer that leaves a state as it is where something is refused or cannot be read."""
+
+    def total(state: ViewState, event: Event) -> ViewState:
+        try:
+            return reducer(state, event)
+        except (VolspecError, ValueError, OSError):
+            return state
+
+    return total
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,14 @@
 """Saved light states: kept, recalled with a fade, renamed, deleted.
 
-keys, panel -> [lightstates] -> state
+keys, panels -> [lightstates] -> state
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
-from volspec.viewer.events.event import Action, Change
+from volspec.viewer.events.event import Action, Change, Reducer
 from volspec.viewer.lighting import brightest
 from volspec.viewer.lightstates import (
     MOST_SECONDS,
@@ -65,11 +66,20 @@ def fade_lasting(state: ViewState, seconds: float) -> ViewState:
     return replace(state, interface=replace(state.interface, fade_s=seconds))
 
 
-def _with(state: ViewState, index: int, **changes: object) -> ViewState:
+def _with(state: ViewState, index: int, **changes: Any) -> ViewState:
     if not 0 <= index < len(state.kept):
         return state
-    new = replace(state.kept[index], **changes)  # type: ignore[arg-type]
+    new = replace(state.kept[index], **changes)
     return replace(state, kept=(*state.kept[:index], new, *state.kept[index + 1 :]))
+
+
+EVENTS: dict[str, Reducer] = {
+    "recall-state": lambda state, event: recall(state, event.index),
+    "save-over-state": lambda state, event: saved_over(state, event.index),
+    "rename-state": lambda state, event: renamed(state, event.index, event.key),
+    "delete-state": lambda state, event: deleted(state, event.index),
+    "fade": lambda state, event: fade_lasting(state, event.x),
+}
 
 
 def _recall(index: int) -> Change:

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
-from volspec.errors import VolspecError
 from volspec.palette import Cell
 from volspec.palette.colours import parsed_colour
 from volspec.spectra import light as find_light
@@ -33,7 +33,7 @@ from volspec.viewer.design import (
 from volspec.viewer.design_ranges import assigned, recast
 from volspec.viewer.design_spectra import columns, exact, with_new_light, with_reflectances
 from volspec.viewer.design_table import first_wave, new_name, opened, table_of
-from volspec.viewer.events.event import Action, Event, Reducer
+from volspec.viewer.events.event import Action, Event, Reducer, guarded
 from volspec.viewer.events.lights import with_last
 from volspec.viewer.state import ViewState
 
@@ -45,18 +45,6 @@ def _wishing(state: ViewState, wishes: Wishes) -> ViewState:
     if wishes is state.board.wishes:
         return state
     return replace(state, board=state.board.wishing(wishes), transfer=exact(state.transfer))
-
-
-def _guarded(reducer: Reducer) -> Reducer:
-    """Without what a model refuses."""
-
-    def total(state: ViewState, event: Event) -> ViewState:
-        try:
-            return reducer(state, event)
-        except (VolspecError, ValueError):
-            return state
-
-    return total
 
 
 def _pick(state: ViewState, event: Event) -> ViewState:
@@ -196,9 +184,9 @@ def _rounds(state: ViewState, event: Event) -> ViewState:
     return _criteria(state, rounds=int(min(max(event.x, 1), MOST_ROUNDS)))
 
 
-def _criteria(state: ViewState, **changes: object) -> ViewState:
+def _criteria(state: ViewState, **changes: Any) -> ViewState:
     wishes = state.board.wishes
-    criteria = replace(wishes.criteria, **changes)  # type: ignore[arg-type]
+    criteria = replace(wishes.criteria, **changes)
     if criteria == wishes.criteria:
         return state
     return replace(state, board=state.board.wishing(replace(wishes, criteria=criteria)))
@@ -222,19 +210,19 @@ def _recast(state: ViewState, event: Event) -> ViewState:
 
 EVENTS: dict[str, Reducer] = {
     "pick-cell": _pick,
-    "wish": _guarded(_wish),
-    "wish-kind": _guarded(_kind),
-    "wish-weight": _guarded(_weight),
-    "wish-group": _guarded(_group),
-    "wish-distance": _guarded(_distance),
-    "open": _guarded(_open),
-    "constant": _guarded(_constant),
-    "lamp": _guarded(_lamp),
-    "smoothness": _guarded(_smoothness),
-    "metric": _guarded(_metric),
-    "rounds": _guarded(_rounds),
-    "assign": _guarded(_assign),
-    "recast": _guarded(_recast),
+    "wish": guarded(_wish),
+    "wish-kind": guarded(_kind),
+    "wish-weight": guarded(_weight),
+    "wish-group": guarded(_group),
+    "wish-distance": guarded(_distance),
+    "open": guarded(_open),
+    "constant": guarded(_constant),
+    "lamp": guarded(_lamp),
+    "smoothness": guarded(_smoothness),
+    "metric": guarded(_metric),
+    "rounds": guarded(_rounds),
+    "assign": guarded(_assign),
+    "recast": guarded(_recast),
 }
 
 

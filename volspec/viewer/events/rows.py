@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from volspec.errors import VolspecError
+from volspec.errors import VolspecError, one_line
 from volspec.viewer import light_parts, lighting
-from volspec.viewer.events.event import Event, Reducer
+from volspec.viewer.events.event import Event, Reducer, guarded
 from volspec.viewer.events.lights import only, renamed, with_last
 from volspec.viewer.state import ViewState
 
@@ -27,20 +27,8 @@ def refusal(state: ViewState, event: Event) -> str:
     try:
         _NOTATIONS[event.name](state, event)
     except (VolspecError, OSError) as error:
-        return " ".join(str(error).split())
+        return one_line(error)
     return ""
-
-
-def _guarded(reducer: Reducer) -> Reducer:
-    """Without what is no light, finds no room or cannot be read."""
-
-    def total(state: ViewState, event: Event) -> ViewState:
-        try:
-            return reducer(state, event)
-        except (VolspecError, OSError):
-            return state
-
-    return total
 
 
 def _of_rows(change: Callable[[lighting.Rows, Event], lighting.Rows]) -> Reducer:
@@ -85,7 +73,7 @@ def _split(state: ViewState, event: Event) -> ViewState:
 
 _NOTATIONS: dict[str, Reducer] = {"add-light": _add, "respell": _respell}
 EVENTS: dict[str, Reducer] = {
-    **{name: _guarded(reducer) for name, reducer in _NOTATIONS.items()},
+    **{name: guarded(reducer) for name, reducer in _NOTATIONS.items()},
     "alone": lambda state, event: only(state, event.index),
     "show-light": _show,
     "rename-light": lambda state, event: renamed(state, event.index, event.key),

@@ -71,9 +71,11 @@ class Command:
         return f"{self.group}: {self.title}"
 
 
-def commands_of(state: ViewState, recent: Sequence[RecentFile]) -> tuple[Command, ...]:
-    """All that can be done with a state, actions first."""
-    return _all(_light_titles(state), tuple(recent))
+def commands_of(
+    state: ViewState, recent: Sequence[RecentFile], text: str = ""
+) -> tuple[Command, ...]:
+    """All that can be done with a state, actions first; with a text the best matches first."""
+    return _searched(_light_titles(state), tuple(recent), text)
 
 
 def _light_titles(state: ViewState) -> tuple[str, ...]:
@@ -84,16 +86,13 @@ def _light_titles(state: ViewState) -> tuple[str, ...]:
     )
 
 
-def _all(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[Command, ...]:
-    return (*_fixed(), *_alone(names), *_files(recent), *_added())
-
-
 @lru_cache(maxsize=8)
 def _searched(
     names: tuple[str, ...], recent: tuple[RecentFile, ...], text: str
 ) -> tuple[Command, ...]:
     """Looked up when something is typed, not in every frame."""
-    return tuple(found(_all(names, recent), text, lambda command: command.text))
+    commands = (*_fixed(), *_alone(names), *_files(recent), *_added())
+    return tuple(found(commands, text, lambda command: command.text))
 
 
 @lru_cache(maxsize=1)
@@ -203,8 +202,7 @@ def _body(search: Search, state: ViewState, desk: Desk) -> Command | None:
     desk.note("commands")
     if text != search.text:
         search.text, search.at = text, 0
-    names = _light_titles(state)
-    rows = _searched(names, desk.recent, search.text)
+    rows = commands_of(state, desk.recent, search.text)
     step = _pressed(imgui.Key.down_arrow) - _pressed(imgui.Key.up_arrow)
     step += _ROWS * (_pressed(imgui.Key.page_down) - _pressed(imgui.Key.page_up))
     search.at = min(max(search.at + step, 0), max(len(rows) - 1, 0))

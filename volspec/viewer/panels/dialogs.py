@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 from volspec.raycast.checks import MAX_SIDE
 from volspec.viewer.desk import Desk
 from volspec.viewer.panels.widgets import pick, wrapped
-from volspec.viewer.paths import Listing, Wish, is_there, listing
+from volspec.viewer.paths import Listing, PathRequest, is_there, listing
 from volspec.viewer.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
 from volspec.viewer.state import ViewState
 
@@ -35,57 +35,61 @@ class PathDialog:
 
     Attributes
     ----------
-    wish : Wish, optional
+    request : PathRequest, optional
         What is asked for; None where it is closed.
     """
 
-    wish: Wish | None = None
+    request: PathRequest | None = None
     _text: str = ""
     _opens: bool = False
     _focus: bool = False
     # The file that the next Enter replaces.
     _replaces: str = ""
 
-    def ask(self, wish: Wish) -> None:
+    def ask(self, request: PathRequest) -> None:
         """Open it."""
-        self.wish, self._text, self._opens, self._focus = wish, wish.start, True, True
+        self.request, self._text, self._opens, self._focus = request, request.start, True, True
         self._replaces = ""
 
     def draw(self, desk: Desk) -> str:
         """Draw it; the path that was entered, or nothing."""
-        wish = self.wish
-        if wish is None:
+        request = self.request
+        if request is None:
             return ""
-        name = f"{wish.title}###path"
+        name = f"{request.title}###path"
         if self._opens:
             imgui.open_popup(name)
             self._opens = False
         if not _begun(name, desk, 560):
-            self.wish = None
+            self.request = None
             return ""
-        entered = self._body(wish, desk)
+        entered = self._body(request, desk)
         if entered or _escaped():
-            self.wish = None
+            self.request = None
             imgui.close_current_popup()
         imgui.end_popup()
-        return wish.named(entered)
+        return request.named(entered)
 
-    def _body(self, wish: Wish, desk: Desk) -> str:
-        found = _listed(self._text, wish.suffixes, int(imgui.get_time()))
+    def _body(self, request: PathRequest, desk: Desk) -> str:
+        found = _listed(self._text, request.suffixes, int(imgui.get_time()))
         if self._focus:
             imgui.set_keyboard_focus_here()
             self._focus = False
         imgui.set_next_item_width(-1)
         flags = _INPUT.enter_returns_true | _INPUT.callback_completion
         done, self._text = imgui.input_text_with_hint(
-            "##path", _hint(wish), self._text, flags, _completing(found)
+            "##path", _hint(request), self._text, flags, _completing(found)
         )
         desk.note("path")
         # Where a file is written its neighbours are of interest, not those of its name.
-        shown = _listed(found.folder, wish.suffixes, int(imgui.get_time())) if wish.save else found
+        shown = (
+            _listed(found.folder, request.suffixes, int(imgui.get_time()))
+            if request.save
+            else found
+        )
         self._list(shown, desk)
-        path = wish.named(self._text)
-        there = bool(path) and wish.save and is_there(path)
+        path = request.named(self._text)
+        there = bool(path) and request.save and is_there(path)
         right = _right()
         sure = there and path == self._replaces
         if there:
@@ -93,14 +97,14 @@ class PathDialog:
             wrapped(said, imgui.Col_.check_mark)  # not to be overlooked
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Tab completes")
-        label = "Replace" if there else "Save" if wish.save else "Open"
+        label = "Replace" if there else "Save" if request.save else "Open"
         width = desk.px(84)
         imgui.same_line(right - 2 * width - desk.px(8))
         pressed = imgui.button(label, (width, 0)) or done
         desk.note("path ok")
         imgui.same_line(0, desk.px(8))
         if imgui.button("Cancel", (width, 0)):
-            self.wish = None
+            self.request = None
             imgui.close_current_popup()
         if pressed and there and not sure:
             self._replaces, self._focus = path, True
@@ -139,8 +143,8 @@ def _listed(text: str, suffixes: tuple[str, ...], _second: int) -> Listing:
     return listing(text, suffixes)
 
 
-def _hint(wish: Wish) -> str:
-    return f"name{wish.suffixes[0]}" if wish.save else "scene.toml, volume.nrrd, …"
+def _hint(request: PathRequest) -> str:
+    return f"name{request.suffixes[0]}" if request.save else "scene.toml, volume.nrrd, …"
 
 
 @dataclass(slots=True)

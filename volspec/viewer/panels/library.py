@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from imgui_bundle import imgui
 
-from volspec.errors import VolspecError
+from volspec.errors import VolspecError, one_line
 from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, light, light_names
 from volspec.spectra.files import split_address
@@ -123,7 +123,7 @@ def verdict(text: str, grid: SpectralGrid, folder: str) -> tuple[LightRig | None
     try:
         return LightRig((light(text, grid, folder=folder),)), ""
     except (VolspecError, OSError) as error:
-        return None, " ".join(str(error).split())
+        return None, one_line(error)
 
 
 def _is_notation(text: str) -> bool:

@@ -16,7 +16,7 @@ from volspec.appearance.srgb import encode, linear_from_XYZ
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import white_XYZ
-from volspec.viewer.viewing import viewing_under
+from volspec.viewer.viewing import given_viewing
 
 Colour = tuple[float, float, float]
 Array = NDArray[np.float64]
@@ -69,6 +69,6 @@ def adapted_to(rig: LightRig, seen: RelightSpec, white: Array) -> Passage | None
         None where the light has no white to adapt to.
     """
     try:
-        return passage_of(viewing_under(rig, seen.viewing), white)
+        return passage_of(given_viewing(seen.viewing, rig.total_lux), white)
     except VolspecError:
         return None

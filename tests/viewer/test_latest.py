@@ -1,0 +1,167 @@
+"""Work beside the window: what waits is replaced, what was given up for another is not heard."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.viewer.test_files_scene import opened
+from volspec.pipeline import Raycaster
+from volspec.viewer import opening
+from volspec.viewer.desk import Desk
+from volspec.viewer.latest import LatestWorker
+from volspec.viewer.notice import Notice
+from volspec.viewer.opening import Opened, Openings
+from volspec.viewer.recent import STATE_VARIABLE
+from volspec.viewer.screenshot import Progress, frame_of
+from volspec.viewer.session import SUFFIX, save_session
+from volspec.viewer.tasks import Tasks
+from volspec.viewer.trace import Trace
+
+
+class Slow(LatestWorker[str, str]):
+    """Gives each letter of a word, the first as soon as it may."""
+
+    def __init__(self, wake: Callable[[], object] = lambda: None) -> None:
+        super().__init__(wake, "slow")
+        self.go_on = threading.Event()
+        self.begun: list[str] = []
+
+    def _answers(self, job: str) -> Iterator[str]:
+        self.begun.append(job)
+        assert self.go_on.wait(20)
+        if job == "fault":
+            raise ZeroDivisionError
+        for letter in job:
+            yield letter
+            if self._superseded():
+                return
+
+
+def until(true: Callable[[], object]) -> None:
+    end = time.time() + 20
+    while not true() and time.time() < end:
+        time.sleep(0.002)
+    assert true()
+
+
+def test_what_waits_is_replaced_by_what_is_asked_for_next() -> None:
+    worker = Slow()
+    worker.request("ab")
+    until(lambda: worker.begun)
+    for word in ("cd", "ef", "gh"):
+        worker.request(word)
+    assert worker.busy
+    worker.go_on.set()
+    until(lambda: not worker.busy)
+    assert worker.begun == ["ab", "gh"] and worker.take() == ["a", "g", "h"] and not worker.take()
+    # Its thread has ended, and another begins.
+    worker.request("i")
+    until(lambda: not worker.busy)
+    assert worker.take() == ["i"]
+
+
+def test_a_closed_worker_begins_nothing_more() -> None:
+    worker = Slow()
+    worker.request("ab")
+    until(lambda: worker.begun)
+    worker.request("cd")
+    started = time.perf_counter()
+    worker.close(0.05)
+    assert time.perf_counter() - started < 5
+    worker.go_on.set()
+    until(lambda: not worker.busy)
+    worker.request("ef")
+    assert worker.begun == ["ab"] and not worker.busy
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_fault_ends_the_thread_and_not_the_work() -> None:
+    worker = Slow()
+    worker.go_on.set()
+    worker.request("fault")
+    until(lambda: not worker.busy)
+    worker.request("a")
+    until(lambda: not worker.busy)
+    assert worker.take() == ["a"]
+
+
+@pytest.mark.parametrize("first_ends_first", [True, False])
+def test_of_two_files_the_one_asked_for_last_is_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first_ends_first: bool
+) -> None:
+    """A scene and a session: they were two kinds of task, of which each brought its own."""
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
+    state = opened(tmp_path)
+    session = save_session(state, tmp_path / f"one{SUFFIX}")
+    may_end = {name: threading.Event() for name in ("scene", "session")}
+
+    def slow(name: str, result: object) -> Callable[..., Any]:
+        return lambda *_: (may_end[name].wait(20), result)[1]
+
+    monkeypatch.setattr(opening, "opened", slow("scene", state.document))
+    resumed = replace(state, document=replace(state.document, title="resumed"))
+    monkeypatch.setattr(opening, "resumed", slow("session", resumed))
+    tasks = Tasks(lambda: None)
+    each = Openings(tasks, Desk(), Notice(), Trace(), None)
+    found: list[Opened] = []
+
+    def taken() -> bool:
+        came = [each.came(outcome, first=False) for outcome in tasks.take()]
+        found.extend(opened for opened in came if opened)
+        return bool(found)
+
+    each.open(str(session))
+    each.open("a.toml")
+    first, last = ("session", "scene") if first_ends_first else ("scene", "session")
+    may_end[first].set()
+    if first_ends_first:
+        time.sleep(0.1)
+        assert not taken()
+    else:
+        until(taken)
+    may_end[last].set()
+    until(taken)
+    time.sleep(0.1)
+    assert taken() and [each.state.document.title for each in found] == ["ball"]
+
+
+def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> None:
+    """A picture held the document's caster for its whole cast."""
+    state = opened(tmp_path)
+    document, caster = state.document, Raycaster(state.document.volume)
+    state = replace(state, document=replace(document, caster=caster))
+    under_way, may_end = threading.Event(), threading.Event()
+
+    class Held(Progress):
+        def report(self, share: float) -> None:
+            under_way.set()
+            assert may_end.wait(20)
+
+    def picture() -> None:
+        frames.append(frame_of(state, (64, 48), Held("")))
+
+    frames: list[Any] = []
+    saving = threading.Thread(target=picture)
+    saving.start()
+    assert under_way.wait(20)
+    camera = state.view.camera(document.volume)
+    casts = []
+    window = threading.Thread(
+        target=lambda: casts.append(
+            caster.cast(caster.table_of(state.transfer), camera, (32, 24), state.shading)
+        ),
+        daemon=True,
+    )
+    window.start()
+    window.join(20)
+    assert casts and not frames
+    may_end.set()
+    saving.join(20)
+    assert frames[0].shape == (48, 64, 3)

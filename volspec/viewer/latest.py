@@ -1,0 +1,111 @@
+"""Work beside the window of which only the newest is wanted.
+
+    request -> [latest] -> a thread -> take
+
+Casts, designs, files, tables: the window asks for one, and takes what has come of it when it
+wakes. What waits is replaced by what is asked for next; nothing ever queues up.
+"""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Generic, TypeVar
+
+Job = TypeVar("Job")
+Done = TypeVar("Done")
+
+
+class LatestWorker(ABC, Generic[Job, Done]):
+    """Answers requests in a thread, one at a time and the newest next.
+
+    The thread begins with a request and ends when none waits.
+
+    Parameters
+    ----------
+    wake : callable
+        Called from the thread when there is something to take.
+    name : str
+        Of the thread.
+    """
+
+    def __init__(self, wake: Callable[[], object], name: str) -> None:
+        self._wake, self._name = wake, name
+        self._next: Job | None = None
+        self._closed = False
+        self._changed = threading.Condition()
+        self._done: deque[Done] = deque()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is under way or waits."""
+        with self._changed:
+            return self._thread is not None
+
+    def request(self, job: Job) -> None:
+        """Do this next, instead of what waits."""
+        with self._changed:
+            self._next = job
+            self._changed.notify()
+            if self._thread is None and not self._closed:
+                self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+                self._thread.start()
+
+    def take(self) -> list[Done]:
+        """What has come since the last call, in order."""
+        taken = []
+        while self._done:
+            taken.append(self._done.popleft())
+        return taken
+
+    def close(self, patience_s: float | None = None) -> None:
+        """Begin nothing any more, and wait for what is under way.
+
+        Parameters
+        ----------
+        patience_s : float, optional
+            The longest that is waited; None is until it has ended.
+        """
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+            thread = self._thread
+        if thread is not None:
+            thread.join(patience_s)
+
+    @abstractmethod
+    def _answers(self, job: Job) -> Iterator[Done]:
+        """What comes of a job, as it comes; in the thread. Errors are told, not raised."""
+
+    def _superseded(self) -> bool:
+        """Whether nobody waits for the present job any more."""
+        return self._closed or self._next is not None
+
+    def _rests(self, seconds: float) -> bool:
+        """Wait so long for another request; whether none has come."""
+        with self._changed:
+            return not self._changed.wait_for(self._superseded, seconds)
+
+    def _run(self) -> None:
+        try:
+            while (job := self._begun()) is not None:
+                for done in self._answers(job):
+                    self._done.append(done)
+                    self._wake()
+        except BaseException:
+            # A fault of our own ends this thread; the next request begins another.
+            with self._changed:
+                self._thread = None
+            raise
+
+    def _begun(self) -> Job | None:
+        """The job that waited; None where none does, and the thread is no longer one."""
+        with self._changed:
+            job, self._next = self._next, None
+            if job is None or self._closed:
+                self._thread = None
+                return None
+            return job
