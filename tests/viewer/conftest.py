@@ -10,9 +10,9 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.document import Document, histogram
-from volspec.viewer.lighting import LightRow
+from volspec.viewer.lights.lighting import LightRow
 from volspec.viewer.state import ViewState
-from volspec.viewer.views import View
+from volspec.viewer.view.views import View
 from volspec.volume import phantom
 
 

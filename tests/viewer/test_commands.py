@@ -9,8 +9,8 @@ import pytest
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
 from volspec.viewer.actions import ACTIONS, BY_KEY, MENUS, shown
-from volspec.viewer.lighting import shining
-from volspec.viewer.recent import RecentFile
+from volspec.viewer.files.recent import RecentFile
+from volspec.viewer.lights.lighting import shining
 from volspec.viewer.state import ViewState
 
 commands = pytest.importorskip("volspec.viewer.panels.commands")

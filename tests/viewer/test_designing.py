@@ -18,24 +18,26 @@ from volspec.errors import PaletteError
 from volspec.palette import Design, Palette, PaletteSpectrum, design, load_palette
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
-from volspec.viewer import asking, design_files, design_wizards, design_worker, designing
 from volspec.viewer.actions import BY_NAME
-from volspec.viewer.asking import REQUESTS, Asking
 from volspec.viewer.chores import Chores
-from volspec.viewer.design import Pick
-from volspec.viewer.design_spectra import with_reflectances
-from volspec.viewer.design_table import palette_of
-from volspec.viewer.design_worker import DesignJob, DesignWorker
-from volspec.viewer.designing import Designing
 from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
+from volspec.viewer.files import asking
+from volspec.viewer.files.asking import REQUESTS, Asking
+from volspec.viewer.files.recent import STATE_VARIABLE
+from volspec.viewer.files.tasks import Tasks
 from volspec.viewer.history import History
-from volspec.viewer.lighting import MOST_ROWS
-from volspec.viewer.notice import Notice
-from volspec.viewer.recent import STATE_VARIABLE
+from volspec.viewer.lights.lighting import MOST_ROWS
+from volspec.viewer.palette import files, service, wizards
+from volspec.viewer.palette import worker as design_worker
+from volspec.viewer.palette.service import Designing
+from volspec.viewer.palette.spectra import with_reflectances
+from volspec.viewer.palette.table import palette_of
+from volspec.viewer.palette.wishes import Pick
+from volspec.viewer.palette.worker import DesignJob, DesignWorker
 from volspec.viewer.state import ViewState
-from volspec.viewer.tasks import Tasks
-from volspec.viewer.trace import Trace
+from volspec.viewer.window.notice import Notice
+from volspec.viewer.window.trace import Trace
 
 PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 
@@ -129,8 +131,8 @@ def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
 ) -> None:
     pick = Pick(place=("gold", "A"))
     begun = replace(state, interface=replace(state.interface, pick=pick))
-    result, may_end = design_wizards.asked(begun, "hide"), threading.Event()
-    monkeypatch.setattr(designing, "asked", lambda *_: (may_end.wait(20), result)[1])
+    result, may_end = wizards.asked(begun, "hide"), threading.Event()
+    monkeypatch.setattr(service, "asked", lambda *_: (may_end.wait(20), result)[1])
     bench = Bench()
     bench.designing.follow(begun)
     bench.designing.do("hide", begun)
@@ -152,12 +154,12 @@ def test_a_wizard_waits_for_the_design_under_way_and_lands_on_what_it_brings(
     """It began at once, and was dropped when the design's last pass changed the materials."""
     pick = Pick(place=("gold", "A"))
     begun = wished(replace(state, interface=replace(state.interface, pick=pick)))
-    result, may_end = design_wizards.asked(begun, "hide"), threading.Event()
+    result, may_end = wizards.asked(begun, "hide"), threading.Event()
     monkeypatch.setattr(
         design_worker, "design", lambda palette: (may_end.wait(20), design(palette))[1]
     )
     began_with: list[ViewState] = []
-    monkeypatch.setattr(designing, "asked", lambda state, _: (began_with.append(state), result)[1])
+    monkeypatch.setattr(service, "asked", lambda state, _: (began_with.append(state), result)[1])
     bench = Bench()
     bench.designing.follow(begun)
     bench.designing.do("hide", begun)
@@ -206,7 +208,7 @@ def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
 def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
     wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
     viewing = replace(state.seen.viewing, display=Display(space=wall))
-    scene = design_wizards.scene_of(replace(state, seen=replace(state.seen, viewing=viewing)))
+    scene = wizards.scene_of(replace(state, seen=replace(state.seen, viewing=viewing)))
     assert scene.relight.viewing.display.colours == wall
 
 
@@ -216,9 +218,7 @@ def test_a_palette_s_model_that_cannot_adapt_to_pixels_measures_the_picture(
     palette = load_palette(PALETTES / "figure-2.toml")
     palette = replace(palette, viewing=replace(palette.viewing, model="CAT02"))
     eye = replace(state.seen.viewing, model="CAM16", adapting="pixel")
-    loaded = design_files.with_palette(
-        replace(state, seen=replace(state.seen, viewing=eye)), palette
-    )
+    loaded = files.with_palette(replace(state, seen=replace(state.seen, viewing=eye)), palette)
     found = loaded.seen.viewing
     assert (found.model, found.adapting) == ("CAT02", "picture")
 
@@ -228,4 +228,4 @@ def test_a_palette_whose_lights_find_no_room_is_refused(state: ViewState) -> Non
     many = tuple(PaletteSpectrum(f"lamp {n}", light("A")) for n in range(MOST_ROWS))
     crowded = replace(palette, lights=(*palette.lights, *many))
     with pytest.raises(PaletteError, match=f"no room for light .*{MOST_ROWS} lights are the most"):
-        design_files.with_palette(state, crowded)
+        files.with_palette(state, crowded)

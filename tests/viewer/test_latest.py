@@ -13,16 +13,16 @@ import pytest
 
 from tests.viewer.test_files_scene import opened
 from volspec.pipeline import Raycaster
-from volspec.viewer import opening
 from volspec.viewer.desk import Desk
+from volspec.viewer.files import opening
+from volspec.viewer.files.opening import Opened, Openings
+from volspec.viewer.files.recent import STATE_VARIABLE
+from volspec.viewer.files.screenshot import Progress, frame_of
+from volspec.viewer.files.session import SUFFIX, save_session
+from volspec.viewer.files.tasks import Tasks
 from volspec.viewer.latest import LatestWorker
-from volspec.viewer.notice import Notice
-from volspec.viewer.opening import Opened, Openings
-from volspec.viewer.recent import STATE_VARIABLE
-from volspec.viewer.screenshot import Progress, frame_of
-from volspec.viewer.session import SUFFIX, save_session
-from volspec.viewer.tasks import Tasks
-from volspec.viewer.trace import Trace
+from volspec.viewer.window.notice import Notice
+from volspec.viewer.window.trace import Trace
 
 
 class Slow(LatestWorker[str, str]):

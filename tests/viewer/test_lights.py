@@ -16,10 +16,10 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer import drawing, light_parts, lighting, mixes
-from volspec.viewer.drawing import drawn, stroke
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.lighting import LightRow, Rows, rig_of
+from volspec.viewer.lights import drawing, lighting, mixes, parts
+from volspec.viewer.lights.drawing import drawn, stroke
+from volspec.viewer.lights.lighting import LightRow, Rows, rig_of
 from volspec.viewer.state import ViewState
 
 _SCENES = Path(__file__).resolve().parents[2] / "data" / "scenes"
@@ -102,34 +102,29 @@ def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time() -> None:
 
 
 def test_lux_count_where_all_that_shines_has_them() -> None:
-    rows = light_parts.lit_with(ROWS, 0, 500.0)
+    rows = parts.lit_with(ROWS, 0, 500.0)
     rig = rig_of(rows)
     assert rig is not None and rig.total_lux == 500.0
-    assert light_parts.lux_note(rows, _SHARES, RelightSpec()).startswith("Together 500 lx")
+    assert parts.lux_note(rows, _SHARES, RelightSpec()).startswith("Together 500 lx")
     both = lighting.weighted(rows, 1, 1.0)
     rig = rig_of(both)
     assert rig is not None and rig.total_lux is None
     assert (
-        light_parts.lux_note(both, _SHARES, RelightSpec())
+        parts.lux_note(both, _SHARES, RelightSpec())
         == "As A has no lux, Viewing's 1000 lx count for all"
     )
-    assert (
-        light_parts.lux_note(ROWS, _SHARES, RelightSpec())
-        == "No lux given: Viewing's 1000 lx count"
-    )
+    assert parts.lux_note(ROWS, _SHARES, RelightSpec()) == "No lux given: Viewing's 1000 lx count"
     absolute = RelightSpec(level="absolute")
-    assert "needs lux, and A has none" in light_parts.lux_note(both, _SHARES, absolute)
-    assert light_parts.lit_with(rows, 0, 0.0)[0].rig.illuminance_lux is None
+    assert "needs lux, and A has none" in parts.lux_note(both, _SHARES, absolute)
+    assert parts.lit_with(rows, 0, 0.0)[0].rig.illuminance_lux is None
 
 
 def test_lux_of_groups_are_told_for_what_faces_them_all() -> None:
     """500 lx from a group with three quarters of the light, half of 100 from the rest."""
-    rows = light_parts.lit_with(light_parts.lit_with(ROWS, 3, 500.0), 3, 100.0, part=1)
+    rows = parts.lit_with(parts.lit_with(ROWS, 3, 500.0), 3, 100.0, part=1)
     assert rows[3].rig.illuminance_lux == (500.0, 100.0)
-    assert light_parts.facing_lux(rows[3].rig, _SHARES) == pytest.approx(
-        0.75 * 500 + 0.25 * 0.5 * 100
-    )
-    assert light_parts.facing_lux(rows[3].rig, {"other": 1.0}) is None
+    assert parts.facing_lux(rows[3].rig, _SHARES) == pytest.approx(0.75 * 500 + 0.25 * 0.5 * 100)
+    assert parts.facing_lux(rows[3].rig, {"other": 1.0}) is None
 
 
 def test_a_light_added_among_lights_with_lux_has_as_many() -> None:
@@ -142,48 +137,48 @@ def test_a_light_added_among_lights_with_lux_has_as_many() -> None:
 
 
 def test_a_spectrum_for_all_groups_is_parted_and_joined_again() -> None:
-    split = light_parts.parted(light_parts.lit_with(ROWS, 0, 300.0), 0, ("lamp", "sky"))[0]
+    split = parts.parted(parts.lit_with(ROWS, 0, 300.0), 0, ("lamp", "sky"))[0]
     assert split.rig.groups == ("lamp", "sky") and split.texts == ("D65", "D65")
     assert split.rig.illuminance_lux == (300.0, 300.0)
     # All groups at 300 lx, and each at 300 lx times its share, are the same light.
-    assert light_parts.facing_lux(split.rig, _SHARES) == pytest.approx(300.0)
-    less = light_parts.part_removed((split,), 0, 1)
+    assert parts.facing_lux(split.rig, _SHARES) == pytest.approx(300.0)
+    less = parts.part_removed((split,), 0, 1)
     assert less[0].rig.groups == ("lamp",) and less[0].text == "D65"
-    assert light_parts.part_removed(less, 0, 0) is less
-    assert light_parts.regrouped(less, 0, 0, "")[0].rig.groups == ("",)
-    assert light_parts.part_added(less, 0, "sky")[0].rig.groups == ("lamp", "sky")
+    assert parts.part_removed(less, 0, 0) is less
+    assert parts.regrouped(less, 0, 0, "")[0].rig.groups == ("",)
+    assert parts.part_added(less, 0, "sky")[0].rig.groups == ("lamp", "sky")
 
 
 def test_a_group_cannot_be_weighted_until_all_is_dark() -> None:
-    rows = light_parts.part_weighted(ROWS, 3, 0, 0.0)
+    rows = parts.part_weighted(ROWS, 3, 0, 0.0)
     assert rows[3].rig.weights == (0.0, 0.5)
-    assert light_parts.part_weighted(rows, 3, 1, 0.0) is rows
-    assert light_parts.part_weighted(rows, 3, 1, 99.0)[3].rig.weights[1] == light_parts.MOST_WEIGHT
+    assert parts.part_weighted(rows, 3, 1, 0.0) is rows
+    assert parts.part_weighted(rows, 3, 1, 99.0)[3].rig.weights[1] == parts.MOST_WEIGHT
 
 
 def test_a_spectrum_is_respelled_or_refused_with_the_name() -> None:
-    rows = light_parts.respelled(ROWS, 0, 0, "planck:2700", DEFAULT_GRID)
+    rows = parts.respelled(ROWS, 0, 0, "planck:2700", DEFAULT_GRID)
     assert rows[0].name == "2700 K" and rows[0].kelvin == 2700.0 and rows[0].weight == 1.0
-    sky = light_parts.respelled(ROWS, 3, 1, "daylight:7500", DEFAULT_GRID)
+    sky = parts.respelled(ROWS, 3, 1, "daylight:7500", DEFAULT_GRID)
     assert sky[3].name == "evening" and sky[3].texts == ("A", "daylight:7500")
-    assert light_parts.respelled(ROWS, 0, 0, " D65 ", DEFAULT_GRID) is ROWS
+    assert parts.respelled(ROWS, 0, 0, " D65 ", DEFAULT_GRID) is ROWS
     with pytest.raises(SpectrumError, match="D6"):
-        light_parts.respelled(ROWS, 0, 0, "D6", DEFAULT_GRID)
+        parts.respelled(ROWS, 0, 0, "D6", DEFAULT_GRID)
 
 
 def edit(rows: Rows, what: int, index: int, part: int, x: float) -> Rows:
     """One of all edits."""
     if what == 0:
-        return light_parts.lit_with(rows, index, x, part)
+        return parts.lit_with(rows, index, x, part)
     if what == 1:
-        return light_parts.part_weighted(rows, index, part, x)
+        return parts.part_weighted(rows, index, part, x)
     if what == 2:
-        return light_parts.regrouped(rows, index, part, ("", "lamp", "sky")[part % 3])
+        return parts.regrouped(rows, index, part, ("", "lamp", "sky")[part % 3])
     if what == 3:
-        return light_parts.part_added(rows, index, "sky")
+        return parts.part_added(rows, index, "sky")
     if what == 4:
-        return light_parts.part_removed(rows, index, part)
-    return light_parts.parted(rows, index, ("lamp", "sky"))
+        return parts.part_removed(rows, index, part)
+    return parts.parted(rows, index, ("lamp", "sky"))
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)

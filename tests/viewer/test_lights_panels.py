@@ -13,7 +13,7 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.rows import refusal
 from volspec.viewer.state import ViewState
 
-dial = pytest.importorskip("volspec.viewer.panels.dial")
+dial = pytest.importorskip("volspec.viewer.panels.lights.dial")
 
 AREA = (0, 20, 900, 600)
 
@@ -49,7 +49,7 @@ def test_the_light_under_the_mouse_is_found_at_the_rim_only() -> None:
 def test_names_of_both_sides_stay_in_the_picture_and_apart(
     at: float, left: float, right: float
 ) -> None:
-    from volspec.viewer.panels.divide import label_boxes
+    from volspec.viewer.panels.over.divide import label_boxes
 
     a, b = label_boxes(AREA, at, (left, right), 20.0, 16.0, 12.0)
     for x, y, width, height in (a, b):
@@ -62,7 +62,7 @@ def test_names_of_both_sides_stay_in_the_picture_and_apart(
 
 
 def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
-    from volspec.viewer.panels.library import class_of, library_names, matching, verdict
+    from volspec.viewer.panels.lights.library import class_of, library_names, matching, verdict
 
     rig, wrong = verdict("D65*0.7+planck:2700*0.3", DEFAULT_GRID, ".")
     assert rig is not None and wrong == ""
@@ -87,7 +87,7 @@ def test_a_notation_that_is_no_light_changes_nothing_and_says_why(state: ViewSta
 
 def test_a_light_without_its_colour_to_the_display_has_one_all_the_same() -> None:
     """Sodium lies outside of sRGB; a swatch is within it, its strongest channel at 1."""
-    from volspec.viewer.panels.light_colours import raw_colour
+    from volspec.viewer.panels.lights.colours import raw_colour
 
     for name in ("HP1", "LPS", "D65", "LED-B1"):
         colour = raw_colour(LightRig((light(name),)))
@@ -95,8 +95,8 @@ def test_a_light_without_its_colour_to_the_display_has_one_all_the_same() -> Non
 
 
 def test_columns_of_a_plot_lie_on_the_bands() -> None:
-    from volspec.viewer.panels.light_look import column_heights
-    from volspec.viewer.panels.spectrum import pen_place, wavelength_share
+    from volspec.viewer.panels.lights.look import column_heights
+    from volspec.viewer.panels.lights.spectrum import pen_place, wavelength_share
 
     values = np.arange(31.0)
     np.testing.assert_allclose(column_heights(values, 31), values)

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from volspec.appearance import Viewing
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer import lighting
-from volspec.viewer.drawing import drawn
 from volspec.viewer.events import Event, lightstates, reduced
-from volspec.viewer.fader import Fader
 from volspec.viewer.history import History
-from volspec.viewer.lighting import LightRow, Rows, rig_of, shining
-from volspec.viewer.lightstates import faded, recalled
+from volspec.viewer.lights import lighting
+from volspec.viewer.lights.drawing import drawn
+from volspec.viewer.lights.fader import Fader
+from volspec.viewer.lights.lighting import LightRow, Rows, rig_of, shining
+from volspec.viewer.lights.states import faded, recalled
 from volspec.viewer.stale import stale_stage
 from volspec.viewer.state import ViewState
 

@@ -25,19 +25,19 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer import design_files, design_wizards
 from volspec.viewer.actions import BY_NAME
-from volspec.viewer.design import LIGHT, REFLECTANCE, STAY, Board, Pick, Wishes
-from volspec.viewer.design_ranges import assigned, ranges
-from volspec.viewer.design_spectra import columns, with_reflectances
-from volspec.viewer.design_table import answered, palette_of, table_of
-from volspec.viewer.design_worker import DesignDone, DesignJob, DesignWorker
-from volspec.viewer.designing import advice_of
 from volspec.viewer.document import Document
 from volspec.viewer.events import EVENTS, Event, reduced
 from volspec.viewer.history import History
-from volspec.viewer.panels.palette import summary
-from volspec.viewer.panels.palette_cells import contrast, explained, importance, levels
+from volspec.viewer.palette import files, wizards
+from volspec.viewer.palette.ranges import assigned, ranges
+from volspec.viewer.palette.service import advice_of
+from volspec.viewer.palette.spectra import columns, with_reflectances
+from volspec.viewer.palette.table import answered, palette_of, table_of
+from volspec.viewer.palette.wishes import LIGHT, REFLECTANCE, STAY, Board, Pick, Wishes
+from volspec.viewer.palette.worker import DesignDone, DesignJob, DesignWorker
+from volspec.viewer.panels.palette.cells import contrast, explained, importance, levels
+from volspec.viewer.panels.palette.panel import summary
 from volspec.viewer.stale import stale_stage
 from volspec.viewer.state import ViewState
 
@@ -182,7 +182,7 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState)
     transfer = TransferFunction([(0.2, 0.0, "a"), (0.5, 0.2, "b")], grey, MaterialBasis(grey))
     empty = replace(state, transfer=transfer, lights=state.lights[:1])
     palette = load_palette(PALETTES / "figure-2.toml")
-    begun = design_files.with_palette(empty, palette)
+    begun = files.with_palette(empty, palette)
     assert columns(begun.lights) == ("D65", "split 1", "split 2")
     assert begun.board.waits and begun.board.anew
     found = answers(begun)[-1].made
@@ -272,7 +272,7 @@ def test_materials_of_values_are_cut_out_of_the_curve(state: ViewState) -> None:
 def hidden(state: ViewState) -> ViewState:
     pick = Pick(place=("gold", "A"))
     asked = replace(state, interface=replace(state.interface, pick=pick))
-    return design_wizards.applied(asked, design_wizards.asked(asked, "hide"))
+    return wizards.applied(asked, wizards.asked(asked, "hide"))
 
 
 def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: ViewState) -> None:
@@ -288,7 +288,7 @@ def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: Vi
 def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
     pick = Pick(place=("gold", "A"), like="D65")
     asked = replace(state, interface=replace(state.interface, pick=pick))
-    made = design_wizards.applied(asked, design_wizards.asked(asked, "hide"))
+    made = wizards.applied(asked, wizards.asked(asked, "hide"))
     assert columns(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
     assert (LIGHT, "new 1") in made.board.wishes.open
     assert stale_stage(undressed(state), replace(made, board=Board())) == "relight"
@@ -303,7 +303,7 @@ def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState) -
         LabelFunction({1: (0.5, "gold"), 2: (0.2, {"copper": 0.5})}, metals, basis),
         Isosurfaces([(0.3, 0.5, "copper"), (0.6, 1.0, "gold")], metals, basis),
     ):
-        scene = design_wizards.scene_of(replace(state, transfer=transfer))
+        scene = wizards.scene_of(replace(state, transfer=transfer))
         assert list(scene.materials) == ["copper", "gold"]
         assert type(scene.transfer) is type(transfer)
         assert [each.name for each in scene.lights] == list(columns(state.lights))
@@ -317,20 +317,20 @@ def test_filters_keep_their_basis_and_no_wizard_touches_them(state: ViewState) -
     assert asked.transfer is glass and asked.board.waits
     assert stale_stage(asked, designed(asked)) == "cast"
     with pytest.raises(PaletteError, match="filter"):
-        design_wizards.asked(asked, "hide")
+        wizards.asked(asked, "hide")
 
 
 def test_a_wizard_that_refuses_says_why(state: ViewState) -> None:
     pick = Pick(place=("gold", "A"), distance=99.0)
     asked = replace(state, interface=replace(state.interface, pick=pick))
     with pytest.raises(PaletteError, match="comes no further than"):
-        design_wizards.asked(asked, "reveal")
+        wizards.asked(asked, "reveal")
 
 
 def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
-    design_files.saved(hidden, str(file))
-    again = design_files.with_palette(hidden, load_palette(file))
+    files.saved(hidden, str(file))
+    again = files.with_palette(hidden, load_palette(file))
     assert not again.board.waits
     assert again.board.wishes.cells == hidden.board.wishes.cells
     assert again.board.wishes.open == hidden.board.wishes.open

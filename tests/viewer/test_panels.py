@@ -17,7 +17,7 @@ desk = pytest.importorskip("volspec.viewer.desk")
 
 
 def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
-    from volspec.viewer.panels.library import matching
+    from volspec.viewer.panels.lights.library import matching
 
     assert matching("d65")[0] == "D65"
     found = matching("fl")
@@ -28,7 +28,7 @@ def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
 def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(
     state: ViewState,
 ) -> None:
-    from volspec.viewer.panels.light_colours import adapted_colour, raw_colour
+    from volspec.viewer.panels.lights.colours import adapted_colour, raw_colour
 
     tungsten = state.lights[1].rig
     raw, adapted = raw_colour(tungsten), adapted_colour(tungsten, state.seen)
@@ -37,7 +37,7 @@ def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(
 
 
 def test_swatches_are_kept(state: ViewState) -> None:
-    from volspec.viewer.panels.light_colours import adapted_colour
+    from volspec.viewer.panels.lights.colours import adapted_colour
 
     first = adapted_colour(state.lights[0].rig, state.seen)
     assert adapted_colour(state.lights[0].rig, state.seen) is first
@@ -52,7 +52,7 @@ def test_a_colour_is_packed_with_its_own_opacity_and_one_more() -> None:
 
 
 def test_settings_that_do_not_go_together_are_left_as_they_are() -> None:
-    from volspec.viewer.viewing import changed, with_display, with_model
+    from volspec.viewer.lights.viewing import changed, with_display, with_model
 
     seen = changed(RelightSpec(), adapting="pixel")
     assert with_model(seen, "Hunt").viewing.adapting == "picture"
@@ -97,8 +97,8 @@ def test_a_room_is_named_until_its_numbers_change() -> None:
 
 def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
     """L_A is E_v/π · Y_b/100."""
+    from volspec.viewer.lights.viewing import luminance
     from volspec.viewer.panels.viewing import white_told
-    from volspec.viewer.viewing import luminance
 
     viewing, plain = state.seen.viewing, state.lights[0].rig
     assert luminance(plain, viewing) == pytest.approx(1000 / np.pi * 0.2)

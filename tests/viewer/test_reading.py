@@ -14,8 +14,8 @@ from volspec.relight import Illumination, LightRig
 from volspec.relight.error_map import error_map
 from volspec.spectra import color_matching_functions
 from volspec.viewer.document import Document
-from volspec.viewer.lighting import rig_of
-from volspec.viewer.reading import place_mm, read, spectra, value_at
+from volspec.viewer.lights.lighting import rig_of
+from volspec.viewer.picture.reading import place_mm, read, spectra, value_at
 from volspec.viewer.state import ViewState
 
 MIDDLE = (16, 16)
@@ -93,7 +93,7 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
 def test_the_map_is_made_once_for_each_picture_and_light(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    heat = pytest.importorskip("volspec.viewer.heat")
+    heat = pytest.importorskip("volspec.viewer.picture.error_map")
     _, image, _ = shot(state)
     begun = []
     monkeypatch.setattr(heat.Tasks, "start", lambda self, kind, task: begun.append(task()))

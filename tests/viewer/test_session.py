@@ -17,12 +17,10 @@ from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.relight import LightRig
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
-from volspec.viewer import session_store
 from volspec.viewer.document import Document, plain_scene
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.lighting import LightRow
-from volspec.viewer.lightstates import Fade
-from volspec.viewer.session import (
+from volspec.viewer.files import session_store
+from volspec.viewer.files.session import (
     SUFFIX,
     VERSION,
     BrokenSession,
@@ -32,7 +30,9 @@ from volspec.viewer.session import (
     save_session,
     session_of,
 )
-from volspec.viewer.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
+from volspec.viewer.files.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
+from volspec.viewer.lights.lighting import LightRow
+from volspec.viewer.lights.states import Fade
 from volspec.viewer.state import Interface, ViewState
 from volspec.volume import load_volume, phantom
 

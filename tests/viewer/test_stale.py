@@ -10,11 +10,11 @@ import pytest
 from volspec.raycast import ClipPlane
 from volspec.relight import RelightSpec
 from volspec.viewer.actions import ACTIONS, BY_NAME
-from volspec.viewer.design import Board
 from volspec.viewer.document import Document
 from volspec.viewer.events import EVENTS, Event, reduced
 from volspec.viewer.history import MOST_STEPS, History
-from volspec.viewer.lightstates import Fade, LightState
+from volspec.viewer.lights.states import Fade, LightState
+from volspec.viewer.palette.wishes import Board
 from volspec.viewer.stale import STAGES, stale_stage
 from volspec.viewer.state import Interface, ViewState
 

@@ -14,23 +14,23 @@ from volspec.errors import InputError
 from volspec.palette import Cell
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer import lighting
 from volspec.viewer.actions import BY_NAME
-from volspec.viewer.design import LIGHT, Board, Wishes
-from volspec.viewer.drawing import drawn, undrawn
 from volspec.viewer.events import Event, lightstates, reduced
 from volspec.viewer.events.lights import renamed
-from volspec.viewer.gestures import RUN_S, Gestures
+from volspec.viewer.files.opening import Opened, Openings
+from volspec.viewer.files.recent import RecentFiles
+from volspec.viewer.files.tasks import Tasks
 from volspec.viewer.history import History, changed_in
-from volspec.viewer.inputs import Input
-from volspec.viewer.light_parts import respelled
-from volspec.viewer.lighting import LightRow, shining
-from volspec.viewer.notice import Notice
-from volspec.viewer.opening import Opened, Openings
-from volspec.viewer.recent import RecentFiles
+from volspec.viewer.lights import lighting
+from volspec.viewer.lights.drawing import drawn, undrawn
+from volspec.viewer.lights.lighting import LightRow, shining
+from volspec.viewer.lights.parts import respelled
+from volspec.viewer.palette.wishes import LIGHT, Board, Wishes
 from volspec.viewer.state import Interface, ViewState
-from volspec.viewer.tasks import Tasks
-from volspec.viewer.trace import Trace
+from volspec.viewer.window.gestures import RUN_S, Gestures
+from volspec.viewer.window.inputs import Input
+from volspec.viewer.window.notice import Notice
+from volspec.viewer.window.trace import Trace
 
 
 def done(state: ViewState, name: str) -> ViewState:
@@ -160,7 +160,7 @@ def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
 
 
 def test_a_drawn_light_says_from_what() -> None:
-    rows = pytest.importorskip("volspec.viewer.panels.light_rows")
+    rows = pytest.importorskip("volspec.viewer.panels.lights.rows")
     lamp = LightRow("day", "D65 at noon", LightRig((light("D65"),)), 1.0, texts=("D65",))
     assert rows.described(lamp) == "day\nD65 at noon"
     pen = drawn((lamp,), 0, 0, (0.1, 2.0), (0.5, 2.0))

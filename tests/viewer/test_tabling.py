@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from volspec.errors import ViewingError
 from volspec.raycast import CoefficientImage
 from volspec.relight import tables
-from volspec.viewer import lighting
 from volspec.viewer.desk import Desk
-from volspec.viewer.meter import Meter
-from volspec.viewer.notice import Notice
-from volspec.viewer.screen import Screen
+from volspec.viewer.lights import lighting
+from volspec.viewer.picture.meter import Meter
+from volspec.viewer.picture.screen import Screen
+from volspec.viewer.picture.worker import CastDone, CastJob
 from volspec.viewer.state import ViewState
-from volspec.viewer.trace import Trace
-from volspec.viewer.window import Window
-from volspec.viewer.worker import CastDone, CastJob
+from volspec.viewer.window.notice import Notice
+from volspec.viewer.window.trace import Trace
+from volspec.viewer.window.window import Window
 
 SIZE = (8, 6)
 

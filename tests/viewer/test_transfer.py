@@ -25,15 +25,16 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer import preset_table, presets, slice_table
 from volspec.viewer.actions import ACTIONS, BY_NAME
-from volspec.viewer.bands import converted, kind_of
 from volspec.viewer.document import Document, histogram
 from volspec.viewer.events import Event, curve, reduced
 from volspec.viewer.history import History
-from volspec.viewer.joint import joint_histogram
 from volspec.viewer.state import ViewState
-from volspec.viewer.transfer_parts import MOST_PARTS, parts_of, with_share
+from volspec.viewer.transfer import preset_table, presets
+from volspec.viewer.transfer.converting import converted, kind_of
+from volspec.viewer.transfer.joint import joint_histogram
+from volspec.viewer.transfer.parts import MOST_PARTS, parts_of, with_share
+from volspec.viewer.view import slice_table
 from volspec.volume import Volume, phantom
 
 KINDS = ("points", "regions", "surfaces", "labels")

@@ -20,14 +20,14 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer import slice_table, slices
-from volspec.viewer.aids import Slices
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.slices import with_slices
-from volspec.viewer.panels.slices import drawn_sizes, said
-from volspec.viewer.slice_pictures import SlicePictures
-from volspec.viewer.slices import PLANES, edge_letters, layout_of, letters, pointed, sliced
+from volspec.viewer.panels.over.slices import drawn_sizes, said
+from volspec.viewer.picture.slice_pictures import SlicePictures
 from volspec.viewer.state import ViewState
+from volspec.viewer.view import slice_table, slices
+from volspec.viewer.view.aids import Slices
+from volspec.viewer.view.slices import PLANES, edge_letters, layout_of, letters, pointed, sliced
 from volspec.volume import Volume, load_volume
 
 

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from volspec.errors import CastCancelled, RaycastError
-from volspec.viewer import worker
+from volspec.viewer.picture import worker
+from volspec.viewer.picture.worker import CastDone, CastJob, CastWorker
 from volspec.viewer.state import ViewState
-from volspec.viewer.worker import CastDone, CastJob, CastWorker
 
 
 def job(state: ViewState, *divisors: int, zoom: float = 1.0) -> CastJob:

@@ -14,30 +14,29 @@ from pathlib import Path
 
 from imgui_bundle import imgui, implot
 
-from volspec.viewer import style
 from volspec.viewer.actions import BY_KEY
-from volspec.viewer.casting import Casting
 from volspec.viewer.chores import Chores
-from volspec.viewer.designing import Designing
 from volspec.viewer.desk import Desk
 from volspec.viewer.document import opened
-from volspec.viewer.fader import Fader
-from volspec.viewer.focus import Focus
+from volspec.viewer.files.opening import Opened
+from volspec.viewer.files.session import SUFFIX
+from volspec.viewer.files.tasks import Tasks
 from volspec.viewer.history import History, changed_in
-from volspec.viewer.inputs import Input
-from volspec.viewer.layout import Docks
-from volspec.viewer.meter import Meter
-from volspec.viewer.mouse import Mouse
-from volspec.viewer.notice import SHORT_SECONDS, Notice
-from volspec.viewer.opening import Opened
-from volspec.viewer.panels import overlay
-from volspec.viewer.screen import Area, Screen
-from volspec.viewer.session import SUFFIX
+from volspec.viewer.lights.fader import Fader
+from volspec.viewer.palette.service import Designing
+from volspec.viewer.panels.over import overlay
+from volspec.viewer.picture.casting import Casting
+from volspec.viewer.picture.meter import Meter
+from volspec.viewer.picture.screen import Area, Screen
 from volspec.viewer.stale import stale_stage
 from volspec.viewer.state import ViewState
-from volspec.viewer.tasks import Tasks
-from volspec.viewer.trace import Trace
-from volspec.viewer.window import Window
+from volspec.viewer.window.focus import Focus
+from volspec.viewer.window.inputs import Input
+from volspec.viewer.window.layout import Docks
+from volspec.viewer.window.mouse import Mouse
+from volspec.viewer.window.notice import SHORT_SECONDS, Notice
+from volspec.viewer.window.trace import Trace
+from volspec.viewer.window.window import Window, style
 
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
 # imgui needs some frames after an input until everything stands where it belongs.

@@ -10,22 +10,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from volspec.errors import VolspecError
-from volspec.viewer.as_python import export_python
-from volspec.viewer.as_scene import export_scene
-from volspec.viewer.asking import REQUESTS, Asking
-from volspec.viewer.clipboard import copy_shown, copy_values
-from volspec.viewer.designing import PALETTES
 from volspec.viewer.desk import Desk, Search
-from volspec.viewer.notice import Notice
-from volspec.viewer.opening import Opened, Openings
+from volspec.viewer.files.as_python import export_python
+from volspec.viewer.files.as_scene import export_scene
+from volspec.viewer.files.asking import REQUESTS, Asking
+from volspec.viewer.files.clipboard import copy_shown, copy_values
+from volspec.viewer.files.opening import Opened, Openings
+from volspec.viewer.files.paths import PathRequest
+from volspec.viewer.files.screenshot import CUSTOM, Progress, Shot, taken
+from volspec.viewer.files.session import save_session
+from volspec.viewer.files.tasks import Outcome, Tasks
+from volspec.viewer.palette.service import PALETTES
 from volspec.viewer.panels.dialogs import PictureDialog, progress
-from volspec.viewer.paths import PathRequest
-from volspec.viewer.pictures import Pictures
-from volspec.viewer.screenshot import CUSTOM, Progress, Shot, taken
-from volspec.viewer.session import save_session
+from volspec.viewer.picture.pictures import Pictures
 from volspec.viewer.state import ViewState
-from volspec.viewer.tasks import Outcome, Tasks
-from volspec.viewer.trace import Trace
+from volspec.viewer.window.notice import Notice
+from volspec.viewer.window.trace import Trace
 
 
 class Chores:

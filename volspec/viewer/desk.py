@@ -14,15 +14,15 @@ from typing import Any
 from imgui_bundle import imgui
 
 from volspec.raycast import CoefficientImage
-from volspec.viewer.design import News
 from volspec.viewer.events.event import Action, Change
-from volspec.viewer.heat import Heat
-from volspec.viewer.lighting import Rows
-from volspec.viewer.projection import Projection
-from volspec.viewer.reading import Reading
-from volspec.viewer.recent import RecentFile
-from volspec.viewer.slice_pictures import SlicePictures
+from volspec.viewer.files.recent import RecentFile
+from volspec.viewer.lights.lighting import Rows
+from volspec.viewer.palette.wishes import News
+from volspec.viewer.picture.error_map import Heat
+from volspec.viewer.picture.reading import Reading
+from volspec.viewer.picture.slice_pictures import SlicePictures
 from volspec.viewer.state import ViewState
+from volspec.viewer.view.projection import Projection
 
 
 @dataclass(slots=True)

@@ -22,12 +22,12 @@ from volspec.scene.file import SceneFile
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import SpectralGrid, reflectance_names
 from volspec.transfer import Transfer
-from volspec.viewer import preset_table, presets
-from volspec.viewer.fitting import fitted
-from volspec.viewer.joint import JointHistogram, joint_histogram
-from volspec.viewer.lighting import Rows, rows_of
-from volspec.viewer.priority import yielding
-from volspec.viewer.views import View
+from volspec.viewer.lights.lighting import Rows, rows_of
+from volspec.viewer.picture.priority import yielding
+from volspec.viewer.transfer import preset_table, presets
+from volspec.viewer.transfer.joint import JointHistogram, joint_histogram
+from volspec.viewer.view.fitting import fitted
+from volspec.viewer.view.views import View
 from volspec.volume import Volume, load_volume
 
 _BINS = 256

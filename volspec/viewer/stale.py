@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from volspec.viewer.design_spectra import repainted
+from volspec.viewer.palette.spectra import repainted
 from volspec.viewer.state import ViewState
 
 Stage = Literal["cast", "relight", "frame"]

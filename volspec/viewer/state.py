@@ -12,12 +12,12 @@ from dataclasses import dataclass, field, replace
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.transfer import Transfer
-from volspec.viewer.aids import Aids, Slices
-from volspec.viewer.design import Board, Pick
 from volspec.viewer.document import Document
-from volspec.viewer.lighting import Rows
-from volspec.viewer.lightstates import Fade, LightState
-from volspec.viewer.views import View
+from volspec.viewer.lights.lighting import Rows
+from volspec.viewer.lights.states import Fade, LightState
+from volspec.viewer.palette.wishes import Board, Pick
+from volspec.viewer.view.aids import Aids, Slices
+from volspec.viewer.view.views import View
 
 # Open at first.
 PANELS = frozenset({"Lights", "Viewing", "Transfer", "Palette"})

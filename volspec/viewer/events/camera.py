@@ -9,9 +9,9 @@ from dataclasses import replace
 
 from volspec.viewer.events.cuts import flipped
 from volspec.viewer.events.event import Action, Change, Event, Reducer
-from volspec.viewer.fitting import fitted
 from volspec.viewer.state import ViewState
-from volspec.viewer.views import TURN_DEG
+from volspec.viewer.view.fitting import fitted
+from volspec.viewer.view.views import TURN_DEG
 
 # Of one notch of the wheel, as a share of the picture's height, and in degrees of a roll.
 WHEEL, ROLL_DEG = 0.06, 5.0

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer import TransferFunction2D as Regions
-from volspec.viewer import bands, curves, preset_table, presets, transfer_parts
 from volspec.viewer.events.event import Action, Change, Event, Reducer
 from volspec.viewer.state import ViewState
+from volspec.viewer.transfer import converting, parts, placing, preset_table, presets
 
 THICKNESSES = (0.02, 50.0)
 # What a drag over the picture's height in the picture does: values move by the volume's range,
@@ -29,9 +29,9 @@ def with_transfer(state: ViewState, transfer: Transfer) -> ViewState:
 def _point(state: ViewState, event: Event) -> ViewState:
     transfer, value = state.transfer, _within(state, event.x)
     if isinstance(transfer, TransferFunction):
-        return with_transfer(state, curves.moved(transfer, event.index, value, event.y))
+        return with_transfer(state, placing.moved(transfer, event.index, value, event.y))
     if isinstance(transfer, Isosurfaces):
-        return with_transfer(state, curves.surface_moved(transfer, event.index, value, event.y))
+        return with_transfer(state, placing.surface_moved(transfer, event.index, value, event.y))
     return state
 
 
@@ -40,25 +40,25 @@ def _add_point(state: ViewState, event: Event) -> ViewState:
     if isinstance(transfer, Regions):
         place = _within(state, event.x), max(event.y, 0.0)
         top = state.document.joint.top
-        new: Transfer = curves.region_added(transfer, *place, _span(state), top)
+        new: Transfer = placing.region_added(transfer, *place, _span(state), top)
     elif isinstance(transfer, LabelFunction):
-        new = curves.added(transfer, event.x, event.y)
+        new = placing.added(transfer, event.x, event.y)
     else:
-        new = curves.added(transfer, _within(state, event.x), event.y)
+        new = placing.added(transfer, _within(state, event.x), event.y)
     added = with_transfer(state, new)
     if added is state:
         return state
-    old = {part.values for part in transfer_parts.parts_of(transfer)}
-    found = [i for i, part in enumerate(transfer_parts.parts_of(new)) if part.values not in old]
+    old = {part.values for part in parts.parts_of(transfer)}
+    found = [i for i, part in enumerate(parts.parts_of(new)) if part.values not in old]
     return _chosen(added, found[0]) if found else added
 
 
 def _remove_point(state: ViewState, event: Event) -> ViewState:
-    return with_transfer(state, transfer_parts.removed(state.transfer, event.index))
+    return with_transfer(state, parts.removed(state.transfer, event.index))
 
 
 def _choose(state: ViewState, event: Event) -> ViewState:
-    known = 0 <= event.index < len(transfer_parts.parts_of(state.transfer))
+    known = 0 <= event.index < len(parts.parts_of(state.transfer))
     return _chosen(state, event.index) if known else state
 
 
@@ -67,17 +67,17 @@ def _chosen(state: ViewState, index: int) -> ViewState:
 
 
 def _opacity(state: ViewState, event: Event) -> ViewState:
-    return with_transfer(state, transfer_parts.with_opacity(state.transfer, event.index, event.x))
+    return with_transfer(state, parts.with_opacity(state.transfer, event.index, event.x))
 
 
 def _material(state: ViewState, event: Event) -> ViewState:
     if event.key not in state.transfer.materials:
         return state
-    return with_transfer(state, transfer_parts.with_mix(state.transfer, event.index, event.key))
+    return with_transfer(state, parts.with_mix(state.transfer, event.index, event.key))
 
 
 def _share(state: ViewState, event: Event) -> ViewState:
-    transfer = transfer_parts.with_share(state.transfer, event.index, event.key, event.x)
+    transfer = parts.with_share(state.transfer, event.index, event.key, event.x)
     return with_transfer(state, transfer)
 
 
@@ -99,28 +99,28 @@ def _placed(
         return state
     axes = _span(state), state.document.joint.top
     return with_transfer(
-        state, curves.region_placed(state.transfer, index, values, gradients, *axes)
+        state, placing.region_placed(state.transfer, index, values, gradients, *axes)
     )
 
 
 def _softness(state: ViewState, event: Event) -> ViewState:
     if not isinstance(state.transfer, Regions):
         return state
-    return with_transfer(state, curves.softened(state.transfer, event.index, event.x))
+    return with_transfer(state, placing.softened(state.transfer, event.index, event.x))
 
 
 def _shift(state: ViewState, event: Event) -> ViewState:
     low, high = _span(state)
     shift = min(max(event.x, low - high), high - low)
     by = shift - state.shift
-    moved = _remapped(state, lambda old: transfer_parts.shifted(old, by, (low, high)))
+    moved = _remapped(state, lambda old: parts.shifted(old, by, (low, high)))
     return state if moved is state else replace(moved, shift=shift)
 
 
 def _thicken(state: ViewState, event: Event) -> ViewState:
     thickness = min(max(event.x, THICKNESSES[0]), THICKNESSES[1])
     thin, own = _thin(state)
-    thicker = transfer_parts.thickened(thin, thickness / own)
+    thicker = parts.thickened(thin, thickness / own)
     return replace(state, transfer=thicker, thickness=thickness, thin=(thin, own, thicker))
 
 
@@ -132,7 +132,7 @@ def _thin(state: ViewState) -> tuple[Transfer, float]:
     thin, own, thick = state.thin
     if thick is transfer:
         return thin, own
-    return transfer_parts.thinned(transfer, thick, thin, state.thickness / own), own
+    return parts.thinned(transfer, thick, thin, state.thickness / own), own
 
 
 def _remapped(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
@@ -148,7 +148,7 @@ def _window(state: ViewState, event: Event) -> ViewState:
     low, high = _span(state)
     moved = _shift(state, Event("shift", state.shift + event.x * (high - low)))
     factor = math.exp(min(max(-_WIDER * event.y, -10.0), 10.0))
-    return _remapped(moved, lambda old: transfer_parts.stretched(old, factor, (low, high)))
+    return _remapped(moved, lambda old: parts.stretched(old, factor, (low, high)))
 
 
 def _thicken_by(state: ViewState, event: Event) -> ViewState:
@@ -188,16 +188,16 @@ def _preset(preset: preset_table.Preset) -> Change:
     return change
 
 
-def _into(kind: bands.Kind) -> Change:
+def _into(kind: converting.Kind) -> Change:
     def change(state: ViewState) -> ViewState:
-        new = bands.converted(state.transfer, kind, _span(state))
+        new = converting.converted(state.transfer, kind, _span(state))
         return state if new is state.transfer else _chosen(with_transfer(state, new), 0)
 
     return change
 
 
-def _is(kind: bands.Kind) -> Callable[[ViewState], bool]:
-    return lambda state: bands.kind_of(state.transfer) == kind
+def _is(kind: converting.Kind) -> Callable[[ViewState], bool]:
+    return lambda state: converting.kind_of(state.transfer) == kind
 
 
 EVENTS: dict[str, Reducer] = {
@@ -218,7 +218,7 @@ EVENTS: dict[str, Reducer] = {
 }
 
 # By kind: how it is called.
-KIND_TITLES: dict[bands.Kind, str] = {
+KIND_TITLES: dict[converting.Kind, str] = {
     "points": "Curve (1-D)",
     "regions": "Regions (2-D)",
     "surfaces": "Surfaces",

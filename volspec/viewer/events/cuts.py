@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from volspec.viewer import cuts
 from volspec.viewer.events.event import Action, Change, Event, Reducer
 from volspec.viewer.state import ViewState
-from volspec.viewer.views import Vector, vector
+from volspec.viewer.view import cuts
+from volspec.viewer.view.views import Vector, vector
 
 # Beyond this no volume reaches, and float64 keeps its digits.
 _MOST = 1e9

@@ -69,7 +69,7 @@ class Action:
         Where it stands: one of `volspec.viewer.actions.MENUS`; empty where none has it.
     title : str
     keys : tuple of str
-        As `volspec.viewer.inputs.Input.key`; the first is shown.
+        As `volspec.viewer.window.inputs.Input.key`; the first is shown.
     change : callable, optional
         What it makes of a state; None where the app does it, by its name.
     on : callable, optional

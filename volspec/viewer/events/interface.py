@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from volspec.viewer.design import DISTANCES, Pick
-from volspec.viewer.design_spectra import columns
-from volspec.viewer.design_table import picked
 from volspec.viewer.events.event import Event, Reducer
+from volspec.viewer.palette.spectra import columns
+from volspec.viewer.palette.table import picked
+from volspec.viewer.palette.wishes import DISTANCES, Pick
 from volspec.viewer.state import ViewState
 
 

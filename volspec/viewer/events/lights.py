@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from volspec.errors import VolspecError
-from volspec.viewer import blending, drawing, light_parts, lighting, mixes
 from volspec.viewer.events import lightstates
 from volspec.viewer.events.event import Action, Change, Event, Reducer
+from volspec.viewer.lights import blending, drawing, lighting, mixes, parts
 from volspec.viewer.state import ViewState
 
 
@@ -23,13 +23,11 @@ def _kelvin(state: ViewState, event: Event) -> ViewState:
 
 
 def _lux(state: ViewState, event: Event) -> ViewState:
-    return replace(
-        state, lights=light_parts.lit_with(state.lights, event.index, event.x, event.part)
-    )
+    return replace(state, lights=parts.lit_with(state.lights, event.index, event.x, event.part))
 
 
 def _part_weight(state: ViewState, event: Event) -> ViewState:
-    rows = light_parts.part_weighted(state.lights, event.index, event.part, event.x)
+    rows = parts.part_weighted(state.lights, event.index, event.part, event.x)
     return replace(state, lights=rows)
 
 

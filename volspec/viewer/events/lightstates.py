@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 from volspec.viewer.events.event import Action, Change, Reducer
-from volspec.viewer.lighting import brightest
-from volspec.viewer.lightstates import (
+from volspec.viewer.lights.lighting import brightest
+from volspec.viewer.lights.states import (
     MOST_SECONDS,
     MOST_STATES,
     Fade,

@@ -2,7 +2,7 @@
 
 panel, menus -> [palette] -> Board, TransferFunction
 
-A cell is named by its number, row by row of `design_table.table_of`; a colour by its
+A cell is named by its number, row by row of `table.table_of`; a colour by its
 ``#rrggbb`` or its three codes.
 """
 
@@ -17,8 +17,13 @@ from volspec.palette import Cell
 from volspec.palette.colours import parsed_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
-from volspec.viewer import lighting
-from volspec.viewer.design import (
+from volspec.viewer.events.event import Action, Event, Reducer, guarded
+from volspec.viewer.events.lights import with_last
+from volspec.viewer.lights import lighting
+from volspec.viewer.palette.ranges import assigned, recast
+from volspec.viewer.palette.spectra import columns, exact, with_new_light, with_reflectances
+from volspec.viewer.palette.table import first_wave, new_name, opened, table_of
+from volspec.viewer.palette.wishes import (
     DISTANCES,
     LIGHT,
     MOST_ROUNDS,
@@ -30,11 +35,6 @@ from volspec.viewer.design import (
     as_kind,
     clipped,
 )
-from volspec.viewer.design_ranges import assigned, recast
-from volspec.viewer.design_spectra import columns, exact, with_new_light, with_reflectances
-from volspec.viewer.design_table import first_wave, new_name, opened, table_of
-from volspec.viewer.events.event import Action, Event, Reducer, guarded
-from volspec.viewer.events.lights import with_last
 from volspec.viewer.state import ViewState
 
 MUST = "must"

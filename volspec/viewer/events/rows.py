@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from volspec.errors import VolspecError, one_line
-from volspec.viewer import light_parts, lighting
 from volspec.viewer.events.event import Event, Reducer, guarded
 from volspec.viewer.events.lights import only, renamed, with_last
+from volspec.viewer.lights import lighting, parts
 from volspec.viewer.state import ViewState
 
 
@@ -52,7 +52,7 @@ def _add(state: ViewState, event: Event) -> ViewState:
 def _respell(state: ViewState, event: Event) -> ViewState:
     """Another spectrum for a part of a light, in the same notation."""
     document = state.document
-    rows = light_parts.respelled(
+    rows = parts.respelled(
         *(state.lights, event.index, event.part, event.key, document.grid, document.folder)
     )
     return _with(state, rows)
@@ -68,7 +68,7 @@ def _show(state: ViewState, event: Event) -> ViewState:
 def _split(state: ViewState, event: Event) -> ViewState:
     """A spectrum for each light group of the scene in place of one for all."""
     groups = tuple(group.name for group in state.shading.groups)
-    return _with(state, light_parts.parted(state.lights, event.index, groups))
+    return _with(state, parts.parted(state.lights, event.index, groups))
 
 
 _NOTATIONS: dict[str, Reducer] = {"add-light": _add, "respell": _respell}
@@ -78,7 +78,7 @@ EVENTS: dict[str, Reducer] = {
     "show-light": _show,
     "rename-light": lambda state, event: renamed(state, event.index, event.key),
     "split-part": _split,
-    "regroup": _of_rows(lambda rows, e: light_parts.regrouped(rows, e.index, e.part, e.key)),
-    "add-part": _of_rows(lambda rows, e: light_parts.part_added(rows, e.index, e.key)),
-    "remove-part": _of_rows(lambda rows, e: light_parts.part_removed(rows, e.index, e.part)),
+    "regroup": _of_rows(lambda rows, e: parts.regrouped(rows, e.index, e.part, e.key)),
+    "add-part": _of_rows(lambda rows, e: parts.part_added(rows, e.index, e.key)),
+    "remove-part": _of_rows(lambda rows, e: parts.part_removed(rows, e.index, e.part)),
 }

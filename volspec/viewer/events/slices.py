@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from volspec.viewer.aids import Slices
 from volspec.viewer.events.cuts import flipped, with_aids
 from volspec.viewer.events.event import Action, Change, Event, Reducer
-from volspec.viewer.slices import PLANES, is_patient, layout_of, number_of, pointed
 from volspec.viewer.state import ViewState
+from volspec.viewer.view.aids import Slices
+from volspec.viewer.view.slices import PLANES, is_patient, layout_of, number_of, pointed
 
 # The least part of the range between black and white.
 _NARROWEST = 0.002

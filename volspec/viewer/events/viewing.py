@@ -19,9 +19,9 @@ from volspec.relight import RelightSpec
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
 from volspec.viewer.events.event import Event, Reducer
-from volspec.viewer.lighting import rig_of
+from volspec.viewer.lights.lighting import rig_of
+from volspec.viewer.lights.viewing import changed, luminance, with_display, with_model
 from volspec.viewer.state import ViewState
-from volspec.viewer.viewing import changed, luminance, with_display, with_model
 
 LEAST_LUX = 0.1
 EXPOSURE_RANGE = (0.1, 10.0)

@@ -22,10 +22,10 @@ from volspec.viewer.actions import ACTIONS
 from volspec.viewer.desk import Desk, Search
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.event import Action, Change
+from volspec.viewer.files.recent import RecentFile
 from volspec.viewer.finding import found
 from volspec.viewer.panels.viewing import SETTINGS
 from volspec.viewer.panels.widgets import key_text, text_width
-from volspec.viewer.recent import RecentFile
 from volspec.viewer.state import ViewState
 
 _ROWS = 14

@@ -11,9 +11,9 @@ from imgui_bundle import imgui
 
 from volspec.raycast.checks import MAX_SIDE
 from volspec.viewer.desk import Desk
+from volspec.viewer.files.paths import Listing, PathRequest, is_there, listing
+from volspec.viewer.files.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
 from volspec.viewer.panels.widgets import pick, wrapped
-from volspec.viewer.paths import Listing, PathRequest, is_there, listing
-from volspec.viewer.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
 from volspec.viewer.state import ViewState
 
 _FLAGS = (

@@ -18,11 +18,11 @@ from volspec.viewer.actions import BY_NAME
 from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.viewing import EXPOSURE_RANGE, LEAST_LUX
-from volspec.viewer.lighting import Rows, rig_of
-from volspec.viewer.panels.light_colours import white_of
+from volspec.viewer.lights.lighting import Rows, rig_of
+from volspec.viewer.lights.viewing import luminance
+from volspec.viewer.panels.lights.colours import white_of
 from volspec.viewer.panels.widgets import pick, tip
 from volspec.viewer.state import ViewState
-from volspec.viewer.viewing import luminance
 
 _LUX = (LEAST_LUX, 100_000.0)
 _LUMINANCE = (0.01, 20_000.0)

@@ -13,8 +13,8 @@ from imgui_bundle import imgui
 from volspec.viewer.actions import shown
 from volspec.viewer.desk import Desk, LightScraps
 from volspec.viewer.events.event import Action
-from volspec.viewer.lighting import KELVIN
-from volspec.viewer.style import ACCENT
+from volspec.viewer.lights.lighting import KELVIN
+from volspec.viewer.window.style import ACCENT
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 # When a tip is shown: to a mouse that stays, also on what is greyed out, or without delay.

@@ -10,9 +10,9 @@ import numpy as np
 from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
-from volspec.viewer import presets
 from volspec.viewer.desk import Desk
 from volspec.viewer.state import ViewState
+from volspec.viewer.transfer import presets
 
 # Opacities of a step are small: their root shows them apart, and its axis says so.
 _TICKS = (0.0, 0.01, 0.1, 0.3, 0.6, 1.0)

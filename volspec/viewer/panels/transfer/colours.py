@@ -13,10 +13,10 @@ from volspec.relight import RelightSpec
 from volspec.spectra import SpectralGrid, Spectrum, XYZ_of, white_XYZ
 from volspec.transfer import Transfer
 from volspec.transfer.mixes import share_matrix
-from volspec.viewer.lighting import Rows, rig_of
-from volspec.viewer.panels.light_colours import Colour, adapted_to, as_colour
+from volspec.viewer.lights.lighting import Rows, rig_of
+from volspec.viewer.panels.lights.colours import Colour, adapted_to, as_colour
 from volspec.viewer.state import ViewState
-from volspec.viewer.transfer_parts import parts_of
+from volspec.viewer.transfer.parts import parts_of
 
 Array = NDArray[np.float64]
 

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 
 from imgui_bundle import imgui
 
-from volspec.viewer import presets
 from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.panels.light_colours import Colour
+from volspec.viewer.panels.lights.colours import Colour
 from volspec.viewer.panels.transfer.colours import material_colours, part_colours
 from volspec.viewer.panels.widgets import packed, tip
 from volspec.viewer.state import ViewState
-from volspec.viewer.transfer_parts import parts_of
+from volspec.viewer.transfer import presets
+from volspec.viewer.transfer.parts import parts_of
 
 _CLAMP = imgui.SliderFlags_.always_clamp
 # Opacities are small: the slider is finer there.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.transfer import LabelFunction, TransferFunction2D
-from volspec.viewer import bands, presets
 from volspec.viewer.actions import BY_NAME
 from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
@@ -13,9 +12,10 @@ from volspec.viewer.events.curve import KIND_TITLES, THICKNESSES
 from volspec.viewer.panels.transfer import labels, points, regions
 from volspec.viewer.panels.widgets import AT_ONCE, pick, tip
 from volspec.viewer.state import ViewState
-from volspec.viewer.style import ACCENT
+from volspec.viewer.transfer import converting, presets
+from volspec.viewer.window.style import ACCENT
 
-_HELP: dict[bands.Kind, str] = {
+_HELP: dict[converting.Kind, str] = {
     "points": "Drag the points. Double-click adds one, a right click removes it.\n"
     "The upright axis is opacity per step; it is drawn as its square root.",
     "regions": "Drag a rectangle, its edges and corners.\n"
@@ -57,7 +57,7 @@ def _kinds(state: ViewState, desk: Desk) -> ViewState:
     tip("Begin anew with a named look and its materials; Ctrl+Z brings yours back")
     imgui.same_line()
     imgui.set_next_item_width(room * 0.5 - desk.px(6))
-    kind = bands.kind_of(state.transfer)
+    kind = converting.kind_of(state.transfer)
     kinds = {title: other for other, title in KIND_TITLES.items()}
     chosen = pick("##kind", KIND_TITLES[kind], kinds, lambda each: desk.note(f"kind {kinds[each]}"))
     if chosen is not None:

@@ -8,14 +8,14 @@ from imgui_bundle import imgui, implot
 from volspec.transfer import Isosurfaces, TransferFunction
 from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.panels.light_colours import Colour
+from volspec.viewer.panels.lights.colours import Colour
 from volspec.viewer.panels.transfer import detail
 from volspec.viewer.panels.transfer.axes import height_of, opacity_at, opacity_plot, say
 from volspec.viewer.panels.transfer.colours import part_colours
 from volspec.viewer.panels.widgets import packed
 from volspec.viewer.state import ViewState
-from volspec.viewer.style import ACCENT
-from volspec.viewer.transfer_parts import Part, parts_of
+from volspec.viewer.transfer.parts import Part, parts_of
+from volspec.viewer.window.style import ACCENT
 
 _STRIP_PX = 3.0
 

@@ -10,16 +10,16 @@ from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
 from volspec.transfer import Region, TransferFunction2D
-from volspec.viewer import presets
 from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.joint import JointHistogram
 from volspec.viewer.panels.transfer import detail
 from volspec.viewer.panels.transfer.axes import FLAGS, bars, note_area, set_values_axis
 from volspec.viewer.panels.transfer.colours import part_colours
 from volspec.viewer.panels.widgets import packed, tip
 from volspec.viewer.state import ViewState
-from volspec.viewer.style import ACCENT
+from volspec.viewer.transfer import presets
+from volspec.viewer.transfer.joint import JointHistogram
+from volspec.viewer.window.style import ACCENT
 
 # Of edges and corners, to either side.
 _GRIP = 6

@@ -1,0 +1,1 @@
+"""Read and written: scenes, sessions, scripts, screenshots, the clipboard; and who asks for it."""

@@ -1,0 +1,81 @@
+"""How long frames take: for the status line and the trace."""
+
+from __future__ import annotations
+
+import time
+
+from volspec.viewer.desk import Desk
+from volspec.viewer.picture.pictures import Relit
+from volspec.viewer.window.trace import Trace
+
+# Frames further apart belong to no movement.
+_APART_S = 0.25
+# The window not looking for input so long is noted down.
+_UNANSWERED_MS = 40.0
+# A whole relight that takes longer leaves a frame no time for the rest.
+SLOW_MS = 18.0
+
+
+class Meter:
+    """Measures what is drawn.
+
+    Parameters
+    ----------
+    desk : Desk
+        Told to it.
+    trace : Trace
+        And written there.
+
+    Attributes
+    ----------
+    slow : bool
+        Whether a whole picture takes too long to relight for lights that are dragged.
+    """
+
+    def __init__(self, desk: Desk, trace: Trace) -> None:
+        self._desk, self._trace = desk, trace
+        self._last = 0.0
+        self.slow = False
+        self._new: tuple[Relit, bool] | None = None
+        self._under_way: tuple[Relit, bool] | None = None
+        self._areas: dict[str, tuple[int, int, int, int]] = {}
+
+    def relights(self, relit: Relit | None, whole: bool) -> None:
+        """A picture is being relit in this frame.
+
+        Its time is asked for a frame later: to wait for it would keep the next frame waiting.
+        """
+        if relit is not None:
+            self._new = relit, whole
+
+    def answered(self, late_s: float, busy_s: float) -> None:
+        """A turn of the loop is over.
+
+        Parameters
+        ----------
+        late_s : float
+            By how much the wait for input outlasted what it was given.
+        busy_s : float
+            From input to the next wait for it.
+        """
+        if (ms := 1e3 * max(late_s, busy_s)) > _UNANSWERED_MS:
+            self._trace.note("unanswered", None, ms)
+
+    def frame(self, began: float) -> None:
+        """A frame has been shown that began at a time of `time.perf_counter`."""
+        if self._under_way is not None:
+            relit, whole = self._under_way
+            if whole:
+                self.slow = relit.ms > SLOW_MS
+            self._desk.ms["relight"] = relit.ms
+            self._trace.note("relight", "relight", relit.ms, whole=whole)
+        self._under_way, self._new = self._new, None
+        now = time.perf_counter()
+        self._desk.ms["frame"] = 1e3 * (now - began)
+        self._trace.note("frame", "frame", self._desk.ms["frame"])
+        if now - self._last < _APART_S:
+            self._desk.fps += 0.1 * (1.0 / (now - self._last) - self._desk.fps)
+        self._last = now
+        if self._areas != self._desk.areas:
+            self._areas = dict(self._desk.areas)
+            self._trace.note("layout", areas=self._areas)

@@ -1,0 +1,204 @@
+"""What the window shows of a scene: the picture of the last cast, relit, and where it stands.
+
+casts, state -> [screen] -> Painted -> window
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from imgui_bundle import imgui
+
+from volspec.errors import VolspecError, one_line
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.tables import TableKey, is_tabled
+from volspec.viewer.desk import Desk
+from volspec.viewer.lights.lighting import rig_of
+from volspec.viewer.panels.widgets import packed
+from volspec.viewer.picture.error_map import Heat
+from volspec.viewer.picture.meter import Meter
+from volspec.viewer.picture.pictures import Pictures
+from volspec.viewer.picture.reading import Reading, read
+from volspec.viewer.picture.slice_pictures import SlicePictures
+from volspec.viewer.picture.tabling import TableWorker
+from volspec.viewer.picture.worker import CastDone
+from volspec.viewer.state import ViewState
+from volspec.viewer.window.notice import Notice
+from volspec.viewer.window.trace import Trace
+from volspec.viewer.window.window import Painted, Window
+
+# The longest that a table is waited for is told; it is gone when the table is there.
+_TABLE_S = 60.0
+_NOTHING = "Nothing is seen: the opacity is 0 everywhere in view, or the view misses it"
+Area = tuple[int, int, int, int]
+
+
+class Screen:
+    """Relights what was cast, only where something has changed.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        That of the window.
+    desk, meter, trace
+        What is measured is told to them.
+    notice : Notice
+        Where the user is told.
+    """
+
+    def __init__(
+        self, context: Any, desk: Desk, meter: Meter, trace: Trace, notice: Notice
+    ) -> None:
+        self.pictures = Pictures(context)
+        self._tabling = TableWorker(Window.wake, self.pictures.tables)
+        self._tables: tuple[TableKey, ...] = ()  # that the picture waits for
+        self._slices = desk.slices = SlicePictures(context)
+        self._desk, self._meter, self._trace, self._notice = desk, meter, trace, notice
+        self._cast: CastDone | None = None
+        self._relit = self._coarse = False
+        self._working_out = ""
+        self._heat = Heat(context, Window.wake)
+        self._read_of: tuple[Any, ...] | None = None
+        self._reading: Reading | None = None
+
+    def take(self, done: CastDone, state: ViewState | None) -> None:
+        """A pass of a cast that has ended."""
+        how = "cancel" if done.image is None else "cast"
+        size = [-(-side // done.divisor) for side in done.job.size]
+        if done.error:
+            self._notice.say(done.error)
+            how = "error"
+        self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
+        if done.image is None or state is None or done.job.document is not state.document:
+            return
+        try:
+            self.pictures.show(done.image)
+        except VolspecError as error:
+            self._notice.say(str(error))
+            return
+        if done.divisor == 1 and not done.image.alpha.any():
+            self._notice.say(_NOTHING)
+        self._cast, self._relit = done, False
+        self._desk.image, self._desk.whole = done.image, done.divisor == 1
+        self._desk.ms["cast"] = done.ms
+
+    def stale(self) -> None:
+        """The picture no longer shows the state's light."""
+        self._relit = False
+
+    def relight(self, state: ViewState, held: bool) -> None:
+        """Draw the picture under the state's lights, where it does not show them yet.
+
+        Parameters
+        ----------
+        state : ViewState
+        held : bool
+            Whether a mouse button is down: then few pixels are drawn where many take long.
+        """
+        if self._coarse and not held:
+            self._relit = False
+        if self._relit or self.pictures.image is None:
+            return
+        self._relit = True
+        self.pictures.repaint(state.transfer.basis)
+        self._desk.image = self.pictures.image
+        # What is measured in fewer pixels would want tables of its own.
+        few = self._desk.whole and self._meter.slow and not is_tabled(state.seen.viewing.model)
+        self._coarse = held and few
+        rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
+        try:
+            if self._tables_missing(rig, state.seen, other):
+                return
+            relit = self.pictures.relight(rig, state.seen, other, state.divide, self._coarse)
+        except VolspecError as error:
+            self._notice.say(one_line(error))
+        else:
+            self._meter.relights(relit, self._desk.whole and not self._coarse)
+
+    def _tables_missing(
+        self, rig: LightRig | None, seen: RelightSpec, other: LightRig | None
+    ) -> bool:
+        """Whether the light must wait for tables; they are then being worked out."""
+        missing = self.pictures.missing(rig, seen, other)
+        if missing:
+            self._working_out = f"{seen.viewing.model}: working out its table …"
+            self._notice.say(self._working_out, _TABLE_S)
+            if missing != self._tables:
+                self._tabling.request(missing)
+        elif self._tables and self._notice.text == self._working_out:
+            self._notice.say("")
+        self._tables = missing
+        return bool(missing)
+
+    def tabled(self) -> bool:
+        """Take tables that have been worked out; whether there are any."""
+        said = self._tabling.take()
+        for error in said:
+            if error:
+                self._tables = ()
+                self._notice.say(error)
+            else:
+                self._relit = False
+        return bool(said)
+
+    def probe(
+        self, state: ViewState, place: tuple[float, float] | None, held: bool
+    ) -> Reading | None:
+        """What is under the mouse; None where nothing is, or where a button is down."""
+        right = state.other is not None and place is not None and place[0] > state.divide
+        lights = state.other if right and state.other else state.lights
+        rig = rig_of(lights)
+        image, cast = self.pictures.image, self._cast
+        if place is None or rig is None or image is None or cast is None:
+            return None
+        if held or not self.pictures.framebuffer or not self.pictures.current:
+            return None
+        width, height = image.size
+        pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
+        key = image, lights, state.seen, pixel
+        if key != self._read_of:
+            self._read_of = key
+            code = self.pictures.code(*pixel)
+            camera, volume = cast.job.camera, cast.job.document.volume
+            try:
+                self._reading = read(image, camera, volume, rig, state.seen, pixel, code)
+            except VolspecError:  # said when it was relit
+                self._reading = None
+        return self._reading
+
+    def heated(self, state: ViewState, held: bool) -> bool:
+        """Have the error map made where it is wanted; whether a new one has come."""
+        image = self.pictures.image
+        if state.interface.error_map and not held and self._desk.whole and image is not None:
+            self._desk.heat = self._heat
+            self._heat.want(image, state.lights, state.seen)
+        return self._heat.take()
+
+    def painted(self, area: Area, shown: ViewState | None) -> Painted | None:
+        """The picture behind the panels; one of another shape keeps its own."""
+        x, y, width, height = area
+        if not self.pictures.framebuffer or self._cast is None or shown is None:
+            dark = self._cast is not None and shown is not None and rig_of(shown.lights) is None
+            _write("No light is on" if dark else "Opening …", area)
+            return None
+        of, now = self._cast.job.size, shown.size
+        wide = width if of == now else height * of[0] / of[1]
+        left = x + (width - wide) / 2
+        to = self._desk.shown_at = left, y, left + wide, y + height
+        return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
+
+    def close(self) -> None:
+        """Release everything; nobody waits for a table."""
+        self._tabling.close(0.0)
+        self._heat.close()
+        self.pictures.close()
+        self._slices.close()
+
+
+def _write(text: str, area: Area) -> None:
+    """A line in the middle of where the picture will be."""
+    x, y, width, height = area
+    size = imgui.calc_text_size(text)
+    place = x + (width - size.x) / 2, y + (height - size.y) / 2
+    grey = packed((0.6, 0.6, 0.6))
+    imgui.get_background_draw_list().add_text(place, grey, text)

@@ -1,0 +1,1 @@
+"""The transfer function under the mouse: parts, presets, one kind made into another."""
