@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from secrets import token_hex
 
 from volspec.errors import InputError
+
+# Of a temporary file's name: what tells it from others.
+_RANDOM_BYTES = 4
 
 
 @contextmanager
@@ -17,7 +22,8 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     The temporary name keeps the suffix, since writers choose their format by it. Parent
     folders are made. When the body raises, the temporary file is removed and whatever stood
-    at ``path`` before is untouched. A link stays one; what it points to is written.
+    at ``path`` before is untouched. A link stays one; what it points to is written. Permissions
+    are those that a plain ``open`` gives.
 
     Raises
     ------
@@ -27,24 +33,39 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = _output(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            dir=target.parent, prefix=f".{target.stem}-", suffix=target.suffix
-        )
+        temporary = _created_beside(target)
     except OSError as error:
         raise InputError(
             f"{Path(path)}: cannot write there: {error.strerror}; choose another folder"
         ) from error
-    os.close(handle)
-    temporary = Path(name)
     try:
         yield temporary
-        # mkstemp makes files private; give the result the permissions a plain open() would.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _created_beside(target: Path) -> Path:
+    """A new, empty file in the same folder.
+
+    Made by the kernel's own rules (umask, the folder's ACL): what `tempfile` makes is private, and
+    a process can read its umask only by changing it, which files of other threads would get.
+    """
+    while True:
+        name = f".{target.stem}-{token_hex(_RANDOM_BYTES)}{target.suffix}"
+        temporary = target.with_name(name)
+        try:
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        except FileExistsError:
+            continue
+        return temporary
+
+
+def clear_temporaries(path: Path) -> None:
+    """Delete what a killed process has left of an unfinished file."""
+    pattern = f".{glob.escape(path.stem)}-{'?' * (2 * _RANDOM_BYTES)}{path.suffix}"
+    for left in path.parent.glob(pattern):
+        left.unlink(missing_ok=True)
 
 
 def line_end(path: str | os.PathLike[str]) -> str:

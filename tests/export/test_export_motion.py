@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from tests.export.conftest import Make
-from volspec.errors import SceneError
+from volspec.errors import SceneError, ViewingError
 from volspec.export.motion import between_keys, ratios_between_keys, short_way
 from volspec.export.plan import Plan, mix_of, plan_export, sweep_weights
 from volspec.raycast import Camera
+from volspec.relight import LightRig
 from volspec.scene import Scene, write_scene
 from volspec.scene.export import KeyframeTable
+from volspec.scene.lights import mixed_rig
+from volspec.spectra import light
 from volspec.transfer import TransferFunction
 
 
@@ -270,6 +273,17 @@ def test_lights_with_and_without_lux_do_not_mix(scene: Make) -> None:
         mix_of([bright, lamp], [0.5, 0.5])
     said, rig = mix_of([day, lamp], [0.25, 0.75])
     assert said == "day 0.25, lamp 0.75" and rig.weights == (0.25, 0.75)
+
+
+def test_lux_count_where_all_that_shine_carry_them() -> None:
+    day = LightRig((light("D65"), light("A")), (1, 0.5), (900, 100), ("key", "fill"))
+    lamp, bare = LightRig((light("FL2"),), (2,), (50,)), LightRig((light("E"),))
+    both = mixed_rig([day, bare, lamp], [0.5, 0.0, 1.0])
+    assert (both.weights, both.illuminance_lux) == ((0.5, 0.25, 2), (900, 100, 50))
+    assert both.groups == ("key", "fill", "")
+    assert mixed_rig([day, bare], [0.5, 1.0]).illuminance_lux is None
+    with pytest.raises(ViewingError, match="no light"):
+        mixed_rig([day, bare], [0.0, 0.0])
 
 
 @pytest.mark.parametrize(

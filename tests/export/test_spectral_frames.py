@@ -103,7 +103,7 @@ def test_large_frames_are_written_in_strips(
 ) -> None:
     image = made(kind=np.float16)
     write_spectral_frame(tmp_path / "whole.exr", image, EVENING, SPEC, {})
-    monkeypatch.setattr("volspec.export.spectral._STRIP", 2 * 34 * 12)
+    monkeypatch.setattr("volspec.export.tiles.STRIP_NUMBERS", 2 * 34 * 12)
     seen: list[int] = []
     own = SpectralIllumination.pixels
     monkeypatch.setattr(

@@ -27,7 +27,8 @@ def export(
     size: Annotated[str | None, Parameter(validator=_check_size)] = None,
     samples: _Whole = None,
     bits: _Whole = None,
-    format: Literal["png", "exr"] | None = None,
+    format: Literal["png", "exr", "coefficients"] | None = None,
+    spectral: Annotated[bool, Parameter(negative="")] = False,
     transparent: Annotated[bool, Parameter(negative="")] = False,
     fps: _Number = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
@@ -42,6 +43,8 @@ def export(
     Example: `volspec export engine.toml -o frames`
 
     Example: `volspec export engine.toml -o engine.mp4 --turntable 120 --light D65 --light A`
+
+    Example: `volspec export engine.toml -o shot --format coefficients --turntable 72`
 
     Example: `volspec export engine.toml -o poster --size 12000x9000 --samples 2 --bits 16`
 
@@ -64,7 +67,10 @@ def export(
     bits
         Of PNG codes, 8 or 16.
     format
-        Of frames: png, or exr with linear light.
+        Of frames: png, or exr with linear light; or coefficients, one image a camera as
+        `volspec render` writes it, to be relit in a compositor.
+    spectral
+        Of exr: a spectrum in every pixel.
     transparent
         No backdrop; opacity is kept in the files.
     fps
@@ -79,6 +85,7 @@ def export(
         "samples": samples,
         "bits": bits,
         "format": format,
+        "spectral": spectral or None,
         "transparent": transparent or None,
         "fps": fps,
     }

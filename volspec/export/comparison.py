@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_PAPER, _INK, _FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
+from volspec.export.sheet import FAINT, INK, PAPER
+
 _GAP, _MARGIN, _CAPTION = 14, 36, 62
 
 
@@ -52,14 +53,14 @@ def comparison_sheet(
         2 * _MARGIN + columns * tile + (columns - 1) * _GAP,
         top + rows * (_CAPTION + tall + _GAP) + _MARGIN - _GAP,
     )
-    sheet = Image.new("RGB", size, _PAPER)
+    sheet = Image.new("RGB", size, PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((_MARGIN, _MARGIN - 8), title, _INK, title_font)
+    draw.text((_MARGIN, _MARGIN - 8), title, INK, title_font)
     for i, each in enumerate(seen):
         x = _MARGIN + i % columns * (tile + _GAP)
         y = top + i // columns * (_CAPTION + tall + _GAP)
-        draw.text((x, y + 6), each.name, _INK, name_font)
-        draw.text((x, y + 34), each.note, _FAINT, small_font)
+        draw.text((x, y + 6), each.name, INK, name_font)
+        draw.text((x, y + 34), each.note, FAINT, small_font)
         picture = Image.fromarray(each.frame).resize((tile, tall), Image.Resampling.LANCZOS)
         sheet.paste(picture, (x, y + _CAPTION))
     return np.asarray(sheet)

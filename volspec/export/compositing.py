@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Self
@@ -28,13 +28,14 @@ from volspec.appearance.surround import ViewingConditions
 from volspec.basis import Basis, SpectralBasis
 from volspec.basis.display import visible_white
 from volspec.errors import ImageError
-from volspec.export.pixels import PRIMARIES
+from volspec.export.primaries import PRIMARIES
+from volspec.export.spectral import per_flat_white
 from volspec.raycast import CoefficientImage
 from volspec.raycast.groups import channel_names
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
+from volspec.scene import NamedLight, Scene
 from volspec.spectra import Spectrum
-from volspec.spectra.observer import color_matching_functions
 
 Array = NDArray[np.float64]
 
@@ -118,10 +119,7 @@ class Recipe:
         spec, size = spec or RelightSpec(), basis.size
         names = channel_names(groups, size)
         channels = {g: tuple(names[k * size : (k + 1) * size]) for k, g in enumerate(groups)}
-        rigs = {
-            name: LightRig((light,)) if isinstance(light, Spectrum) else light
-            for name, light in lights.items()
-        }
+        rigs = {name: LightRig.of(light) for name, light in lights.items()}
         if any(rig.illuminance_lux is None for rig in rigs.values()):
             spec = replace(spec, level="relative")
         rows = {}
@@ -224,6 +222,21 @@ class Recipe:
         return RGB
 
 
+def scene_recipe(scene: Scene, lights: Iterable[NamedLight], spec: RelightSpec) -> Recipe:
+    """What relights the casts of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    lights : sequence of NamedLight
+        Some of the scene's; the first is the preview's.
+    spec : RelightSpec
+        As for `Recipe.of`, whose errors these are.
+    """
+    rigs = {light.name: light.rig for light in lights}
+    return Recipe.of(scene.basis, scene.raycast.shares(), rigs, spec)
+
+
 def save_for_compositors(
     image: CoefficientImage, path: str | os.PathLike[str], recipe: Recipe
 ) -> None:
@@ -262,11 +275,10 @@ def _numbers(
     """The channels of what shines from each group."""
     if not isinstance(basis, SpectralBasis):
         return {}
-    V = color_matching_functions(basis.grid, basis.observer_deg)[1]
-    per_luminance = gain * V.sum() / (V @ rig.facing(groups).mixed(basis.grid).values)
+    kappa = per_flat_white(basis, rig.facing(groups).mixed(basis.grid), gain)
     shining = {group: rig.shining_from(group) for group in groups}
     return {
-        group: per_luminance * basis.analyze(own.mixed(basis.grid))
+        group: kappa * basis.analyze(own.mixed(basis.grid))
         for group, own in shining.items()
         if own is not None
     }

@@ -19,7 +19,7 @@ import numpy as np
 from volspec import __version__
 from volspec._files import write_whole
 from volspec.basis.report import report
-from volspec.export.compositing import Recipe, save_for_compositors
+from volspec.export.compositing import save_for_compositors, scene_recipe
 from volspec.export.frames import file_stem, write_frame
 from volspec.export.page import PageSpec, PageView, write_page
 from volspec.export.sheet import SheetColumn, contact_sheet
@@ -137,8 +137,7 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
     )
     sheet = contact_sheet(title, _ROWS, columns)
     # Everything is made; now write it, so that an interruption before leaves nothing behind.
-    lights = {light.name: light.rig for light in scene.lights}
-    recipe = Recipe.of(image.basis, image.groups, lights, relit)
+    recipe = scene_recipe(scene, scene.lights, relit)
     save_for_compositors(image, out / f"{Path(volume.name).stem}.exr", recipe)
     page = PageSpec(scene.file.title or volume.name)
     html = out / f"{Path(volume.name).stem}.html"

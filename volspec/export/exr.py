@@ -1,78 +1,194 @@
-"""Frames as OpenEXR: linear light, half floats, the primaries told, spectra where asked for.
+"""Frames as OpenEXR, row by row: linear half floats, the primaries told, spectra where asked for.
 
     pixels -> [exr]
 
-Opacity is multiplied into the colours, as compositors expect of this format.
+From Python OpenEXR's own library takes whole pictures (but for an interface that it is to lose);
+this writer takes rows as they come, so that a picture may be larger than memory. Opacity is
+multiplied into the colours, as compositors expect of this format.
+
+References
+----------
+[1] "OpenEXR File Layout", openexr.com: header, attributes, scan line blocks, ZIP compression.
 """
 
 from __future__ import annotations
 
+import io
 import os
+import struct
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from volspec._exr import chromaticities, halves, write_exr
+from volspec._exr import chromaticities, halves
+from volspec._files import write_whole
 from volspec.appearance.spaces import ColourSpace
-from volspec.errors import ImageError
 from volspec.spectra.spectral_image import spectral_channels, spectral_header
 
-
-class ExrRows:
-    """Rows of one picture, kept until all are there."""
-
-    def __init__(self) -> None:
-        self.parts: list[NDArray[np.float16]] = []
-
-    def rows(self, pixels: NDArray[Any]) -> None:
-        """Add rows; (R, W, C) linear."""
-        self.parts.append(halves(pixels))
+_MAGIC, _VERSION = 20000630, 2
+_HALF, _ZIP, _RISING = 1, 3, 0  # pixel type, compression, order of lines
+# Lines of a block, which ZIP packs at once; and zlib's level, that of OpenEXR's own library.
+_LINES, _LEVEL = 16, 4
 
 
-@contextmanager
-def exr_file(
-    path: str | os.PathLike[str],
-    space: ColourSpace,
-    text: Mapping[str, str],
-    wavelengths_nm: ArrayLike | None = None,
-    units: str = "",
-) -> Iterator[ExrRows]:
-    """An OpenEXR picture that takes its rows; it appears when all are there.
+@dataclass(frozen=True, slots=True, eq=False)
+class ExrBands:
+    """The spectral channels of a picture: radiances in the layout of `spectral_image`.
 
     Parameters
     ----------
-    path : path
-    space : ColourSpace
-        Its primaries and white go into the header's ``chromaticities``.
-    text : {name: text}
-        Goes into the header, as ``volspec:name``.
-    wavelengths_nm : (N,) array, optional
-        Behind red, green and blue (and opacity) the rows hold a spectrum: radiances in the
-        spectral layout (`volspec.spectra.spectral_image`).
+    wavelengths_nm : (N,) array
     units : str
-        Of the radiances.
+        What 1 is.
+    """
+
+    wavelengths_nm: NDArray[np.float64]
+    units: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExrHeader:
+    """What an OpenEXR picture says beside its pixels.
+
+    Parameters
+    ----------
+    size : (width, height)
+    space : ColourSpace
+        Its primaries and white are told.
+    text : {name: text}
+        Kept as ``volspec:name``.
+    has_alpha : bool
+    bands : ExrBands, optional
+        Behind the colours (and opacity) a pixel has a spectrum.
+    """
+
+    size: tuple[int, int]
+    space: ColourSpace
+    text: Mapping[str, str] = field(default_factory=dict)
+    has_alpha: bool = False
+    bands: ExrBands | None = None
+
+    @property
+    def channels(self) -> list[str]:
+        """Names in the order of a pixel's numbers."""
+        colours = [*("RGBA" if self.has_alpha else "RGB")]
+        if self.bands is None:
+            return colours
+        return colours + spectral_channels("emissive", self.bands.wavelengths_nm)
+
+    def packed(self) -> bytes:
+        """The header as it stands in the file."""
+        width, height = self.size
+        window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+        channel = struct.pack("<iB3xii", _HALF, 0, 1, 1)
+        channels = b"".join(name.encode() + b"\0" + channel for name in sorted(self.channels))
+        told = chromaticities(self.space.primaries_xy, self.space.white_xy)
+        texts = {f"volspec:{name}": text for name, text in self.text.items()}
+        if self.bands is not None:
+            texts |= spectral_header("emissive", self.bands.units)
+        attributes = [
+            ("channels", "chlist", channels + b"\0"),
+            ("compression", "compression", bytes([_ZIP])),
+            ("dataWindow", "box2i", window),
+            ("displayWindow", "box2i", window),
+            ("lineOrder", "lineOrder", bytes([_RISING])),
+            ("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
+            ("screenWindowCenter", "v2f", struct.pack("<2f", 0.0, 0.0)),
+            ("screenWindowWidth", "float", struct.pack("<f", 1.0)),
+            ("chromaticities", "chromaticities", struct.pack("<8f", *told)),
+            *((name, "string", text.encode()) for name, text in texts.items()),
+        ]
+        rows = (
+            name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(data)) + data
+            for name, kind, data in attributes
+        )
+        return struct.pack("<ii", _MAGIC, _VERSION) + b"".join(rows) + b"\0"
+
+
+class ExrWriter:
+    """Writes one OpenEXR picture of half floats.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing, at its beginning.
+    header : ExrHeader
+    """
+
+    def __init__(self, file: BinaryIO, header: ExrHeader) -> None:
+        width, height = header.size
+        names = header.channels
+        # A file has its channels in the order of their names.
+        self._order = sorted(range(len(names)), key=names.__getitem__)
+        self._block = np.empty((_LINES, len(names), width), "<f2")
+        self._filled, self._y = 0, 0
+        self._file = file
+        self._offsets: list[int] = []
+        file.write(header.packed())
+        self._table = file.tell()
+        file.write(bytes(8 * -(-height // _LINES)))
+
+    def rows(self, pixels: NDArray[Any]) -> None:
+        """Add rows; (R, W, C) linear."""
+        at = 0
+        while at < len(pixels):
+            count = min(_LINES - self._filled, len(pixels) - at)
+            lines = halves(pixels[at : at + count])[..., self._order]
+            self._block[self._filled : self._filled + count] = lines.transpose(0, 2, 1)
+            at, self._filled = at + count, self._filled + count
+            if self._filled == _LINES:
+                self._write_block()
+
+    def close(self) -> None:
+        """Write what is left, and where blocks begin; the file stays open."""
+        if self._filled:
+            self._write_block()
+        self._file.seek(self._table)
+        self._file.write(struct.pack(f"<{len(self._offsets)}Q", *self._offsets))
+
+    def _write_block(self) -> None:
+        plain = self._block[: self._filled].tobytes()
+        packed = zlib.compress(_predicted(plain), _LEVEL)
+        data = packed if len(packed) < len(plain) else plain
+        self._offsets.append(self._file.tell())
+        self._file.write(struct.pack("<ii", self._y, len(data)) + data)
+        self._y, self._filled = self._y + self._filled, 0
+
+
+def _predicted(plain: bytes) -> NDArray[np.uint8]:
+    """All low bytes, then all high ones, each as the step from the one before, plus 128."""
+    pairs = np.frombuffer(plain, np.uint8).reshape(-1, 2)
+    parted = pairs.T.ravel()
+    steps = parted.copy()
+    steps[1:] -= parted[:-1]
+    steps[1:] += 128
+    return steps
+
+
+@contextmanager
+def exr_file(path: str | os.PathLike[str], header: ExrHeader) -> Iterator[ExrWriter]:
+    """An OpenEXR picture that takes its rows one after the other; it appears when all are there.
 
     Raises
     ------
-    ImageError
-        If the file cannot be written.
+    InputError
+        If the folder cannot be written to.
     """
-    writer = ExrRows()
-    yield writer
-    header: dict[str, Any] = {
-        "chromaticities": chromaticities(space.primaries_xy, space.white_xy),
-        **{f"volspec:{name}": value for name, value in text.items()},
-    }
-    bands = []
-    if wavelengths_nm is not None:
-        header |= spectral_header("emissive", units)
-        bands = spectral_channels("emissive", wavelengths_nm)
-    colours = "RGBA"[: writer.parts[0].shape[2] - len(bands)]
-    channels = {
-        name: np.concatenate([part[..., i] for part in writer.parts])
-        for i, name in enumerate((*colours, *bands))
-    }
-    write_exr(path, header, channels, ImageError)
+    with write_whole(path) as temporary, temporary.open("wb") as file:
+        writer = ExrWriter(file, header)
+        yield writer
+        writer.close()
+
+
+def exr_bytes(pixels: NDArray[Any], header: ExrHeader) -> bytes:
+    """The file of a whole picture; (H, W, C) linear."""
+    file = io.BytesIO()
+    writer = ExrWriter(file, header)
+    writer.rows(pixels)
+    writer.close()
+    return file.getvalue()

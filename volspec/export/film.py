@@ -62,7 +62,8 @@ def check_film(path: Path, table: ExportTable, space: ColourSpace) -> None:
         If there is no ffmpeg.
     """
     if table.format != "png" or table.transparent or table.bits != 8:
-        what = "transparent" if table.transparent else f"{table.bits}-bit {table.format.upper()}"
+        file = f"{table.bits}-bit PNG" if table.format == "png" else f'format = "{table.format}"'
+        what = "transparent ones" if table.transparent else file
         raise InputError(
             f"{path}: films have opaque 8-bit frames, [export] asks for {what}; name a folder to "
             "have those"

@@ -8,7 +8,6 @@ that is there is done, and a folder of another scene is told by its fingerprint.
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import json
 import os
@@ -21,15 +20,13 @@ from typing import Any
 import numpy as np
 
 from volspec import __version__
-from volspec._files import write_whole
+from volspec._files import clear_temporaries, write_whole
 from volspec._tables.written import plain
 from volspec.errors import InputError
 from volspec.scene import Scene
 from volspec.volume import Volume
 
 NAME = "export.json"
-# Of `write_whole`: what tells its temporary files from others.
-_RANDOM = 8
 
 
 def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
@@ -165,13 +162,6 @@ class Folder:
 
 def _is_there(path: Path) -> bool:
     return path.is_file() and path.stat().st_size > 0
-
-
-def clear_temporaries(path: Path) -> None:
-    """Delete what a killed export has left of an unfinished file."""
-    pattern = f".{glob.escape(path.stem)}-{'?' * _RANDOM}{path.suffix}"
-    for left in path.parent.glob(pattern):
-        left.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -24,7 +24,8 @@ from volspec.export.motion import (
 )
 from volspec.raycast import Camera
 from volspec.scene import Scene
-from volspec.scene.export import KeyCameraTable, KeyframeTable, TurntableTable
+from volspec.scene.export import KeyframeTable, TurntableTable
+from volspec.scene.keyparts import KeyCameraTable
 from volspec.transfer import Isosurfaces, Transfer, TransferFunction, TransferFunction2D
 from volspec.volume import Volume
 

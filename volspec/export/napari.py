@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig
 from volspec.relight.spec import Pixels
 from volspec.scene import Scene, viewing_of
+from volspec.scene.lights import mixed_rig
 from volspec.spectra import light
 
 # What an image, which knows no lights, is offered.
@@ -37,18 +38,7 @@ class Relit:
 
     def frame(self, weights: Mapping[str, float], relighter: Relighter | None = None) -> Pixels:
         """(H, W, 3) uint8 under the weighed lights, seen as the image's scene says."""
-        rigs = [
-            replace(rig, weights=tuple(weights[name] * weight for weight in rig.weights))
-            for name, rig in self.lights.items()
-            if weights[name] > 0
-        ]
-        lux = [rig.illuminance_lux or () for rig in rigs]
-        mix = LightRig(
-            sum((rig.lights for rig in rigs), ()),
-            sum((rig.weights for rig in rigs), ()),
-            sum(lux, ()) if all(lux) else None,
-            sum((rig.groups for rig in rigs), ()),
-        )
+        mix = mixed_rig(tuple(self.lights.values()), [weights[name] for name in self.lights])
         seen = viewing_of(self.image).spec()
         settings = (mix, seen.viewing, seen.mode, seen.backdrop, seen.level)
         return relighter.frame(*settings) if relighter else relight(self.image, *settings)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,8 @@ from volspec.appearance.srgb import decode, encode
 from volspec.errors import ImageError
 from volspec.export.comparison import Seen, comparison_sheet
 from volspec.export.frames import write_frame
-from volspec.export.pixels import PRIMARIES, XYZ_adapted
 from volspec.export.plan import Plan
+from volspec.export.primaries import PRIMARIES, XYZ_adapted
 from volspec.export.sheet import SheetColumn, contact_sheet
 from volspec.scene import NamedLight, Scene
 
@@ -105,7 +106,7 @@ def opened(path: Path, width: int, primaries: str) -> NDArray[np.uint8]:
     from PIL import Image
 
     if path.suffix == ".exr":
-        picture = Image.fromarray(_linear_as_codes(path, primaries))
+        picture = Image.fromarray(_linear_as_codes(path, 2 * width, primaries))
     else:
         with Image.open(path) as file:
             file.load()
@@ -125,17 +126,30 @@ def _chequers(size: tuple[int, int]) -> NDArray[np.uint8]:
     return np.array(_PAPERS, np.uint8)[(x // _CHEQUER + y // _CHEQUER) % 2]
 
 
-def _linear_as_codes(path: Path, primaries: str) -> NDArray[np.uint8]:
-    """What an EXR frame looks like on an sRGB display."""
-    _, channels = read_exr(path, ImageError)
-    linear = np.stack([channels[name] for name in "RGB"], axis=-1).astype(np.float64)
+def _linear_as_codes(path: Path, least: int, primaries: str) -> NDArray[np.uint8]:
+    """What an EXR frame looks like on an sRGB display; reduced, but wider than so many pixels."""
+    _, read = read_exr(path, ImageError)
+    height, width = read["R"].shape
+    n = max(1, min(width // least, height))
+    channels = {name: _reduced(read[name], n) for name in "RGBA" if name in read}
+    linear = np.stack([channels[name] for name in "RGB"], axis=-1)
     space, shown = PRIMARIES[primaries], SPACES["sRGB"]
     linear = linear @ (shown.RGB_from_XYZ @ XYZ_adapted(space, shown) @ space.XYZ_from_RGB).T
     if "A" in channels:
         height, width = linear.shape[:2]
         paper = decode(_chequers((width, height)) / 255.0)[..., None]
-        linear += (1.0 - channels["A"][..., None].astype(np.float64)) * paper
+        linear += (1.0 - channels["A"][..., None]) * paper
     return np.rint(encode(linear) * 255).astype(np.uint8)
+
+
+def _reduced(pixels: NDArray[Any], n: int) -> NDArray[np.float64]:
+    """(H/n, W/n) float64: means of n × n pixels, row by row since the whole may be large."""
+    height, width = (side // n for side in pixels.shape)
+    rows = np.empty((height, width))
+    for y in range(height):
+        own = pixels[y * n : (y + 1) * n, : width * n].astype(np.float64)
+        rows[y] = own.reshape(n, width, n).mean(axis=(0, 2))
+    return rows
 
 
 def printable(text: str, most: int = 60) -> str:

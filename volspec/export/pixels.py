@@ -5,21 +5,20 @@ coefficient image, shot -> [pixels] -> png | exr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.curves import Transfer
-from volspec.appearance.profile import D50_from_white
-from volspec.appearance.spaces import SPACES, ColourSpace, space_of
+from volspec.appearance.spaces import space_of
 from volspec.appearance.srgb import to_uint8
 from volspec.errors import ViewingError
 from volspec.export.frames import to_uint16
 from volspec.export.plan import Shot
+from volspec.export.primaries import PRIMARIES, XYZ_adapted
+from volspec.export.spectral import SpectralIllumination
+from volspec.export.tiles import row_strips
 from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
 from volspec.relight.adapted import Adapting
@@ -28,22 +27,6 @@ from volspec.scene.export import ExportTable
 
 Array = NDArray[Any]
 
-_LINEAR = Transfer.gamma(1.0)
-_ACES_WHITE_XY = (0.32168, 0.33767)
-PRIMARIES: Mapping[str, ColourSpace] = MappingProxyType(
-    {
-        "Rec. 709": replace(SPACES["Rec. 709"], transfer=_LINEAR),
-        # SMPTE ST 2065-1 and the Academy's S-2014-004.
-        "ACES AP0": ColourSpace(
-            *("ACES AP0", ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077))),
-            *(_ACES_WHITE_XY, _LINEAR),
-        ),
-        "ACES AP1": ColourSpace(
-            *("ACES AP1", ((0.713, 0.293), (0.165, 0.830), (0.128, 0.044))),
-            *(_ACES_WHITE_XY, _LINEAR),
-        ),
-    }
-)
 # Below this opacity a pixel's own colour is rounding.
 _LEAST_ALPHA = 1e-4
 
@@ -78,9 +61,10 @@ class Pane:
         return cls(replace(image, coefficients=own, alpha=np.ones_like(alpha)), alpha, table)
 
     def pixels(self, relighter: Relighter, shot: Shot) -> Array:
-        """(H, W, 3 or 4) as the file holds them.
+        """(H, W, C) as the file holds them.
 
-        Codes, uint8 or uint16, opacity not multiplied in; or linear float32, multiplied in.
+        Codes, uint8 or uint16, opacity not multiplied in; or linear float32, multiplied in; or
+        half floats with a spectrum behind red, green and blue.
 
         Parameters
         ----------
@@ -89,6 +73,9 @@ class Pane:
         shot : Shot
         """
         table = self.table
+        if table.spectral:
+            given = self.image.basis, shot.rig, shot.spec, self.image.groups
+            return np.concatenate([*SpectralIllumination.of(*given).strips(self.image)])
         if table.format == "exr":
             linear = self._linear(relighter, shot)
             return self._joined(linear * self._cover[..., None] if table.transparent else linear)
@@ -116,29 +103,23 @@ class Pane:
     def _linear(self, relighter: Relighter, shot: Shot) -> Array:
         spec, to = shot.spec, PRIMARIES[self.table.primaries]
         if self.table.shows == "scene":
-            light = Illumination.of(self.image.basis, shot.rig, spec, self.image.groups)
+            lit = Illumination.of(self.image.basis, shot.rig, spec, self.image.groups)
             matrix = to.RGB_from_XYZ @ XYZ_adapted(PRIMARIES["Rec. 709"], to)
             # Light and white are not parted: the matrix is one of channels.
             both = replace(
-                light,
-                XYZ_from_channels=matrix @ light.XYZ_from_channels,
-                backdrop_XYZ=matrix @ light.backdrop_XYZ,
+                lit,
+                XYZ_from_channels=matrix @ lit.XYZ_from_channels,
+                backdrop_XYZ=matrix @ lit.backdrop_XYZ,
             )
-            return both.scene_XYZ(self.image.coefficients, self.image.alpha).astype(np.float32)
+            image, light = self.image, np.empty((*self.alpha.shape, 3), np.float32)
+            for rows in row_strips(image.size, image.coefficients.shape[2]):
+                light[rows] = both.scene_XYZ(image.coefficients[rows], image.alpha[rows])
+            return light
         shown = spec.viewing, spec.mode, spec.backdrop, spec.level
         codes = relighter.frame(shot.rig, *shown, dtype=np.float32)
         space = space_of(spec.viewing.display.space)
         matrix = to.RGB_from_XYZ @ XYZ_adapted(space, to) @ space.XYZ_from_RGB
         return (space.decode(codes) @ matrix.T).astype(np.float32)
-
-
-def XYZ_adapted(space: ColourSpace, to: ColourSpace) -> Array:
-    """(3, 3): XYZ beside one space's white to XYZ beside another's (Bradford)."""
-    if space.white_xy == to.white_xy:
-        return np.eye(3)
-    return np.asarray(
-        np.linalg.solve(D50_from_white(to.white_XYZ / 100.0), D50_from_white(space.white_XYZ / 100))
-    )
 
 
 def measured(shot: Shot, image: CoefficientImage) -> Shot:
@@ -164,7 +145,7 @@ def check_viewing(table: ExportTable, adapting: str, parts: int) -> None:
     ------
     ViewingError
     """
-    if adapting != "pixel" or (not table.transparent and parts == 1):
+    if adapting != "pixel" or not table.has_eye or (not table.transparent and parts == 1):
         return
     why = "has no backdrop" if table.transparent else "is relit in parts"
     raise ViewingError(

@@ -20,7 +20,8 @@ from volspec.export.moved import moved_cameras, moved_transfers, turned
 from volspec.raycast import Camera
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import NamedLight, Scene
-from volspec.scene.export import ExportTable, KeyframeTable
+from volspec.scene.export import ExportTable
+from volspec.scene.lights import mixed_rig
 from volspec.transfer import Transfer
 from volspec.volume import Volume
 
@@ -31,6 +32,8 @@ _TONE: dict[str, Way] = {
     "Y_b": between_keys,
     "D": between_keys,
 }
+# What coefficient images are called, as frames are by their light.
+_CAST = "cast"
 # A fade of a sweep, where nothing else says how many frames it has.
 _FRAMES_A_FADE = 24
 
@@ -113,33 +116,41 @@ def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
     SceneError
         If a camera, transfer function or viewing cannot be had; the message names the keyframe.
     """
-    lights = _lights(scene, table)
+    lights = lights_of(scene, table)
     moments = _moments(scene, volume, table, len(lights))
     mixes = _mixes(scene, table, lights, len(moments))
     digits = max(4, len(str(len(moments) - 1)))
-    shots = []
+    numbers = [f"{i:0{digits}d}" for i in range(len(moments))]
     if mixes is not None:
-        for i, (moment, (said, rig)) in enumerate(zip(moments, mixes, strict=True)):
-            shots.append(_shot(f"{i:0{digits}d}", i, moment, said, rig))
+        each = zip(numbers, moments, mixes, strict=True)
+        shots = [_shot(stem, i, moment, *mix) for i, (stem, moment, mix) in enumerate(each)]
         return Plan(tuple(shots), ())
-    for light, stem in zip(lights, distinct_stems([each.name for each in lights]), strict=True):
-        for i, moment in enumerate(moments):
-            name = stem if len(moments) == 1 else f"{stem}/{i:0{digits}d}"
-            shots.append(_shot(name, i, moment, light.name, light.rig))
-    return Plan(tuple(shots), tuple(lights))
+    # Coefficients are without light: one row of files, shown under the first.
+    cast_only = table.format == "coefficients"
+    rows = lights[:1] if cast_only else lights
+    stems = [_CAST] if cast_only else distinct_stems([light.name for light in lights])
+    shots = [
+        _shot(stem if len(moments) == 1 else f"{stem}/{number}", i, moment, light.name, light.rig)
+        for light, stem in zip(rows, stems, strict=True)
+        for i, (number, moment) in enumerate(zip(numbers, moments, strict=True))
+    ]
+    return Plan(tuple(shots), () if cast_only else tuple(lights))
 
 
 def _shot(stem: str, number: int, moment: _Moment, light: str, rig: LightRig) -> Shot:
     return Shot(stem, number, moment.camera, moment.transfer, light, rig, moment.spec)
 
 
-def _lights(scene: Scene, table: ExportTable) -> list[NamedLight]:
+def lights_of(scene: Scene, table: ExportTable) -> list[NamedLight]:
+    """The scene's lights that ``[export]`` names, in its order; all where it names none."""
     by_name = {light.name: light for light in scene.lights}
     return [by_name[name] for name in table.lights or by_name]
 
 
 def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> list[_Moment]:
-    still = _Moment(scene.camera(volume), scene.transfer, scene.relight)
+    # Of a spectrum all bands are kept: the factor model would smooth those of a lamp.
+    spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
+    still = _Moment(scene.camera(volume), scene.transfer, spec)
     if table.turntable is not None:
         cameras = turned(scene, volume, table.turntable)
         return [replace(still, camera=camera) for camera in cameras]
@@ -148,7 +159,7 @@ def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> l
         first, seconds = keys[0].time_s, keys[-1].time_s - keys[0].time_s
         # Both ends are frames; rounded, so that 2 s at 24 a second are 49 whatever 1/24 is.
         at = first + np.arange(round(seconds * table.fps) + 1) / table.fps
-        return _keyed(scene, volume, keys, np.minimum(at, keys[-1].time_s))
+        return _keyed(scene, volume, spec, np.minimum(at, keys[-1].time_s))
     if table.sweep is not None:
         fades = lights if table.sweep.closed else lights - 1
         frames = table.sweep.frames or _FRAMES_A_FADE * fades + (not table.sweep.closed)
@@ -157,15 +168,16 @@ def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> l
 
 
 def _keyed(
-    scene: Scene, volume: Volume, keys: Sequence[KeyframeTable], at: NDArray[np.float64]
+    scene: Scene, volume: Volume, spec: RelightSpec, at: NDArray[np.float64]
 ) -> list[_Moment]:
     """What holds at every time."""
+    keys = scene.file.keyframe
     with _named("camera"):
         cameras = moved_cameras(scene, volume, keys, at)
     seen = tracks_between([(key.time_s, key.viewing) for key in keys], _TONE, at)
     changes = rows_of(seen, len(at))
     with _named("viewing"):
-        specs = [_seen(scene.relight, row) for row in changes]
+        specs = [_seen(spec, row) for row in changes]
     with _named("transfer"):
         transfers = moved_transfers(scene, keys, at)
     return [_Moment(*each) for each in zip(cameras, transfers, specs, strict=True)]
@@ -188,6 +200,8 @@ def _mixes(
 ) -> list[tuple[str, LightRig]] | None:
     """The light of each moment, in words too; None where every light has its own frames."""
     keys = scene.file.keyframe
+    if table.format == "coefficients":
+        return None
     if table.turntable is None and keys and keys[0].lights is not None:
         times = [key.time_s for key in keys]
         names = dict.fromkeys(name for key in keys for name in key.lights or ())
@@ -235,16 +249,9 @@ def mix_of(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[str,
     if len(lit) == 1 and lit[0][1] == 1.0:
         return lit[0][0].name, lit[0][0].rig
     said = ", ".join(f"{light.name} {weight:.3g}" for light, weight in lit)
-    rigs = [light.rig for light, _ in lit]
-    lux = [rig.illuminance_lux for rig in rigs]
-    if any(each is None for each in lux) and any(each is not None for each in lux):
+    if len({light.rig.illuminance_lux is None for light, _ in lit}) > 1:
         raise SceneError(
             f"export: {said}: some of these lights have illuminance_lux and some have not; give it "
             "to all or to none"
         )
-    return said, LightRig(
-        tuple(spectrum for rig in rigs for spectrum in rig.lights),
-        tuple(weight * each for light, weight in lit for each in light.rig.weights),
-        None if lux[0] is None else tuple(v for each in lux if each is not None for v in each),
-        tuple(group for rig in rigs for group in rig.groups),
-    )
+    return said, mixed_rig([light.rig for light, _ in lit], [weight for _, weight in lit])

@@ -16,7 +16,8 @@ from volspec.spectra import Spectrum
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw
 
-_PAPER, _INK, _FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
+# Of every sheet: the ground, names, and notes.
+PAPER, INK, FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
 _GAP, _MARGIN, _PLOT, _CAPTION = 12, 36, 84, 44
 _PLOTTED_NM = (400.0, 700.0)
 _OVERSAMPLING = 3  # lines of the spectra are drawn larger and scaled down: smooth edges
@@ -84,18 +85,18 @@ def contact_sheet(
             2 * _MARGIN + len(columns) * tile + (len(columns) - 1) * _GAP,
             top + head + len(rows) * row_height + _MARGIN,
         ),
-        _PAPER,
+        PAPER,
     )
     draw = ImageDraw.Draw(sheet)
-    draw.text((_MARGIN, _MARGIN - 6), title, _INK, title_font)
+    draw.text((_MARGIN, _MARGIN - 6), title, INK, title_font)
     for j, row in enumerate(rows):
-        draw.text((_MARGIN, top + head + j * row_height + 14), row, _INK, small_font)
+        draw.text((_MARGIN, top + head + j * row_height + 14), row, INK, small_font)
     for i, column in enumerate(columns):
         x = _MARGIN + i * (tile + _GAP)
         sheet.paste(spectrum_plot(column.light, tile, _PLOT), (x, top))
-        draw.text((x, top + _PLOT + 8), column.name, _INK, name_font)
+        draw.text((x, top + _PLOT + 8), column.name, INK, name_font)
         name_width = draw.textlength(column.name, name_font)
-        draw.text((x + name_width + 12, top + _PLOT + 14), column.label, _FAINT, small_font)
+        draw.text((x + name_width + 12, top + _PLOT + 14), column.label, FAINT, small_font)
         for j, frame in enumerate(column.frames):
             picture = Image.fromarray(frame).resize((tile, tall), Image.Resampling.LANCZOS)
             sheet.paste(picture, (x, top + head + j * row_height + _CAPTION))
@@ -112,10 +113,10 @@ def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
     level = np.interp(at, light.wavelengths_nm, values, left=0, right=0)
     colour = spectrum_colours(at)
     rows = np.arange(size[1], 0, -1)[:, None] / size[1]
-    filled = np.where((rows <= level[None, :])[..., None], colour[None], np.array(_PAPER) / 255)
+    filled = np.where((rows <= level[None, :])[..., None], colour[None], np.array(PAPER) / 255)
     picture = Image.fromarray((filled * 255).round().astype(np.uint8))
     curve = [(x, (1 - y) * (size[1] - 1)) for x, y in enumerate(level)]
     draw: ImageDraw.ImageDraw = ImageDraw.Draw(picture)
-    draw.line(curve, _INK, _OVERSAMPLING * 2, joint="curve")
-    draw.line([(0, size[1] - 1), (size[0], size[1] - 1)], _FAINT, _OVERSAMPLING)
+    draw.line(curve, INK, _OVERSAMPLING * 2, joint="curve")
+    draw.line([(0, size[1] - 1), (size[0], size[1] - 1)], FAINT, _OVERSAMPLING)
     return picture.resize((width, height), Image.Resampling.LANCZOS)

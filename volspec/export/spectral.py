@@ -15,17 +15,19 @@ exact spectrum are those of the exact light matrix where the basis holds flat wh
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec._exr import halves
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import ImageError
-from volspec.export.exr import exr_file
-from volspec.export.pixels import PRIMARIES
+from volspec.export.exr import ExrBands, ExrHeader, exr_file
+from volspec.export.primaries import PRIMARIES
+from volspec.export.tiles import row_strips
 from volspec.raycast import CoefficientImage
 from volspec.raycast.groups import ONE_GROUP
 from volspec.relight import LightRig, RelightSpec
@@ -36,9 +38,6 @@ from volspec.spectra.photometry import illuminance_lux
 from volspec.spectra.values import stack
 
 Array = NDArray[np.float64]
-
-# Numbers of a strip of rows while they are float64.
-_STRIP = 1 << 23
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,10 +82,9 @@ class SpectralIllumination:
         Parameters and errors are those of `Illumination.of`.
         """
         lit = Illumination.of(basis, light, spec, groups)
-        rig = LightRig((light,)) if isinstance(light, Spectrum) else light
+        rig = LightRig.of(light)
         mixed = rig.facing(groups).mixed(basis.grid)
-        V = color_matching_functions(basis.grid, basis.observer_deg)[1]
-        kappa = lit.gain * V.sum() / (V @ mixed.values)
+        kappa = per_flat_white(basis, mixed, lit.gain)
         parts = []
         for group in groups:
             own = rig.shining_from(group)
@@ -115,6 +113,23 @@ class SpectralIllumination:
         to_RGB = PRIMARIES["Rec. 709"].RGB_from_XYZ @ (100.0 * Q / Q[1].sum())
         return np.concatenate([spectra @ to_RGB.T, spectra], axis=-1)
 
+    def strips(self, image: CoefficientImage) -> Iterator[NDArray[np.float16]]:
+        """`pixels` of an image as half floats, in strips of rows: few are float64 at a time."""
+        for rows in row_strips(image.size, 3 + self.grid.size):
+            yield halves(self.pixels(image.coefficients[rows], image.alpha[rows]))
+
+    @property
+    def bands(self) -> ExrBands:
+        """What a file calls the bands, and what 1 is in them."""
+        units = f"{self.radiance_of_one:.7g} W.m^-2.sr^-1.nm^-1"
+        return ExrBands(self.grid.wavelengths_nm, units)
+
+
+def per_flat_white(basis: Basis, light: Spectrum, gain: float) -> float:
+    """κ: times the light, 1 in every band is flat white of its luminance; times the gain."""
+    V = color_matching_functions(basis.grid, basis.observer_deg)[1]
+    return float(gain * V.sum() / (V @ light.values))
+
 
 def _product(basis: Basis, light: Spectrum, mode: str) -> Array:
     """(N, M): channels to the bands of the colour signal."""
@@ -136,8 +151,8 @@ def write_spectral_frame(
     """Write a relit picture with a spectrum in every pixel, whole or not at all.
 
     Bands are half floats ``S0.400,000000nm``, … in the layout of Fichet et al. (2021), whose
-    ``emissiveUnits`` say what 1 is; R, G and B are for picture viewers. Worked out in strips of
-    rows, of which the halves stay until the file is written: twice 68 bytes a pixel for 31 bands.
+    ``emissiveUnits`` say what 1 is; R, G and B are for picture viewers. Worked out and written in
+    strips of rows.
 
     Parameters
     ----------
@@ -153,18 +168,16 @@ def write_spectral_frame(
     Raises
     ------
     ImageError
-        If the file cannot be written or has another name.
+        If the file has another name.
+    InputError
+        If the folder cannot be written to.
     ViewingError, SpectrumError
         As `Illumination.of`.
     """
     if os.path.splitext(path)[1].lower() != ".exr":
         raise ImageError(f"{os.fspath(path)}: spectral frames are OpenEXR; name it .exr")
     lit = SpectralIllumination.of(image.basis, light, spec, image.groups)
-    width, height = image.size
-    step = max(1, _STRIP // (width * (3 + lit.grid.size)))
-    space, nm = PRIMARIES["Rec. 709"], lit.grid.wavelengths_nm
-    units = f"{lit.radiance_of_one:.7g} W.m^-2.sr^-1.nm^-1"
-    with exr_file(path, space, text, nm, units) as file:
-        for y in range(0, height, step):
-            strip = np.s_[y : y + step]
-            file.rows(lit.pixels(image.coefficients[strip], image.alpha[strip]))
+    header = ExrHeader(image.size, PRIMARIES["Rec. 709"], text, bands=lit.bands)
+    with exr_file(path, header) as file:
+        for strip in lit.strips(image):
+            file.rows(strip)

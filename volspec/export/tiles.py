@@ -27,6 +27,8 @@ from volspec.transfer import Transfer
 # What one cast may take, bytes; and a strip that is relit, with its copy for the device.
 CAST_BYTES = 2**28
 STRIP_BYTES = 2**29
+# Numbers of a strip of rows that is worked out as float64.
+STRIP_NUMBERS = 2**23
 # The largest side that is relit at once: textures of every OpenGL 4.1 have it.
 STRIP_SIDE = 8192
 # Rows of a strip and columns of a window are whole packets of rays and whole bars of hatching.
@@ -115,6 +117,21 @@ def _cuts(length: int, most: int) -> list[tuple[int, int]]:
     return [(start, min(start + step, length)) for start in range(0, length, step)]
 
 
+def row_strips(size: tuple[int, int], numbers: int) -> Iterator[slice]:
+    """Rows from top to bottom, few enough to be float64 at once.
+
+    Parameters
+    ----------
+    size : (width, height)
+    numbers : int
+        Of a pixel.
+    """
+    width, height = size
+    step = max(1, STRIP_NUMBERS // (width * numbers))
+    for y in range(0, height, step):
+        yield slice(y, y + step)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Caster:
     """Casts parts of pictures of one volume.
@@ -160,6 +177,12 @@ class Caster:
         if not seen and (len(strips) > 1 or len(strips[0]) > 1):
             warnings.warn("the picture is empty", VolspecWarning, stacklevel=2)
 
+    def whole(
+        self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
+    ) -> CoefficientImage:
+        """The picture as one image, in memory, whatever its size."""
+        return self._part(transfer, camera, canvas, Window(0, 0, *canvas.size), progress)
+
     def _part(
         self,
         transfer: Transfer,
@@ -176,6 +199,8 @@ class Caster:
         n, image = canvas.samples, None
         coefficients = np.empty((part.height, part.width, canvas.channels), np.float32)
         alpha = np.empty((part.height, part.width), np.float32)
+        # Of several rays a mean of depths is nowhere.
+        depth, first = np.full_like(alpha, np.inf), None if n > 1 else np.empty_like(alpha)
         for i, window in enumerate(windows):
             seen_from = WindowCamera(
                 *(camera.position_mm, camera.target_mm, camera.up),
@@ -196,13 +221,16 @@ class Caster:
             there = np.s_[y : y + window.height, x : x + window.width]
             coefficients[there] = _mean(np.asarray(image.coefficients, np.float32), n)
             alpha[there] = _mean(image.alpha[..., None], n)[..., 0]
+            if first is not None and image.first_mm is not None:
+                depth[there], first[there] = image.depth_mm, image.first_mm
         assert image is not None
         return replace(
             image,
             coefficients=coefficients.astype(image.coefficients.dtype, copy=False),
             alpha=alpha,
-            depth_mm=np.full_like(alpha, np.inf),  # a mean of depths is nowhere
-            first_mm=None,
+            depth_mm=depth,
+            first_mm=first,
+            notes={**image.notes, "camera": repr(camera)},
         )
 
     def cast(

@@ -106,12 +106,7 @@ class Illumination:
         SpectrumError
             If a light does not cover the basis' grid, has negative power or is black.
         """
-        rig = LightRig((light,)) if isinstance(light, Spectrum) else light
-        if not isinstance(rig, LightRig):
-            raise ViewingError(
-                f"relight: light is {light!r:.60}; expected a Spectrum, such as "
-                "volspec.light('D65'), or a LightRig"
-            )
+        rig = LightRig.of(light)
         facing = rig.facing(groups)
         gain = spec.viewing.exposure
         if spec.level == "absolute":

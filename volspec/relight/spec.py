@@ -133,6 +133,24 @@ class LightRig:
                 raise ViewingError("LightRig: the lights give 0 lux together; raise one")
             object.__setattr__(self, "illuminance_lux", lux)
 
+    @classmethod
+    def of(cls, light: Spectrum | LightRig) -> LightRig:
+        """A light as a rig, whatever it is given as.
+
+        Raises
+        ------
+        ViewingError
+            If it is neither.
+        """
+        if isinstance(light, LightRig):
+            return light
+        if isinstance(light, Spectrum):
+            return cls((light,))
+        raise ViewingError(
+            f"relight: light is {light!r:.60}; expected a Spectrum, such as "
+            "volspec.light('D65'), or a LightRig"
+        )
+
     def facing(self, shares: Mapping[str, float]) -> LightRig:
         """What a surface that faces every source gets: each light by its group's share.
 

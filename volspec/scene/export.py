@@ -13,28 +13,22 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from volspec._tables import Name, Table
 from volspec.errors import nearest
-from volspec.scene.transfer import PointTable
+from volspec.scene.keyparts import (
+    Direction,
+    Finite,
+    KeyCameraTable,
+    KeyTransferTable,
+    KeyViewingTable,
+    NotNegative,
+)
 
 # A film of an hour and more; beyond it a number is a slip.
 MAX_FRAMES = 100_000
-
-
-def _direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
-    if not any(axis):
-        raise ValueError("is [0, 0, 0]; give a direction")
-    return axis
-
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Frames = Annotated[int, Field(ge=1, le=MAX_FRAMES)]
-Place = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
 
 
 class TurntableTable(Table):
@@ -44,7 +38,7 @@ class TurntableTable(Table):
     """How many; a whole turn ends one before the first, so that it can be repeated."""
     degrees: Finite = 360.0
     """How far; negative turns the other way."""
-    axis: Annotated[Place, AfterValidator(_direction)] | None = None
+    axis: Direction | None = None
     """What it turns about; left out, the camera's up."""
 
 
@@ -68,8 +62,8 @@ class ExportTable(Table):
     """One light fades into the next; left out, every light has its own frames."""
     fps: Annotated[float, Field(gt=0, le=240, allow_inf_nan=False)] = 25.0
     """Frames a second, of films and keyframes."""
-    format: Literal["png", "exr"] = "png"
-    """Of frames in a folder."""
+    format: Literal["png", "exr", "coefficients"] = "png"
+    """Of frames in a folder; or one coefficient image a camera, to be relit by a compositor."""
     bits: Literal[8, 16] = 8
     """Of a PNG's codes."""
     samples: Annotated[int, Field(ge=1, le=8)] = 1
@@ -78,6 +72,8 @@ class ExportTable(Table):
     """No backdrop: opacity is kept in the file."""
     shows: Literal["display", "scene"] = "display"
     """Of EXR: linear light of the display, what the eye makes of it included; or of the scene."""
+    spectral: bool = False
+    """Of EXR: a spectrum in every pixel; docs/compositing.md."""
     primaries: Literal["Rec. 709", "ACES AP0", "ACES AP1"] = "Rec. 709"
     """Of EXR."""
     sheet: bool = True
@@ -89,6 +85,7 @@ class ExportTable(Table):
             raise ValueError("lights: is empty; name one, or leave it out for all")
         if self.format == "png" and self.shows == "scene":
             raise ValueError('shows = "scene" is for format = "exr"; PNG shows the display')
+        self._check_spectra()
         if self.sweep is None:
             return self
         if self.turntable is not None and self.sweep.frames not in (None, self.turntable.frames):
@@ -98,55 +95,45 @@ class ExportTable(Table):
             )
         return self
 
-
-class KeyCameraTable(Table):
-    """``camera`` of a keyframe: what differs from [camera], an orbit's or a place's."""
-
-    azimuth_deg: Finite | None = None
-    """The short way from the key before."""
-    elevation_deg: Finite | None = None
-    """Towards up."""
-    zoom: Positive | None = None
-    """As [camera]."""
-    fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
-    """As [camera]."""
-    target_mm: Place | None = None
-    """What it looks at."""
-    position_mm: Place | None = None
-    """Where it stands, in place of the orbit; goes around the target."""
-    up: Annotated[Place, AfterValidator(_direction)] | None = None
-    """Beside position_mm: what is above in the picture."""
+    def _check_spectra(self) -> None:
+        """Of what compositors take apart: which settings have no meaning beside it."""
+        if self.spectral and self.format != "exr":
+            raise ValueError(
+                f'spectral: is for format = "exr", not "{self.format}"; leave out one of them'
+            )
+        if self.spectral and self.transparent:
+            raise ValueError(
+                "spectral: holds the light of the backdrop, too, transparent has none; leave out "
+                "one of them"
+            )
+        is_taken_apart = self.spectral or self.format == "coefficients"
+        if is_taken_apart and self.primaries != "Rec. 709":
+            kind = "spectra" if self.spectral else "coefficients"
+            raise ValueError(
+                f'primaries: R, G and B beside {kind} are Rec. 709, not "{self.primaries}"; leave '
+                "it out"
+            )
+        if self.format == "coefficients" and self.sweep is not None:
+            raise ValueError(
+                'sweep: fades the light, which format = "coefficients" leaves to the compositor; '
+                "leave out one of them"
+            )
 
     @property
-    def given(self) -> set[str]:
-        """Names of what it says."""
-        return {name for name in type(self).model_fields if getattr(self, name) is not None}
+    def suffix(self) -> str:
+        """Of the files' names."""
+        return ".png" if self.format == "png" else ".exr"
+
+    @property
+    def has_eye(self) -> bool:
+        """Whether the files hold what an eye sees, and not the light that reaches it."""
+        return self.format == "png" or (
+            self.format == "exr" and self.shows == "display" and not self.spectral
+        )
 
 
 # Of a keyframe's camera, by whether it says where it stands.
 _KINDS = {True: "a place", False: "an orbit"}
-
-
-class KeyTransferTable(Table):
-    """``transfer`` of a keyframe: each costs casts of its own."""
-
-    shift: Finite | None = None
-    """Added to the values of points, regions or surfaces."""
-    points: Annotated[list[PointTable], Field(min_length=1)] | None = None
-    """In place of [transfer] points; as many in every keyframe, and there."""
-
-
-class KeyViewingTable(Table):
-    """``viewing`` of a keyframe: what differs from [viewing]."""
-
-    exposure: Positive | None = None
-    """Factor of all light."""
-    L_A: Positive | None = None
-    """Adapting luminance, cd/m²."""
-    Y_b: Positive | None = None
-    """The background's luminance, white 100."""
-    D: Share | None = None
-    """Degree of adaptation."""
 
 
 class KeyframeTable(Table):

@@ -9,10 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from volspec.errors import ImageError, SpectrumError, quoted
-from volspec.export.plan import mix_of
 from volspec.raycast import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
-from volspec.scene.lights import NamedLight
+from volspec.scene.lights import NamedLight, mixed_rig
 from volspec.spectra import Spectrum, light
 
 Given = str | Spectrum | LightRig
@@ -82,12 +81,9 @@ def rig_of(lights: Sequence[NamedLight], weights: Sequence[float]) -> LightRig |
 
     The lights' lux count where all that shine carry them.
     """
-    lit = [lamp for lamp, weight in zip(lights, weights, strict=True) if weight > 0]
-    if not lit:
+    if not any(weights):
         return None
-    if any(lamp.rig.illuminance_lux is None for lamp in lit):
-        lit = [replace(lamp, rig=replace(lamp.rig, illuminance_lux=None)) for lamp in lit]
-    return mix_of(lit, [weight for weight in weights if weight > 0])[1]
+    return mixed_rig([lamp.rig for lamp in lights], weights)
 
 
 def _named(name: str | None, given: Given | NamedLight, image: CoefficientImage) -> NamedLight:

@@ -13,7 +13,7 @@ from typing import Any
 
 from volspec.errors import SpectrumError, ViewingError
 from volspec.relight import LightRig
-from volspec.scene.lights import LightTable, NamedLight
+from volspec.scene.lights import LightTable, NamedLight, mixed_rig
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
 
@@ -126,16 +126,8 @@ def rig_of(rows: Rows) -> LightRig | None:
 
     The lights' lux count where all that shine carry them.
     """
-    lit = [(row.rig, weight) for row, weight in zip(rows, shining(rows), strict=True) if weight > 0]
-    if not lit:
-        return None
-    lux = [rig.illuminance_lux for rig, _ in lit]
-    return LightRig(
-        tuple(light for rig, _ in lit for light in rig.lights),
-        tuple(own * weight for rig, weight in lit for own in rig.weights),
-        tuple(v for own in lux if own for v in own) if all(lux) else None,
-        tuple(group for rig, _ in lit for group in rig.groups),
-    )
+    weights = shining(rows)
+    return mixed_rig([row.rig for row in rows], weights) if any(weights) else None
 
 
 def changed(rows: Rows, index: int, **changes: Any) -> Rows:

@@ -1,0 +1,78 @@
+"""OpenEXR files written row by row, as OpenEXR's own library reads them."""
+
+from __future__ import annotations
+
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.export._layers import opened
+from volspec.appearance.spaces import SPACES
+from volspec.export.exr import ExrBands, ExrHeader, exr_bytes, exr_file
+
+BANDS = ExrBands(np.array([400.0, 547.5, 1000.0]), "W")
+TEXT = {"Title": 'é \u202e "x"', "relight": "a\nb"}
+
+
+def picture(size: tuple[int, int], channels: int, noise: bool) -> np.ndarray:
+    width, height = size
+    if noise:  # which ZIP makes no smaller
+        kind = np.random.default_rng(1).integers(0, 0x7C00, (height, width, channels), np.uint16)
+        return kind.view(np.float16)
+    return np.add.outer(np.arange(height), np.arange(width * channels)).reshape(
+        height, width, channels
+    ) / np.float32(7)
+
+
+@pytest.mark.parametrize("noise", [False, True])
+@pytest.mark.parametrize("bands", [None, BANDS])
+@pytest.mark.parametrize("has_alpha", [False, True])
+@pytest.mark.parametrize("size", [(1, 1), (5, 37), (33, 16)])
+def test_every_half_is_read_back(
+    size: tuple[int, int], has_alpha: bool, bands: ExrBands | None, noise: bool, tmp_path: Path
+) -> None:
+    header = ExrHeader(size, SPACES["sRGB"], TEXT, has_alpha, bands)
+    pixels = picture(size, len(header.channels), noise)
+    (tmp_path / "a.exr").write_bytes(exr_bytes(pixels, header))
+    said, channels = opened(tmp_path / "a.exr")
+    assert set(channels) == set(header.channels)
+    for k, name in enumerate(header.channels):
+        assert channels[name].dtype == np.float16
+        assert np.array_equal(channels[name], pixels[..., k].astype(np.float16)), name
+    assert {name: said[f"volspec:{name}"] for name in TEXT} == TEXT
+    assert said["chromaticities"] == pytest.approx(
+        (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
+    )
+    assert said.get("emissiveUnits") == (None if bands is None else "W")
+
+
+def test_rows_may_come_in_any_pieces(tmp_path: Path) -> None:
+    header = ExrHeader((6, 50), SPACES["sRGB"])
+    pixels = picture((6, 50), 3, noise=False)
+    with exr_file(tmp_path / "a.exr", header) as file:
+        for part in np.split(pixels, [1, 18, 19, 48]):
+            file.rows(part)
+    assert (tmp_path / "a.exr").read_bytes() == exr_bytes(pixels, header)
+
+
+def test_what_no_half_can_hold_is_the_largest_and_nan_is_black(tmp_path: Path) -> None:
+    header = ExrHeader((4, 1), SPACES["sRGB"])
+    pixels = np.repeat(np.array([[np.inf, -1e9, np.nan, 0.5]]), 3, axis=0).T[None]
+    (tmp_path / "a.exr").write_bytes(exr_bytes(pixels, header))
+    assert opened(tmp_path / "a.exr")[1]["G"].tolist() == [[65504, -65504, 0, 0.5]]
+
+
+def test_a_disk_that_fills_up_amid_the_rows_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    path.write_text("before")
+    header = ExrHeader((64, 50), SPACES["sRGB"])
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))  # as if it were full there
+    try:
+        with pytest.raises(OSError, match="File too large"), exr_file(path, header) as file:
+            file.rows(picture((64, 50), 3, noise=True))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [each.name for each in tmp_path.iterdir()] == ["a.exr"] and path.read_text() == "before"

@@ -1,0 +1,52 @@
+"""Files that appear whole: their permissions, whoever else writes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from volspec._files import clear_temporaries, write_whole
+
+
+@pytest.fixture(params=[0o022, 0o027, 0o077], ids=oct)
+def umask(request: pytest.FixtureRequest) -> Iterator[int]:
+    before = os.umask(request.param)
+    yield request.param
+    os.umask(before)
+
+
+def test_permissions_are_those_of_a_plain_open_beside_concurrent_writers(
+    umask: int, tmp_path: Path
+) -> None:
+    def write(number: int) -> set[int]:
+        with write_whole(tmp_path / f"{number}.txt") as temporary:
+            temporary.write_text("whole")
+        (tmp_path / f"{number}.plain").write_text("plain")
+        return {(tmp_path / f"{number}.{end}").stat().st_mode & 0o777 for end in ("txt", "plain")}
+
+    with ThreadPoolExecutor(8) as pool:
+        modes = set().union(*pool.map(write, range(200)))
+    assert modes == {0o666 & ~umask}
+
+
+def test_nobody_s_umask_is_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files that other threads make meanwhile would have another's permissions."""
+    monkeypatch.delattr(os, "umask")
+    with write_whole(tmp_path / "a.txt") as temporary:
+        temporary.write_text("whole")
+    assert (tmp_path / "a.txt").read_text() == "whole"
+
+
+def test_what_a_kill_leaves_is_told_from_what_others_made(tmp_path: Path) -> None:
+    with write_whole(tmp_path / "a [b]?.txt") as temporary:
+        left = temporary.name
+        temporary.write_text("whole")
+    (tmp_path / left).write_text("half")
+    for other in (".a [b]?-12345678.png", ".a b-12345678.txt", ".a [b]?-mine.txt"):
+        (tmp_path / other).write_text("mine")
+    clear_temporaries(tmp_path / "a [b]?.txt")
+    assert len(list(tmp_path.iterdir())) == 4 and not (tmp_path / left).exists()
