@@ -139,6 +139,13 @@ class Robot:
             said = self.viewer.stderr.read()
         raise TimeoutError(f"the viewer did not; last: {tail}; {said}")
 
+    def until(self, holds: Callable[[], bool], seconds: float = 10) -> bool:
+        """Whether something comes to hold before so many seconds are over."""
+        end = time.time() + seconds
+        while not (held := holds()) and time.time() < end:
+            time.sleep(0.05)
+        return held
+
     def whole(self, after: float = -1.0) -> Row:
         """The first whole picture relit after a time."""
         return self.wait_for(lambda row: row["event"] == "relight" and row["whole"], after)
