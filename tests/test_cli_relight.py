@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -172,6 +173,24 @@ def test_a_spectral_picture_that_cannot_be_relit_is_refused(
     line = said(capsys)
     assert message in line
     assert not (tmp_path / "f.png").exists()
+
+
+def test_spectra_do_not_replace_the_image_they_are_made_of(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chart = stored(tmp_path / "chart.exr")
+    before = chart.read_bytes()
+    assert call(chart, "--light", "A", "--spectral", "-o", chart) == 1
+    assert "is the image that is relit; name another file" in said(capsys)
+    assert chart.read_bytes() == before
+
+
+def test_lights_without_lux_relight_the_image_of_a_scene_with_lux(tmp_path: Path) -> None:
+    image = CoefficientImage.load(stored(tmp_path / "chart.exr"))
+    absolute = replace(image, notes={"viewing": '{"level": "absolute"}'})
+    absolute.save(tmp_path / "chart.exr")
+    assert call(tmp_path / "chart.exr", "--light", "A", "-o", tmp_path / "F.png") == 0
+    assert np.array_equal(iio.imread(tmp_path / "F.png"), relight(image, light("A")))
 
 
 def grouped(path: Path) -> Path:

@@ -254,6 +254,9 @@ def test_blending_shading_and_clip_planes_are_taken_over(plot: Plots) -> None:
     assert (taken.point_mm, taken.normal) == ((4, 0, 0), (1, 0, 0))
     spec = vs.from_plotter(plotter, "greatest").spec
     assert (spec.mode, spec.ambient, spec.diffuse) == ("maximum", 1.0, 0.0)
+    plotter.add_volume(block(), name="mean", blending="average")
+    with pytest.warns(VolspecWarning, match="mean: the greys of blending 'average' cannot be"):
+        assert vs.from_plotter(plotter, "mean").spec.mode == "average"
 
 
 def test_one_volume_is_taken_and_several_are_named(plot: Plots) -> None:
@@ -265,8 +268,10 @@ def test_one_volume_is_taken_and_several_are_named(plot: Plots) -> None:
     with pytest.raises(RaycastError, match=r"2 volumes, 'ct-0', 'ct-1'; .*\(plotter, 'ct-0'\)"):
         vs.from_plotter(plotter)
     assert vs.from_plotter(plotter, "ct-1").volume.shape_xyz == (12, 12, 12)
-    with pytest.raises(RaycastError, match=r"no volume 'ball'; .*it has 'ct-0', 'ct-1'"):
-        vs.from_plotter(plotter, "ball")
+    others: tuple[Any, ...] = ("ball", ["ball"])
+    for other in others:
+        with pytest.raises(RaycastError, match=r"no volume .*'ball'.*; .*it has 'ct-0', 'ct-1'"):
+            vs.from_plotter(plotter, other)
     plotter.actors["ct-1"].visibility = False
     assert vs.from_plotter(plotter).volume.name == "ct-0"
     plotter.close()
@@ -275,6 +280,12 @@ def test_one_volume_is_taken_and_several_are_named(plot: Plots) -> None:
             take(plotter)
         with pytest.raises(RaycastError, match=r"got ImageData.*; give a pyvista Plotter"):
             take(block())
+
+
+def test_no_address_of_memory_comes_into_an_images_notes(plot: Plots) -> None:
+    plotter = plot()
+    plotter.add_volume(block())
+    assert vs.from_plotter(plotter).volume.name == "ImageData"
 
 
 def additive(plotter: pyvista.Plotter) -> None:
@@ -296,6 +307,10 @@ def two_dimensional(plotter: pyvista.Plotter) -> None:
     plotter.add_volume(block(), name="ct").prop.SetTransferFunctionModeTo2D()
 
 
+def flattened(plotter: pyvista.Plotter) -> None:
+    plotter.add_volume(block(), name="ct").user_matrix = np.diag([1.0, 1.0, 0.0, 1.0])
+
+
 def shifted(plotter: pyvista.Plotter) -> None:
     plotter.add_volume(block(), name="ct")
     plotter.camera.SetWindowCenter(0.2, 0)
@@ -308,6 +323,7 @@ def shifted(plotter: pyvista.Plotter) -> None:
         (coloured, VolumeError, "ct: 4 components a voxel"),
         (scattered, VolumeError, "ct: is a RectilinearGrid; .*resample it"),
         (two_dimensional, TransferError, "ct: has a 2-D transfer function; give curves"),
+        (flattened, VolumeError, "ct: the orientation matrix .* is singular"),
         (shifted, CameraError, "its camera shears, shifts or moves the picture"),
     ],
 )
@@ -373,10 +389,14 @@ def test_a_plane_farther_away_looks_the_same(plot: Plots) -> None:
 
 
 @pytest.mark.parametrize(
-    "frame", [np.zeros((4, 4)), np.zeros((4, 4, 3)), np.zeros((4, 4, 4), "u1")]
+    "frame",
+    [
+        *(np.zeros((4, 4)), np.zeros((4, 4, 3)), np.zeros((4, 4, 4), "u1")),
+        *(np.zeros((0, 4, 3), "u1"), np.full((4, 4, 3), np.nan, "f4")),
+    ],
 )
 def test_textures_of_what_is_no_frame_are_refused(frame: np.ndarray) -> None:
-    with pytest.raises(RelightError, match=r"to_texture: got .*; give a frame, \(H, W, 3\)"):
+    with pytest.raises(RelightError, match=r"to_texture: .*; give (a frame|codes of 0 to 1)"):
         vs.to_texture(frame)
 
 

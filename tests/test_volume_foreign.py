@@ -61,7 +61,9 @@ def test_coordinates_place_the_volume_unless_it_is_told() -> None:
     assert Volume(given, world_from_index=np.diag([4.0, 5, 6, 1])).spacing_mm == (4, 5, 6)
 
 
-@pytest.mark.parametrize("at", [[0, 1, 3], [1, 1, 1], ["a", "b", "c"], [0, np.nan, 2]])
+@pytest.mark.parametrize(
+    "at", [[0, 1, 3], [1, 1, 1], ["a", "b", "c"], [0, np.nan, 2], [0, 1, np.inf]]
+)
 def test_uneven_coordinates_are_refused(at: Any) -> None:
     given = DataArray(VALUES, "zyx", y=np.array(at))
     with pytest.raises(VolumeError, match=r"scan: .* along 'y' are not evenly .*drop_vars\('y'\)"):

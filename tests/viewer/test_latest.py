@@ -90,6 +90,14 @@ def test_a_fault_ends_the_thread_and_not_the_work() -> None:
     worker.request("a")
     until(lambda: not worker.busy)
     assert worker.take() == ["a"]
+    # Neither what waited during the fault.
+    worker.go_on.clear()
+    worker.request("fault")
+    until(lambda: len(worker.begun) == 3)
+    worker.request("b")
+    worker.go_on.set()
+    until(lambda: not worker.busy)
+    assert worker.take() == ["b"]
 
 
 @pytest.mark.parametrize("first_ends_first", [True, False])

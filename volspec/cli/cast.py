@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +20,7 @@ from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning
 
 if TYPE_CHECKING:
     from volspec.raycast import CoefficientImage
+    from volspec.relight import LightRig, RelightSpec
     from volspec.spectra import SpectralGrid, Spectrum
 
 # CIEDE2000 that an eye notices at a glance: worth a warning.
@@ -125,7 +126,8 @@ def relight(
     """Relight a stored coefficient image, or a measured spectral picture.
 
     Viewing and picture are as in the scene where they are left out. `--L_A`, `--Y_b` and
-    `--surround` are those of the scene; `--preset` is the room of the display.
+    `--surround` are those of the scene; `--preset` is the room of the display. White is as bright
+    under each light.
 
     Example: `volspec relight engine.exr --light A --light FL2 -o engine.png`
 
@@ -168,7 +170,6 @@ def relight(
         viewing `--exposure` and `--lux` alone count.
     """
     from volspec.export.frames import file_stem, write_frame
-    from volspec.export.spectral import write_spectral_frame
     from volspec.pipeline import Relighter
     from volspec.scene import viewing_of
 
@@ -180,19 +181,19 @@ def relight(
     maps = [path.with_name(f"{path.stem}-errors.png") for path in paths]
     for path in [*paths, *(maps if errors else [])]:
         require_writable(path)
+        if path.resolve() == image.resolve():
+            raise ImageError(f"{path}: is the image that is relit; name another file")
     stored = _picture(image, basis, taken_under)
-    given = {"model": model, "mode": mode, "backdrop": backdrop}
+    # No light of the command line carries lux.
+    given = {"model": model, "mode": mode, "backdrop": backdrop, "level": "relative"}
     table = viewing.onto(viewing_of(stored))
     spec = table.model_copy(update={k: v for k, v in given.items() if v is not None}).spec()
     lamps = [read_setting(text, stored.groups, stored.basis.grid) for text in light]
     changes = _reflectances(reflectance or (), stored.basis.grid)
     if spectral:
         stored = stored.with_reflectances(changes) if changes else stored
-        spec = replace(spec, mode=mode or "exact")
-        for text, lamp, path in zip(light, lamps, paths, strict=True):
-            notes = {"light": text, "mode": spec.mode, "Software": f"volspec {__version__}"}
-            write_spectral_frame(path, stored, lamp, spec, notes)
-            Console().print(f"{path}", highlight=False, soft_wrap=True)
+        named = dict(zip(light, lamps, strict=True))
+        _write_spectra(stored, named, replace(spec, mode=mode or "exact"), paths)
         return
     with Relighter(stored) as relighter:
         if changes:
@@ -216,6 +217,21 @@ def relight(
                     VolspecWarning,
                     stacklevel=1,
                 )
+
+
+def _write_spectra(
+    image: CoefficientImage,
+    lights: Mapping[str, Spectrum | LightRig],
+    spec: RelightSpec,
+    paths: Sequence[Path],
+) -> None:
+    """A spectral frame for each light."""
+    from volspec.export.spectral import write_spectral_frame
+
+    for (text, lamp), path in zip(lights.items(), paths, strict=True):
+        notes = {"light": text, "mode": spec.mode, "Software": f"volspec {__version__}"}
+        write_spectral_frame(path, image, lamp, spec, notes)
+        Console().print(f"{path}", highlight=False, soft_wrap=True)
 
 
 def _check_kind(

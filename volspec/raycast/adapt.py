@@ -83,8 +83,8 @@ def from_plotter(
     Warns
     -----
     VolspecWarning
-        If something is left behind: gradient opacity, a crop, an uneven stretch of opacities, a
-        colour no reflectance has.
+        If something is left behind: gradient opacity, a crop, an uneven stretch of opacities, the
+        greys that VTK averages to, a colour no reflectance has.
 
     Examples
     --------
@@ -99,7 +99,8 @@ def from_plotter(
     import pyvista
 
     require_open(plotter)
-    actor, label = _chosen(plotter, name)
+    actor, key = _chosen(plotter, name)
+    label = key.partition("(Addr=")[0]  # where pyvista was told no name it takes an address
     settings, mapper = actor.GetProperty(), actor.GetMapper()
     mapper.Update()
     blending = _BLENDING[mapper.GetBlendMode()]
@@ -111,13 +112,14 @@ def from_plotter(
     grid = volume_from_pyvista(pyvista.wrap(mapper.GetInputDataObject(0, 0)), name=label)
     world_from_grid = _matrix(actor.GetMatrix())
     world = world_from_grid @ grid.world_from_index
+    placed = Volume(grid.values, world_from_index=world, name=label)
     # VTK counts unit distances before it stretches.
     stretch = abs(float(np.linalg.det(world_from_grid[:3, :3]))) ** (1 / 3)
     transfer = transfer_from_vtk(settings, stretch, basis, label)
     _tell_what_stays_behind(label, settings, mapper, world_from_grid)
     width, height = plotter.renderer.GetSize()
     return Plotted(
-        Volume(grid.values, world_from_index=world, name=label),
+        placed,
         transfer,
         plotter_camera(plotter),
         (width, height),
@@ -174,10 +176,10 @@ def plotter_camera(plotter: Any) -> Camera:
 
 
 def _chosen(plotter: Any, name: str | None) -> tuple[Any, str]:
-    """A plotter's volume, and what to call it."""
+    """A plotter's volume, and its key."""
     volumes = {k: actor for k, actor in plotter.renderer.actors.items() if actor.IsA("vtkVolume")}
     if name is not None:
-        if name not in volumes:
+        if not isinstance(name, str) or name not in volumes:
             raise RaycastError(
                 f"plotter: no volume {quoted(name)}; {nearest(name, volumes)}"
                 f"it has {', '.join(map(repr, volumes)) or 'none'}"
@@ -226,6 +228,8 @@ def _tell_what_stays_behind(
         "its gradient opacity": settings.HasGradientOpacity(0)
         and not settings.GetDisableGradientOpacity(0),
         "its cropping region": mapper.GetCropping(),
+        # VTK's is the mean of opacity times value, drawn as an opaque grey.
+        "the greys of blending 'average'": _BLENDING[mapper.GetBlendMode()] == "average",
         f"that its opacities do not follow a stretch of {stretches[0] / stretches[-1]:.3g} along "
         "one axis": stretches[0] > (1 + _EVEN) * stretches[-1],
     }

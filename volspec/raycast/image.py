@@ -246,6 +246,8 @@ class CoefficientImage:
         ------
         ImageError
             If the name does not end in ``.exr`` or the file cannot be written.
+        ShapeError
+            If the preview has another size.
         """
         write_image(path, self, preview, texts or {})
 

@@ -43,12 +43,15 @@ def to_texture(frame: Pixels) -> pyvista.Texture:
     import pyvista
 
     codes = np.asarray(frame)
-    if codes.ndim != 3 or codes.shape[2] != 3 or codes.dtype not in (np.uint8, np.float32):
+    is_frame = codes.ndim == 3 and codes.shape[2] == 3 and codes.size > 0
+    if not is_frame or codes.dtype not in (np.uint8, np.float32):
         raise RelightError(
             f"to_texture: got {codes.dtype} of shape {codes.shape}; give a frame, (H, W, 3) uint8 "
             "or float32"
         )
     if codes.dtype == np.float32:
+        if np.isnan(codes).any():
+            raise RelightError("to_texture: the frame holds NaN; give codes of 0 to 1")
         codes = np.rint(codes.clip(0, 1) * 255).astype(np.uint8)
     return pyvista.Texture(codes)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sized
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,17 @@ def shape_of(image: CoefficientImage) -> Shape:
             f"basis and groups {size} channels; expected (H, W, L·M), (H, W) and L·M"
         )
     return coefficients
+
+
+def pixel_type(dtype: Any) -> type:
+    """numpy.uint8 or numpy.float32, of which frames are."""
+    try:
+        kind = np.dtype(dtype).type
+    except TypeError:
+        kind = np.void
+    if kind not in (np.uint8, np.float32):
+        raise RelightError(f"relight: dtype is {dtype!r}; expected numpy.uint8 or numpy.float32")
+    return kind
 
 
 def require_fit(shape: Shape, groups: Sized, old: CoefficientImage) -> None:

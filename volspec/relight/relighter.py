@@ -21,7 +21,7 @@ from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
 from volspec.relight.adapted import Adapting
-from volspec.relight.checks import Shape, arrays_of, require_fit, shape_of
+from volspec.relight.checks import Shape, arrays_of, pixel_type, require_fit, shape_of
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
 from volspec.relight.host import HostEngine
@@ -221,14 +221,7 @@ class Relighter:
             If a light is black, has negative power or does not cover the grid.
         """
         self._require_open()
-        try:
-            kind = np.dtype(dtype).type
-        except TypeError:
-            kind = np.void
-        if kind not in (np.uint8, np.float32):
-            raise RelightError(
-                f"relight: dtype is {dtype!r}; expected numpy.uint8 or numpy.float32"
-            )
+        kind = pixel_type(dtype)
         spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
         seen, field = self._adapting.seen(self._image, lit, spec.viewing)

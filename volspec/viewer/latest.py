@@ -51,8 +51,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
             self._next = job
             self._changed.notify()
             if self._thread is None and not self._closed:
-                self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
-                self._thread.start()
+                self._start()
 
     def take(self) -> list[Done]:
         """What has come since the last call, in order."""
@@ -96,10 +95,16 @@ class LatestWorker(ABC, Generic[Job, Done]):
                     self._done.append(done)
                     self._wake()
         except BaseException:
-            # A fault of our own ends this thread; the next request begins another.
+            # A fault of our own ends this thread; what waits or is asked for next begins another.
             with self._changed:
                 self._thread = None
+                if self._next is not None and not self._closed:
+                    self._start()
             raise
+
+    def _start(self) -> None:
+        self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+        self._thread.start()
 
     def _begun(self) -> Job | None:
         """The job that waited; None where none does, and the thread is no longer one."""

@@ -77,7 +77,7 @@ def _start_and_step(coordinates: Any, dim: Any, name: str) -> tuple[float, float
         at = np.full(2, np.nan)
     if at.size < 2:  # one slice: refused with the shape
         return 0.0, 1.0
-    step = (at[-1] - at[0]) / (at.size - 1)
+    step = (at[-1] - at[0]) / (at.size - 1) if np.isfinite(at).all() else 0.0
     even = at[0] + step * np.arange(at.size)
     if not (step and (np.abs(at - even) <= _UNEVEN * abs(step)).all()):
         raise VolumeError(

@@ -5,10 +5,11 @@ texts, spectra, rigs -> [lights] -> NamedLight -> LightRig
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
-from volspec.errors import ImageError, SpectrumError, quoted
+from volspec.errors import ImageError, SpectrumError, ViewingError, quoted
 from volspec.raycast import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.scene.lights import NamedLight, mixed_rig
@@ -73,7 +74,8 @@ def require_lit(lights: Iterable[NamedLight], image: CoefficientImage) -> None:
         If one shines from a group that the image lacks.
     """
     for lamp in lights:
-        Illumination.of(image.basis, lamp.rig, RelightSpec(), image.groups)
+        with _about(lamp.name):
+            Illumination.of(image.basis, lamp.rig, RelightSpec(), image.groups)
 
 
 def rig_of(lights: Sequence[NamedLight], weights: Sequence[float]) -> LightRig | None:
@@ -104,4 +106,14 @@ def _named(name: str | None, given: Given | NamedLight, image: CoefficientImage)
         )
     if not (isinstance(name, str) and name.strip()):
         raise SpectrumError("notebook: a light has no name; give lights as {name: light}")
-    return NamedLight(name, label or name, rig.facing(image.groups).mixed(grid), rig)
+    with _about(name):
+        return NamedLight(name, label or name, rig.facing(image.groups).mixed(grid), rig)
+
+
+@contextmanager
+def _about(name: str) -> Iterator[None]:
+    """Put a light's name before the message of what is wrong with it."""
+    try:
+        yield
+    except (SpectrumError, ViewingError) as error:
+        raise type(error)(f"notebook: light {quoted(name)}: {error}") from error

@@ -29,6 +29,7 @@ from volspec.export.page import PageSpec, PageView, page_html, payload
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
+from volspec.relight.checks import pixel_type
 from volspec.relight.spec import Pixels
 from volspec.scene.lights import NamedLight
 from volspec.spectra import Spectrum
@@ -157,7 +158,7 @@ class RelightWidget(anywidget.AnyWidget):
         """
         rig, (width, height) = self.rig, self.image.size
         if rig is None:
-            return np.zeros((height, width, 3), dtype)
+            return np.zeros((height, width, 3), pixel_type(dtype))
         seen = self.seen
         return relight(self.image, rig, seen.viewing, seen.mode, seen.backdrop, seen.level, dtype)
 
