@@ -95,6 +95,9 @@ _COSTS = {
     "open-viewing": None,
     # Of regions only, which the curve here has none of.
     **dict.fromkeys(("region-values", "region-gradients", "softness"), None),
+    **dict.fromkeys(("by-gradient", "add-material"), "cast"),
+    # Of opacity by gradient, which the curve here does not have.
+    **dict.fromkeys(("gradient-point", "add-gradient-point", "remove-gradient-point"), None),
     "choose-point": "frame",
 }
 _KEYS = {

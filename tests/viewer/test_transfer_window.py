@@ -1,4 +1,4 @@
-"""The transfer function's panel under Xvfb: presets, regions, drags in the picture, undo."""
+"""The transfer function under Xvfb: presets, gradients, regions, a material, drags, undo."""
 
 from __future__ import annotations
 
@@ -46,6 +46,16 @@ def test_a_preset_is_edited_as_regions_and_windowed_in_the_picture(tmp_path: Pat
             click("action panel-transfer")
         click("presets")
         curve = picture(click("preset glass"))
+
+        # Glass leaves out flat parts; where gradient 0 counts as well, they are seen.
+        x, y = robot.middle("gradient 0")
+        before = robot.now()
+        robot.drag(along((x, y), (x, y - 24), 1))
+        assert np.abs(picture(before) - curve).mean() > 1
+        before = robot.now()
+        robot.key("ctrl+z")
+        assert np.abs(picture(before) - curve).mean() < 0.1
+
         click("kind")
         regions = picture(click("kind regions"))
         assert np.abs(curve - regions).mean() < 10
@@ -57,6 +67,16 @@ def test_a_preset_is_edited_as_regions_and_windowed_in_the_picture(tmp_path: Pat
         dragged = picture(before)
         assert np.abs(dragged - regions).mean() > 1
 
+        # The library's gold, by the first letters of its name: redder than glass.
+        click("material")
+        robot.do("type", "--delay", "30", "gol")
+        robot.wait_for(lambda row: row["event"] == "layout" and "found 0" in row["areas"])
+        before = robot.now()
+        robot.key("Return")
+        golden = picture(before)
+        assert (golden - dragged)[..., 0].mean() > 2 + (golden - dragged)[..., 2].mean()
+        robot.key("Escape")
+
         # Ctrl and a drag in the picture: another window, undone as one step.
         x, y = robot.middle("picture")
         before = robot.now()
@@ -64,9 +84,9 @@ def test_a_preset_is_edited_as_regions_and_windowed_in_the_picture(tmp_path: Pat
         robot.drag([(x, y), (x + 10, y), (x + 40, y - 20), (x + 60, y - 30)])
         robot.do("keyup", "ctrl")
         windowed = picture(before)
-        assert np.abs(windowed - dragged).mean() > 1
+        assert np.abs(windowed - golden).mean() > 1
         before = robot.now()
         robot.key("ctrl+z")
-        assert np.abs(picture(before) - dragged).mean() < 0.1
+        assert np.abs(picture(before) - golden).mean() < 0.1
         assert [row for row in robot.rows() if row["event"] == "error"] == []
         assert robot.viewer.poll() is None

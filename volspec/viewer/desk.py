@@ -24,6 +24,9 @@ from volspec.viewer.picture.slice_pictures import SlicePictures
 from volspec.viewer.state import ViewState
 from volspec.viewer.view.projection import Projection
 
+# Words about a state, if any.
+Said = Callable[[ViewState], str] | None
+
 
 @dataclass(slots=True)
 class Search:
@@ -208,12 +211,13 @@ class Desk:
         return size * self.scale
 
     def acted(
-        self, state: ViewState, change: Change, refusal: Callable[[ViewState], str] | None = None
+        self, state: ViewState, change: Change, refusal: Said = None, told: Said = None
     ) -> ViewState:
-        """What an action makes of a state; where it refuses to, that is said."""
+        """What an action makes of a state; why it refuses to, or what it left out, is said."""
         new = change(state)
-        if new is state and refusal is not None and (why := refusal(state)):
-            self.asked.append(f"say {why}")
+        words = refusal if new is state else told
+        if words is not None and (said := words(state)):
+            self.asked.append(f"say {said}")
         return new
 
     def done(self, state: ViewState, action: Action) -> ViewState:
@@ -221,7 +225,7 @@ class Desk:
         if action.change is None:
             self.asked.append(action.name)
             return state
-        return self.acted(state, action.change, action.refusal)
+        return self.acted(state, action.change, action.refusal, action.told)
 
     def projection(self, state: ViewState) -> Projection:
         """Where the state's camera shows things in the window."""

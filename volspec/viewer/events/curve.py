@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer import TransferFunction2D as Regions
+from volspec.viewer.events import materials
 from volspec.viewer.events.event import Action, Change, Event, Reducer
 from volspec.viewer.state import ViewState
 from volspec.viewer.transfer import converting, parts, placing, preset_table, presets
@@ -109,6 +110,30 @@ def _softness(state: ViewState, event: Event) -> ViewState:
     return with_transfer(state, placing.softened(state.transfer, event.index, event.x))
 
 
+def _by_gradient(state: ViewState, _: Event) -> ViewState:
+    """Opacity by gradient on, as the scene's own where that has it, or off."""
+    curve, own = state.transfer, state.document.transfer
+    if not isinstance(curve, TransferFunction) or curve.filters:  # these do not go together
+        return state
+    if curve.gradient_opacity:
+        return replace(state, transfer=replace(curve, gradient_opacity=None))
+    if isinstance(own, TransferFunction) and own.gradient_opacity:
+        return replace(state, transfer=replace(curve, gradient_opacity=own.gradient_opacity))
+    return replace(state, transfer=placing.factors_begun(curve, state.document.joint.top))
+
+
+def _gradient(edit: Callable[[TransferFunction, Event, float], TransferFunction]) -> Reducer:
+    """An edit of a curve's factors over gradients; it is given where the volume's end."""
+
+    def reducer(state: ViewState, event: Event) -> ViewState:
+        curve = state.transfer
+        if not isinstance(curve, TransferFunction) or not curve.gradient_opacity:
+            return state
+        return with_transfer(state, edit(curve, event, state.document.joint.top))
+
+    return reducer
+
+
 def _shift(state: ViewState, event: Event) -> ViewState:
     low, high = _span(state)
     shift = min(max(event.x, low - high), high - low)
@@ -196,6 +221,10 @@ def _into(kind: converting.Kind) -> Change:
     return change
 
 
+def _lost(kind: converting.Kind) -> Callable[[ViewState], str]:
+    return lambda state: converting.left_out(state.transfer, kind, _span(state))
+
+
 def _is(kind: converting.Kind) -> Callable[[ViewState], bool]:
     return lambda state: converting.kind_of(state.transfer) == kind
 
@@ -211,6 +240,11 @@ EVENTS: dict[str, Reducer] = {
     "region-values": _region_values,
     "region-gradients": _region_gradients,
     "softness": _softness,
+    "by-gradient": _by_gradient,
+    "gradient-point": _gradient(lambda c, e, top: placing.factor_moved(c, e.index, e.x, e.y, top)),
+    "add-gradient-point": _gradient(lambda c, e, top: placing.factor_added(c, e.x, e.y, top)),
+    "remove-gradient-point": _gradient(lambda c, e, _: placing.factor_removed(c, e.index)),
+    **materials.EVENTS,
     "shift": _shift,
     "thicken": _thicken,
     "window": _window,
@@ -229,7 +263,10 @@ ACTIONS = (
         for preset in preset_table.PRESETS
     ),
     *(
-        Action(f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _into(kind), _is(kind))
+        Action(
+            *(f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _into(kind), _is(kind)),
+            told=_lost(kind),
+        )
         for kind, title in KIND_TITLES.items()
     ),
     Action("reset-transfer", "Transfer", "The scene's own transfer function", (), _reset),

@@ -76,6 +76,8 @@ class Action:
         Whether a menu shows it ticked.
     refusal : callable, optional
         Why it leaves a state as it is; empty where it does not.
+    told : callable, optional
+        What is to be said of what it does to a state; empty where nothing is.
     """
 
     name: str
@@ -85,3 +87,4 @@ class Action:
     change: Change | None = None
     on: Callable[[ViewState], bool] | None = None
     refusal: Callable[[ViewState], str] | None = None
+    told: Callable[[ViewState], str] | None = None

@@ -53,6 +53,8 @@ class Command:
         What is asked of the app instead.
     refusal : callable, optional
         Why it leaves a state as it is.
+    told : callable, optional
+        What is to be said of what it does to a state.
     item : str
         What of the viewing panel takes the keyboard.
     """
@@ -63,6 +65,7 @@ class Command:
     change: Change | None = None
     ask: str = ""
     refusal: Callable[[ViewState], str] | None = None
+    told: Callable[[ViewState], str] | None = None
     item: str = ""
 
     @property
@@ -114,7 +117,13 @@ def _command_of(action: Action) -> Command:
     ask = action.name if action.change is None else ""
     title = action.title.removesuffix(" …")
     return Command(
-        action.menu or "Step", title, key_text(action), action.change, ask, action.refusal
+        action.menu or "Step",
+        title,
+        key_text(action),
+        action.change,
+        ask,
+        action.refusal,
+        action.told,
     )
 
 
@@ -181,7 +190,7 @@ def _act(command: Command, state: ViewState, desk: Desk) -> ViewState | None:
     if command.item:
         desk.front, desk.item = "Viewing", command.item
     if command.change is not None:
-        return desk.acted(state, command.change, command.refusal)
+        return desk.acted(state, command.change, command.refusal, command.told)
     desk.asked.append(command.ask)
     return None
 

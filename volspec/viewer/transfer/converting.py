@@ -32,6 +32,8 @@ KINDS: dict[type, Kind] = {
     TransferFunction2D: "regions",
     Isosurfaces: "surfaces",
 }
+# What bands are of a kind that is made into another.
+_BANDS = {"points": "ranges of the curve", "regions": "regions", "surfaces": "surfaces"}
 # Points of one band differ by no more than this factor.
 _ALIKE = 4.0
 # Of the range: half a surface's band, and how far one that never ends reaches beyond it.
@@ -89,6 +91,34 @@ def converted(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Tran
         return Isosurfaces(_surfaces(bands), transfer.materials, transfer.basis)
     points = _points(bands)
     return TransferFunction(points, transfer.materials, transfer.basis, step_mm)
+
+
+def left_out(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> str:
+    """What of a transfer function another kind has no room for, in words; empty where nothing.
+
+    Parameters
+    ----------
+    transfer : Transfer
+        As it is before it is `converted`.
+    kind : str
+    span : (low, high)
+    """
+    own = kind_of(transfer)
+    if "labels" in (kind, own) or kind == own:
+        return ""
+    said = []
+    if isinstance(transfer, TransferFunction):
+        if transfer.filters:
+            said.append(f"the filters of {', '.join(transfer.filters)}")
+        if transfer.gradient_opacity and kind == "surfaces":
+            said.append("opacity by gradient")
+    if kind != "points":
+        bands = _bands(transfer, span)
+        room = MOST_PARTS[TransferFunction2D]
+        kept = min(len(bands), room) if kind == "regions" else len(_surfaces(bands))
+        if gone := len(bands) - kept:
+            said.append(f"{gone} of {len(bands)} {_BANDS[own]}, which show least")
+    return f"Left out: {'; '.join(said)}. Ctrl+Z brings all back" if said else ""
 
 
 def _bands(transfer: Transfer, span: tuple[float, float]) -> list[Band]:

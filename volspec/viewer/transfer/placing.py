@@ -1,4 +1,5 @@
-"""Edits of what only some transfer functions have: points, surfaces and regions placed and added.
+"""Edits of what only some transfer functions have: points, surfaces and regions placed and added,
+a curve's factors over gradients.
 
 mouse -> [placing] -> Transfer -> raycast
 """
@@ -6,6 +7,7 @@ mouse -> [placing] -> Transfer -> raycast
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from volspec.transfer import (
@@ -26,6 +28,12 @@ _GAP = 1e-3
 _NARROWEST, _NEW = 0.01, 0.15
 # Labels are listed one by one.
 MOST_LABELS = 256
+# Of a curve's factors over gradients: the most, and their least distance as a share of the axis;
+# a table has too few rows for nearer ones.
+MOST_FACTORS = 16
+_FACTOR_GAP = 1 / 128
+# Of the axis of gradients: where factors that are new rise from 0 to 1, so that boundaries stay.
+_RISE = 0.05, 0.4
 
 
 def moved(curve: TransferFunction, index: int, value: float, opacity: float) -> TransferFunction:
@@ -47,14 +55,19 @@ def surface_moved(surfaces: Isosurfaces, index: int, value: float, opacity: floa
 
 
 def _moved(rows: list[Point], index: int, value: float, opacity: float) -> Point:
-    """One of the rows between its neighbours; its value stays where those leave no room."""
-    now, _, mix = rows[index]
-    if value != now:
-        gap = _GAP * max(rows[-1][0] - rows[0][0], 1e-6)
-        low = rows[index - 1][0] + gap if index > 0 else -math.inf
-        high = rows[index + 1][0] - gap if index < len(rows) - 1 else math.inf
-        value = min(max(value, low), high) if low <= high else now
-    return value, min(max(opacity, 0.0), 1.0), mix
+    """One of the rows between its neighbours."""
+    gap = _GAP * max(rows[-1][0] - rows[0][0], 1e-6)
+    value = _between([row[0] for row in rows], index, value, gap)
+    return value, min(max(opacity, 0.0), 1.0), rows[index][2]
+
+
+def _between(places: Sequence[float], index: int, to: float, gap: float) -> float:
+    """Where one of some rising places ends that is moved: it stays where others leave no room."""
+    if to == places[index]:
+        return to
+    low = places[index - 1] + gap if index > 0 else -math.inf
+    high = places[index + 1] - gap if index < len(places) - 1 else math.inf
+    return min(max(to, low), high) if low <= high else places[index]
 
 
 def added(transfer: Transfer, value: float, opacity: float) -> Transfer:
@@ -154,3 +167,59 @@ def _with_region(transfer: TransferFunction2D, index: int, region: Region) -> Tr
 
 def _sorted(curve: TransferFunction, points: list[Point]) -> TransferFunction:
     return replace(curve, points=sorted(points, key=lambda point: point[0]))
+
+
+def factors_begun(curve: TransferFunction, top: float) -> TransferFunction:
+    """A curve whose opacity is multiplied by factors that rise with the gradient."""
+    return replace(curve, gradient_opacity=((_RISE[0] * top, 0.0), (_RISE[1] * top, 1.0)))
+
+
+def factors_top(curve: TransferFunction, top: float) -> float:
+    """Where the axis of a curve's factors ends: as the volume's gradients do, or at the last."""
+    return max(top, curve.gradient_opacity[-1][0]) if curve.gradient_opacity else top
+
+
+def factor_moved(
+    curve: TransferFunction, index: int, gradient: float, factor: float, top: float
+) -> TransferFunction:
+    """One of the factors elsewhere, between its neighbours.
+
+    Parameters
+    ----------
+    top : float
+        Where the volume's gradients end.
+    """
+    factors = list(curve.gradient_opacity or ())
+    if not 0 <= index < len(factors):
+        return curve
+    end = factors_top(curve, top)
+    gap = _FACTOR_GAP * end
+    # The last is above 0, or there would be no axis.
+    least = gap if index == len(factors) - 1 else 0.0
+    places = [place for place, _ in factors]
+    gradient = _between(places, index, min(max(gradient, least), end), gap)
+    factors[index] = gradient, min(max(factor, 0.0), 1.0)
+    return replace(curve, gradient_opacity=factors)
+
+
+def factor_added(
+    curve: TransferFunction, gradient: float, factor: float, top: float
+) -> TransferFunction:
+    """One more factor, where others leave it room."""
+    factors = list(curve.gradient_opacity or ())
+    end = factors_top(curve, top)
+    gradient = min(max(gradient, 0.0), end)
+    near = min((abs(place - gradient) for place, _ in factors), default=0.0)
+    if near < _FACTOR_GAP * end or len(factors) >= MOST_FACTORS:
+        return curve
+    factors.append((gradient, min(max(factor, 0.0), 1.0)))
+    return replace(curve, gradient_opacity=sorted(factors))
+
+
+def factor_removed(curve: TransferFunction, index: int) -> TransferFunction:
+    """Without one of the factors; two stay."""
+    factors = list(curve.gradient_opacity or ())
+    if len(factors) <= 2 or not 0 <= index < len(factors):
+        return curve
+    del factors[index]
+    return replace(curve, gradient_opacity=factors)

@@ -18,6 +18,8 @@ from volspec.viewer.transfer import presets
 _TICKS = (0.0, 0.01, 0.1, 0.3, 0.6, 1.0)
 FLAGS = implot.Flags_.canvas_only
 _MARGIN = 0.02
+# Left and right of a plot, above and below it.
+_PADDING = 10, 4
 
 
 def height_of(opacity: float) -> float:
@@ -51,19 +53,34 @@ def bars(
 @contextmanager
 def opacity_plot(state: ViewState, desk: Desk, height: float) -> Iterator[bool]:
     """A plot of opacity over value, with the histogram; whether anything is to be drawn."""
-    if not implot.begin_plot("##transfer", (-1, height), FLAGS):
-        yield False
-        return
+    with low_plot("##transfer", height, desk) as shown:
+        if shown:
+            _set_axes(state)
+            note_area(desk, "transfer")
+            _histogram(state)
+        yield shown
+
+
+@contextmanager
+def low_plot(label: str, height: float, desk: Desk) -> Iterator[bool]:
+    """A plot with less around it, as its panel has little room; whether it is to be drawn."""
+    implot.push_style_var(
+        implot.StyleVar_.plot_padding, (desk.px(_PADDING[0]), desk.px(_PADDING[1]))
+    )
+    shown = bool(implot.begin_plot(label, (-1, height), FLAGS))
+    yield shown
+    if shown:
+        implot.end_plot()
+    implot.pop_style_var()
+
+
+def _set_axes(state: ViewState) -> None:
     set_values_axis(state, _MARGIN)
     implot.setup_axis(implot.ImAxis_.y1, "", implot.AxisFlags_.no_tick_marks)
     implot.setup_axis_limits(implot.ImAxis_.y1, -0.04, 1.06, imgui.Cond_.always)
     labels = [f"{tick:g}".removeprefix("0") or "0" for tick in _TICKS]
     implot.setup_axis_ticks(implot.ImAxis_.y1, [height_of(tick) for tick in _TICKS], labels)
     implot.setup_finish()
-    note_area(desk)
-    _histogram(state)
-    yield True
-    implot.end_plot()
 
 
 def set_values_axis(state: ViewState, margin: float) -> None:
@@ -77,19 +94,10 @@ def set_values_axis(state: ViewState, margin: float) -> None:
     implot.setup_axis_format(implot.ImAxis_.x1, f"%g{unit}")
 
 
-def note_area(desk: Desk) -> None:
+def note_area(desk: Desk, name: str) -> None:
     """Note down where the plot is."""
     (x, y), (width, height) = implot.get_plot_pos(), implot.get_plot_size()
-    desk.areas["transfer"] = int(x), int(y), int(width), int(height)
-
-
-def say(text: str, desk: Desk) -> None:
-    """A word in the plot's upper left corner."""
-    x, y = implot.get_plot_pos()
-    implot.push_plot_clip_rect()
-    ink = imgui.get_color_u32(imgui.Col_.text)
-    implot.get_plot_draw_list().add_text((x + desk.px(6), y + desk.px(3)), ink, text)
-    implot.pop_plot_clip_rect()
+    desk.areas[name] = int(x), int(y), int(width), int(height)
 
 
 def _histogram(state: ViewState) -> None:

@@ -31,6 +31,21 @@ def material_colours(state: ViewState) -> dict[str, Colour]:
     return _material_colours(state.transfer, state.lights, state.seen)
 
 
+def spectrum_colour(state: ViewState, spectrum: Spectrum) -> Colour:
+    """Of a reflectance that is no material yet."""
+    basis = state.transfer.basis
+    return _spectrum_colour(spectrum, basis.grid, basis.observer_deg, state.lights, state.seen)
+
+
+@lru_cache(maxsize=512)
+def _spectrum_colour(
+    spectrum: Spectrum, grid: SpectralGrid, observer_deg: int, lights: Rows, seen: RelightSpec
+) -> Colour:
+    light, shown = _adapted(lights, seen, grid, observer_deg)
+    XYZ = np.zeros((1, 3)) if light is None else XYZ_of(light, [spectrum], observer_deg)
+    return as_colour(shown(XYZ)[0])
+
+
 @lru_cache(maxsize=64)
 def _part_colours(transfer: Transfer, lights: Rows, seen: RelightSpec) -> tuple[Colour, ...]:
     names = list(transfer.materials)

@@ -8,9 +8,10 @@ from imgui_bundle import imgui
 
 from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.panels.lights.colours import Colour
+from volspec.viewer.panels.transfer import library
 from volspec.viewer.panels.transfer.colours import material_colours, part_colours
-from volspec.viewer.panels.widgets import packed, tip
+from volspec.viewer.panels.transfer.swatches import swatch
+from volspec.viewer.panels.widgets import shortened, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.transfer import presets
 from volspec.viewer.transfer.parts import parts_of
@@ -18,8 +19,8 @@ from volspec.viewer.transfer.parts import parts_of
 _CLAMP = imgui.SliderFlags_.always_clamp
 # Opacities are small: the slider is finer there.
 _FINE = imgui.SliderFlags_.logarithmic | _CLAMP
-# The width of what takes a part away.
-_REMOVE = 24
+# The widths of what takes a part away, and of a material's name.
+_REMOVE, _NAME = 24, 110
 
 
 def chosen(state: ViewState) -> int:
@@ -27,10 +28,10 @@ def chosen(state: ViewState) -> int:
     return min(max(state.interface.part, 0), len(parts_of(state.transfer)) - 1)
 
 
-def height_above(lines: int, desk: Desk, least: float = 115) -> float:
-    """What is left of the panel above so many lines of details."""
+def height_above(lines: int, desk: Desk, least: float = 115, below: float = 0.0) -> float:
+    """What is left of the panel above so many lines of details and so many pixels."""
     room = imgui.get_content_region_avail().y - lines * imgui.get_frame_height_with_spacing()
-    return max(room, desk.px(least))
+    return max(room - below, desk.px(least))
 
 
 def value_and_opacity(state: ViewState, desk: Desk, what: str) -> ViewState:
@@ -75,7 +76,7 @@ def remove(state: ViewState, desk: Desk, index: int, what: str) -> ViewState:
 
 
 def material(state: ViewState, desk: Desk, index: int, wide: float = -1.0) -> ViewState:
-    """A list of the materials: a click takes one alone, its slider mixes it in."""
+    """A list of the materials: a click takes one alone, its slider mixes it in; and a search."""
     part, colours = parts_of(state.transfer)[index], material_colours(state)
     swatch(desk, part_colours(state)[index])
     imgui.same_line(0, desk.px(4))
@@ -84,9 +85,12 @@ def material(state: ViewState, desk: Desk, index: int, wide: float = -1.0) -> Vi
     opened = imgui.begin_combo("##material", in_words(part.mix), imgui.ComboFlags_.height_largest)
     if not opened:
         desk.note("material")
-        tip("What it is made of: one material, or a mix")
+        tip("What it is made of: one material, a mix, or another one of the library")
         return state
-    new = state
+    new = library.draw(state, desk, index)
+    if desk.library.search.strip():
+        imgui.end_combo()
+        return new
     lone = sum(share > 0 for share in part.mix.values()) < 2
     for name, colour in colours.items():
         imgui.push_id(name)
@@ -95,7 +99,8 @@ def material(state: ViewState, desk: Desk, index: int, wide: float = -1.0) -> Vi
         imgui.align_text_to_frame_padding()
         share = part.mix.get(name, 0.0)
         flags = imgui.SelectableFlags_.no_auto_close_popups
-        if imgui.selectable(name, share > 0, flags, (desk.px(110), 0))[0]:
+        label = f"{shortened(name, desk.px(_NAME))}###{name}"
+        if imgui.selectable(label, share > 0, flags, (desk.px(_NAME), 0))[0]:
             new = reduced(new, Event("material", index=index, key=name))
         desk.note(f"material {name}")
         tip(f"Only {name}")
@@ -123,16 +128,3 @@ def in_words(mix: Mapping[str, float]) -> str:
     if len(seen) == 1 and seen[0][0] > 0.995:
         return seen[0][1]
     return ", ".join(f"{100 * share:.0f} % {name}" for share, name in seen)
-
-
-def swatch(desk: Desk, colour: Colour) -> None:
-    """A colour, as high as a line."""
-    x, y = imgui.get_cursor_screen_pos()
-    side = imgui.get_frame_height()
-    imgui.dummy((side, side))
-    inset = desk.px(3)
-    draw_list, rounding = imgui.get_window_draw_list(), desk.px(3)
-    ends = (x + inset, y + inset), (x + side - inset, y + side - inset)
-    draw_list.add_rect_filled(*ends, packed(colour), rounding)
-    draw_list.add_rect(*ends, imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), rounding)
-    tip("Under the lights that are on, to an eye adapted to them")

@@ -26,8 +26,8 @@ _HELP: dict[converting.Kind, str] = {
 }
 _KIND_TIP = (
     "How a place looks follows from its value, from its value and gradient,\n"
-    "or from surfaces of one value. Another kind keeps no filters of materials and no opacity\n"
-    "over gradients of a curve, and back to it brings none; Ctrl+Z does"
+    "or from surfaces of one value. What another kind has no room for is told, and\n"
+    "Ctrl+Z brings it back"
 )
 _LOG = imgui.SliderFlags_.logarithmic
 

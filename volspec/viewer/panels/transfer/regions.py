@@ -46,7 +46,7 @@ def _plot(state: ViewState, desk: Desk, height: float) -> ViewState:
         implot.ImAxis_.y1, -0.02 * joint.top, _ABOVE * joint.top, imgui.Cond_.always
     )
     implot.setup_finish()
-    note_area(desk)
+    note_area(desk, "transfer")
     low, high = presets.span(state.document.volume)
     implot.plot_heatmap(
         *("voxels", shades(joint, state.interface.logarithmic), 0.0, 1.0, ""),

@@ -1,0 +1,155 @@
+"""Materials that a transfer function is given in the viewer: whence they come, what keeps them."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.viewer.test_files_scene import assert_same_picture, opened, picture
+from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.spectra import Spectrum, light, reflectance, reflectance_names, reflectance_of
+from volspec.spectra.construct.colours import sRGB_of_word
+from volspec.transfer import TransferFunction
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.events.materials import refusal
+from volspec.viewer.files.as_python import export_python
+from volspec.viewer.files.session import read_session, resumed, save_session
+from volspec.viewer.state import ViewState
+from volspec.viewer.transfer import css
+from volspec.viewer.transfer.materials import MOST_MATERIALS, told
+from volspec.viewer.transfer.parts import parts_of
+
+
+def given(state: ViewState, name: str, index: int = 0) -> ViewState:
+    return reduced(state, Event("add-material", index=index, key=name))
+
+
+def curve_of(state: ViewState) -> TransferFunction:
+    assert isinstance(state.transfer, TransferFunction)
+    return state.transfer
+
+
+def test_a_material_of_the_library_is_exact_under_any_light(state: ViewState) -> None:
+    """A basis that was trained on others need not hold it: materials become the channels."""
+    new = given(state, "pmc/banana", 1)
+    assert parts_of(new.transfer)[1].mix == {"PMC/Banana": 1.0}
+    assert list(new.transfer.materials) == ["copper", "gold", "PMC/Banana"]
+    basis = new.transfer.basis
+    assert isinstance(basis, MaterialBasis)
+    lamp, banana = light("HP1"), reflectance("PMC/Banana")
+    channels = basis.channels_of({"PMC/Banana": banana})[0]
+    exact = SpectralBasis.load("general-7").grid
+    wanted = MaterialBasis({"one": banana}, grid=exact).xyz([1.0, 0.0], lamp)
+    np.testing.assert_allclose(basis.xyz(channels, lamp), wanted, rtol=1e-12)
+    said = "Added PMC/Banana: materials are the channels now, in place of basis 'general-7'"
+    assert told(state.transfer, new.transfer) == said
+    more = given(new, "white")
+    assert isinstance(more.transfer.basis, MaterialBasis)
+    assert told(new.transfer, more.transfer) == "Added white"
+
+
+def test_what_is_there_already_is_given_and_another_of_its_name_is_numbered(
+    state: ViewState,
+) -> None:
+    gold = given(state, "gold")
+    assert parts_of(gold.transfer)[0].mix == {"gold": 1.0}
+    assert gold.transfer.basis is state.transfer.basis
+    assert told(state.transfer, gold.transfer) == ""
+    paint = {**state.transfer.materials, "gold": reflectance("PMC/Banana")}
+    painted = replace(state, transfer=replace(curve_of(state), materials=paint))
+    new = given(given(painted, "gold"), "gold", 1)
+    assert [list(part.mix) for part in parts_of(new.transfer)][:2] == [["gold (2)"]] * 2
+    assert list(new.transfer.materials) == ["copper", "gold", "gold (2)"]
+
+
+def test_a_basis_that_filters_need_stays_and_that_is_told(state: ViewState) -> None:
+    glass = Spectrum([390, 710], [0.2, 0.9])
+    filtered = replace(state, transfer=replace(curve_of(state), filters={"copper": glass}))
+    new = given(filtered, "silver")
+    assert new.transfer.basis is state.transfer.basis
+    assert curve_of(new).filters == {"copper": glass}
+    assert "stays, as filters need it" in told(filtered.transfer, new.transfer)
+
+
+def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) -> None:
+    for i in range(MOST_MATERIALS - 2):
+        state = given(state, f"CES/{i + 1}")
+    assert len(state.transfer.materials) == MOST_MATERIALS
+    new = given(state, "silver")
+    # Points 2 and 3 are of copper and gold, the first was of the last that was tried.
+    last = f"CES/{MOST_MATERIALS - 2}"
+    assert set(new.transfer.materials) == {"copper", "gold", last, "silver"}
+    assert "nothing is made of them: CES/1, CES/2" in told(state.transfer, new.transfer)
+    points = [(float(i), 0.1, f"CES/{i + 1}") for i in range(MOST_MATERIALS - 2)]
+    curve = replace(curve_of(state), points=[*points, (98, 0.1, "gold"), (99, 0.1, "copper")])
+    full = replace(state, transfer=curve)
+    assert given(full, "silver") is full
+    why = refusal(full, Event("add-material", key="silver"))
+    assert why.startswith(f"'silver': {MOST_MATERIALS} materials are in use")
+
+
+def test_a_colour_is_a_material_and_a_metal_comes_before_a_colour_of_its_name(
+    state: ViewState,
+) -> None:
+    new = given(state, " #c08040 ", 2)
+    spectrum = new.transfer.materials["#c08040"]
+    assert spectrum.notes["constructed"] == "delaunay"
+    assert parts_of(new.transfer)[2].mix == {"#c08040": 1.0}
+    metal = given(new, "silver").transfer.materials["silver"]
+    np.testing.assert_array_equal(metal.values, reflectance("silver").values)
+
+
+def test_colours_of_the_web_are_made_beside_whoever_asks(state: ViewState) -> None:
+    made, end = css.Colours(state.transfer.basis.grid, 2), time.monotonic() + 60
+    while made.spectra is None and time.monotonic() < end:
+        time.sleep(0.01)
+    assert made.spectra is not None and set(made.spectra) == set(css.names())
+    tomato = reflectance_of("tomato")
+    np.testing.assert_allclose(made.spectra["tomato"].values, tomato.values, atol=1e-12)
+
+
+def test_what_is_no_reflectance_is_refused_in_words(state: ViewState) -> None:
+    for name, said in (("gould", "gold"), ("missing.csv", "missing.csv"), ("grey:7", "0..1")):
+        assert given(state, name) is state
+        assert said in refusal(state, Event("add-material", key=name))
+    assert given(state, "silver", 9) is state
+
+
+def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
+    library = pytest.importorskip("volspec.viewer.panels.transfer.library")
+    names = library.library_names()
+    assert len(set(names)) == len(names)
+    measured = set(reflectance_names())
+    assert {name for name in names if library.class_of(name) != "CSS colour"} == measured
+    assert "sample" not in {library.class_of(name) for name in names}
+    for name in set(names) - measured:
+        assert sRGB_of_word(name).shape == (3,)
+    assert library.matching("banana")[0] == "PMC/Banana"
+    assert "steelblue" in library.matching("blue css")
+
+
+@pytest.mark.parametrize("basis", ['name = "general-5"', 'method = "materials"'])
+def test_scenes_sessions_and_scripts_keep_such_a_material(
+    tmp_path: Path, basis: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state = replace(given(opened(tmp_path, basis=basis), "PMC/Banana", 1), size=(24, 18))
+    again = assert_same_picture(state, tmp_path)
+    assert list(again.transfer.materials) == ["copper", "grey", "PMC/Banana"]
+    assert again.transfer.basis.fingerprint == state.transfer.basis.fingerprint
+
+    kept = resumed(read_session(save_session(state, tmp_path / "a.volspec.json")), cast=False)
+    one, other = kept.transfer.materials["PMC/Banana"], state.transfer.materials["PMC/Banana"]
+    np.testing.assert_array_equal(one.values, other.values)
+    np.testing.assert_array_equal(picture(kept), picture(state))
+
+    script = export_python(state, tmp_path / "a.py")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"__file__": str(script)}
+    exec(compile(script.read_text(encoding="utf-8"), str(script), "exec"), names)
+    np.testing.assert_array_equal(names["materials"]["PMC/Banana"].values, other.values)
+    assert names["basis"].fingerprint == state.transfer.basis.fingerprint

@@ -1,0 +1,84 @@
+"""The colours of the web as reflectances, made beside the window.
+
+names -> [css] -> panels
+
+The first reflectance of a colour takes seconds, as colour-science and its base spectra are read
+for it; those after it take milliseconds.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from functools import lru_cache
+
+from volspec.errors import VolspecError
+from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_of, white_XYZ
+from volspec.spectra.construct.colours import colour_XYZ
+
+_LIGHT = "D65"
+# Of CSS Color 4; `volspec.reflectance_of` knows those of CSS Color 3.
+_LATER = frozenset(["rebeccapurple"])
+
+
+@lru_cache(maxsize=1)
+def names() -> tuple[str, ...]:
+    """The names of CSS Color 3.
+
+    >>> len(names()), names()[:2]
+    (147, ('aliceblue', 'antiquewhite'))
+    """
+    from PIL import ImageColor
+
+    return tuple(name for name in ImageColor.colormap if name not in _LATER)
+
+
+def is_colour(text: str) -> bool:
+    """Whether a text is meant as a colour.
+
+    >>> is_colour("#c08040"), is_colour("Steel Blue"), is_colour("PMC/Banana")
+    (True, True, False)
+    """
+    word = "".join(text.split()).casefold()
+    return word.startswith("#") or word in names()
+
+
+class Colours:
+    """Their reflectances, once they are made.
+
+    Parameters
+    ----------
+    grid : SpectralGrid
+    observer_deg : {2, 10}
+
+    Attributes
+    ----------
+    spectra : {name: Spectrum} or None
+        None until then; empty where the grid allows none.
+    """
+
+    def __init__(self, grid: SpectralGrid, observer_deg: int) -> None:
+        self.spectra: Mapping[str, Spectrum] | None = None
+        self._of = grid, observer_deg
+        threading.Thread(target=self._make, name="volspec-colours", daemon=True).start()
+
+    def _make(self) -> None:
+        try:
+            self.spectra = _made(*self._of)
+        except VolspecError:
+            self.spectra = {}
+
+
+@lru_cache(maxsize=1)
+def colours(grid: SpectralGrid, observer_deg: int) -> Colours:
+    """Those of a grid; the first call begins to make them."""
+    return Colours(grid, observer_deg)
+
+
+def _made(grid: SpectralGrid, observer_deg: int) -> dict[str, Spectrum]:
+    lamp = light(_LIGHT, grid)
+    white = white_XYZ(lamp, observer_deg)
+    XYZ = [colour_XYZ(name, white) for name in names()]
+    rows = reflectances_of(XYZ, light=lamp, observer_deg=observer_deg, grid=grid).values
+    pairs = zip(names(), rows, strict=True)
+    return {name: Spectrum(grid.wavelengths_nm, row, name) for name, row in pairs}
