@@ -210,3 +210,24 @@ def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
     scene.unlink()
     assert resumed(None) and begun == [None]
     shutil.rmtree(tmp_path)
+
+
+def test_a_press_is_where_the_mouse_was_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy window hears of it late, when the mouse has gone on."""
+    module = pytest.importorskip("volspec.viewer.window.inputs")
+    heard: dict[str, Any] = {}
+    for name in [name for name in dir(module.glfw) if name.endswith("_callback")]:
+        monkeypatch.setattr(
+            module.glfw, name, lambda _, listener, name=name: heard.update({name: listener})
+        )
+    monkeypatch.setattr(module.glfw, "get_cursor_pos", lambda _: (90.0, 90.0))
+    context = module.imgui.create_context()
+    try:
+        inputs = module.Inputs(None, None)
+        heard["set_mouse_button_callback"](None, 0, module.glfw.PRESS, 0)
+        heard["set_cursor_pos_callback"](None, 3.0, 4.0)
+        heard["set_mouse_button_callback"](None, 0, module.glfw.RELEASE, 0)
+    finally:
+        module.imgui.destroy_context(context)
+    places = [(given.name, given.x, given.y) for given in inputs.take()]
+    assert places == [("press", 90.0, 90.0), ("move", 3.0, 4.0), ("release", 3.0, 4.0)]

@@ -82,6 +82,7 @@ class Inputs:
     def __init__(self, window: Any, to_imgui: Callable[..., None]) -> None:
         self._window, self._to_imgui = window, to_imgui
         self._inputs: list[Input] = []
+        self._at: tuple[float, float] | None = None
         listeners: tuple[tuple[Callable[..., Any], Callable[..., None]], ...] = (
             (glfw.set_mouse_button_callback, self._on_button),
             (glfw.set_cursor_pos_callback, self._on_move),
@@ -104,13 +105,15 @@ class Inputs:
     def _on_button(self, _: Any, button: int, action: int, modifiers: int) -> None:
         down = action == glfw.PRESS
         if button in BUTTONS:
-            x, y = glfw.get_cursor_pos(self._window)
+            # Where it was then: glfw knows only where it is by now, which may be farther.
+            x, y = self._at or glfw.get_cursor_pos(self._window)
             imgui.get_io().add_mouse_button_event(button, down)
             name, held = "press" if down else "release", _held(modifiers)
             self._inputs.append(Input(name, x, y, button=BUTTONS[button], modifiers=held))
 
     def _on_move(self, _: Any, x: float, y: float) -> None:
         imgui.get_io().add_mouse_pos_event(x, y)
+        self._at = x, y
         self._inputs.append(Input("move", x, y))
 
     def _on_enter(self, _: Any, entered: int) -> None:
