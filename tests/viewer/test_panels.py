@@ -140,3 +140,16 @@ def test_the_status_line_tells_coarse_from_whole(state: ViewState, document: Doc
     assert sizes(state, here) == "160 × 120, refining (1/4)"
     here.whole, here.fps, here.ms = True, 59.9, {"cast": 12.3}
     assert sizes(state, here) == "160 × 120" and timings(here) == "60 fps   cast 12 ms"
+
+
+def test_names_and_titles_are_told_in_one_line(state: ViewState) -> None:
+    from volspec.viewer.panels.commands import commands_of
+    from volspec.viewer.panels.lights.rows import described
+
+    name = "north\nwindow\t\x07\u202e"
+    row = replace(state.lights[0], name=name, label="of\r\nglass")
+    assert described(row) == "north window\nof glass"
+    lights = replace(state, lights=(row, *state.lights[1:]))
+    titles = [command.title for command in commands_of(lights, ())]
+    assert "north window alone, of glass" in titles
+    assert lights.lights[0].name == name

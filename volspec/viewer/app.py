@@ -25,6 +25,7 @@ from volspec.viewer.history import History, changed_in
 from volspec.viewer.lights.fader import Fader
 from volspec.viewer.palette.service import Designing
 from volspec.viewer.panels.over import overlay
+from volspec.viewer.panels.widgets import in_line
 from volspec.viewer.picture.casting import Casting
 from volspec.viewer.picture.meter import Meter
 from volspec.viewer.picture.screen import Area, Screen
@@ -174,7 +175,7 @@ class _App:
         self._chores.openings.begin(opened, before)
         self._history = History(opened.state)
         document = opened.state.document
-        self._window.name(f"{document.title} – volspec")
+        self._window.name(f"{in_line(document.title)} – volspec")
         self._trace.note("open", title=document.title)
 
     def _draw(self, inputs: list[Input]) -> None:

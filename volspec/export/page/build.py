@@ -35,8 +35,8 @@ _WEB = Path(__file__).parent / "web"
 # In the order in which they are joined; each uses what stands before it.
 _SCRIPTS = (
     *("algebra", "illumination", "conditions", "passages", "looks", "channels", "relight"),
-    *("lighting", "state", "elements", "spectrum", "lights", "viewing", "errors", "probe"),
-    *("stage", "share", "widget", "main"),
+    *("lighting", "state", "elements", "spectrum", "dial", "lights", "viewing", "errors"),
+    *("probe", "stage", "share", "widget", "main"),
 )
 _POLICY = (
     "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; "

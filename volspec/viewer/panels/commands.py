@@ -25,7 +25,7 @@ from volspec.viewer.events.event import Action, Change
 from volspec.viewer.files.recent import RecentFile
 from volspec.viewer.finding import found
 from volspec.viewer.panels.viewing import SETTINGS
-from volspec.viewer.panels.widgets import key_text, text_width
+from volspec.viewer.panels.widgets import in_line, key_text, text_width
 from volspec.viewer.state import ViewState
 
 _ROWS = 14
@@ -84,7 +84,8 @@ def commands_of(
 def _light_titles(state: ViewState) -> tuple[str, ...]:
     """The lights, by what they are searched for."""
     return tuple(
-        f"{row.name} alone" + ("" if row.label in ("", row.name) else f", {row.label}")
+        f"{in_line(row.name)} alone"
+        + ("" if row.label in ("", row.name) else f", {in_line(row.label)}")
         for row in state.lights
     )
 

@@ -79,9 +79,11 @@ def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
 
 
 def draw(state: ViewState, desk: Desk) -> ViewState | None:
-    """Draw it in the middle of the window; a click or Esc closes it."""
+    """Draw it in the middle of the window; a click, Esc or what opens over it closes it."""
     if not state.interface.keys:
         return None
+    if desk.commands is not None or imgui.internal.get_top_most_popup_modal() is not None:
+        return desk.done(state, BY_NAME["keys"])
     viewport = imgui.get_main_viewport()
     imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, (0.5, 0.5))
     imgui.push_style_var(imgui.StyleVar_.window_padding, (desk.px(22), desk.px(16)))

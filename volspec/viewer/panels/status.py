@@ -7,7 +7,7 @@ from collections.abc import Callable
 from imgui_bundle import imgui
 
 from volspec.viewer.desk import Desk
-from volspec.viewer.panels.widgets import shortened, text_width
+from volspec.viewer.panels.widgets import in_line, shortened, text_width
 from volspec.viewer.state import ViewState
 
 _FLAGS = (
@@ -26,7 +26,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     imgui.internal.begin_viewport_side_bar(
         "##status", viewport, imgui.Dir.down, desk.px(HEIGHT), _FLAGS
     )
-    texts = (state.document.title, sizes(state, desk), f"H: keys    {timings(desk)}")
+    texts = (in_line(state.document.title), sizes(state, desk), f"H: keys    {timings(desk)}")
     room = imgui.get_content_region_avail().x
     title, shown, times = fitting_texts(texts, room, desk.px(16), text_width)
     imgui.text(title)

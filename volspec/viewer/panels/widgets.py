@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 
 from imgui_bundle import imgui
 
+from volspec.export.overview import printable
 from volspec.viewer.actions import shown
 from volspec.viewer.desk import Desk, LightScraps
 from volspec.viewer.events.event import Action
@@ -21,6 +23,8 @@ WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 WAITING = imgui.HoveredFlags_.delay_normal
 WAITING_GREYED = WAITING | imgui.HoveredFlags_.allow_when_disabled
 AT_ONCE = imgui.HoveredFlags_.none
+# Letters of a name or title that are looked at; no panel has room for more.
+_MOST_LETTERS = 240
 # On the accent.
 _INK = (0.05, 0.05, 0.05, 1.0)
 
@@ -62,12 +66,23 @@ def text_width(text: str) -> float:
     return float(imgui.calc_text_size(text).x)
 
 
-def shortened(text: str, width: float, measure: Callable[[str], float] = text_width) -> str:
-    """A text, cut with an ellipsis where it would be wider.
+@lru_cache(maxsize=512)
+def in_line(text: str) -> str:
+    """What a user has named, as one line shows it; the name itself stays as it is.
 
-    >>> shortened("tungsten", 5, len), shortened("D65", 5, len)
-    ('tung…', 'D65')
+    >>> in_line("north\\nwindow\\t\\x07")
+    'north window'
     """
+    return printable(text, _MOST_LETTERS).strip()
+
+
+def shortened(text: str, width: float, measure: Callable[[str], float] = text_width) -> str:
+    """A text in one line, cut with an ellipsis where it would be wider.
+
+    >>> shortened("tungsten", 5, len), shortened("D\\n65", 5, len)
+    ('tung…', 'D 65')
+    """
+    text = in_line(text)
     if measure(text) <= width:
         return text
     end = len(text)

@@ -75,13 +75,12 @@ def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
         window: "window_bg child_bg title_bg title_bg_active title_bg_collapsed "
         "scrollbar_bg menu_bar_bg tab tab_dimmed",
         frame: "frame_bg button header tab_selected tab_dimmed_selected checkbox_selected_bg",
-        hovered: "frame_bg_hovered button_hovered header_hovered tab_hovered scrollbar_grab",
-        active: "frame_bg_active button_active header_active scrollbar_grab_hovered "
-        "scrollbar_grab_active",
+        hovered: "frame_bg_hovered button_hovered header_hovered tab_hovered",
+        active: "frame_bg_active button_active header_active",
         line: "separator border table_border_light table_border_strong separator_hovered "
         "separator_active resize_grip",
-        grab: "slider_grab",
-        dim: "text_disabled",
+        grab: "slider_grab scrollbar_grab",
+        dim: "text_disabled scrollbar_grab_hovered scrollbar_grab_active",
         text: "text",
     }
     for value, names in greys.items():

@@ -20,8 +20,9 @@ const svg = (tag, attributes = {}, ...children) => (
 
 const byId = (id) => document.getElementById(id);
 
-// A user's words between others: marks that turn the writing direction end with them.
-const isolated = (words) => `\u2068${words}\u2069`;
+// A user's words between others: marks that turn the writing direction end with them. Their own
+// isolates go, of which one could close this one early.
+const isolated = (words) => `\u2068${words.replace(/[\u2066-\u2069]/g, '')}\u2069`;
 
 // Numbers as people read them: three digits, no exponent where it can be helped.
 function figures(x, digits = 3) {

@@ -1,12 +1,11 @@
 // The panel of lights: a row for each, the dial, and the spectrum of what shines together.
 
-const DIAL_REACH = 64;
-
 function lightsPanel(app) {
   const { page } = app, list = byId('light-list');
   const rows = page.lights.map((light, i) => lightRow(app, light, i));
   list.append(...rows.map((row) => row.item));
-  const dial = page.lights.length > 1 ? lightDial(app) : null;
+  const dial = page.lights.length > 1
+    ? lightDial(app, page.lights.map((light) => alone(page, light).colour)) : null;
   byId('dial').hidden = !dial;
   const ends = wavelengthsInWords(page.basis).map((words) => el('span', {}, words));
   byId('nanometres').replaceChildren(...ends);
@@ -66,70 +65,4 @@ function lightRow(app, light, i) {
     item.classList.toggle('off', shining(look)[i] === 0);
   };
   return { item, refresh };
-}
-
-// The dial: drag, or the arrow keys, between the lights that stand on its rim.
-function lightDial(app) {
-  const { page } = app, host = byId('dial'), count = page.lights.length;
-  const spokes = svg('g', {}), knob = svg('circle', { r: 10, class: 'knob' });
-  const rim = dialCorners(count).map(([x, y]) => [x * DIAL_REACH, y * DIAL_REACH]);
-  const points = rim.map((p) => p.map((x) => x.toFixed(1)).join(',')).join(' ');
-  const drawing = svg(
-    'svg', { viewBox: '-134 -100 268 196' }, svg('polygon', { points, class: 'rim' }), spokes,
-    ...page.lights.flatMap((light, i) => cornerOf(light, rim[i], app)), knob);
-  host.append(drawing);
-  const moveTo = (x, y) => app.edit((look) => ({
-    ...look, solo: -1, weights: blendedWeights(count, x, y) }));
-  const drag = (event) => {
-    const { a, d, e, f } = drawing.getScreenCTM();
-    moveTo((event.clientX - e) / a / DIAL_REACH, (event.clientY - f) / d / DIAL_REACH);
-  };
-  host.addEventListener('pointerdown', (event) => {
-    if (event.button) return;
-    host.setPointerCapture(event.pointerId);
-    drag(event);
-  });
-  host.addEventListener('pointermove', (event) => {
-    if (host.hasPointerCapture(event.pointerId)) drag(event);
-  });
-  host.addEventListener('keydown', (event) => {
-    const way = ARROWS[event.key];
-    if (!way) return;
-    event.preventDefault();
-    const [x, y] = dialPlace(shining(app.look()));
-    moveTo(x + 0.08 * way[0], y + 0.08 * way[1]);
-  });
-  return (look) => {
-    const weights = shining(look), [x, y] = dialPlace(weights).map((v) => v * DIAL_REACH);
-    const most = Math.max(...weights, 1e-9);
-    spokes.replaceChildren(...rim.map(([cx, cy], i) => svg('line', {
-      x1: x, y1: y, x2: cx, y2: cy, class: 'spoke',
-      'stroke-opacity': (weights[i] / most).toFixed(2),
-    })));
-    knob.setAttribute('cx', x);
-    knob.setAttribute('cy', y);
-    host.setAttribute('aria-valuemax', count);
-    host.setAttribute('aria-valuenow', weights.indexOf(Math.max(...weights)) + 1);
-    host.setAttribute('aria-valuetext', namesOf(page, look));
-  };
-}
-
-function cornerOf(light, [x, y], { page }) {
-  const beside = Math.abs(x) > 20;
-  const name = svg('text', {
-    x: (x * 1.15 + (beside ? Math.sign(x) * 2 : 0)).toFixed(1),
-    y: (y * 1.16 + (beside ? 4 : y > 0 ? 14 : -5)).toFixed(1),
-    'text-anchor': beside ? (x > 0 ? 'start' : 'end') : 'middle',
-  });
-  const room = beside ? 6 : 14, letters = [...light.name];
-  const cut = letters.length > room;
-  name.textContent = isolated(cut ? `${letters.slice(0, room - 1).join('')}\u2026` : light.name);
-  const fill = alone(page, light).colour;
-  return [svg('circle', { cx: x, cy: y, r: 7, fill, class: 'corner' }), name];
-}
-
-// The names of what shines, in words.
-function namesOf(page, look) {
-  const lit = page.lights.filter((_, i) => shining(look)[i] > 0).map(({ name }) => isolated(name));
-  return lit.slice(0, 3).join(' + ') + (lit.length > 3 ? ' + \u2026' : '') || 'no light';
 }

@@ -3,6 +3,8 @@
 // One finger or button turns (or pans where there is one view), two fingers pinch, the wheel zooms.
 
 const MOST_ZOOM = 40, NEAR_DIVIDE = 16, MOVED = 5, MARGIN = 24;
+// A picture's shorter side is shown no thinner, in pixels of the screen.
+const LEAST_SIDE = 6;
 // What makes the port a control, while there is a picture to relight.
 const HEARS_KEYS = { tabindex: 0, role: 'application', 'aria-describedby': 'keys' };
 
@@ -16,23 +18,25 @@ class Stage {
     this.listen();
   }
 
-  // Pixels of the screen for one of the picture's, and where its corner is.
+  // Pixels of the screen for one of the picture's, across and down, and where its corner is. They
+  // differ only where the picture is so thin that it would not be seen.
   get box() {
     const { width, height } = this.app.page.channels, { clientWidth, clientHeight } = this.port;
     const scale = Math.min(clientWidth / width, clientHeight / height) * this.place.zoom;
+    const across = Math.max(scale, LEAST_SIDE / width), down = Math.max(scale, LEAST_SIDE / height);
     return {
-      scale, left: (clientWidth - width * scale) / 2 + this.place.x,
-      top: (clientHeight - height * scale) / 2 + this.place.y,
+      across, down, left: (clientWidth - width * across) / 2 + this.place.x,
+      top: (clientHeight - height * down) / 2 + this.place.y,
     };
   }
 
   layOut() {
-    const { scale, left, top } = this.box, { app } = this, { width } = app.page.channels;
-    this.frame.style.transform = `translate(${left}px, ${top}px) scale(${scale})`;
-    this.frame.classList.toggle('coarse', scale >= 3);
+    const { across, down, left, top } = this.box, { app } = this, { width } = app.page.channels;
+    this.frame.style.transform = `translate(${left}px, ${top}px) scale(${across}, ${down})`;
+    this.frame.classList.toggle('coarse', Math.max(across, down) >= 3);
     // While it is all there a finger may scroll the page up and down.
     this.port.style.touchAction = this.place.zoom > 1 ? 'none' : 'pan-y';
-    const divide = byId('divide-line'), at = left + app.state.divide * width * scale;
+    const divide = byId('divide-line'), at = left + app.state.divide * width * across;
     divide.hidden = !app.state.compare;
     divide.style.transform = `translateX(${clamped(at, 0, this.port.clientWidth)}px)`;
     const cross = byId('cross'), { probe } = app;
@@ -49,8 +53,8 @@ class Stage {
 
   // Where a pixel's middle is on the port.
   placeOf([i, j]) {
-    const { scale, left, top } = this.box;
-    return [left + (i + 0.5) * scale, top + (j + 0.5) * scale];
+    const { across, down, left, top } = this.box;
+    return [left + (i + 0.5) * across, top + (j + 0.5) * down];
   }
 
   // What buttons and keys zoom at: the pixel that is kept, else the middle.
@@ -61,21 +65,21 @@ class Stage {
 
   zoomed(factor, [x, y] = this.focus) {
     const before = this.box, zoom = clamped(this.place.zoom * factor, 1, MOST_ZOOM);
-    const grown = zoom / this.place.zoom;
     this.place.zoom = zoom;
     const after = this.box;
     // What is under the fingers stays there.
     this.moved(
-      x - grown * (x - before.left) - after.left, y - grown * (y - before.top) - after.top);
+      x - after.across / before.across * (x - before.left) - after.left,
+      y - after.down / before.down * (y - before.top) - after.top);
   }
 
   moved(dx, dy) {
-    const { place, port, app: { page: { channels } } } = this, { scale } = this.box;
-    const room = (size, shown) => Math.max((size * scale - shown) / 2, 0);
-    const across = room(channels.width, port.clientWidth);
-    const down = room(channels.height, port.clientHeight);
-    place.x = clamped(place.x + dx, -across, across);
-    place.y = clamped(place.y + dy, -down, down);
+    const { place, port, app: { page: { channels } } } = this, { across, down } = this.box;
+    const beyond = (size, shown) => Math.max((size - shown) / 2, 0);
+    const right = beyond(channels.width * across, port.clientWidth);
+    const bottom = beyond(channels.height * down, port.clientHeight);
+    place.x = clamped(place.x + dx, -right, right);
+    place.y = clamped(place.y + dy, -bottom, bottom);
     this.app.refresh();
   }
 
@@ -93,8 +97,8 @@ class Stage {
 
   // The pixel under a place of the port; null beside the picture.
   pixelAt(x, y) {
-    const { scale, left, top } = this.box, { width, height } = this.app.page.channels;
-    const [i, j] = [Math.floor((x - left) / scale), Math.floor((y - top) / scale)];
+    const { across, down, left, top } = this.box, { width, height } = this.app.page.channels;
+    const [i, j] = [Math.floor((x - left) / across), Math.floor((y - top) / down)];
     return i >= 0 && j >= 0 && i < width && j < height ? [i, j] : null;
   }
 
@@ -130,8 +134,8 @@ class Stage {
   pressed(event) {
     if (event.button === 2) return;
     this.port.setPointerCapture(event.pointerId);
-    const at = this.within(event), { state, page } = this.app, { scale, left } = this.box;
-    const line = left + state.divide * page.channels.width * scale;
+    const at = this.within(event), { state, page } = this.app, { across, left } = this.box;
+    const line = left + state.divide * page.channels.width * across;
     const turns = page.views.length > 1 && event.button === 0 && !event.shiftKey;
     const divides = state.compare && Math.abs(at[0] - line) < NEAR_DIVIDE;
     const task = divides ? 'divide' : turns ? 'turn' : 'pan';
@@ -148,8 +152,8 @@ class Stage {
     if (this.pointers.size === 2) {
       this.pinched(event.pointerId, at);
     } else if (held.task === 'divide') {
-      const { scale, left } = this.box;
-      app.put({ divide: clamped((at[0] - left) / (app.page.channels.width * scale), 0, 1) });
+      const { across, left } = this.box;
+      app.put({ divide: clamped((at[0] - left) / (app.page.channels.width * across), 0, 1) });
     } else if (held.task === 'turn') {
       const count = app.page.views.length;
       const steps = Math.round((held.from[0] - at[0]) / this.port.clientWidth * count);

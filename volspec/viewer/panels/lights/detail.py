@@ -14,7 +14,7 @@ from volspec.viewer.events.rows import refusal
 from volspec.viewer.lights import parts
 from volspec.viewer.lights.parts import facing_lux
 from volspec.viewer.panels.lights.colours import raw_colour
-from volspec.viewer.panels.widgets import kelvin_slider, packed, text_width, tip, wrapped
+from volspec.viewer.panels.widgets import in_line, kelvin_slider, packed, text_width, tip, wrapped
 from volspec.viewer.state import ViewState
 from volspec.viewer.window.style import ACCENT
 
@@ -51,7 +51,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
         imgui.text("Spectrum")
     else:
         imgui.align_text_to_frame_padding()
-        imgui.text(row.name)
+        imgui.text(in_line(row.name))
         imgui.same_line()
         imgui.text_disabled("by light group, below")
     new = _lux(new, desk, index, plain)
@@ -65,7 +65,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
     if not plain:
         new = _parts(new, desk, index, groups)
     note = parts.lux_note(state.lights, state.shading.shares(), state.seen)
-    wrapped(note, imgui.Col_.text_disabled)
+    wrapped(in_line(note), imgui.Col_.text_disabled)
     imgui.pop_style_var()
     tip(_LUX_TIP)
     return new

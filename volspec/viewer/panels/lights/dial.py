@@ -14,7 +14,7 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.lights.blending import corners, dial_place
 from volspec.viewer.lights.lighting import shining
 from volspec.viewer.panels.lights.colours import raw_colour
-from volspec.viewer.panels.widgets import packed, shortened, tip
+from volspec.viewer.panels.widgets import in_line, packed, shortened, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.window.style import ACCENT
 
@@ -61,7 +61,7 @@ def draw(state: ViewState, desk: Desk, width: float, height: float) -> ViewState
         hovered = nearest(len(state.lights), *place, reach=desk.px(14) / radius)
         if hovered >= 0:
             row = state.lights[hovered]
-            imgui.set_tooltip("\n".join(dict.fromkeys((row.name, row.label))))
+            imgui.set_tooltip("\n".join(dict.fromkeys(map(in_line, (row.name, row.label)))))
         else:
             tip("Drag to blend the lights; the middle is all of them alike")
     _rim(new, desk, middle, radius, hovered)

@@ -26,7 +26,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
     whole = imgui.get_content_region_avail().y
     room = whole - max(desk.px(_LEAST_TABS), _TABS_SHARE * whole) - desk.px(_BUTTONS)
-    height = min(len(state.lights) * line, max(room, _LEAST_ROWS * line)) + desk.px(2)
+    height = whole_rows(len(state.lights), room / line) * line + desk.px(2)
     new = rows.draw(state, desk, height)
     new = _buttons(new, desk)
     if imgui.begin_tab_bar("light tabs"):
@@ -43,6 +43,15 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
                 imgui.end_tab_item()
         imgui.end_tab_bar()
     return None if new is state else new
+
+
+def whole_rows(count: int, room: float) -> int:
+    """How many of the rows are seen at once where so many fit; none of them in part.
+
+    >>> whole_rows(5, 4.6), whole_rows(5, 8.0), whole_rows(5, 1.2)
+    (4, 5, 3)
+    """
+    return min(count, max(int(room), _LEAST_ROWS))
 
 
 def _tab(name: str, state: ViewState, desk: Desk) -> ViewState:

@@ -11,6 +11,7 @@ from volspec.viewer.lights import lighting
 from volspec.viewer.panels.lights.colours import adapted_colour, raw_colour
 from volspec.viewer.panels.lights.look import spark
 from volspec.viewer.panels.widgets import (
+    in_line,
     key_text,
     lit_button,
     name_field,
@@ -128,11 +129,12 @@ def _name(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> Vi
 
 def described(row: lighting.LightRow) -> str:
     """What a light is, in lines: its name, and what it was made from."""
+    name = in_line(row.name)
     if row.before is not None:
         was = row.before
         whole = " + ".join(text or was.name for text in dict.fromkeys(was.texts))
-        return f"{row.name}\nDrawn by hand, from {whole}"
-    return "\n".join(dict.fromkeys((row.name, row.label)))
+        return f"{name}\nDrawn by hand, from {in_line(whole)}"
+    return "\n".join(dict.fromkeys((name, in_line(row.label))))
 
 
 def _rename(new: ViewState, desk: Desk, i: int) -> ViewState:

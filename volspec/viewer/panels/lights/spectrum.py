@@ -13,7 +13,7 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.lights.lighting import rig_of
 from volspec.viewer.lights.parts import row_at
 from volspec.viewer.panels.lights.look import Rect, fill, mixed_values, outline
-from volspec.viewer.panels.widgets import shortened, text_width, tip
+from volspec.viewer.panels.widgets import in_line, shortened, text_width, tip
 from volspec.viewer.state import ViewState
 
 # Free above the peak; more where the pen is to go there.
@@ -106,7 +106,7 @@ def _heading(state: ViewState, desk: Desk) -> ViewState:
     if imgui.button(label):
         new = desk.done(new, BY_NAME["reset-spectrum"])
     desk.note("reset spectrum")
-    tip(f"Back to {row.before.name}")
+    tip(f"Back to {in_line(row.before.name)}")
     return new
 
 

@@ -14,7 +14,7 @@ from volspec.viewer.lights.lighting import Rows, rig_of
 from volspec.viewer.lights.states import MOST_SECONDS, recalled
 from volspec.viewer.panels.lights.colours import raw_colour
 from volspec.viewer.panels.lights.look import spark
-from volspec.viewer.panels.widgets import name_field, packed, shortened, tip
+from volspec.viewer.panels.widgets import in_line, name_field, packed, shortened, tip
 from volspec.viewer.state import ViewState
 
 _SWATCH, _SPARK = 16.0, 46.0
@@ -55,7 +55,7 @@ def _line(new: ViewState, state: ViewState, desk: Desk, i: int) -> ViewState:
     button = height
     pressed, _ = imgui.selectable("##recall", here, size=(width - button - desk.px(6), height))
     desk.note(f"state {i}")
-    tip(f"Fade to {saved.name}{f' (Alt+{i + 1})' if i < 9 else ''}")
+    tip(f"Fade to {in_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
     if pressed:
         new = reduced(new, Event("recall-state", index=i))
     _look(state, desk, i, (x, y))

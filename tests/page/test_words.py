@@ -1,0 +1,139 @@
+"""A page's words, whoever wrote them: names around the dial, titles, marks that turn directions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.page.conftest import Opened
+from volspec.basis import SpectralBasis
+from volspec.export.page import PageSpec, PageView, write_page
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig
+from volspec.scene.lights import NamedLight
+from volspec.spectra import light
+
+FIVE = (
+    *("D65", "Operating theatre LED", "Ward fluorescent", "Daylight, north window"),
+    "Sodium street lamp",
+)
+TWELVE = (*FIVE, "LED-B3", "planck:3200", "A", "Xenon\nheadlight", "FL11", "W" * 300, "lamp:candle")
+DESKTOP, PHONE = (1280, 900), (320, 640)
+
+Page = Callable[..., Opened]
+
+
+@pytest.fixture
+def page_of(opened: Page, tmp_path: Path) -> Page:
+    """A grey picture under lights of given names, at a window's size."""
+
+    def made(
+        names: Sequence[str],
+        window: tuple[int, int] = DESKTOP,
+        picture: tuple[int, int] = (4, 3),
+        title: str = "Grey",
+    ) -> Opened:
+        width, height = picture
+        basis, lamp = SpectralBasis.load("general-5"), light("D65")
+        whole = np.ones((height, width), np.float32)
+        grey = basis.analyze(0.5 * np.ones_like(lamp.values)).astype(np.float32)
+        image = CoefficientImage(whole[..., None] * grey, whole, whole, basis)
+        lights = [NamedLight(name, name, lamp, LightRig((lamp,))) for name in names]
+        path = tmp_path / "words.html"
+        write_page(path, [PageView(image)], lights, spec=PageSpec(title))
+        shown = opened(path)
+        shown.page.set_viewport_size({"width": window[0], "height": window[1]})
+        shown.settle()
+        return shown
+
+    return made
+
+
+# Of each name at the dial: its lines' words, and its box less what letters leave free.
+_NAMES = """() => {
+    const dial = document.getElementById('dial').getBoundingClientRect();
+    return [...document.querySelectorAll('#dial g:has(> text)')].map((name) => {
+        const { left, right, top, bottom } = name.getBoundingClientRect();
+        const words = [...name.querySelectorAll('text')].map((line) => line.textContent);
+        return { words, box: [left, top + 1, right, bottom - 1],
+            inside: left >= dial.left && right <= dial.right
+                && top >= dial.top && bottom <= dial.bottom };
+    });
+}"""
+
+
+@pytest.mark.parametrize("names", [FIVE, TWELVE], ids=["five", "twelve"])
+@pytest.mark.parametrize("window", [DESKTOP, PHONE])
+def test_names_around_the_dial_are_whole_and_apart(
+    page_of: Page, names: Sequence[str], window: tuple[int, int]
+) -> None:
+    seen = page_of(names, window).page.evaluate(_NAMES)
+    assert len(seen) == len(names)
+    for i, one in enumerate(seen):
+        assert one["inside"], one["words"]
+        left, top, right, bottom = one["box"]
+        for other in seen[i + 1 :]:
+            x0, y0, x1, y1 = other["box"]
+            assert right <= x0 or x1 <= left or bottom <= y0 or y1 <= top, (one, other)
+
+
+def test_five_ordinary_names_are_written_out(page_of: Page) -> None:
+    seen = page_of(FIVE).page.evaluate(_NAMES)
+    told = [" ".join(word.strip("\u2068\u2069") for word in one["words"]) for one in seen]
+    assert told == list(FIVE)
+
+
+def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse(
+    page_of: Page,
+) -> None:
+    shown = page_of([f"lamp {i}" for i in range(40)])
+    names = [one["words"] for one in shown.page.evaluate(_NAMES)]
+    assert names == [["\u2068lamp 0\u2069"]]
+    shown.page.locator("#dial circle").nth(10).hover()
+    shown.settle()
+    names = [one["words"] for one in shown.page.evaluate(_NAMES)]
+    assert names == [["\u2068lamp 10\u2069"]]
+
+
+@pytest.mark.parametrize("name", ["\u202eA", "A\u2069\u202eB"])
+def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(
+    page_of: Page, name: str
+) -> None:
+    """Letters after it stand in their order: each right of the one before."""
+    lefts = page_of([name]).page.evaluate("""() => {
+        const node = document.getElementById('label-a').firstChild;
+        const start = node.data.indexOf('CIECAM02');
+        return [...'CIECAM02'].map((_, i) => {
+            const letter = document.createRange();
+            letter.setStart(node, start + i);
+            letter.setEnd(node, start + i + 1);
+            return letter.getBoundingClientRect().left;
+        });
+    }""")
+    assert lefts == sorted(lefts)
+
+
+def test_a_long_title_takes_two_lines_and_is_told_whole(page_of: Page) -> None:
+    title = "Engine " * 700
+    page = page_of(["D65"], PHONE, title=title).page
+    tall = page.evaluate("document.querySelector('h1').clientHeight")
+    assert 16 < tall <= 2 * 1.4 * 16 + 1, "two lines of 16 pixels, each 1.4 high"
+    assert page.get_attribute("h1", "title") == title
+
+
+@pytest.mark.parametrize("picture", [(1, 2000), (2000, 1)])
+def test_a_thin_picture_is_seen_and_its_pixels_are_found(
+    page_of: Page, picture: tuple[int, int]
+) -> None:
+    shown = page_of(["D65"], picture=picture)
+    page = shown.page
+    box, port = page.locator("#picture").bounding_box(), page.locator("#port").bounding_box()
+    assert min(box["width"], box["height"]) >= 5.9
+    for side in ("width", "height"):
+        assert box[side] <= port[side] + 0.1
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    middle = ",".join(str(side // 2) for side in picture)
+    shown.until(f"location.hash.includes('probe={middle}')")
