@@ -196,6 +196,11 @@ def test_a_preview_and_texts_are_kept_for_others(image: CoefficientImage, tmp_pa
     )
     with pytest.raises(ShapeError, match=r"image\.exr: the preview has shape \(9, 12, 3\)"):
         image.save(tmp_path / "image.exr", preview.swapaxes(0, 1))
+    before = (tmp_path / "image.exr").read_bytes()
+    for own in ("basis", "fov_deg"):  # which would no longer be read, or be another's
+        with pytest.raises(ImageError, match=rf"image\.exr: a text is named '{own}'.*otherwise"):
+            image.save(tmp_path / "image.exr", texts={own: "mine"})
+    assert (tmp_path / "image.exr").read_bytes() == before
 
 
 def test_a_compositor_s_rounding_of_opacity_is_clipped(

@@ -311,6 +311,10 @@ def flattened(plotter: pyvista.Plotter) -> None:
     plotter.add_volume(block(), name="ct").user_matrix = np.diag([1.0, 1.0, 0.0, 1.0])
 
 
+def endlessly_dense(plotter: pyvista.Plotter) -> None:
+    plotter.add_volume(block(), name="ct", opacity_unit_distance=0)
+
+
 def shifted(plotter: pyvista.Plotter) -> None:
     plotter.add_volume(block(), name="ct")
     plotter.camera.SetWindowCenter(0.2, 0)
@@ -323,6 +327,7 @@ def shifted(plotter: pyvista.Plotter) -> None:
         (coloured, VolumeError, "ct: 4 components a voxel"),
         (scattered, VolumeError, "ct: is a RectilinearGrid; .*resample it"),
         (two_dimensional, TransferError, "ct: has a 2-D transfer function; give curves"),
+        (endlessly_dense, TransferError, "ct: opacity_unit_distance is 0; give a length above 0"),
         (flattened, VolumeError, "ct: the orientation matrix .* is singular"),
         (shifted, CameraError, "its camera shears, shifts or moves the picture"),
     ],

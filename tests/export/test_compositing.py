@@ -36,7 +36,7 @@ from volspec._gpu.sources import asset
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis
-from volspec.errors import ImageError
+from volspec.errors import ImageError, ViewingError
 from volspec.export.compositing import Recipe
 from volspec.export.recipes import write_recipe
 from volspec.export.spectral import write_spectral_frame
@@ -217,11 +217,15 @@ def test_old_images_get_other_lights_by_being_written_once_more(tmp_path: Path) 
         (("bare.exr", "-o", "x.exr"), "which lights shall it name? add --light"),
         (("i.exr", "-o", "x.nk", "--light", "A"), "takes the lights that i.exr names"),
         (("i.exr", "-o", "x.exr", "--light", "D56"), "'D65'"),
+        (
+            ("i.exr", "-o", "x.exr", *2 * ("--light", "A")),
+            "--light: 'A' is given twice; give it",
+        ),
         (("i.exr", "-o", "x.exr", "--light", "kye=D65"), "no light group 'kye'; did you mean"),
         (("i.exr", "-o", "x.exr", "--light", "A", "--mode", "exat"), "did you mean 'exact'"),
         (("nothing.exr", "-o", "x.nk"), "nothing.exr: no such file"),
         (("text.exr", "-o", "x.nk"), "text.exr: not a readable OpenEXR file"),
-        (("other.exr", "-o", "x.py"), "other.exr: names no lights"),
+        (("other.exr", "-o", "x.py"), "other.exr: not a coefficient image; `volspec render`"),
         (("other.exr", "-o", "x.exr", "--light", "A"), "other.exr: not a coefficient image"),
         (("flat.exr", "-o", "x.exr", "--light", "A"), "flat.exr: channel 'Z' is missing"),
     ],
@@ -254,6 +258,42 @@ def test_a_recipe_that_was_edited_by_hand_is_refused(text: str, tmp_path: Path) 
     with pytest.raises(ImageError, match=r"i\.exr: volspec:compositing cannot be read") as caught:
         write_recipe(tmp_path / "i.nk", tmp_path / "i.exr")
     assert "\n" not in str(caught.value) and not (tmp_path / "i.nk").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            {"matrices": {"key": [[1.0] * 6] * 3}},
+            "matrix of group 'key' has shape (3, 6);",
+        ),
+        ({"matrices": {"lamp": [[1.0] * 7] * 3}}, "matrix of group 'lamp'; there is key, the sky"),
+        ({"numbers": {"key": [1.0] * 8}}, "numbers of group 'key' has shape (8,); expected (7,)"),
+        ({"numbers": {"key": [float("nan")] * 7}}, "not finite"),
+        ({"backdrop": [1, 2]}, "light 'day': backdrop has shape (2,); expected (3,)"),
+        ({"matrices": {}}, "light 'day': has no matrix; give one of key, the sky"),
+        (None, "there is no light"),
+    ],
+)
+def test_a_recipe_that_does_not_fit_its_channels_is_refused(
+    change: dict[str, Any] | None, said: str, tmp_path: Path
+) -> None:
+    image = made()
+    data = json.loads(stored(tmp_path / "i.exr", image).texts()["compositing"])
+    if change is None:
+        data["lights"] = {}
+    else:
+        data["lights"]["day"] |= change
+    image.save(tmp_path / "i.exr", texts={"compositing": json.dumps(data)})
+    with pytest.raises(ImageError, match=r"i\.exr: volspec:compositing cannot be read") as caught:
+        Recipe.load(tmp_path / "i.exr")
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("lights", [{}, [light("A")]])
+def test_a_recipe_needs_lights_by_name(lights: Any) -> None:
+    with pytest.raises(ViewingError, match=r"recipe: the lights are .*; give at least one by"):
+        Recipe.of(GENERAL, SHARES, lights)
 
 
 def test_blender_s_script_says_where_its_image_is_once() -> None:

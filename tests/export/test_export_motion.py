@@ -170,6 +170,12 @@ def test_a_scene_with_a_place_is_moved_by_places_targets_and_angles(scene: Make)
     assert middle == Camera((8, -92, 8), (8, 8, 14), fov_deg=40)
 
 
+def test_an_orbit_that_no_keyframe_uses_may_look_along_its_axis(scene: Make) -> None:
+    made = scene(PLACES.format(*[[0, -99, 50], [70, 0, 60], [70, 0, 60]]))
+    above = scene("[camera]\nelevation_deg = 90\n" + made.path.read_text().split("height = 24")[1])
+    assert [s.camera for s in plan(above).shots] == [s.camera for s in plan(made).shots]
+
+
 def test_a_turntable_is_a_rising_azimuth(scene: Make) -> None:
     made = scene()
     volume = made.volume()
@@ -320,7 +326,13 @@ def test_lux_count_where_all_that_shine_carry_them() -> None:
         ),
         (
             "[[keyframe]]\ntime_s = 0\ncamera = { up = [0, 0, 0] }",
-            "keyframe.1.camera.up: is [0, 0, 0]; give a direction",
+            "keyframe.1.camera.up: has no length; give a direction (it is [0, 0, 0])",
+        ),
+        (
+            "[camera]\northographic = true\n"
+            "[[keyframe]]\ntime_s = 0\ncamera = { position_mm = [0, 0, 9] }",
+            "keyframe.1.camera.position_mm: [camera] is orthographic; give position_mm or "
+            "orthographic, not both",
         ),
         (
             "[[keyframe]]\ntime_s = 0\ncamera = { position_mm = [0, 0, 9] }\n"
@@ -348,9 +360,23 @@ def test_what_keyframes_cannot_move_is_said(scene: Make) -> None:
     row = '{ value = 1, opacity = 0.1, material = "grey" },'
     with pytest.raises(SceneError, match=r"points: 1 at 0 s, \[transfer\] has 2"):
         plan(scene(f"{key}{row}] }}"))
+    row = row.replace("0.1", "1.5")
+    with pytest.raises(SceneError, match=r"transfer: at 0 s: .*opacity.*[^n]$"):
+        plan(scene(f"{key}{row * 2}] }}"))
     place = "[[keyframe]]\ntime_s = 2\ncamera = { position_mm = [1, 2, 3], target_mm = [1, 2, 3] }"
     with pytest.raises(SceneError, match=r"camera: position_mm at 2 s is target_mm; move one"):
         plan(scene(place))
+    key = "[[keyframe]]\ntime_s = {}\ncamera = {{ {} = {}, target_mm = [8, 8, 8] }}\n".format
+    over = key(0, "position_mm", [8, -92, 8]) + key(2, "position_mm", [8, 8, 108])
+    with pytest.raises(SceneError, match=r"camera: at 2 s: .* along its up .*; choose another up$"):
+        plan(scene(over))
+    tilted = key(0, "up", [0, 1, 0.02]) + key(2, "up", [0, -1, 0.02])
+    ahead = "[camera]\nposition_mm = [8, 8, 108]\n"
+    with pytest.raises(SceneError, match=r"camera: at 1 s: .* up, or give a keyframe between$"):
+        plan(scene(ahead + tilted))
+    turned = key(0, "up", [0, 0, 1]) + key(2, "up", [0, 0, -3])
+    with pytest.raises(SceneError, match="up at 2 s is opposite to that at 0 s; give a keyframe"):
+        plan(scene(turned))
     with pytest.raises(SceneError, match=r"Viewing.D is 0.5.*discount|discount"):
         plan(scene("[viewing]\ndiscount = true\n[[keyframe]]\ntime_s = 0\nviewing = { D = 0.5 }"))
 

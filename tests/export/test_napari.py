@@ -88,6 +88,9 @@ def test_an_image_opens_with_lights_to_weigh(tmp_path: Path, scene: Make) -> Non
     ((data, settings, _),) = napari.read_layers(str(tmp_path / "ball.exr"))
     assert data.shape == (24, 32, 3) and settings["name"] == "ball"
     assert list(settings["metadata"]["weights"].values()) == [1.0, 0.0, 0.0, 0.0]
+    # Its stand-ins have no lux to be held against each other by.
+    scene('[viewing]\nlevel = "absolute"\n').render().save(tmp_path / "lux.exr")
+    assert np.array_equal(napari.read_layers(str(tmp_path / "lux.exr"))[0][0], data)
 
 
 @pytest.mark.parametrize("path", ["scan.nrrd", "exr", "a.toml.bak", ["a.exr", "b.exr"]])

@@ -173,6 +173,13 @@ def test_an_image_without_a_lights_group_is_refused(colours: CoefficientImage) -
     assert widget.image is grouped
 
 
+def test_an_absolute_scene_is_relative_under_lights_without_lux(colours: CoefficientImage) -> None:
+    noted = replace(colours, notes={"viewing": '{"level": "absolute", "illuminance_lux": 500}'})
+    assert vs.notebook(noted).level == "relative"
+    lit = {"lamp": LightRig((vs.light("A"),), (), (50,))}
+    assert vs.notebook(noted, lit).level == "absolute"
+
+
 def test_lights_with_lux_add_up(colours: CoefficientImage) -> None:
     lamps = {
         name: LightRig((vs.light(name),), (), (lux,)) for name, lux in (("A", 50), ("D65", 900))

@@ -313,6 +313,11 @@ def test_unlit_rig_and_other_nonsense_is_refused_in_one_line():
         (lambda: relight(image, A, dtype=np.int8, **lit), RelightError, "numpy.uint8"),
         (lambda: relight(image, A, level="absolute", **lit), ViewingError, "needs the lights' lux"),
         (lambda: Relighter(image, backend="vulkan"), RelightError, "backend is 'vulkan'"),
+        (
+            lambda: Relighter(image, tables=3),
+            RelightError,
+            "tables is 3; expected HostTables or None",
+        ),
         (lambda: Illumination(np.eye(3), [1.0, 2.0], np.ones(3)), ShapeError, "white_XYZ"),
     ]
     for make, kind, message in cases:

@@ -205,6 +205,29 @@ def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
     assert load_palette(path).cells == history.present.board.wishes.cells
 
 
+def test_files_asked_for_are_there_when_the_window_has_closed(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def slow(_: ViewState, path: str) -> None:
+        time.sleep(0.05)
+        Path(path).touch()
+
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
+    monkeypatch.setattr("volspec.viewer.chores.export_scene", slow)
+    monkeypatch.setattr(files, "saved", slow)
+    scene, palette, bench = tmp_path / "scene.toml", tmp_path / "palette.toml", Bench()
+    rest = (bench.desk, bench.notice, Trace(), None, None)
+    chores = Chores(Tasks(lambda: None), cast(Any, None), *rest, bench.designing.file)
+    for name, path in (("export-scene", scene), ("palette-save", palette)):
+        answer = REQUESTS[name], str(path)
+        monkeypatch.setattr(Asking, "take", lambda _, answer=answer: answer)
+        chores.do("say", state)
+        chores.take(first=False)
+    chores.close(None, faulty=True)
+    bench.designing.close()
+    assert scene.exists() and palette.exists()
+
+
 def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
     wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
     viewing = replace(state.seen.viewing, display=Display(space=wall))

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 
 from tests.viewer.test_files_scene import KINDS, opened
-from volspec.errors import CastCancelled, InputError, SceneError, ViewingError
+from volspec.errors import CastCancelled, InputError, SceneError, ViewingError, VolspecWarning
 from volspec.raycast import Ambient, Directional, LightGroup
 from volspec.raycast.checks import MAX_SIDE
 from volspec.relight import LightRig
@@ -338,3 +339,32 @@ def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixt
     assert ends(refused).error == "no such thing"
     assert ends(lambda: 1 / 0).error.startswith("picture failed: ZeroDivisionError")
     assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_what_is_being_written_is_waited_for_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from volspec.viewer.files import tasks as module
+
+    def slow(name: str) -> None:
+        time.sleep(0.05)
+        (tmp_path / name).touch()
+
+    def full() -> None:
+        raise InputError("b.toml: the disk is full")
+
+    tasks, may_end = module.Tasks(lambda: None), threading.Event()
+    tasks.start("map", may_end.wait)  # nobody waits for it
+    for name in ("a.toml", "b.toml"):  # the last of a kind and the one before
+        tasks.start("export-scene", lambda name=name: slow(name), writes=True)
+    tasks.close()
+    assert {path.name for path in tmp_path.iterdir()} == {"a.toml", "b.toml"}
+    tasks.start("export-scene", full, writes=True)
+    with pytest.warns(VolspecWarning, match=r"b\.toml: the disk is full"):
+        tasks.close()
+    tasks.close()  # it has been told
+    monkeypatch.setattr(module, "_PATIENCE_S", 0.02)
+    tasks.start("export-python", may_end.wait, writes=True)
+    with pytest.warns(VolspecWarning, match="export-python: not written when the window closed"):
+        tasks.close()
+    may_end.set()

@@ -140,6 +140,23 @@ def test_of_two_files_the_one_asked_for_last_is_opened(
     assert taken() and [each.state.document.title for each in found] == ["ball"]
 
 
+def test_only_what_was_said_of_the_opening_goes_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
+    state, notice = opened(tmp_path), Notice()
+    monkeypatch.setattr(opening, "opened", lambda *_: state.document)
+    each = Openings(Tasks(lambda: None), Desk(), notice, Trace(), None)
+    each.open("a.toml")
+    assert notice.text == "Opening a.toml …"
+    each.begin(Opened(state), state)
+    assert notice.text == ""
+    each.open("a.toml")
+    notice.say("Hunt: working out its table …")
+    each.begin(Opened(state), state)
+    assert notice.text == "Hunt: working out its table …"
+
+
 def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> None:
     """A picture held the document's caster for its whole cast."""
     state = opened(tmp_path)

@@ -184,11 +184,11 @@ def relight(
         if path.resolve() == image.resolve():
             raise ImageError(f"{path}: is the image that is relit; name another file")
     stored = _picture(image, basis, taken_under)
-    # No light of the command line carries lux.
-    given = {"model": model, "mode": mode, "backdrop": backdrop, "level": "relative"}
+    given = {"model": model, "mode": mode, "backdrop": backdrop}
     table = viewing.onto(viewing_of(stored))
-    spec = table.model_copy(update={k: v for k, v in given.items() if v is not None}).spec()
+    table = table.model_copy(update={k: v for k, v in given.items() if v is not None})
     lamps = [read_setting(text, stored.groups, stored.basis.grid) for text in light]
+    spec = table.spec().for_lights(lamps)
     changes = _reflectances(reflectance or (), stored.basis.grid)
     if spectral:
         stored = stored.with_reflectances(changes) if changes else stored

@@ -11,7 +11,7 @@ from rich.console import Console
 from volspec._files import require_writable
 from volspec.cli.setting import read_setting
 from volspec.cli.shell import app
-from volspec.errors import ImageError
+from volspec.errors import ImageError, InputError
 
 
 @app.command
@@ -70,6 +70,8 @@ def compositing(
     else:
         if not light:
             raise ImageError(f"{output}: which lights shall it name? add --light, such as D65")
+        if twice := [text for text in dict.fromkeys(light) if light.count(text) > 1]:
+            raise InputError(f"--light: {twice[0]!r} is given twice; give it once")
         stored = CoefficientImage.load(image)
         spec = viewing_of(stored).spec()
         spec = spec if mode is None else replace(spec, mode=mode)

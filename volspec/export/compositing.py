@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -27,7 +27,7 @@ from volspec.appearance.adaptation import adaptation
 from volspec.appearance.surround import ViewingConditions
 from volspec.basis import Basis, SpectralBasis
 from volspec.basis.display import visible_white
-from volspec.errors import ImageError
+from volspec.errors import ImageError, ViewingError, quoted
 from volspec.export.primaries import PRIMARIES
 from volspec.export.spectral import per_flat_white
 from volspec.raycast import CoefficientImage
@@ -77,6 +77,11 @@ class Recipe:
     mode : str
         As `RelightSpec.mode`.
 
+    Raises
+    ------
+    ImageError
+        If there is no light, or one's arrays do not fit the channels.
+
     Examples
     --------
     >>> from volspec.basis import SpectralBasis
@@ -91,6 +96,14 @@ class Recipe:
     channels: Mapping[str, tuple[str, ...]]
     lights: Mapping[str, CompositorLight]
     mode: str
+
+    def __post_init__(self) -> None:
+        if not self.lights:
+            raise ImageError("recipe: there is no light; give at least one")
+        if not all(isinstance(name, str) for names in self.channels.values() for name in names):
+            raise ImageError("recipe: a channel is no text; give names")
+        for name, light in self.lights.items():
+            _require_fit(f"light {quoted(name)}", light, self.channels)
 
     @classmethod
     def of(
@@ -114,16 +127,19 @@ class Recipe:
         Raises
         ------
         ViewingError, SpectrumError
-            As `Illumination.of`.
+            If there is no light, or as `Illumination.of`.
         """
-        spec, size = spec or RelightSpec(), basis.size
+        if not (isinstance(lights, Mapping) and lights):
+            raise ViewingError(
+                f"recipe: the lights are {quoted(lights)}; give at least one by name, as "
+                "{'day': volspec.light('D65')}"
+            )
+        spec, size = (spec or RelightSpec()).for_lights(lights.values()), basis.size
         names = channel_names(groups, size)
         channels = {g: tuple(names[k * size : (k + 1) * size]) for k, g in enumerate(groups)}
-        rigs = {name: LightRig.of(light) for name, light in lights.items()}
-        if any(rig.illuminance_lux is None for rig in rigs.values()):
-            spec = replace(spec, level="relative")
         rows = {}
-        for name, rig in rigs.items():
+        for name, light in lights.items():
+            rig = LightRig.of(light)
             lit = Illumination.of(basis, rig, spec, groups)
             to_RGB = _RGB_from_XYZ(lit.white_XYZ)
             parts = np.split(to_RGB @ lit.XYZ_from_channels, len(groups), axis=1)
@@ -139,10 +155,12 @@ class Recipe:
         Raises
         ------
         ImageError
-            If the file cannot be read or says nothing of lights.
+            If the file cannot be read, is no coefficient image, or says nothing of lights.
         """
-        name = os.fspath(path)
-        text = read_header(path, ImageError).get(f"volspec:{_JSON}")
+        name, header = os.fspath(path), read_header(path, ImageError)
+        if "volspec:basis" not in header:
+            raise ImageError(f"{name}: not a coefficient image; `volspec render` makes them")
+        text = header.get(f"volspec:{_JSON}")
         if text is None:
             raise ImageError(
                 f"{name}: names no lights for compositors; `volspec compositing {name} --light D65 "
@@ -154,7 +172,9 @@ class Recipe:
                 raise ValueError(f"version {data['version']}, this volspec knows {VERSION}")
             lights = {
                 light: CompositorLight(
-                    _arrays(row["matrices"]), np.array(row["backdrop"]), _arrays(row["numbers"])
+                    _arrays(row["matrices"]),
+                    np.array(row["backdrop"], np.float64),
+                    _arrays(row["numbers"]),
                 )
                 for light, row in data["lights"].items()
             }
@@ -255,9 +275,7 @@ def save_for_compositors(
     ImageError
         As `CoefficientImage.save`.
     """
-    first = next(iter(recipe.lights), None)
-    preview = None if first is None else recipe.picture(image, first)
-    image.save(path, preview, recipe.texts())
+    image.save(path, recipe.picture(image, next(iter(recipe.lights))), recipe.texts())
 
 
 def _RGB_from_XYZ(white_XYZ: Array) -> Array:
@@ -282,6 +300,28 @@ def _numbers(
         for group, own in shining.items()
         if own is not None
     }
+
+
+def _require_fit(who: str, light: CompositorLight, channels: Mapping[str, tuple[str, ...]]) -> None:
+    """Refuse arrays of a light that do not fit the channels."""
+    if not light.matrices:
+        raise ImageError(f"{who}: has no matrix; give one of {', '.join(channels)}")
+    _require_shape(f"{who}: backdrop", light.backdrop, (3,))
+    for what, rows, shape in (("matrix", light.matrices, (3,)), ("numbers", light.numbers, ())):
+        for group, array in rows.items():
+            if group not in channels:
+                raise ImageError(
+                    f"{who}: {what} of group {quoted(group)}; there is {', '.join(channels)}"
+                )
+            whose = f"{who}: {what} of group {quoted(group)}"
+            _require_shape(whose, array, (*shape, len(channels[group])))
+
+
+def _require_shape(who: str, array: Array, shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        raise ImageError(f"{who} has shape {array.shape}; expected {shape}")
+    if not np.isfinite(array).all():
+        raise ImageError(f"{who} has numbers that are not finite; give others")
 
 
 def _arrays(data: Mapping[str, Any]) -> dict[str, Array]:

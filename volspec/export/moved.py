@@ -6,14 +6,15 @@ Scene, [export], [[keyframe]] -> [moved] -> plan
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from itertools import pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import CameraError, SceneError
+from volspec.errors import CameraError, SceneError, TransferError
 from volspec.export.motion import (
     Way,
     angles_between_keys,
@@ -23,6 +24,7 @@ from volspec.export.motion import (
     tracks_between,
 )
 from volspec.raycast import Camera
+from volspec.raycast.checks import Vector, unit
 from volspec.scene import Scene
 from volspec.scene.export import KeyframeTable, TurntableTable
 from volspec.scene.keyparts import KeyCameraTable
@@ -45,6 +47,9 @@ _PLACE: Mapping[str, Way] = {
 }
 # Below this share of the distance a camera stands on the axis, where no azimuth is.
 _ON_AXIS = 1e-6
+
+Row = TypeVar("Row")
+Made = TypeVar("Made")
 
 
 def turned(scene: Scene, volume: Volume, table: TurntableTable) -> list[Camera]:
@@ -88,7 +93,7 @@ def moved_cameras(
     Raises
     ------
     CameraError
-        If what lies between is no camera.
+        If what holds at a time is no camera; the message names the time.
     """
     told = [(key.time_s, key.camera) for key in keys]
     table = scene.file.camera
@@ -98,10 +103,12 @@ def moved_cameras(
     if table.position_mm is None and not given & {"position_mm", "up"}:
         common = table.model_dump(exclude={"position_mm"})
         moved = rows_of(tracks_between(told, _ORBIT, at_s), len(at_s))
-        return [Camera.orbit(volume, **{**common, **row}) for row in moved]
-    # An orbit's own up leans with the camera; beside places it is the axis.
-    still = replace(scene.camera(volume), up=table.up)
+        return _at_each(at_s, keys, moved, lambda row: Camera.orbit(volume, **{**common, **row}))
+    _check_ups(told)
+    still = scene.camera(volume)
     tracks = tracks_between(told, _PLACE, at_s)
+    # An orbit's own up leans with the camera; beside places it is the axis.
+    tracks.setdefault("up", np.asarray([table.up] * len(at_s)))
     places = [
         (time, key.position_mm)
         for time, key in told
@@ -109,14 +116,47 @@ def moved_cameras(
     ]
     if places:
         targets = tracks.get("target_mm", np.asarray([still.target_mm] * len(at_s)))
-        tracks["position_mm"] = targets + _offsets(told, places, still, at_s)
-    return [replace(still, **row) for row in rows_of(tracks, len(at_s))]
+        tracks["position_mm"] = targets + _offsets(told, places, table.up, still.target_mm, at_s)
+    rows = rows_of(tracks, len(at_s))
+    return _at_each(at_s, keys, rows, lambda row: replace(still, **row))
+
+
+def _check_ups(told: Sequence[tuple[float, KeyCameraTable | None]]) -> None:
+    """Refuse an up that turns to its opposite: there is no short way."""
+    ups = [(time, unit(key.up)) for time, key in told if key is not None and key.up is not None]
+    for (before, one), (time, other) in pairwise(ups):
+        if np.linalg.norm(np.add(one, other)) < _ON_AXIS:
+            raise CameraError(
+                f"up at {time:g} s is opposite to that at {before:g} s; give a keyframe between, "
+                "whose up is the way"
+            )
+
+
+def _at_each(
+    at_s: NDArray[np.float64],
+    keys: Sequence[KeyframeTable],
+    rows: Sequence[Row],
+    make: Callable[[Row], Made],
+) -> list[Made]:
+    """What the numbers of each time make; what they cannot is told with the time."""
+    times = [key.time_s for key in keys]
+    made = []
+    for time, row in zip(at_s.tolist(), rows, strict=True):
+        try:
+            made.append(make(row))
+        except (CameraError, TransferError) as error:
+            # Points between good ones are good; a way between two places may not be.
+            astray = isinstance(error, CameraError) and time not in times
+            remedy = ", or give a keyframe between" if astray else ""
+            raise type(error)(f"at {time:g} s: {error}{remedy}") from error
+    return made
 
 
 def _offsets(
     told: Sequence[tuple[float, KeyCameraTable | None]],
     places: Sequence[tuple[float, tuple[float, float, float]]],
-    still: Camera,
+    up: Vector,
+    still_mm: Vector,
     at_s: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """(F, 3) from target to camera: angles and distance go by themselves, as an orbit's do.
@@ -125,12 +165,12 @@ def _offsets(
     """
     times = np.array([time for time, _ in places])
     targets = tracks_between(told, {"target_mm": between_keys}, times)
-    away = np.array([place for _, place in places]) - targets.get("target_mm", still.target_mm)
+    away = np.array([place for _, place in places]) - targets.get("target_mm", still_mm)
     distance = np.linalg.norm(away, axis=1)
     if not distance.all():
         at = times[distance == 0][0]
         raise CameraError(f"position_mm at {at:g} s is target_mm; move one of them")
-    axes = _axes(still.up)
+    axes = _axes(up)
     front, side, axis = (away / distance[:, None] @ axes.T).T
     turned = np.hypot(front, side) > _ON_AXIS
     azimuth = np.zeros(len(at_s))
@@ -143,7 +183,7 @@ def _offsets(
     return ratios_between_keys(times, distance, at_s)[:, None] * np.stack(parts, axis=1) @ axes
 
 
-def _axes(up: tuple[float, float, float]) -> NDArray[np.float64]:
+def _axes(up: Vector) -> NDArray[np.float64]:
     """(3, 3) rows: two directions square to ``up``, and ``up``."""
     axis = np.asarray(up) / np.linalg.norm(up)
     front = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
@@ -162,7 +202,7 @@ def moved_transfers(
         If keyframes give points where the scene has none or another number of them, or a shift
         where there are labels.
     TransferError
-        If what lies between is no transfer function.
+        If what holds at a time is no transfer function; the message names the time.
     """
     shifts = [(key.time_s, key.transfer.shift) for key in keys if key.transfer is not None]
     given = [(time, shift) for time, shift in shifts if shift is not None]
@@ -171,14 +211,15 @@ def moved_transfers(
         by = between_keys([time for time, _ in given], [shift for _, shift in given], at_s)
     points = _points(scene, keys, at_s)
     made: dict[bytes, Transfer] = {}
-    found = []
-    for i, shift in enumerate(by):
-        key = np.append(np.zeros(0) if points is None else points[i].ravel(), shift).tobytes()
+
+    def at(i: int) -> Transfer:
+        key = np.append(np.zeros(0) if points is None else points[i].ravel(), by[i]).tobytes()
         if key not in made:
             function = scene.transfer if points is None else _with_points(scene, points[i])
-            made[key] = function if shift == 0.0 else shifted(function, float(shift))
-        found.append(made[key])
-    return found
+            made[key] = function if by[i] == 0.0 else shifted(function, float(by[i]))
+        return made[key]
+
+    return _at_each(at_s, keys, range(len(at_s)), at)
 
 
 def shifted(transfer: Transfer, by: float) -> Transfer:

@@ -13,6 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from volspec.export.notebook.lights import DEFAULT_LIGHTS
 from volspec.pipeline import Relighter, relight
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig
@@ -20,9 +21,6 @@ from volspec.relight.spec import Pixels
 from volspec.scene import Scene, viewing_of
 from volspec.scene.lights import mixed_rig
 from volspec.spectra import light
-
-# What an image, which knows no lights, is offered.
-_LIGHTS = ("D65", "A", "FL11", "HP1")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +37,7 @@ class Relit:
     def frame(self, weights: Mapping[str, float], relighter: Relighter | None = None) -> Pixels:
         """(H, W, 3) uint8 under the weighed lights, seen as the image's scene says."""
         mix = mixed_rig(tuple(self.lights.values()), [weights[name] for name in self.lights])
-        seen = viewing_of(self.image).spec()
+        seen = viewing_of(self.image).spec().for_lights(self.lights.values())
         settings = (mix, seen.viewing, seen.mode, seen.backdrop, seen.level)
         return relighter.frame(*settings) if relighter else relight(self.image, *settings)
 
@@ -56,7 +54,7 @@ def read_layers(path: str) -> list[Any]:
         scene = Scene.load(path)
         lit = Relit(scene.render(), {named.name: named.rig for named in scene.lights})
     else:
-        lights = {name: LightRig((light(name),)) for name in _LIGHTS}
+        lights = {name: LightRig((light(name),)) for name in DEFAULT_LIGHTS}
         lit = Relit(CoefficientImage.load(path), lights)
     weights = {name: float(k == 0) for k, name in enumerate(lit.lights)}
     kept = {"volspec": lit, "weights": weights}

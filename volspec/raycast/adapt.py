@@ -78,7 +78,7 @@ def from_plotter(
     CameraError
         If the camera shears or shifts its picture.
     TransferError
-        If the volume has a 2-D transfer function.
+        If the volume has a 2-D transfer function, or no opacity unit distance above 0.
 
     Warns
     -----

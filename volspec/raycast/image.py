@@ -245,7 +245,8 @@ class CoefficientImage:
         Raises
         ------
         ImageError
-            If the name does not end in ``.exr`` or the file cannot be written.
+            If the name does not end in ``.exr``, a text has a name that the image keeps for
+            itself, or the file cannot be written.
         ShapeError
             If the preview has another size.
         """

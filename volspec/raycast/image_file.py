@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 FORMAT = 3
 _READ = (1, 2, FORMAT)  # images of format 1 have one light group
+# Attributes of the header, after "volspec:".
+_OWN = ("format", "basis", "groups", "notes", "fov_deg")
 _ALPHA_ERROR = 1e-3  # what a compositor's rounding may add to an opacity
 
 
@@ -56,6 +58,11 @@ def write_image(
     }
     if image.fov_deg is not None:
         header["volspec:fov_deg"] = json.dumps(float(image.fov_deg))
+    if own := [key for key in texts if key in _OWN]:
+        raise ImageError(
+            f"{name}: a text is named {own[0]!r}, as what the image keeps of its own; name it "
+            "otherwise"
+        )
     header |= {f"volspec:{key}": text for key, text in texts.items()}
     names = channel_names(image.groups, image.basis.size)
     channels: Channels = {key: image.coefficients[..., k] for k, key in enumerate(names)}

@@ -62,7 +62,7 @@ class Relighter:
     OpenGLError
         If ``backend="gl"`` and no context can be made.
     RelightError
-        If the backend is unknown.
+        If the backend is unknown, or ``table`` or ``tables`` is something else.
     ShapeError
         If the image's arrays do not fit together.
 
@@ -101,6 +101,8 @@ class Relighter:
         self._adapting = Adapting()
         if table not in (None, True, False):
             raise RelightError(f"Relighter: table is {table!r}; expected True, False or None")
+        if not isinstance(tables, HostTables | None):
+            raise RelightError(f"Relighter: tables is {tables!r:.60}; expected HostTables or None")
         self._closed = False
         self._table = table
         self._tables = HostTables() if tables is None else tables

@@ -10,7 +10,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -280,3 +280,23 @@ class RelightSpec:
             raise ViewingError(
                 f"relight: backdrop reflects {low:g} to {high:g}; expected within 0 (black) to 1"
             )
+
+    def for_lights(self, lights: Iterable[Spectrum | LightRig]) -> RelightSpec:
+        """The same for lights that are shown in turn: relative where one of them carries no lux.
+
+        Raises
+        ------
+        ViewingError
+            If something else is among them.
+
+        Examples
+        --------
+        >>> flat = Spectrum([390, 710], [1, 1])
+        >>> bright = LightRig((flat,), illuminance_lux=(500,))
+        >>> spec = RelightSpec(level="absolute")
+        >>> spec.for_lights([bright]).level, spec.for_lights([bright, flat]).level
+        ('absolute', 'relative')
+        """
+        if all(LightRig.of(light).illuminance_lux is not None for light in lights):
+            return self
+        return replace(self, level="relative")

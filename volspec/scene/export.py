@@ -25,6 +25,7 @@ from volspec.scene.keyparts import (
     KeyViewingTable,
     NotNegative,
 )
+from volspec.scene.tables import CameraTable
 
 # A film of an hour and more; beyond it a number is a slip.
 MAX_FRAMES = 100_000
@@ -185,7 +186,10 @@ class Exported:
 
 
 def check_export(
-    table: ExportTable, keys: Sequence[KeyframeTable], lights: Sequence[str], orbit: bool
+    table: ExportTable,
+    keys: Sequence[KeyframeTable],
+    lights: Sequence[str],
+    camera: CameraTable,
 ) -> None:
     """Refuse frames that cannot be of one scene.
 
@@ -195,8 +199,8 @@ def check_export(
     keys : sequence of KeyframeTable
     lights : sequence of str
         Names that the scene has.
-    orbit : bool
-        Whether its camera is one.
+    camera : CameraTable
+        The scene's.
 
     Raises
     ------
@@ -224,18 +228,25 @@ def check_export(
         )
     if keys:
         _check_ways(table, keys)
-        _check_cameras(keys, orbit)
+        _check_cameras(keys, camera)
     if table.sweep is not None and len(table.lights or lights) < 2:
         raise ValueError("export.sweep: there is one light; a sweep needs two")
 
 
-def _check_cameras(keys: Sequence[KeyframeTable], orbit: bool) -> None:
+def _check_cameras(keys: Sequence[KeyframeTable], camera: CameraTable) -> None:
     """All of an orbit or all of places: the way from one to the other would be a guess."""
+    orbit = camera.position_mm is None
     first: dict[bool, str] = {} if orbit else {True: "[camera]'s position_mm"}
     for i, key in enumerate(keys, start=1):
         for name in sorted(key.camera.given) if key.camera is not None else ():
             if name in ("target_mm", "fov_deg"):
                 continue
+            if name == "position_mm" and camera.orthographic:
+                # Its rays are parallel: the orbit's height would stay, wherever it stands.
+                raise ValueError(
+                    f"keyframe.{i}.camera.position_mm: [camera] is orthographic; give position_mm "
+                    "or orthographic, not both"
+                )
             placed = name in ("position_mm", "up")
             first.setdefault(placed, f"keyframe.{i}.camera.{name}")
             if (not placed) in first:

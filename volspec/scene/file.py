@@ -106,7 +106,7 @@ class SceneFile(Table):
     @model_validator(mode="after")
     def _can_be_exported(self) -> SceneFile:
         lights = list(rows_by_name(self.light))
-        check_export(self.export, self.keyframe, lights, self.camera.position_mm is None)
+        check_export(self.export, self.keyframe, lights, self.camera)
         return self
 
 

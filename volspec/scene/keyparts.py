@@ -15,7 +15,7 @@ from volspec.scene.transfer import PointTable
 
 def _direction(axis: tuple[float, float, float]) -> tuple[float, float, float]:
     if not any(axis):
-        raise ValueError("is [0, 0, 0]; give a direction")
+        raise ValueError("has no length; give a direction")
     return axis
 
 

@@ -10,6 +10,7 @@ and differ where layers shine through each other.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -57,7 +58,7 @@ def transfer_from_vtk(
     Raises
     ------
     TransferError
-        If the property has a 2-D transfer function.
+        If the property has a 2-D transfer function, or no opacity unit distance above 0.
 
     Warns
     -----
@@ -66,6 +67,11 @@ def transfer_from_vtk(
     """
     if settings.GetTransferFunctionMode() != 0:
         raise TransferError(f"{name}: has a 2-D transfer function; give curves over values")
+    thickness = settings.GetScalarOpacityUnitDistance(0)
+    if not 0 < thickness < math.inf:
+        raise TransferError(
+            f"{name}: opacity_unit_distance is {thickness:g}; give a length above 0"
+        )
     curve = settings.GetScalarOpacity(0)
     values = _values(curve, _colours(settings))
     opacities = np.array([curve.GetValue(value) for value in values]).clip(0, 1)
@@ -81,7 +87,7 @@ def transfer_from_vtk(
         points,
         {word: reflectance_of(word) for word in dict.fromkeys(words)},
         basis or SpectralBasis.load("general-7"),
-        settings.GetScalarOpacityUnitDistance(0) * unit_scale,
+        thickness * unit_scale,
     )
 
 

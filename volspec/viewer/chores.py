@@ -125,10 +125,11 @@ class Chores:
         return bool(outcomes), found
 
     def close(self, state: ViewState | None, faulty: bool) -> None:
-        """The end, or a fault that ends it: nothing is cast any more, and the session is kept."""
+        """The end, or a fault that ends it: no cast goes on, session and files are kept."""
         self._give_up()
         self._asking.close()
         self.openings.close(state, faulty)
+        self._tasks.close()
 
     def draw(self, state: ViewState | None) -> None:
         """Dialogs, and how far a picture is."""
@@ -157,7 +158,7 @@ class Chores:
                 "export-python": export_python,
                 "save-session": save_session,
             }[request.kind]
-            self._tasks.start(request.kind, lambda: write(state, path))
+            self._tasks.start(request.kind, lambda: write(state, path), writes=True)
 
     def _cast(self, state: ViewState) -> None:
         if self._progress is not None:

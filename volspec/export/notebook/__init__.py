@@ -37,7 +37,7 @@ def notebook(
     image : CoefficientImage
     lights : sequence of str, Spectrum or NamedLight, or {name: str, Spectrum or LightRig}, optional
         What can be switched on; the first is. Texts are in `volspec.light`'s notation, a scene's
-        are `Scene.lights`. The default is daylight, tungsten, a fluorescent tube and an LED.
+        are `Scene.lights`. The default is daylight, tungsten, a fluorescent tube and sodium.
     viewing : Viewing, optional
         How it is looked at first; left out, as the scene that the image was cast from says.
 

@@ -17,7 +17,8 @@ from volspec.spectra import Spectrum, light
 
 Given = str | Spectrum | LightRig
 
-DEFAULT_LIGHTS = ("D65", "A", "FL11", "LED-B3")
+# What an image is offered, which knows no lights.
+DEFAULT_LIGHTS = ("D65", "A", "FL11", "HP1")
 
 
 def named_lights(

@@ -69,10 +69,7 @@ def opened(
     ViewingError
         If the page cannot draw the viewing that is given.
     """
-    noted = viewing_of(image).spec()
-    lux = all(lamp.rig.illuminance_lux is not None for lamp in lights)
-    if not lux:
-        noted = replace(noted, level="relative")
+    noted = viewing_of(image).spec().for_lights(lamp.rig for lamp in lights)
     if viewing is not None:
         return replace(noted, viewing=checked_viewing(viewing))
     look = payload.look_numbers(noted, lights)

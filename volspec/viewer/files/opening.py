@@ -82,6 +82,7 @@ class Openings:
         self._recent, self._store = RecentFiles(folder), SessionStore(folder)
         # What is opened at the start where the last session cannot be restored.
         self._besides: list[str | None] = []
+        self._under_way = ""  # as it was told
         self._desk.recent = self._recent.rows()
 
     def open(self, path: str | None, say: bool = True) -> None:
@@ -98,7 +99,7 @@ class Openings:
             self._resume(Path(path))
             return
         if say:
-            self._notice.say(f"Opening {path or 'the demo'} …")
+            self._say_under_way(f"Opening {path or 'the demo'} …")
         self._tasks.start("open", lambda: Opened.at_first(opened(path, self._device), path))
 
     def drop(self, paths: tuple[str, ...]) -> None:
@@ -159,7 +160,7 @@ class Openings:
             self.keep(before)
         early = before is None and self._store.ended_early()
         self._store.begin(opened.state, opened.session)
-        if self._notice.text.endswith("…"):  # what was under way is done
+        if self._notice.text == self._under_way:
             self._notice.say("")
         if early and opened.session is None and not self._notice.text:
             self._notice.say(_EARLY)
@@ -199,7 +200,7 @@ class Openings:
     def reload(self, state: ViewState) -> None:
         """Read the open file again; the view and the window stay, edits and A | B do not."""
         path = state.document.source
-        self._notice.say("Reading the file again; only the view stays …")
+        self._say_under_way("Reading the file again; only the view stays …")
 
         def again() -> Opened:
             found = Opened.at_first(opened(path, self._device), path)
@@ -213,7 +214,7 @@ class Openings:
         self._desk.recent = ()
 
     def _resume(self, path: Path) -> None:
-        self._notice.say("Restoring the session …")
+        self._say_under_way("Restoring the session …")
         self._tasks.start("open", lambda: self._resumed(path))
 
     def _resumed(self, path: Path) -> Opened:
@@ -231,6 +232,11 @@ class Openings:
         path = self._besides.pop(0)
         self._say_error(f"{error}; this is {'the demo' if path is None else Path(path).name}")
         self.open(path, say=False)
+
+    def _say_under_way(self, message: str) -> None:
+        """Until it is open, or something else is said."""
+        self._notice.say(message)
+        self._under_way = self._notice.text
 
     def _say_error(self, message: str) -> None:
         self._notice.say(message)

@@ -5,13 +5,18 @@ start -> [tasks] -> a thread -> take -> Outcome
 
 from __future__ import annotations
 
+import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from volspec.errors import VolspecError, one_line
+from volspec.errors import VolspecError, VolspecWarning, one_line
 from volspec.viewer.latest import LatestWorker
+
+# The longest that files which are being written are waited for at the end.
+_PATIENCE_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,15 +52,39 @@ class Tasks:
     def __init__(self, wake: Callable[[], object]) -> None:
         self._wake = wake
         self._last: dict[str, _Runner] = {}
+        self._writing: list[_Runner] = []
 
-    def start(self, kind: str, task: Callable[[], Any]) -> None:
-        """Begin a task."""
+    def start(self, kind: str, task: Callable[[], Any], writes: bool = False) -> None:
+        """Begin a task.
+
+        Parameters
+        ----------
+        kind : str
+        task : callable
+        writes : bool
+            Whether it writes a file that was asked for: at the end it is waited for.
+        """
         runner = self._last[kind] = _Runner(self._wake, kind)
         runner.request(task)
+        if writes:
+            self._writing = [*(each for each in self._writing if each.busy), runner]
 
     def take(self) -> list[Outcome]:
         """What has come since the last call."""
         return [outcome for runner in self._last.values() for outcome in runner.take()]
+
+    def close(self) -> None:
+        """Wait for files that are being written, `_PATIENCE_S` for all together.
+
+        Warns
+        -----
+        VolspecWarning
+            If one is not written: the window that would tell it is closing.
+        """
+        end = time.monotonic() + _PATIENCE_S
+        for runner in self._writing:
+            if error := runner.ended(max(end - time.monotonic(), 0.0)):
+                warnings.warn(error, VolspecWarning, stacklevel=2)
 
 
 class _Runner(LatestWorker[Callable[[], Any], Outcome]):
@@ -64,6 +93,15 @@ class _Runner(LatestWorker[Callable[[], Any], Outcome]):
     def __init__(self, wake: Callable[[], object], kind: str) -> None:
         super().__init__(wake, f"volspec-{kind}")
         self._kind = kind
+
+    def ended(self, patience_s: float) -> str:
+        """Wait for the end; what then must be told, if anything."""
+        thread = self._thread
+        if thread is not None:
+            thread.join(patience_s)
+        if self.busy:
+            return f"{self._kind}: not written when the window closed; the file is as it was"
+        return next((outcome.error for outcome in self.take()), "")
 
     def _answers(self, job: Callable[[], Any]) -> Iterator[Outcome]:
         try:

@@ -140,11 +140,12 @@ class Designing:
             files.saved(state, path)
             return _Made(state, _SAVE, path)
 
-        self._tasks.start("palette", task)
+        self._tasks.start("palette", task, writes=name == _SAVE)
 
     def close(self) -> None:
-        """End the thread after the pass under way, which nobody waits for."""
+        """End the thread after the pass under way, which nobody waits for; files are written."""
         self._worker.close(_PATIENCE_S)
+        self._tasks.close()
 
     def _designed(self, history: History, done: DesignDone) -> History:
         present, wishes = history.present, done.job.wishes
