@@ -24,6 +24,7 @@ BASIS = SpectralBasis.load("general-7")
     ("make", "message"),
     [
         (lambda: Camera((0, 0, 0), (0, 0, 0)), "stands on its target"),
+        (lambda: Camera.orbit(phantom.ball(4), zoom=1e30), "zoom is 1e+30, too large"),
         (lambda: Camera((0, 0, 0), (0, 0, 9)), "looks along its up"),
         (lambda: Camera((0, 0, 0), (0, 0, 9), up=(0, 0, -1e-200)), "looks along its up"),
         (lambda: Camera((0, 0, 0), (0, 9, 0), up=(0, 0, 0)), "up is (0, 0, 0); give a direction"),
@@ -102,7 +103,11 @@ def test_pictures_need_a_positive_size_and_at_most_32_channels() -> None:
         caster.cast(table, camera, (5, 5), RaycastSpec())
 
 
-def test_a_picture_beyond_the_device_s_memory_is_refused_in_one_line() -> None:
+def test_a_picture_beyond_the_device_s_memory_is_refused_in_one_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """20 GB of picture, where 4 are free."""
+    monkeypatch.setattr("volspec._gpu.opencl.host_free_bytes", lambda: 4 << 30)
     volume = phantom.ball(8)
     table = TransferTable((0.0, 1.0), np.linspace(0, 1, 64), np.ones((64, 16)), 1.0)
     with pytest.raises((DeviceError, MemoryError), match=r"needs .* are free; cast it smaller"):

@@ -227,7 +227,9 @@ BAD = {
     "unknown command": (("relit",), 2, "relight"),
     "no full stop inside": (("foo",), 2, " and more; see volspec --help"),
     "nor after options": (("--bogus",), 2, " and more; see volspec --help"),
-    "missing option": (("render", "s.toml"), 2, "--output"),
+    "missing option": (("render", "s.toml"), 2, "render: --output or -o is missing; see"),
+    "missing light": (("relight", "n.exr", "-o", "f.png"), 2, "relight: --light is missing; see"),
+    "missing file": (("relight",), 2, "relight: IMAGE is missing; see"),
     "unknown option": (("demo", "--colour", "red"), 2, "--colour"),
 }
 

@@ -89,6 +89,17 @@ def test_every_error_is_a_line_that_names_the_file(
         assert line.startswith(f"{path}: {part}"), line
 
 
+def test_names_are_shown_and_never_obeyed(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    name = "a\x1b[31m\u202e\nb größer 骨"
+    group = f'[[group]]\nname = {json.dumps(name)}\nsources = [{{ kind = "headlight" }}]\n'
+    wrong = written(good.with_name("wrong\x1b[1m.toml"), TEXT + group)
+    assert call("check", wrong, good.rename(good.with_name("good\u202e.toml"))) == 1
+    first, second = capsys.readouterr().out.splitlines()
+    assert "wrong\\x1b[1m.toml: [[group]] a\\x1b[31m\\u202e b größer 骨: " in first
+    assert "leave out =, ;, control characters, marks of direction and blanks around it" in first
+    assert "good\\u202e.toml: ok: " in second
+
+
 def test_figures_are_json(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bad = written(good.with_name("bad.toml"), "volume = 3\n")
     assert call("check", "--json", good, bad) == 1

@@ -89,6 +89,14 @@ def test_reveal_merge_and_keep_write_theirs(ball: Path, capsys: pytest.CaptureFi
     assert call("keep", ball, "stone", "-o", out) == 0
 
 
+def test_colours_that_are_apart_already_are_told(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("core", "--under", "day", "--distance", "1", "-o", ball.with_name("apart.toml"))
+    assert call("reveal", ball, *words) == 0
+    assert "from every other under 'day' before, 1 is asked for" in capsys.readouterr().err
+
+
 def test_a_black_under_an_even_light_is_told_to_be_black_everywhere(
     ball: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -144,6 +152,12 @@ def test_what_is_not_a_wizards_is_not_written_over(
     assert "is the scene that the new one is made of" in capsys.readouterr().err
     assert ball.read_bytes() == before and not ball.with_name("ball-palette.toml").exists()
     palette.unlink()
+    own = ball.read_text(encoding="utf-8").replace("[volume]", "# mine\n[volume]")
+    out.write_text(own, encoding="utf-8")
+    assert call("keep", ball, "stone", "-o", out) == 1
+    assert "clash.toml: is there already, and no wizard's" in capsys.readouterr().err
+    assert out.read_text(encoding="utf-8") == own and not palette.exists()
+    out.unlink()
     assert call("keep", ball, "stone", "-o", out) == 0 == call("keep", ball, "stone", "-o", out)
     assert palette.read_text(encoding="utf-8").startswith("# Written by volspec wizard")
     other = out.rename(ball.with_name("other.toml"))

@@ -184,3 +184,8 @@ def test_summary_counts_every_voxel() -> None:
     assert sum(count for _, _, count in summary.histogram) == 24
     assert summary.extent_mm == (6, 2, 3) and summary.range == (-700, 1600)
     assert summary.table().row_count > 8
+
+
+def test_what_is_no_path_is_refused() -> None:
+    with pytest.raises(VolumeError, match="volume: 3 is no path; give text"):
+        load_volume(3)  # type: ignore[arg-type]

@@ -28,7 +28,8 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     InputError
-        If the path is a folder or a device, or its folder cannot be made or written to.
+        If the path is a folder or a device, its folder cannot be made or written to, or the disk
+        is full.
     """
     target = _output(path)
     try:
@@ -41,6 +42,14 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         yield temporary
         temporary.replace(target)
+    except OSError as error:
+        # Of another file, or no word of the system's: what the body reads, not what it writes.
+        if error.errno is None or error.filename not in (None, str(temporary)):
+            raise
+        raise InputError(
+            f"{Path(path)}: cannot be written: {error.strerror or error}; make room on the disk, "
+            "or choose another, and repeat the command"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -101,7 +110,21 @@ def require_writable(path: str | os.PathLike[str]) -> None:
     InputError
         If the path is a folder or a device, or its folder cannot be made or written to.
     """
-    folder = _output(path).parent
+    _require_room(_output(path).parent, path)
+
+
+def require_writable_folder(path: str | os.PathLike[str]) -> None:
+    """The same for a folder of outputs, which may be there or not.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made or written to.
+    """
+    _require_room(Path(path), path)
+
+
+def _require_room(folder: Path, path: str | os.PathLike[str]) -> None:
     try:
         while not folder.exists():
             folder = folder.parent

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from volspec import __version__
 from volspec._gpu import devices as opencl_devices
-from volspec.errors import OpenCLError, OpenGLError
+from volspec.errors import DeviceError, OpenCLError, OpenGLError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,6 +23,7 @@ _PACKAGES = (
     *("numpy", "scipy", "pyopencl", "pocl-binary-distribution", "moderngl", "pyvista"),
     *("SimpleITK", "colour-science", "OpenEXR", "imageio"),
 )
+_NOT_HERE = "not here"
 # What an extra of the package adds: its name, and the distributions that it needs.
 _EXTRAS = {
     "notebooks": ("notebook", ("anywidget",)),
@@ -97,7 +98,9 @@ class Examination:
         for problem in self.problems:
             console.print(f"[red]missing:[/red] {escape(problem)}", highlight=False)
         if not self.problems:
-            console.print("nothing is missing")
+            left = [what for what, found in self.extras.items() if found.startswith(_NOT_HERE)]
+            extras = f"; extras that are not here: {', '.join(left)}" if left else ""
+            console.print(f"nothing that is needed is missing{extras}", soft_wrap=True)
 
 
 def examine() -> Examination:
@@ -162,14 +165,19 @@ def _extras() -> dict[str, str]:
 
 
 def _ffmpeg() -> str | None:
-    """The ffmpeg that films are encoded with; None where none can be run."""
+    """The ffmpeg that films are encoded with, or why it is none; None where there is none."""
     try:
         from imageio_ffmpeg import get_ffmpeg_version
 
+        from volspec.export.film import ffmpeg
+
+        ffmpeg()
         return f"ffmpeg {get_ffmpeg_version()}, imageio-ffmpeg {version('imageio-ffmpeg')}"
+    except DeviceError as error:
+        return f"{_NOT_HERE}: {str(error).removeprefix('export: ')}"
     except (ImportError, RuntimeError, OSError):
         return None
 
 
 def _remedy(extra: str) -> str:
-    return f"not here: pip install 'volspec[{extra}]'"
+    return f"{_NOT_HERE}: pip install 'volspec[{extra}]'"

@@ -8,6 +8,7 @@ says who complains, what it got, what it expected, and the likely remedy.
 from __future__ import annotations
 
 import difflib
+import unicodedata
 from collections.abc import Iterable
 
 
@@ -87,13 +88,31 @@ class OpenGLError(DeviceError):
     """No GL context could be made; see ``volspec doctor``."""
 
 
+# What a terminal obeys instead of showing it; and of that what joins letters of some scripts.
+_UNSEEN, _JOINERS = ("Cc", "Cf", "Cs", "Zl", "Zp"), "\u200c\u200d"
+
+
+def visible(text: str) -> str:
+    """Text with its control characters and marks of direction escaped.
+
+    >>> visible("a\\x1b[31m\\u202eb\\nc"), visible("größer 骨")
+    ('a\\\\x1b[31m\\\\u202eb\\\\nc', 'größer 骨')
+    """
+    return "".join(
+        c.encode("unicode_escape").decode()
+        if unicodedata.category(c) in _UNSEEN and c not in _JOINERS
+        else c
+        for c in text
+    )
+
+
 def one_line(said: object) -> str:
-    """A message without its line breaks; of an error that says nothing, the name of its class.
+    """A message that is one line, as `visible`; of an error that says nothing its class's name.
 
     >>> one_line(InputError("no such\\n  file")), one_line(MemoryError())
     ('no such file', 'MemoryError')
     """
-    text = " ".join(str(said).split())
+    text = visible(" ".join(str(said).split()))
     return text or (type(said).__name__ if isinstance(said, BaseException) else "")
 
 
@@ -107,6 +126,10 @@ def quoted(given: object, most: int = 40) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
+# Letters of a name from which on it is taken for the beginning of one.
+_LEAST_BEGINNING = 3
+
+
 def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     """A guess at what a misspelt name meant, to stand inside a message.
 
@@ -115,7 +138,8 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     name : str
         What was given, in any case; anything else is taken by its ``str``.
     known : iterable of str
-        The names there are. One with a ``/`` is also found by what follows the last one.
+        The names there are. One with a ``/`` is also found by what follows the last one; and
+        those that go on where the name ends come first.
     count : int
         The most guesses made.
 
@@ -130,6 +154,8 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     "did you mean 'D65' or 'D50'? "
     >>> nearest("banana", ["PMC/Banana", "PMC/Carrot"])
     "did you mean 'PMC/Banana'? "
+    >>> nearest("chart/white", ["chart/white 9.5 (.05 D)", "chart/black 2"], count=1)
+    "did you mean 'chart/white 9.5 (.05 D)'? "
     >>> nearest("sunshine", ["D50", "D65", "FL2"])
     ''
     """
@@ -137,7 +163,10 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     folded = {word.rpartition("/")[2].casefold(): word for word in reversed(words)}
     folded |= {word.casefold(): word for word in reversed(words)}
     # Twice as many: a word may be hit whole and by its last part.
-    hits = difflib.get_close_matches(str(name).casefold(), folded, n=2 * count, cutoff=0.5)
+    given = str(name).casefold()
+    hits = difflib.get_close_matches(given, folded, n=2 * count, cutoff=0.5)
+    if len(given) >= _LEAST_BEGINNING:
+        hits = [*(word for word in folded if word.startswith(given)), *hits]
     guesses = tuple(repr(word) for word in dict.fromkeys(folded[hit] for hit in hits))[:count]
     if not guesses:
         return ""

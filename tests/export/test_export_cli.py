@@ -9,6 +9,7 @@ import pytest
 
 from tests.export.conftest import Make
 from volspec.cli import main
+from volspec.export.compositing import Recipe, save_for_compositors
 
 
 def run(*words: object) -> int:
@@ -30,6 +31,20 @@ def test_the_command_makes_frames_and_tells_of_them(
     assert capsys.readouterr().out.strip().endswith("2 frames, 0 made from 0 casts; 2 were there")
 
 
+def test_a_light_of_the_scene_is_told_to_be_relit_from_the_scene(
+    scene: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made, image = scene(), tmp_path / "ball.exr"
+    lights = {light.name: light.rig for light in made.lights}
+    recipe = Recipe.of(made.basis, made.raycast.shares(), lights)
+    save_for_compositors(made.render(size=(8, 6)), image, recipe)
+    with pytest.raises(SystemExit, match="1"):
+        main(["relight", str(image), "--light", "lamp", "-o", str(tmp_path / "lamp.png")])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "ball.exr names its scene's lights (day, lamp, tube), but does not hold" in line
+    assert "volspec export SCENE.toml --light lamp -o FOLDER" in line
+
+
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
@@ -38,6 +53,8 @@ def test_the_command_makes_frames_and_tells_of_them(
         (["--turntable", "1.5"], 2, "1.5"),
         (["--fps", "nan"], 1, "export.fps"),
         (["--size", "16"], 2, "no WIDTHxHEIGHT"),
+        (["--size", "-5x5"], 2, "'-5x5' is no WIDTHxHEIGHT"),
+        (["--light"], 2, "export: --light has no value; give one"),
         (["--size", "99999x16"], 1, "give 1x1 to 65536 a side"),
         (["--bits", "12"], 1, "export.bits"),
     ],

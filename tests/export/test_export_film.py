@@ -100,6 +100,17 @@ def test_without_ffmpeg_one_line_names_the_extra(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("program", ["/no/such/program", sys.executable])
+def test_a_variable_that_names_no_ffmpeg_is_told_before_the_frames_are_made(
+    program: str, scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", program)
+    with pytest.raises(DeviceError, match="need ffmpeg, and IMAGEIO_FFMPEG_EXE is"):
+        scene().export(tmp_path / "ball.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_what_no_film_can_hold_is_refused_first(scene: Make, tmp_path: Path) -> None:
     for settings, said in (({"bits": 16}, "16-bit PNG"), ({"transparent": True}, "transparent")):
         with pytest.raises(InputError, match=said):

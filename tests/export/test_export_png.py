@@ -104,7 +104,7 @@ def test_codes_round_to_the_nearest_of_65536() -> None:
     assert to_uint16(codes).tolist() == [0, 0, 32768, 65535, 65535, 0]
 
 
-@pytest.mark.parametrize("shape", [(4, 4), (4, 4, 2), (4, 4, 3, 1)])
+@pytest.mark.parametrize("shape", [(4, 4), (4, 4, 2), (4, 4, 3, 1), (0, 2, 3)])
 def test_what_is_no_frame_is_refused(tmp_path: Path, shape: tuple[int, ...]) -> None:
     with pytest.raises(ImageError, match="the frame is uint8"):
         write_frame(tmp_path / "f.png", np.zeros(shape, np.uint8))

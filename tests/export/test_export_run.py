@@ -193,6 +193,18 @@ def test_an_eye_that_adapts_to_pixels_needs_the_picture_whole(scene: Make, tmp_p
         made.export(tmp_path / "clear", lights=["day"], transparent=True)
 
 
+@pytest.mark.parametrize("lights", [3, 12])  # columns of their own, and rows after each other
+@pytest.mark.parametrize("size", [(1, 700), (1701, 1)])
+def test_sheets_of_very_tall_and_very_wide_frames_stay_small(
+    size: tuple[int, int], lights: int, scene: Make, tmp_path: Path
+) -> None:
+    row = '[[light]]\nname = "{}"\nspectrum = "D65"\n'
+    more = "".join(row.format(i) for i in range(lights - 3))
+    scene(more).export(tmp_path, size=size)
+    with Image.open(tmp_path / "sheet.png") as sheet:
+        assert max(sheet.size) < 4000
+
+
 def test_many_frames_of_many_strips_are_made_in_batches(
     scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

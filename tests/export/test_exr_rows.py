@@ -10,6 +10,7 @@ import pytest
 
 from tests.export._layers import opened
 from volspec.appearance.spaces import SPACES
+from volspec.errors import InputError
 from volspec.export.exr import ExrBands, ExrHeader, exr_bytes, exr_file
 
 BANDS = ExrBands(np.array([400.0, 547.5, 1000.0]), "W")
@@ -71,7 +72,8 @@ def test_a_disk_that_fills_up_amid_the_rows_leaves_what_was_there(tmp_path: Path
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))  # as if it were full there
     try:
-        with pytest.raises(OSError, match="File too large"), exr_file(path, header) as file:
+        told = pytest.raises(InputError, match=r"a\.exr: cannot be written: File too large")
+        with told, exr_file(path, header) as file:
             file.rows(picture((64, 50), 3, noise=True))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from volspec._files import clear_temporaries, write_whole
+from volspec.errors import InputError
 
 
 @pytest.fixture(params=[0o022, 0o027, 0o077], ids=oct)
@@ -31,6 +33,16 @@ def test_permissions_are_those_of_a_plain_open_beside_concurrent_writers(
     with ThreadPoolExecutor(8) as pool:
         modes = set().union(*pool.map(write, range(200)))
     assert modes == {0o666 & ~umask}
+
+
+def test_a_full_disk_names_the_file_and_what_the_body_reads_does_not(tmp_path: Path) -> None:
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    told = pytest.raises(InputError, match=r"a\.html: cannot be written: No space left")
+    with told, write_whole(tmp_path / "a.html"):
+        raise full
+    with pytest.raises(FileNotFoundError), write_whole(tmp_path / "a.html"):
+        (tmp_path / "frame.png").read_bytes()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_nobody_s_umask_is_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

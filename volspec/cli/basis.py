@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.text import Text
 
 from volspec._files import require_writable
-from volspec.cli.shell import Json, app, as_written, bar, print_json
+from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say
 from volspec.errors import BasisError, ImageError, nearest
 
 if TYPE_CHECKING:
@@ -127,13 +126,13 @@ def basis(
     _print(table, case.reason)
     for path in (output, figure):
         if path is not None:
-            Console().print(Text(str(path)), soft_wrap=True)
+            say(path)
 
 
 def _print(table: Any, reason: str) -> None:
     from volspec.basis.report.text import terminal_table, verdict, worst_line
 
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     head = f": {table.method}, {table.size} channels"
     console.print(Text.assemble((table.name, "bold"), head))
     facts = {

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from volspec import __version__
 from volspec._files import require_writable
-from volspec.cli.setting import read_setting
-from volspec.cli.shell import Device, app, bar
+from volspec.cli.setting import read_image_setting
+from volspec.cli.shell import Device, app, bar, say
 from volspec.cli.viewing import PictureOptions
 from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning
 
@@ -44,13 +43,16 @@ def _check_size(_: Any, size: str | None) -> None:
         _pixels(size)
 
 
+Size = Annotated[str | None, Parameter(validator=_check_size, allow_leading_hyphen=True)]
+
+
 @app.command
 def render(
     scene: Path,
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    size: Annotated[str | None, Parameter(validator=_check_size)] = None,
+    size: Size = None,
     half: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
 ) -> None:
@@ -96,7 +98,7 @@ def render(
     save_for_compositors(image, output, recipe)
     groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
     said = f"{output}: {image.size[0]}×{image.size[1]}, {image.basis.size} channels{groups}"
-    Console().print(said, highlight=False, markup=False, soft_wrap=True)
+    say(said)
 
 
 @app.command
@@ -187,7 +189,7 @@ def relight(
     given = {"model": model, "mode": mode, "backdrop": backdrop}
     table = viewing.onto(viewing_of(stored))
     table = table.model_copy(update={k: v for k, v in given.items() if v is not None})
-    lamps = [read_setting(text, stored.groups, stored.basis.grid) for text in light]
+    lamps = [read_image_setting(image, text, stored) for text in light]
     spec = table.spec().for_lights(lamps)
     changes = _reflectances(reflectance or (), stored.basis.grid)
     if spectral:
@@ -202,13 +204,13 @@ def relight(
             frame = relighter.frame(lamp, spec.viewing, spec.mode, spec.backdrop, spec.level)
             notes = {"light": text, "Software": f"volspec {__version__}"}
             write_frame(path, frame, notes, spec.viewing.display.space)
-            Console().print(f"{path}", highlight=False, soft_wrap=True)
+            say(path)
             # For the warning alone some of a large picture's pixels are enough.
             every = 1 if errors else max(1, min(stored.size) // _SAMPLED)
             off = relighter.error_map(lamp, spec.mode, spec.backdrop, every)
             if errors:
                 write_frame(beside, off.image(), {"light": text, "shows": str(off)})
-                Console().print(f"{beside}: {off}", highlight=False, soft_wrap=True)
+                say(f"{beside}: {off}")
             if off.p95 > AT_A_GLANCE:
                 warnings.warn(
                     f"{text}: {off.p95:.1f} ΔE00 lie between the {spec.mode} colours and those of "
@@ -231,7 +233,7 @@ def _write_spectra(
     for (text, lamp), path in zip(lights.items(), paths, strict=True):
         notes = {"light": text, "mode": spec.mode, "Software": f"volspec {__version__}"}
         write_spectral_frame(path, image, lamp, spec, notes)
-        Console().print(f"{path}", highlight=False, soft_wrap=True)
+        say(path)
 
 
 def _check_kind(

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
+from volspec.cli.shell import say
 from volspec.cli.viewing import PictureOptions, white_triple
 from volspec.errors import InputError
 
@@ -66,7 +65,7 @@ def write_comparison(
     sheet = comparison_sheet(", ".join(words), seen, columns=4)
     notes = {"light": white, "Software": f"volspec {__version__}"}
     write_frame(output, sheet, notes, space)
-    Console().print(f"{output}", highlight=False, soft_wrap=True)
+    say(output)
 
 
 # What a reader of the picture should know of each.

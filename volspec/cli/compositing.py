@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from volspec._files import require_writable
-from volspec.cli.setting import read_setting
-from volspec.cli.shell import app
+from volspec.cli.setting import read_image_setting
+from volspec.cli.shell import app, say
 from volspec.errors import ImageError, InputError
 
 
@@ -75,7 +74,7 @@ def compositing(
         stored = CoefficientImage.load(image)
         spec = viewing_of(stored).spec()
         spec = spec if mode is None else replace(spec, mode=mode)
-        lamps = {text: read_setting(text, stored.groups, stored.basis.grid) for text in light}
+        lamps = {text: read_image_setting(image, text, stored) for text in light}
         recipe = Recipe.of(stored.basis, stored.groups, lamps, spec)
         save_for_compositors(stored, output, recipe)
-    Console().print(f"{output}", highlight=False, markup=False, soft_wrap=True)
+    say(output)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from volspec._files import require_writable
-from volspec.cli.shell import Device, Json, app, bar, print_json
+from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json
 
 
 @app.command
@@ -38,7 +37,7 @@ def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json 
     if json:
         print_json(report.to_dict())
         return
-    console = Console()
+    console = Terminal()
     table = Table(
         title=f"{report.scene}, {report.size[0]}×{report.size[1]}, {report.channels} channels: "
         f"cast in {report.cast_ms:.0f} ms"

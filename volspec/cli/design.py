@@ -6,11 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
-from rich.text import Text
 
 from volspec._files import require_writable
-from volspec.cli.shell import Json, app, bar, print_json
+from volspec.cli.shell import Json, Terminal, app, bar, print_json, say
 from volspec.errors import ImageError, InputError, PaletteError
 
 
@@ -78,8 +76,8 @@ def design(
     if json:
         print_json(report.to_dict())
         return
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     console.print(parts(report, colours=console.color_system in ("256", "truecolor")))
     for path in (output, figure):
         if path is not None:
-            console.print(Text(str(path)), soft_wrap=True)
+            say(path)

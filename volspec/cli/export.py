@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
-from rich.console import Console
 
-from volspec.cli.cast import _check_size, _pixels
-from volspec.cli.shell import Device, Json, app, as_written, bar, print_json
+from volspec.cli.cast import Size, _pixels
+from volspec.cli.shell import Device, Json, app, as_written, bar, print_json, say
 
 _Whole = Annotated[int | None, Parameter(converter=lambda _, tokens: as_written(int, tokens))]
 _Number = Annotated[float | None, Parameter(converter=lambda _, tokens: as_written(float, tokens))]
@@ -24,7 +23,7 @@ def export(
     light: Annotated[list[str] | None, Parameter(negative="")] = None,
     turntable: _Whole = None,
     sweep: _Whole = None,
-    size: Annotated[str | None, Parameter(validator=_check_size)] = None,
+    size: Size = None,
     samples: _Whole = None,
     bits: _Whole = None,
     format: Literal["png", "exr", "coefficients"] | None = None,
@@ -127,7 +126,7 @@ def export(
         f"{made.output}: {_count(made.frames, 'frame')}, {made.made} made from "
         f"{_count(made.casts, 'cast')}{rest}"
     )
-    Console().print(said, highlight=False, markup=False, soft_wrap=True)
+    say(said)
 
 
 def _count(number: int, what: str) -> str:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
-from volspec.cli.shell import Json, app, print_json
+from volspec.cli.shell import Json, Terminal, app, print_json
 
 if TYPE_CHECKING:
     from volspec.volume import Volume
@@ -27,7 +25,7 @@ def doctor(*, json: Json = False) -> None:
     if json:
         print_json(report.to_dict())
     else:
-        report.print(Console())
+        report.print(Terminal())
     if not report.healthy:
         raise SystemExit(1)
 
@@ -54,7 +52,7 @@ def info(volume: str, /, *, json: Json = False) -> None:
     table = summary.table()
     if labels:
         table.add_row("labels", f"{labels[0]}–{labels[-1]}: {len(labels)} values")
-    Console().print(table)
+    Terminal().print(table)
 
 
 def _labels(volume: Volume) -> list[int]:

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from volspec._files import require_writable
-from volspec.cli.cast import _check_size, _pixels
+from volspec.cli.cast import Size, _pixels
 from volspec.cli.setting import read_setting
-from volspec.cli.shell import Device, app, as_written, bar
+from volspec.cli.shell import Device, app, as_written, bar, say
 from volspec.errors import ImageError
 
 
@@ -39,7 +38,7 @@ def page(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     views: Annotated[int, Parameter(converter=as_written, validator=_check_views)] = 1,
     light: Annotated[list[str] | None, Parameter(negative="")] = None,
-    size: Annotated[str | None, Parameter(validator=_check_size)] = None,
+    size: Size = None,
     bits: Annotated[int, Parameter(converter=as_written, validator=_check_bits)] = 8,
     title: str | None = None,
     caption: str = "",
@@ -105,4 +104,4 @@ def page(
         count = write_page(output, cast, lights, loaded.relight, PageSpec(name, caption, bits))
     many = f", {views} views" if views > 1 else ""
     said = f"{output}: {count / 1e6:.2f} MB, {len(lights)} lights{many}; open it in a browser"
-    Console().print(said, highlight=False, markup=False, soft_wrap=True)
+    say(said)

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.text import Text
 
 from volspec._files import require_writable
-from volspec.cli.shell import Json, app, as_written, bar, print_json
+from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say
 from volspec.errors import ImageError, InputError, VolspecWarning
 
 if TYPE_CHECKING:
@@ -144,7 +143,7 @@ def _construct(
     _print(paint, made, rows)
     for path in (output, figure):
         if path is not None:
-            Console().print(Text(str(path)), soft_wrap=True)
+            say(path)
 
 
 def _under(
@@ -167,7 +166,7 @@ def _under(
 def _print(paint: Spectrum, made: MadeReflectances, rows: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    console = Console(highlight=False)
+    console = Terminal(highlight=False)
     console.print(Text.assemble((paint.name, "bold"), f": {paint.notes['colour']}"))
     ways = {
         "tetrahedron": "mixed from the paper's tetrahedron",
@@ -228,7 +227,7 @@ def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
     height, width = codes.shape
     counts = ", ".join(f"{number} {name}" for name, number in made.counts().items())
     said = f"{output}: {width}×{height}, {values.shape[-1]} bands; {len(unique)} colours: {counts}"
-    Console().print(said, highlight=False, markup=False, soft_wrap=True)
+    say(said)
 
 
 def _pixels(path: Path) -> NDArray[np.uint8]:

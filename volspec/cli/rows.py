@@ -6,9 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rich.console import Console
-
-from volspec.cli.shell import note, print_json, print_table
+from volspec.cli.shell import Terminal, note, print_json, print_table
 
 Row = dict[str, Any]
 
@@ -36,7 +34,7 @@ def show_rows(title: str, rows: list[Row], as_json: bool) -> None:
     for row in rows:
         table.add_row(*(_cell(row.get(name, "")) for name in shown))
     # A narrow screen wraps lines; digits are never cut.
-    print_table(title, table, Console(width=max(Console().width, 110)))
+    print_table(title, table, Terminal(width=max(Terminal().width, 110)))
 
 
 def tell_undefined(rows: Mapping[str, list[Row]]) -> None:

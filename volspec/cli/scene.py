@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from cyclopts import App
 
-from volspec.cli.shell import Json, app, print_json
+from volspec.cli.shell import Json, app, print_json, say
+from volspec.errors import one_line
 
 if TYPE_CHECKING:
     from volspec.scene.checking import Checked
@@ -37,7 +38,8 @@ def check(files: list[Path], /, *, json: Json = False) -> None:
         print_json([each.to_dict() for each in found])
     else:
         for each in found:
-            print("\n".join(each.errors) if each.errors else _line(each))
+            for line in each.errors or (_line(each),):
+                say(one_line(line))
     if any(each.errors for each in found):
         raise SystemExit(1)
 

@@ -8,12 +8,15 @@ and what stands before the first ``=`` of a part is the group that it shines fro
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from volspec.errors import InputError, SpectrumError, nearest
+from volspec.errors import ImageError, InputError, SpectrumError, nearest
 
 if TYPE_CHECKING:
+    from volspec.raycast import CoefficientImage
     from volspec.relight import LightRig
     from volspec.spectra import SpectralGrid, Spectrum
 
@@ -63,6 +66,36 @@ def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> 
             raise InputError(f"--light {text!r}: {twice} two lights; mix them, as D65*0.7+A*0.3")
         lights[group] = spectrum
     return LightRig(tuple(lights.values()), groups=tuple(lights))
+
+
+def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spectrum | LightRig:
+    """A light setting for a stored image, which names its scene's lights but not their spectra.
+
+    Parameters
+    ----------
+    image : Path
+        The image's file.
+    text : str
+        As `read_setting`, whose errors these are.
+    stored : CoefficientImage
+        What is in the file.
+    """
+    from volspec.export.compositing import Recipe
+
+    try:
+        return read_setting(text, stored.groups, stored.basis.grid)
+    except SpectrumError:
+        try:
+            names = list(Recipe.load(image).lights)
+        except ImageError:
+            names = []
+        if text not in names:
+            raise
+    raise SpectrumError(
+        f"light {text!r}: {image} names its scene's lights ({', '.join(names)}), but does not hold "
+        f"their spectra; relight the scene: volspec export SCENE.toml --light {shlex.quote(text)} "
+        "-o FOLDER"
+    )
 
 
 def _part(text: str, part: str, grid: SpectralGrid) -> tuple[str, Spectrum]:

@@ -12,11 +12,11 @@ import json
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, get_args
 
-from cyclopts import App, CycloptsError, Parameter, Token
-from rich.console import Console
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
     Progress,
@@ -26,11 +26,12 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
 from volspec import __version__
-from volspec.errors import VolspecError, VolspecWarning, one_line
+from volspec.errors import VolspecError, VolspecWarning, one_line, visible
 
 app = App(
     name="volspec",
@@ -97,27 +98,44 @@ class bar:
         self._progress.update(self._tasks[step], completed=share)
 
 
+class Terminal(Console):
+    """Standard output that shows the control characters in names, and obeys none of them."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterator[Segment]:
+        """The pieces of what is printed."""
+        for segment in super().render(renderable, options):
+            lines = [visible(line) for line in segment.text.split("\n")]
+            yield segment if segment.control else segment._replace(text="\n".join(lines))
+
+
+def say(text: object) -> None:
+    """Print one line as it is, whatever the names in it, however narrow the terminal is."""
+    Terminal().print(visible(str(text)), highlight=False, markup=False, soft_wrap=True)
+
+
 def print_json(data: dict[str, Any] | list[dict[str, Any]]) -> None:
     print(json.dumps(data, indent=2))
 
 
 def print_table(title: str, table: Table, console: Console | None = None) -> None:
     """Print a table under its title, which is one line however narrow the table is."""
-    console = console or Console()
-    console.print(Text(title, style="table.title"), soft_wrap=True)
+    console = console or Terminal()
+    console.print(Text(visible(title), style="table.title"), soft_wrap=True)
     console.print(table)
 
 
 def note(text: str) -> None:
     """Say something beside the figures, which it leaves alone: a line on stderr."""
-    print(f"volspec: note: {text}", file=sys.stderr)
+    print(f"volspec: note: {one_line(text)}", file=sys.stderr)
 
 
 def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
 ) -> None:
     if issubclass(category, VolspecWarning):
-        print(f"volspec: warning: {message}", file=sys.stderr)
+        print(f"volspec: warning: {one_line(message)}", file=sys.stderr)
 
 
 def _print_what_can_be() -> None:
@@ -125,6 +143,16 @@ def _print_what_can_be() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and codecs.lookup(stream.encoding).name != "utf-8":
             stream.reconfigure(errors="replace")
+
+
+def _missing(error: CycloptsError) -> str:
+    """What is left out, if something is: cyclopts says that it "requires an argument"."""
+    if not isinstance(error, MissingArgumentError) or error.argument is None:
+        return ""
+    command = " ".join(error.command_chain or ())
+    if error.keyword is not None:
+        return f"{command}: {error.keyword} has no value; give one"
+    return f"{command}: {' or '.join(error.argument.names)} is missing"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -138,7 +166,7 @@ def main(arguments: list[str] | None = None) -> None:
         app(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         # Of many commands cyclopts lists the first, and ends in "info, ...".
-        said = one_line(error).replace(", ...", " and more").rstrip(".")
+        said = _missing(error) or one_line(error).replace(", ...", " and more").rstrip(".")
         print(f"volspec: {said}; see volspec --help", file=sys.stderr)
         raise SystemExit(2) from error
     except VolspecError as error:

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from volspec._files import require_writable
-from volspec.cli.cast import _check_size, _pixels
+from volspec.cli.cast import Size, _check_size, _pixels
 from volspec.cli.shell import Device, app
 from volspec.errors import InputError
 
@@ -18,8 +18,8 @@ def view(
     file: str | None = None,
     /,
     *,
-    size: Annotated[str, Parameter(validator=_check_size)] = "1280x720",
-    screenshot: Annotated[str | None, Parameter(validator=_check_size)] = None,
+    size: Annotated[str, Parameter(validator=_check_size, allow_leading_hyphen=True)] = "1280x720",
+    screenshot: Size = None,
     restore: bool = False,
     trace: Path | None = None,
     device: Device = None,

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
-from rich.console import Console
 from rich.table import Table
 
-from volspec.cli.shell import Json, app, as_written, note, print_json
+from volspec.cli.shell import Json, Terminal, app, as_written, note, print_json, say
 
 if TYPE_CHECKING:
     from volspec.scene import Scene
@@ -119,15 +118,23 @@ def reveal(
         CIEDE2000 from every other material that is enough.
     """
     from volspec.wizard import reveal
+    from volspec.wizard.reached import reached
 
+    loaded = _loaded(scene, output)
     made = reveal(
-        *(_loaded(scene, output), material),
+        *(loaded, material),
         under=under,
         distance=distance,
         like=like,
         lamps=tuple(lamp or ()),
     )
     _finish(made, output, json)
+    before = next((row for row in reached(loaded, loaded, (material,)) if row.light == under), None)
+    if before is not None and (least := min(before.apart.values())) >= distance:
+        note(
+            f"{material!r} was ΔE {least:.1f} or more from every other under {under!r} before, "
+            f"{distance:g} is asked for; ask for more to set it further apart"
+        )
 
 
 @wizard.command
@@ -210,7 +217,7 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
         files = dict(zip(("scene", "palette"), map(str, paths), strict=True))
         print_json(files | {"lights": [_row(row) for row in made.reached]})
         return
-    out = Console()
+    out = Terminal()
     out.print(_table(made))
     for row in made.reached:
         if row.like and row.changed:
@@ -223,7 +230,7 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
             )
     if made.changes.exact:
         out.print("cast by its materials, as a basis of its size would blur these", highlight=False)
-    out.print(f"{paths[0]}, {paths[1]}", highlight=False, markup=False, soft_wrap=True)
+    say(f"{paths[0]}, {paths[1]}")
 
 
 def _row(row: Reached) -> dict[str, object]:

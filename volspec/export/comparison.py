@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.export.sheet import FAINT, INK, PAPER
+from volspec.export.sheet import FAINT, INK, PAPER, fitted
 
 _GAP, _MARGIN, _CAPTION = 14, 36, 62
 
@@ -35,7 +35,7 @@ def comparison_sheet(
         Frames of one size.
     columns : int
     tile : int
-        Width of a frame on the sheet, pixels.
+        Width of a frame on the sheet, pixels; of a very tall one that of its room.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def comparison_sheet(
     from PIL import Image, ImageDraw, ImageFont
 
     height, width = seen[0].frame.shape[:2]
-    tall = round(tile * height / width)
+    wide, tall = fitted((width, height), tile)
     columns = min(columns, len(seen))
     rows = -(-len(seen) // columns)
     title_font, name_font, small_font = (ImageFont.load_default(size) for size in (28, 22, 15))
@@ -61,6 +61,6 @@ def comparison_sheet(
         y = top + i // columns * (_CAPTION + tall + _GAP)
         draw.text((x, y + 6), each.name, INK, name_font)
         draw.text((x, y + 34), each.note, FAINT, small_font)
-        picture = Image.fromarray(each.frame).resize((tile, tall), Image.Resampling.LANCZOS)
+        picture = Image.fromarray(each.frame).resize((wide, tall), Image.Resampling.LANCZOS)
         sheet.paste(picture, (x, y + _CAPTION))
     return np.asarray(sheet)

@@ -9,30 +9,16 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
 from volspec._files import write_whole
-from volspec.errors import InputError
 
 # Cores beyond these wait for the frames; and what may wait for cores, bytes.
 _MOST_WORKERS = 16
 _WAITING_BYTES = 2**29
-
-
-@contextmanager
-def disk_told(path: Path) -> Iterator[None]:
-    """What a full disk says, in one line; an `InputError`."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written: {error.strerror or error}; make room and repeat the "
-            "command, frames that are done stay"
-        ) from error
 
 
 class Encoders:
@@ -64,7 +50,7 @@ class Encoders:
     def _write(self) -> None:
         path, encoded = self._waiting.popleft()
         data = encoded.result()
-        with disk_told(path), write_whole(path) as temporary:
+        with write_whole(path) as temporary:
             temporary.write_bytes(data)
 
     def __enter__(self) -> Encoders:

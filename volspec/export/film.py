@@ -12,6 +12,7 @@ References
 
 from __future__ import annotations
 
+import os
 import subprocess
 import tempfile
 import warnings
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from volspec._files import write_whole
 from volspec.appearance.spaces import SPACES, ColourSpace
-from volspec.errors import DeviceError, InputError, VolspecWarning
+from volspec.errors import DeviceError, InputError, VolspecWarning, quoted
 from volspec.scene.export import ExportTable
 
 SUFFIXES = (".mp4", ".webm", ".gif")
@@ -48,6 +49,8 @@ _CODECS = {
 }
 # GIF counts hundredths of a second, and players slow down what is shorter than two.
 _GIF_TICKS, _LEAST_TICKS = 100, 2
+# What names another ffmpeg than imageio-ffmpeg's, and how long it may take to say its version.
+_VARIABLE, _PATIENCE_S = "IMAGEIO_FFMPEG_EXE", 20.0
 Progress = Callable[[float], object]
 
 
@@ -75,22 +78,47 @@ def check_film(path: Path, table: ExportTable, space: ColourSpace) -> None:
         )
     if path.suffix.lower() == ".gif" and space != SPACES["sRGB"]:
         raise InputError(f"{path}: GIF is sRGB, the display is {space.name!r}; take .mp4")
-    _ffmpeg()
+    ffmpeg()
 
 
 def _is_tagged(space: ColourSpace) -> bool:
     return space.name in _TAGS and SPACES[space.name] == space
 
 
-def _ffmpeg() -> str:
+def ffmpeg() -> str:
+    """The program that encodes films.
+
+    Raises
+    ------
+    DeviceError
+        If there is none, or what ``IMAGEIO_FFMPEG_EXE`` names is none.
+    """
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
-        return str(get_ffmpeg_exe())
+        found = str(get_ffmpeg_exe())
     except (ImportError, RuntimeError) as error:
         raise DeviceError(
             "export: films need ffmpeg, which is not here; pip install 'volspec[video]'"
         ) from error
+    if os.environ.get(_VARIABLE) and not _is_ffmpeg(found):
+        raise DeviceError(
+            f"export: films need ffmpeg, and {_VARIABLE} is {quoted(found)}, which is none that "
+            "runs; mend or unset the variable"
+        )
+    return found
+
+
+def _is_ffmpeg(program: str) -> bool:
+    """Whether a program says so; what a variable names, imageio-ffmpeg takes unseen."""
+    command = [program, "-version"]
+    try:
+        said = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_PATIENCE_S, check=True
+        )
+    except (OSError, ValueError, subprocess.SubprocessError):
+        return False
+    return said.stdout.startswith(b"ffmpeg")
 
 
 def write_film(
@@ -133,7 +161,7 @@ def write_film(
         )
     with write_whole(path) as temporary, tempfile.TemporaryFile() as said:
         command = [
-            *(_ffmpeg(), "-y", "-nostdin", "-loglevel", "error", "-threads", _THREADS),
+            *(ffmpeg(), "-y", "-nostdin", "-loglevel", "error", "-threads", _THREADS),
             *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{padded[0]}x{padded[1]}"),
             *("-framerate", f"{_rate(path, suffix, fps):.6f}", "-i", "-", "-an"),
             *_filters(suffix, space),

@@ -15,7 +15,7 @@ from volspec import __version__
 from volspec._exr import halves
 from volspec.appearance.spaces import space_of
 from volspec.export.compositing import save_for_compositors, scene_recipe
-from volspec.export.encoders import Encoders, disk_told
+from volspec.export.encoders import Encoders
 from volspec.export.exr import ExrHeader, ExrWriter, exr_bytes, exr_file
 from volspec.export.frames import png_bytes, png_file
 from volspec.export.manifest import Folder
@@ -82,15 +82,14 @@ class FrameFiles:
     def opened(self, shot: Shot, cast: Mapping[str, str]) -> Iterator[PngWriter | ExrWriter]:
         """A frame's file that takes rows; whole when the body is done. Parameters as of `put`."""
         path, table, text = self._path(shot), self.table, self._text(shot, cast)
-        with disk_told(path):
-            if table.format == "exr":
-                with exr_file(path, self._header(shot, text)) as file:
-                    yield file
-                return
-            channels = 4 if table.transparent else 3
-            colours = space_of(shot.spec.viewing.display.space)
-            with png_file(path, self.size, channels, table.bits, text, colours) as rows:
-                yield rows
+        if table.format == "exr":
+            with exr_file(path, self._header(shot, text)) as file:
+                yield file
+            return
+        channels = 4 if table.transparent else 3
+        colours = space_of(shot.spec.viewing.display.space)
+        with png_file(path, self.size, channels, table.bits, text, colours) as rows:
+            yield rows
 
     def save(self, shot: Shot, image: CoefficientImage) -> None:
         """Write a coefficient image, as `volspec render` does, with the export's lights."""

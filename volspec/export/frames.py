@@ -60,6 +60,7 @@ def write_frame(
         and frame.dtype in (np.uint8, np.uint16)
         and frame.ndim == 3
         and frame.shape[2] in (3, 4)
+        and frame.size
     ):
         what = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else repr(frame)
         raise ImageError(

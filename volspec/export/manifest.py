@@ -3,7 +3,8 @@
     plan -> [manifest] -> run
 
 A frame appears whole or not at all, and only beside the manifest of its own export. So a frame
-that is there is done, and a folder of another scene is told by its fingerprint.
+that is there is done, unless it has lost the size that it had, and a folder of another scene is
+told by its fingerprint.
 """
 
 from __future__ import annotations
@@ -103,6 +104,9 @@ class Folder:
         old = self._old()
         if old is not None and old.get("fingerprint") == self.fingerprint:
             self._clear_temporaries()
+            for name in self.missing():
+                self._remove(name)
+            self.keep_sizes()
             return
         if old is not None and not (overwrite or own):
             raise InputError(
@@ -118,18 +122,23 @@ class Folder:
         for name in [*(old or {}).get("files", ()), *self.files]:
             self._remove(str(name))
         self._clear_temporaries()
-        manifest = {
-            "volspec": __version__,
-            "fingerprint": self.fingerprint,
-            "files": list(self.files),
-        }
-        with write_whole(self.path / NAME) as temporary:
-            text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
-            temporary.write_text(text, encoding="utf-8")
+        self._write({})
+
+    def keep_sizes(self) -> None:
+        """Note the sizes of the files that are there, by which `missing` tells damaged ones.
+
+        A full disk is no error: files without a size are taken as they are.
+        """
+        missing = self.missing()
+        there = (name for name in self.files if name not in missing)
+        with suppress(InputError, OSError):
+            self._write({name: (self.path / name).stat().st_size for name in there})
 
     def missing(self) -> set[str]:
-        """What is still to be written; also what a power cut has left empty."""
-        return {name for name in self.files if not _is_there(self.path / name)}
+        """What is still to be written; also what is empty or of another size than it was."""
+        sizes = (self._old() or {}).get("sizes")
+        kept = sizes if isinstance(sizes, dict) else {}
+        return {name for name in self.files if not _is_there(self.path / name, kept.get(name))}
 
     def remove(self) -> None:
         """Delete all of it; the folder too, where nothing else stands in it."""
@@ -137,6 +146,17 @@ class Folder:
             self._remove(name)
         with suppress(OSError):
             self.path.rmdir()
+
+    def _write(self, sizes: dict[str, int]) -> None:
+        manifest = {
+            "volspec": __version__,
+            "fingerprint": self.fingerprint,
+            "files": list(self.files),
+            "sizes": sizes,
+        }
+        with write_whole(self.path / NAME) as temporary:
+            text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
+            temporary.write_text(text, encoding="utf-8")
 
     def _old(self) -> dict[str, Any] | None:
         try:
@@ -160,8 +180,10 @@ class Folder:
             clear_temporaries(self.path / name)
 
 
-def _is_there(path: Path) -> bool:
-    return path.is_file() and path.stat().st_size > 0
+def _is_there(path: Path, kept: object) -> bool:
+    """Whether a file is there; with the size that was kept of it, if one was."""
+    size = path.stat().st_size if path.is_file() else 0
+    return size > 0 and kept in (None, size)
 
 
 @contextmanager

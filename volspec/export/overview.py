@@ -21,7 +21,7 @@ from volspec.export.comparison import Seen, comparison_sheet
 from volspec.export.frames import write_frame
 from volspec.export.plan import Plan
 from volspec.export.primaries import PRIMARIES, XYZ_adapted
-from volspec.export.sheet import SheetColumn, contact_sheet
+from volspec.export.sheet import SheetColumn, contact_sheet, fitted
 from volspec.scene import NamedLight, Scene
 
 # Of the whole sheet, pixels; and frames that it shows of each light, or of one row after another.
@@ -102,7 +102,7 @@ def _spread(count: int, most: int) -> list[int]:
 
 
 def opened(path: Path, width: int, primaries: str) -> NDArray[np.uint8]:
-    """(H, W, 3) a frame's picture, no wider than needed; linear ones as sRGB."""
+    """(H, W, 3) a frame's picture, no larger than needed; linear ones as sRGB."""
     from PIL import Image
 
     if path.suffix == ".exr":
@@ -111,9 +111,9 @@ def opened(path: Path, width: int, primaries: str) -> NDArray[np.uint8]:
         with Image.open(path) as file:
             file.load()
             picture = file.copy()
-    if picture.width > 2 * width:
-        tall = max(1, round(2 * width * picture.height / picture.width))
-        picture = picture.resize((2 * width, tall), Image.Resampling.LANCZOS)
+    needed = fitted(picture.size, 2 * width)
+    if picture.size > needed:
+        picture = picture.resize(needed, Image.Resampling.LANCZOS)
     if picture.mode == "RGBA":
         paper = Image.fromarray(_chequers(picture.size)).convert("RGBA")
         picture = Image.alpha_composite(paper, picture)

@@ -9,10 +9,9 @@ import operator
 import os
 from pathlib import Path
 
-from volspec._files import clear_temporaries, require_writable
+from volspec._files import clear_temporaries, require_writable, require_writable_folder
 from volspec._tables.written import plain
 from volspec.errors import InputError, quoted
-from volspec.export.encoders import disk_told
 from volspec.export.film import SUFFIXES, check_film, write_film
 from volspec.export.framefiles import FrameFiles
 from volspec.export.maker import Maker, Tell
@@ -82,9 +81,9 @@ def export_scene(
     elif target.is_file() or (target.suffix.lower() in _NOT_FOLDERS and not target.is_dir()):
         what = "is a file" if target.is_file() else "is no name of a folder"
         raise InputError(
-            f"{target}: {what}; give one, for frames, or a film's ({', '.join(SUFFIXES)})"
+            f"{target}: {what}; give a folder, for frames, or a film ({', '.join(SUFFIXES)})"
         )
-    require_writable(target if is_film else target / "sheet.png")
+    (require_writable if is_film else require_writable_folder)(target)
     pixels = _checked_size(size or (scene.file.output.width, scene.file.output.height))
     tell("read the volume", 0.0)
     volume = caster.volume if caster else volume or scene.volume()
@@ -99,7 +98,10 @@ def export_scene(
         folder = Folder(path, fingerprint(scene, volume, settings), files)
         folder.begin(overwrite, own=is_film)
         maker = Maker(FrameFiles(scene, folder, table, pixels))
-        made, casts = maker.make(plan, lambda: caster or Raycaster(volume, device=device), tell)
+        try:
+            made, casts = maker.make(plan, lambda: caster or Raycaster(volume, device=device), tell)
+        finally:
+            folder.keep_sizes()
         frames = [path / name for name in files[: len(plan.shots)]]
         if is_film:
             tell("encode", 0.0)
@@ -108,8 +110,8 @@ def export_scene(
             write_film(target, frames, table.fps, colours, lambda share: tell("encode", share))
             folder.remove()
         elif has_sheet and "sheet.png" in folder.missing():
-            with disk_told(path / "sheet.png"):
-                write_overview(path / "sheet.png", scene, plan, frames, table.primaries)
+            write_overview(path / "sheet.png", scene, plan, frames, table.primaries)
+            folder.keep_sizes()
     done = (target.name,) if is_film else files
     return Exported(target, done, len(frames), made, casts)
 

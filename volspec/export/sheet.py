@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 PAPER, INK, FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
 _GAP, _MARGIN, _PLOT, _CAPTION = 12, 36, 84, 44
 _PLOTTED_NM = (400.0, 700.0)
+# Tiles that a picture is high at most: taller ones are narrower.
+_TALLEST = 3
 _OVERSAMPLING = 3  # lines of the spectra are drawn larger and scaled down: smooth edges
 
 
@@ -55,7 +57,7 @@ def contact_sheet(
     columns : sequence of SheetColumn
         Each with one frame a row.
     tile : int
-        Width of a frame on the sheet, pixels.
+        Width of a frame on the sheet, pixels; of a very tall one that of its room.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def contact_sheet(
                 f"contact sheet: {column.name} has {len(column.frames)} frames for {len(rows)} rows"
             )
     height, width = columns[0].frames[0].shape[:2]
-    tall = round(tile * height / width)
+    wide, tall = fitted((width, height), tile)
     title_font, name_font, small_font = (ImageFont.load_default(size) for size in (30, 24, 17))
     top = _MARGIN + 48
     head = _PLOT + 66
@@ -98,9 +100,20 @@ def contact_sheet(
         name_width = draw.textlength(column.name, name_font)
         draw.text((x + name_width + 12, top + _PLOT + 14), column.label, FAINT, small_font)
         for j, frame in enumerate(column.frames):
-            picture = Image.fromarray(frame).resize((tile, tall), Image.Resampling.LANCZOS)
+            picture = Image.fromarray(frame).resize((wide, tall), Image.Resampling.LANCZOS)
             sheet.paste(picture, (x, top + head + j * row_height + _CAPTION))
     return np.asarray(sheet)
+
+
+def fitted(size: tuple[int, int], tile: int) -> tuple[int, int]:
+    """Width and height of a picture on a sheet: a tile wide, but only so many tiles high.
+
+    >>> fitted((800, 600), 400), fitted((1, 4000), 400), fitted((4000, 1), 400)
+    ((400, 300), (1, 1200), (400, 1))
+    """
+    width, height = size
+    scale = min(tile / width, _TALLEST * tile / height)
+    return max(1, round(scale * width)), max(1, round(scale * height))
 
 
 def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:

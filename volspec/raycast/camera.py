@@ -122,6 +122,11 @@ class Camera:
                 f"camera: fov_deg is {fov_deg} and zoom {zoom}; the camera would stand endlessly "
                 "far away, give more"
             )
+        if np.array_equal(target + distance * direction, target):
+            raise CameraError(
+                f"camera: zoom is {zoom:g}, too large: the camera would stand on its target; "
+                "give less"
+            )
         return cls(
             position_mm=tuple(target + distance * direction),
             target_mm=tuple(target),

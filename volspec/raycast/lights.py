@@ -152,7 +152,8 @@ class LightGroup:
         plain = self.name.isprintable() and not {"=", ";"} & {*self.name}
         if not plain or self.name != self.name.strip():
             raise RaycastError(
-                f"light group: name is {quoted(self.name)}; leave out =, ; and blanks around it"
+                f"light group: name is {quoted(self.name)}; leave out =, ;, "
+                "control characters, marks of direction and blanks around it"
             )
         if len(self.name) > MAX_NAME:
             raise RaycastError(

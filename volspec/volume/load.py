@@ -16,7 +16,7 @@ from urllib.parse import parse_qsl
 import numpy as np
 
 from volspec._files import captured_output
-from volspec.errors import VolspecWarning, VolumeError
+from volspec.errors import VolspecWarning, VolumeError, quoted
 from volspec.volume.adapt import read_vtk_image
 from volspec.volume.headers import check_itk_header, warn_if_longer
 from volspec.volume.model import Volume
@@ -42,6 +42,8 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         If the file is missing, truncated, of unknown format, not 3-D, constant, or its
         spacing is not positive.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise VolumeError(f"volume: {quoted(path)} is no path; give text or a pathlib.Path")
     text = os.fspath(path)
     file, _, query = text.partition("?")
     target = Path(file)

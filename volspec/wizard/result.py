@@ -63,7 +63,7 @@ class Redesigned:
         Raises
         ------
         SceneError
-            If it is the scene itself, or the palette beside it is there and no wizard's.
+            If it is the scene itself, or it or the palette beside it is there and no wizard's.
         InputError
             If they cannot be written there.
         """

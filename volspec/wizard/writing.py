@@ -14,6 +14,8 @@ from volspec._files import require_writable
 from volspec.errors import SceneError, SpectrumError
 from volspec.palette import Design, save_palette
 from volspec.scene import Scene, write_scene
+from volspec.scene.file import SceneFile
+from volspec.scene.reading import scene_data, scene_file
 from volspec.scene.writing import require_toml
 from volspec.spectra.files import split_address
 from volspec.spectra.lights import light_terms
@@ -53,8 +55,8 @@ def require_place(scene: Scene, path: Path) -> Path:
     Raises
     ------
     SceneError
-        If it is no ``.toml`` or the scene itself, or its palette is somebody's own or one that
-        the scene takes spectra from.
+        If it is no ``.toml`` or the scene itself; if it or its palette is somebody's own, or the
+        scene takes spectra from that palette.
     InputError
         If there is no writing there.
     """
@@ -64,6 +66,8 @@ def require_place(scene: Scene, path: Path) -> Path:
         require_writable(each)
     if _same(path, scene.path):
         raise SceneError(f"{path}: is the scene that the new one is made of; name it otherwise")
+    if path.exists() and not _takes_from(path, beside):
+        raise SceneError(f"{path}: is there already, and no wizard's; name the new scene otherwise")
     if not beside.exists():
         return beside
     first = beside.read_bytes().removeprefix(b"\xef\xbb\xbf")[:200].decode("utf-8", "replace")
@@ -72,20 +76,29 @@ def require_place(scene: Scene, path: Path) -> Path:
             f"{beside}: is there already, and no wizard's; rename it, or name the new scene "
             "otherwise"
         )
-    if any(_same(beside, scene.folder / file) for file in _files_of(scene)):
+    if any(_same(beside, scene.folder / file) for file in _files_of(scene.file, scene.folder)):
         raise SceneError(
             f"{beside}: {scene.path} takes spectra from it; name the new scene otherwise"
         )
     return beside
 
 
-def _files_of(scene: Scene) -> Iterator[str]:
+def _takes_from(path: Path, palette: Path) -> bool:
+    """Whether a scene takes spectra from the palette beside it, as every one of a wizard's does."""
+    try:
+        file = scene_file(scene_data(path), path)
+    except SceneError:
+        return False
+    return any(path.parent / name == palette for name in _files_of(file, path.parent))
+
+
+def _files_of(file: SceneFile, folder: Path) -> Iterator[str]:
     """The files that a scene takes spectra from."""
-    names = [row.reflectance for row in scene.file.material if isinstance(row.reflectance, str)]
-    for row in scene.file.light:
+    names = [row.reflectance for row in file.material if isinstance(row.reflectance, str)]
+    for row in file.light:
         if isinstance(row.spectrum, str):
             with suppress(SpectrumError):  # one that was just designed is in no file yet
-                names += [name for name, _ in light_terms(row.spectrum, scene.folder)]
+                names += [name for name, _ in light_terms(row.spectrum, folder)]
     yield from (address[0] for name in names if (address := split_address(name)))
 
 
