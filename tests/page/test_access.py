@@ -62,7 +62,10 @@ def ball(one_page: Opened) -> Iterator[Callable[..., Opened]]:
         one_page.page.set_viewport_size({"width": size[0], "height": size[1]})
         scheme = "light" if "light" in media else "dark"
         forced = "active" if "forced" in media else "none"
-        one_page.page.emulate_media(color_scheme=scheme, forced_colors=forced)
+        # Colours halfway from one scheme to the other have no contrast.
+        one_page.page.emulate_media(
+            color_scheme=scheme, forced_colors=forced, reduced_motion="reduce"
+        )
         one_page.show(**words)
         return one_page
 

@@ -235,7 +235,12 @@ def test_the_keyboard_reads_pixels_aloud(
     page.focus("#port")
     for key in ("ArrowLeft", "Shift+ArrowLeft", "ArrowUp"):
         page.keyboard.press(key)
-    engine_page.until("document.getElementById('probe-said').textContent !== ''")
+    engine_page.settle()
+    # What is said comes after a pause, and is then of the pixel that is shown.
+    engine_page.until(
+        "document.getElementById('probe-said').textContent"
+        ".includes(document.querySelector('#probe-rows dd')?.textContent ?? '?')"
+    )
     said = dict(part.split(" ", 1) for part in page.text_content("#probe-said").split("; "))
     x, y = (int(word) for word in said["Pixel"].split(", "))
     seen = engine_scene.relight
