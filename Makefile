@@ -3,8 +3,8 @@
 #   make test    every check; what CI runs
 #   make bench   against peers, and what was asked of each figure
 #   make gallery docs/gallery/raycast.md, cast anew
-#   make trust   the slow figures: every basis against full spectra, the time of
-#                fits, ten minutes in the viewer
+#   make trust   what is slow: further cases of tests, every basis against full
+#                spectra, the time of fits, ten minutes in the viewer
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -19,15 +19,20 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV) || \
 		{ echo "no venv module; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 1; }
 
+# uv installs in ten seconds what takes pip two minutes; pip where uv cannot be had or fails.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+INSTALL = { $(PIP) uv && $(BIN)/uv pip install --quiet --python $(BIN)/python --editable '$(1)'; } || \
+	$(PIP) --editable '$(1)'
+
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@$(call INSTALL,.)
 	@tools/system-packages.sh $(BIN)/python
 	@touch $@
 
-$(VENV)/.installed-test: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+$(VENV)/.installed-test: pyproject.toml | $(BIN)/python
+	@$(call INSTALL,.[test])
 	@tools/system-packages.sh $(BIN)/python test
-	@touch $@
+	@touch $@ $(VENV)/.installed
 
 demo: $(VENV)/.installed
 	$(BIN)/volspec demo --out $(DEMO_OUT)
@@ -48,6 +53,7 @@ gallery: $(VENV)/.installed
 	$(BIN)/python -m tools.gallery
 
 trust: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n auto -m slow
 	$(BIN)/python -m benchmarks.basis_table
 	$(BIN)/python -m benchmarks.basis_fit
 	$(BIN)/python -m benchmarks.session 600

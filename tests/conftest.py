@@ -22,8 +22,16 @@ ROOT = Path(__file__).resolve().parent.parent
 # Test files import colour-science as it is, which changes how NumPy prints: through its door first.
 colour_science()
 # The same examples in every run, and none that fails because the machine is busy.
-settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("repeatable")
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """Say what was left out, and where it is run."""
+    if config.option.markexpr == "not slow":
+        terminalreporter.write_line("Cases marked `slow` are left to `make trust`.")
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -56,7 +56,7 @@ def call(*words: str | Path) -> int:
 def onto(**options: object) -> Viewing:
     """The scene's viewing with options in place of what it says."""
     table = ViewingTable.model_validate(SCENE)
-    return PictureOptions(**options).onto(table).spec().viewing  # type: ignore[arg-type]
+    return PictureOptions(**options).onto(table).spec().viewing
 
 
 def test_what_is_left_out_is_as_in_the_scene() -> None:

@@ -71,7 +71,7 @@ def test_a_picture_that_does_not_fit_is_refused_before_it_is_cast(backend: str) 
         with pytest.raises(ShapeError, match="make another Relighter"):
             cast(0, spec={"groups": GROUPS}, into=relighter, progress=began.append)
         with pytest.raises(RaycastError, match="size is 'wide'"):
-            vs.raycast(BALL, TRANSFER, view(0), "wide", into=relighter)  # type: ignore[arg-type]
+            vs.raycast(BALL, TRANSFER, view(0), "wide", into=relighter)
     with pytest.raises(vs.InputError, match="already closed"):
         cast(0, into=relighter, progress=began.append)
     with pytest.raises(RaycastError, match="into is 5; give a"):

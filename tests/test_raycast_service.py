@@ -56,7 +56,7 @@ def test_bands_grow_and_shrink_with_what_they_cost() -> None:
         *(TransferTable((0.0, 1.0), np.linspace(0, 1, 64), np.ones((64, 1)), 1.0),),
         *(vs.Camera.orbit(phantom.ball(8)), (64, 640), vs.RaycastSpec()),
     )
-    bands = Bands(None, result, (4, 2), (8, 8), tile_ms=20)  # type: ignore[arg-type]
+    bands = Bands(None, result, (4, 2), (8, 8), tile_ms=20)
     band = type("Band", (), {"first": 0, "last": 4})()
     assert bands._next_rows(4, band, 1.0) == 8  # no more than twice as many
     assert bands._next_rows(8, band, 40.0) == 2  # 10 ms a row
@@ -109,7 +109,7 @@ def test_shadows_are_kept_while_only_the_camera_moves(engine: Volume) -> None:
     caster = Raycaster(engine)
     gathered = []
     kept = caster._lights._gather
-    caster._lights._gather = lambda *a: (gathered.append(a), kept(*a))  # type: ignore
+    caster._lights._gather = lambda *a: (gathered.append(a), kept(*a))
     for azimuth in (0, 40, 80):
         camera = vs.Camera.orbit(engine, azimuth_deg=azimuth)
         vs.raycast(engine, TRANSFER, camera, (48, 48), spec, caster=caster)
@@ -153,7 +153,7 @@ def test_what_does_not_go_together_is_refused(
 ) -> None:
     volume = Volume(np.zeros((4, 4, 4), np.uint8))
     with pytest.raises(RaycastError, match=told):
-        vs.raycast(volume, transfer, vs.Camera.orbit(volume), spec=vs.RaycastSpec(**spec))  # type: ignore
+        vs.raycast(volume, transfer, vs.Camera.orbit(volume), spec=vs.RaycastSpec(**spec))
 
 
 def test_the_error_of_spectral_absorption_is_told(engine: Volume) -> None:
@@ -226,13 +226,13 @@ def test_arguments_of_another_type_are_named(given: dict[str, object], told: str
     volume = phantom.ball(8)
     good = {"transfer": TRANSFER, "camera": vs.Camera.orbit(volume)}
     with pytest.raises(RaycastError, match=f"^raycast: {told}") as refused:
-        vs.raycast(volume, **(good | given))  # type: ignore[arg-type]
+        vs.raycast(volume, **(good | given))
     assert not set("|\n") & set(str(refused.value)) and "volspec." not in str(refused.value)
     with pytest.raises(vs.InputError, match="load_volume"):
         vs.raycast("engine.nrrd", TRANSFER, vs.Camera.orbit(volume))
     for coarsest in (0, True, 2.0, "4"):
         with pytest.raises(RaycastError, match=f"refine: coarsest is {coarsest!r}; give a whole"):
-            next(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), coarsest=coarsest))  # type: ignore[arg-type]
+            next(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), coarsest=coarsest))
 
 
 @pytest.mark.parametrize("name", ["progress", "cancel"])
@@ -240,7 +240,7 @@ def test_a_caster_refuses_what_it_cannot_call(engine_table: TransferTable, name:
     volume = phantom.ball(8)
     given = engine_table, vs.Camera.orbit(volume), (8, 8), vs.RaycastSpec()
     with pytest.raises(RaycastError, match=f"raycast: {name} is 3; give a function"):
-        Raycaster(volume).cast(*given, **{name: 3})  # type: ignore[arg-type]
+        Raycaster(volume).cast(*given, **{name: 3})
 
 
 @pytest.mark.parametrize("size", [5, None, (40,), (40, 40, 3), (40, "a"), (40.5, 40)])
@@ -248,7 +248,7 @@ def test_pictures_that_come_coarse_first_name_the_size_that_was_given(size: obje
     volume = phantom.ball(8)
     said = re.escape(f"refine: size is {size!r}; give (width, height) in whole pixels")
     with pytest.raises(RaycastError, match=said):
-        list(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), size))  # type: ignore[arg-type]
+        list(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), size))
     with pytest.raises(RaycastError, match="refine: the picture is 0x40; give 1x1 to"):
         list(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), (0, 40)))
 
@@ -256,7 +256,7 @@ def test_pictures_that_come_coarse_first_name_the_size_that_was_given(size: obje
 def test_a_setting_that_is_none_of_refine_s_is_named_as_such() -> None:
     volume = phantom.ball(8)
     with pytest.raises(TypeError, match=r"refine\(\) got an unexpected keyword argument 'bogus'"):
-        vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), bogus=1)  # type: ignore[call-arg]
+        vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), bogus=1)
 
 
 @pytest.mark.parametrize(
@@ -273,7 +273,7 @@ def test_a_setting_that_is_none_of_refine_s_is_named_as_such() -> None:
 )
 def test_a_caster_names_what_it_cannot_be_made_of(given: dict[str, object], told: str) -> None:
     with pytest.raises(RaycastError, match=f"^Raycaster: {told}") as refused:
-        Raycaster(**({"volume": phantom.ball(8)} | given))  # type: ignore[arg-type]
+        Raycaster(**({"volume": phantom.ball(8)} | given))
     assert "\n" not in str(refused.value)
 
 
@@ -284,4 +284,4 @@ def test_a_device_that_is_no_name_is_refused(device: object) -> None:
     camera = vs.Camera.orbit(volume)
     for cast in (vs.raycast, lambda *a, **k: list(vs.refine(*a, **k))):
         with pytest.raises(OpenCLError, match=said):
-            cast(volume, TRANSFER, camera, (8, 8), device=device)  # type: ignore[arg-type]
+            cast(volume, TRANSFER, camera, (8, 8), device=device)

@@ -68,7 +68,7 @@ def test_what_is_no_number_in_range_is_named(name: str, given: Any, message: str
 
 @pytest.mark.parametrize("name", WEIGHTS)
 def test_weights_have_an_end(name: str) -> None:
-    assert getattr(RaycastSpec(**{name: MAX_WEIGHT}), name) == MAX_WEIGHT  # type: ignore[arg-type]
+    assert getattr(RaycastSpec(**{name: MAX_WEIGHT}), name) == MAX_WEIGHT
     given: dict[str, Any] = {name: 1e200}
     refuses(lambda: RaycastSpec(**given), f"{name} is 1e+200; give a number of 0 or more, up to")
 
@@ -132,9 +132,9 @@ def test_as_many_lights_and_planes_as_are_allowed_are_taken() -> None:
 
 
 def test_one_of_a_kind_and_lists_are_taken_as_tuples() -> None:
-    spec = RaycastSpec(groups=group(), clip_planes=[PLANE])  # type: ignore[arg-type]
+    spec = RaycastSpec(groups=group(), clip_planes=[PLANE])
     assert spec.groups == (group(),) and spec.clip_planes == (PLANE,)
-    assert LightGroup("key", Headlight()) == group()  # type: ignore[arg-type]
+    assert LightGroup("key", Headlight()) == group()
 
 
 BAD: Any = "much"
@@ -153,28 +153,28 @@ BAD: Any = "much"
         (lambda: Directional((0, 0, 0)), "directional light: towards is (0, 0, 0); give a direc"),
         (lambda: Directional(BAD), "towards is 'much'; give three finite numbers"),
         (lambda: Directional((1, 2, np.nan)), "towards is (1, 2, nan); give three finite numbers"),
-        (lambda: Directional((1, 2)), "towards is (1, 2); give three finite numbers"),  # type: ignore[arg-type]
-        (lambda: Directional(("1", "2", "3")), "towards is ('1', '2', '3'); give three"),  # type: ignore[arg-type]
-        (lambda: Directional((1, 0, 0), frame="eye"), "frame is 'eye'; give 'world' or 'camera'"),  # type: ignore[arg-type]
+        (lambda: Directional((1, 2)), "towards is (1, 2); give three finite numbers"),
+        (lambda: Directional(("1", "2", "3")), "towards is ('1', '2', '3'); give three"),
+        (lambda: Directional((1, 0, 0), frame="eye"), "frame is 'eye'; give 'world' or 'camera'"),
         (lambda: Directional((1, 0, 0), intensity=-2), "directional light: intensity is -2"),
         (lambda: Point((1, 2, np.inf)), "point light: position_mm is (1, 2, inf); give three"),
         (lambda: Point(BAD), "point light: position_mm is 'much'; give three"),
-        (lambda: Point((1, 2, 3), frame=None), "point light: frame is None; give 'world'"),  # type: ignore[arg-type]
+        (lambda: Point((1, 2, 3), frame=None), "point light: frame is None; give 'world'"),
         (lambda: Point((1, 2, 3), falloff_mm=0), "point light: falloff_mm is 0; give a number"),
         (lambda: Point((1, 2, 3), falloff_mm=-5), "point light: falloff_mm is -5; give a number"),
         (lambda: Point((1, 2, 3), falloff_mm=BAD), "point light: falloff_mm is 'much'; give"),
         (lambda: LightGroup("", (Headlight(),)), "light group: name is ''; give a word"),
         (lambda: LightGroup("  ", (Headlight(),)), "light group: name is '  '; give a word"),
-        (lambda: LightGroup(7, (Headlight(),)), "light group: name is 7; give a word"),  # type: ignore[arg-type]
+        (lambda: LightGroup(7, (Headlight(),)), "light group: name is 7; give a word"),
         (lambda: group("n" * (MAX_NAME + 1)), "the name has 65 characters; give 64 at most"),
         (lambda: LightGroup("key", ()), "light group 'key': no source; give at least one"),
-        (lambda: LightGroup("key", (1,)), "light group 'key': 1 is no source; give Ambient"),  # type: ignore[arg-type]
-        (lambda: LightGroup("key", None), "light group 'key': None is no source; give"),  # type: ignore[arg-type]
+        (lambda: LightGroup("key", (1,)), "light group 'key': 1 is no source; give Ambient"),
+        (lambda: LightGroup("key", None), "light group 'key': None is no source; give"),
         (lambda: ClipPlane((0, 0, 0), (0, 0, 0)), "clip plane: normal is (0, 0, 0); give a direc"),
         (lambda: ClipPlane((0, 0, 0), (0, np.nan, 1)), "clip plane: normal is (0, nan, 1); give"),
         (lambda: ClipPlane(BAD, (0, 0, 1)), "clip plane: point_mm is 'much'; give three finite"),
-        (lambda: ClipPlane(5, (0, 0, 1)), "clip plane: point_mm is 5; give three finite"),  # type: ignore[arg-type]
-        (lambda: ClipPlane((0, 0), (0, 0, 1)), "clip plane: point_mm is (0, 0); give three"),  # type: ignore[arg-type]
+        (lambda: ClipPlane(5, (0, 0, 1)), "clip plane: point_mm is 5; give three finite"),
+        (lambda: ClipPlane((0, 0), (0, 0, 1)), "clip plane: point_mm is (0, 0); give three"),
     ],
 )
 def test_lights_and_planes_that_make_no_sense_are_named(
@@ -210,7 +210,7 @@ def test_a_crop_outside_the_volume_leaves_nothing() -> None:
         (((-9, 0), (0, 9), (0, 9)), "along x is -9 to 0; ball reaches from 0 to 15, nothing"),
     ):
         spec = RaycastSpec(crop_voxels=crop)
-        refuses(lambda spec=spec: spec.kept(volume), message.replace("ball", volume.name))  # type: ignore[misc]
+        refuses(lambda spec=spec: spec.kept(volume), message.replace("ball", volume.name))
     low, high = RaycastSpec(crop_voxels=((-9, 3), (2.5, 1e300), (0, 15))).kept(volume)
     assert low.tolist() == [0, 2.5, 0] and high.tolist() == [3, 15, 15]
 
@@ -239,7 +239,7 @@ def test_what_is_as_far_as_may_be_is_within_reach() -> None:
     far = 0.99 * MAX_REACH * 15 * np.sqrt(3)
     lamps = (Point((far, 0, 0), falloff_mm=far), Point((0, far, 0), frame="camera"))
     camera = Camera((far, 9, 0), (0, 0, 0), height_mm=far)
-    check_reach(volume, camera, RaycastSpec(groups=LightGroup("lamps", lamps)))  # type: ignore[arg-type]
+    check_reach(volume, camera, RaycastSpec(groups=LightGroup("lamps", lamps)))
 
 
 def test_strengths_are_what_a_white_gets_and_shares_their_parts() -> None:

@@ -20,7 +20,7 @@ AMBER = Spectrum([390, 500, 600, 710], [0.1, 0.2, 0.9, 0.9])
 
 
 def function(*points: object, **settings: object) -> TransferFunction:
-    return TransferFunction(points, MATERIALS, BASIS, **settings)  # type: ignore[arg-type]
+    return TransferFunction(points, MATERIALS, BASIS, **settings)
 
 
 def test_table_runs_linearly_between_points_and_stays_beyond() -> None:
@@ -165,7 +165,7 @@ def test_channels_of_materials_have_no_filters() -> None:
 
 def test_materials_must_be_reflectances() -> None:
     def one(material: object, basis: object = BASIS) -> TransferFunction:
-        return TransferFunction([(0, 0.5, "m")], {"m": material}, basis)  # type: ignore[arg-type,dict-item]
+        return TransferFunction([(0, 0.5, "m")], {"m": material}, basis)
 
     with pytest.raises(TransferError, match="'m' reflects -1 at 400 nm"):
         one(Spectrum([400, 700], [-1, 0.5]))

@@ -20,11 +20,11 @@ COPPER, STEEL, GOLD = (BASIS.analyze(spectrum) for spectrum in MATERIALS.values(
 
 
 def labels(given: object, **settings: object) -> LabelFunction:
-    return LabelFunction(given, MATERIALS, BASIS, **settings)  # type: ignore[arg-type]
+    return LabelFunction(given, MATERIALS, BASIS, **settings)
 
 
 def surfaces(*given: object) -> Isosurfaces:
-    return Isosurfaces(given, MATERIALS, BASIS)  # type: ignore[arg-type]
+    return Isosurfaces(given, MATERIALS, BASIS)
 
 
 @settings(derandomize=True, deadline=None, max_examples=50)

@@ -19,7 +19,7 @@ MATERIALS = {name: reflectance(name) for name in ("copper", "steel", "gold")}
 
 
 def function(*regions: object, **settings: object) -> TransferFunction2D:
-    return TransferFunction2D(regions, MATERIALS, BASIS, **settings)  # type: ignore[arg-type]
+    return TransferFunction2D(regions, MATERIALS, BASIS, **settings)
 
 
 def test_a_region_is_full_inside_and_falls_smoothly_to_its_rim() -> None:
@@ -180,5 +180,5 @@ def test_bad_regions_are_named_in_one_line(change: dict, message: str) -> None:
 )
 def test_bad_functions_are_named_in_one_line(regions: object, message: str) -> None:
     with pytest.raises(TransferError, match=message) as caught:
-        TransferFunction2D(regions, MATERIALS, BASIS)  # type: ignore[arg-type]
+        TransferFunction2D(regions, MATERIALS, BASIS)
     assert str(caught.value).startswith("transfer function 2D: ")

@@ -57,7 +57,7 @@ def test_arrays_of_other_libraries_are_read_through_numpy() -> None:
         def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
             return np.arange(8, dtype=np.uint8).reshape(2, 2, 2)
 
-    volume = Volume.of(Lazy())  # type: ignore[arg-type]
+    volume = Volume.of(Lazy())
     assert volume.values.dtype == np.uint8 and volume.range == (0, 7)
 
 

@@ -188,4 +188,4 @@ def test_summary_counts_every_voxel() -> None:
 
 def test_what_is_no_path_is_refused() -> None:
     with pytest.raises(VolumeError, match="volume: 3 is no path; give text"):
-        load_volume(3)  # type: ignore[arg-type]
+        load_volume(3)

@@ -80,9 +80,9 @@ def test_one_slice_and_four_axes_are_refused_by_their_shape() -> None:
 def test_collections_name_what_they_hold() -> None:
     """A Zarr group, an xarray Dataset, a dictionary."""
     with pytest.raises(VolumeError, match="scan: is a dict of 'ct', 'labels'; give one array of"):
-        Volume({"ct": VALUES, "labels": VALUES}, name="scan")  # type: ignore[arg-type]
+        Volume({"ct": VALUES, "labels": VALUES}, name="scan")
     with pytest.raises(VolumeError, match="is a dict of nothing"):
-        Volume.of({})  # type: ignore[arg-type]
+        Volume.of({})
 
 
 def test_pyvistas_grids_and_blocks_are_sent_to_the_right_door() -> None:

@@ -49,8 +49,8 @@ def test_homogeneous_slab_matches_beer_lambert(step_mm: float, view: tuple[int, 
 
 def test_opacity_holds_per_reference_step_whatever_the_spacing() -> None:
     """Halving the voxels but not the millimetres leaves the picture as it is."""
-    coarse = Volume(np.ones((9, 9, 9), np.uint8), spacing_mm=(2, 2, 2))
-    fine = Volume(np.ones((17, 17, 17), np.uint8), spacing_mm=(1, 1, 1))
+    coarse = Volume(np.ones((9, 9, 9), np.float32), spacing_mm=(2, 2, 2))
+    fine = Volume(np.ones((17, 17, 17), np.float32), spacing_mm=(1, 1, 1))
     camera = Camera.orbit(coarse)
     pictures = [
         Raycaster(volume).cast(homogeneous(0.1, 2.0), camera, (32, 32), FLAT)[1]

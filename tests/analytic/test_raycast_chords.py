@@ -81,7 +81,9 @@ def test_a_short_chord_takes_what_its_length_takes(
 
 
 @KINDS
-@pytest.mark.parametrize(("adaptive", "lanes"), [(0.0, 1), (0.0, 8), (0.1, 8)])
+@pytest.mark.parametrize(
+    ("adaptive", "lanes"), [(0.0, 1), (0.0, 8), pytest.param(0.1, 8, marks=pytest.mark.slow)]
+)
 def test_a_faint_medium_keeps_its_digits(kind: str, adaptive: float, lanes: int) -> None:
     """1 − opacity has none left at 1e-9; chords of clipped, whole and long steps alike.
 

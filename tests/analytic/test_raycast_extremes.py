@@ -66,7 +66,7 @@ def test_projections_know_no_shadows(mode: str) -> None:
     pictures = []
     for shadows in (False, True):
         sun = LightGroup("sun", (Directional((0, 0, 1), shadows=shadows),))
-        spec = RaycastSpec(mode=mode, groups=(sun,))  # type: ignore[arg-type]
+        spec = RaycastSpec(mode=mode, groups=(sun,))
         camera = Camera.orbit(volume, elevation_deg=-30)
         pictures.append(Raycaster(volume).cast(fog(0.9), camera, (24, 24), spec).coefficients)
     assert np.array_equal(pictures[0], pictures[1])

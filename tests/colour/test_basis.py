@@ -259,7 +259,7 @@ def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis
         with pytest.raises(SpectrumError, match=r"'minus' has negative power, -0\.01 at 430 nm"):
             matrix(minus)
     with pytest.raises(SpectrumError, match=r"shape \(2, 31\); give one light"):
-        general.light_matrix(np.ones((2, 31)))  # type: ignore[arg-type]
+        general.light_matrix(np.ones((2, 31)))
     with pytest.raises(SpectrumError, match="another grid"):
         general.analyze(np.ones(30))
 
@@ -290,7 +290,7 @@ def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis
 )
 def test_bad_fits_name_the_remedy(options: dict[str, object], part: str) -> None:
     with pytest.raises(BasisError, match=part):
-        SpectralBasis.fit(LIGHTS, REFLECTANCES, **options)  # type: ignore[arg-type]
+        SpectralBasis.fit(LIGHTS, REFLECTANCES, **options)
 
 
 def test_fits_refuse_dark_lights_and_empty_lists() -> None:

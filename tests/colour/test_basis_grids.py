@@ -12,7 +12,11 @@ from volspec.spectra import SpectralGrid, light, light_set, reflectance, reflect
 
 # Products of surfaces have errors of their own, which take most of a report on a fine grid.
 pytestmark = pytest.mark.usefixtures("few_products")
-GRIDS = [SpectralGrid(400, 700, 10), SpectralGrid(360, 830, 5), SpectralGrid(360, 830, 1)]
+GRIDS = [
+    SpectralGrid(400, 700, 10),
+    SpectralGrid(360, 830, 5),
+    pytest.param(SpectralGrid(360, 830, 1), marks=pytest.mark.slow),
+]
 
 
 @pytest.fixture

@@ -217,7 +217,7 @@ def test_the_library_s_recipe_is_that_of_the_shipped_bases() -> None:
     assert again.trained_on == shipped.trained_on
     assert "spiky" not in fit_library(5, "pca").trained_on
     with pytest.raises(BasisError, match="choose smooth or all"):
-        fit_library(5, lights="bright")  # type: ignore[arg-type]
+        fit_library(5, lights="bright")
 
 
 def test_white_stays_exact_and_continuous_where_its_prediction_crosses_zero() -> None:

@@ -60,7 +60,7 @@ def test_lux_stay_with_the_2_degree_observer() -> None:
 @pytest.mark.parametrize("observer", [3, True, "2", None, 2.5])
 def test_other_observers_are_refused(observer: object) -> None:
     with pytest.raises(SpectrumError, match=r"is unknown; use 2 \(CIE 1931\) or 10 \(CIE 1964\)"):
-        color_matching_functions(DEFAULT_GRID, observer)  # type: ignore[arg-type]
+        color_matching_functions(DEFAULT_GRID, observer)
 
 
 @pytest.mark.parametrize(

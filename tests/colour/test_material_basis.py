@@ -120,13 +120,13 @@ def test_unknown_materials_are_named_with_the_nearest() -> None:
     with pytest.raises(BasisError, match=r"no materials"):
         MaterialBasis({})
     with pytest.raises(BasisError, match="expected a Spectrum"):
-        MaterialBasis({"gold": np.ones(31)})  # type: ignore[dict-item]
+        MaterialBasis({"gold": np.ones(31)})
     with pytest.raises(BasisError, match=r"'dye' reflects -0.5 at 400 nm"):
         MaterialBasis({"dye": Spectrum([380, 450, 720], [-0.5, -0.5, 1])})
     with pytest.raises(BasisError, match=r"'dye'.*600-700 nm missing"):
         MaterialBasis({"dye": Spectrum([380, 600], [0.5, 1])})
     with pytest.raises(TransferError, match="expected a SpectralBasis"):
-        TransferFunction(POINTS, MATERIALS, "general-7")  # type: ignore[arg-type]
+        TransferFunction(POINTS, MATERIALS, "general-7")
 
 
 def test_material_bases_and_their_images_survive_their_files(

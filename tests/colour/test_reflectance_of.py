@@ -305,7 +305,7 @@ def test_white_is_white_under_every_light() -> None:
 )
 def test_what_is_no_colour_is_refused_in_one_line(colour: object, said: str) -> None:
     with pytest.raises(SpectrumError) as refused:
-        reflectance_of(colour)  # type: ignore[arg-type]
+        reflectance_of(colour)
     assert said in str(refused.value) and "\n" not in str(refused.value)
 
 

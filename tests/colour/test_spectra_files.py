@@ -119,10 +119,10 @@ def test_notes_are_read_only_lower_case_text() -> None:
     s = Spectrum([400, 500], [1, 1], notes={"Measured  By": "me"})
     assert dict(s.notes) == {"measured by": "me"}
     with pytest.raises(TypeError):
-        s.notes["more"] = "x"  # type: ignore[index]
+        s.notes["more"] = "x"
     for bad in ({"a": 1}, {"": "x"}, {"A": "x", "a": "y"}):
         with pytest.raises(SpectrumError, match="note"):
-            Spectrum([400, 500], [1, 1], notes=bad)  # type: ignore[arg-type]
+            Spectrum([400, 500], [1, 1], notes=bad)
 
 
 def test_notes_survive_grids_factors_copies_and_pickles() -> None:

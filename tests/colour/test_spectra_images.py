@@ -48,7 +48,7 @@ def test_saved_files_follow_the_published_layout(tmp_path: Path) -> None:
     import OpenEXR
 
     for kind, name in (("reflective", "T.380,000000nm"), ("emissive", "S0.380,000000nm")):
-        SpectralImage(ramp(), W, kind).save(tmp_path / "a.exr")  # type: ignore[arg-type]
+        SpectralImage(ramp(), W, kind).save(tmp_path / "a.exr")
         with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
             assert name in file.channels()
             assert file.header()["spectralLayoutVersion"] == "1.0"

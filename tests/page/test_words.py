@@ -65,8 +65,9 @@ _NAMES = """() => {
 }"""
 
 
-@pytest.mark.parametrize("names", [FIVE, TWELVE], ids=["five", "twelve"])
-@pytest.mark.parametrize("window", [DESKTOP, PHONE])
+@pytest.mark.parametrize(
+    ("window", "names"), [(DESKTOP, TWELVE), (PHONE, FIVE), (PHONE, TWELVE)], ids=str
+)
 def test_names_around_the_dial_are_whole_and_apart(
     page_of: Page, names: Sequence[str], window: tuple[int, int]
 ) -> None:

@@ -30,7 +30,7 @@ MODELS = ("none", "CAT02", "CIECAM02", "CAM16", "RLAB", "CIELAB")
 
 
 def surface(name: str, **more: object) -> PaletteSpectrum:
-    return PaletteSpectrum(name, open=True, upper=1.0, **more)  # type: ignore[arg-type]
+    return PaletteSpectrum(name, open=True, upper=1.0, **more)
 
 
 def lamp(name: str) -> PaletteSpectrum:

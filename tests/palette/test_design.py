@@ -18,7 +18,7 @@ GREY = (0.5, 0.5, 0.5)
 
 
 def surface(name: str, **more: object) -> PaletteSpectrum:
-    return PaletteSpectrum(name, open=True, upper=1.0, **more)  # type: ignore[arg-type]
+    return PaletteSpectrum(name, open=True, upper=1.0, **more)
 
 
 def lamp(name: str) -> PaletteSpectrum:

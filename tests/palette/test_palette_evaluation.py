@@ -26,7 +26,7 @@ POSITIVE, FINE, FREE = MODELS
 
 
 def mean_error(model: object, size: int, metric: str = "RGB") -> float:
-    wanted, got = colours(drawn(model, size, size, 0, metric))  # type: ignore[arg-type]
+    wanted, got = colours(drawn(model, size, size, 0, metric))
     return float(np.linalg.norm(got - wanted, axis=-1).mean())
 
 

@@ -19,7 +19,7 @@ GREY = (0.6, 0.6, 0.6)
 
 
 def surface(name: str, **more: object) -> PaletteSpectrum:
-    return PaletteSpectrum(name, open=True, upper=1.0, **more)  # type: ignore[arg-type]
+    return PaletteSpectrum(name, open=True, upper=1.0, **more)
 
 
 def lamp(name: str) -> PaletteSpectrum:

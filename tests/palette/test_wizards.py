@@ -217,7 +217,7 @@ def test_a_basis_too_coarse_for_the_design_gives_way_to_the_materials(trained: v
 )
 def test_bad_wishes_are_told_in_a_line(scene: vs.Scene, ask: object, said: str) -> None:
     with pytest.raises(SceneError, match=said) as caught:
-        ask(scene)  # type: ignore[operator]
+        ask(scene)
     assert "\n" not in str(caught.value)
 
 

@@ -34,7 +34,9 @@ def tables(engine_table: TransferTable, three_channels: TransferTable) -> dict[i
 
 
 # Not every pair: each is a kernel of its own, which takes seconds to compile.
-@pytest.mark.parametrize(("lanes", "specular"), [(1, 0.4), (4, 0.0), (8, 0.4)])
+@pytest.mark.parametrize(
+    ("lanes", "specular"), [(1, 0.4), pytest.param(4, 0.0, marks=pytest.mark.slow), (8, 0.4)]
+)
 def test_light_groups_match_reference(
     engine: Volume, tables: dict[int, TransferTable], lanes: int, specular: float
 ) -> None:
@@ -101,7 +103,7 @@ def steep_table(engine_table: TransferTable) -> TransferTable:
     )
 
 
-@pytest.mark.parametrize("diffuse", [0.0, 0.7])
+@pytest.mark.parametrize("diffuse", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
 def test_tables_of_value_and_gradient_match_reference(
     engine: Volume, engine_table: TransferTable, diffuse: float
 ) -> None:
@@ -122,7 +124,9 @@ def labelled(dtype: type) -> tuple[Volume, TransferTable]:
     return Volume(values.astype(dtype), spacing_mm=(1, 1, 1.4)), table
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16])
+@pytest.mark.parametrize(
+    "dtype", [np.uint8, pytest.param(np.uint16, marks=pytest.mark.slow), np.int16]
+)
 def test_labels_match_reference(dtype: type) -> None:
     """Where two labels cover alike within rounding either may show: few pixels may differ."""
     volume, table = labelled(dtype)
@@ -168,7 +172,7 @@ def test_first_hit_is_where_the_opacity_passes_its_threshold() -> None:
 
 
 @pytest.mark.parametrize("mode", ["maximum", "average"])
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
 def test_projections_match_reference(
     engine: Volume, tables: dict[int, TransferTable], mode: str, lanes: int
 ) -> None:
@@ -185,7 +189,7 @@ SURFACES = SurfaceTable(
 )
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
 def test_isosurfaces_match_reference(engine: Volume, lanes: int) -> None:
     """A ray that grazes a surface may meet it in one precision and not in the other."""
     spec = RaycastSpec(specular=0.3, groups=(SKY, KEY))
@@ -224,7 +228,7 @@ def steep(engine_table: TransferTable) -> TransferTable:
     return replace(engine_table, opacity=opacity)
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
 def test_preintegrated_steps_match_reference(
     engine: Volume, tables: dict[int, TransferTable], lanes: int
 ) -> None:
@@ -248,7 +252,9 @@ def test_preintegration_needs_fewer_steps_for_a_steep_transfer_function(
     assert errors[1] < 0.5 * errors[0]
 
 
-@pytest.mark.parametrize(("lanes", "specular"), [(1, 0.5), (8, 0.0)])
+@pytest.mark.parametrize(
+    ("lanes", "specular"), [pytest.param(1, 0.5, marks=pytest.mark.slow), (8, 0.0)]
+)
 def test_spectral_absorption_matches_reference(
     engine: Volume, tables: dict[int, TransferTable], specular: float, lanes: int
 ) -> None:
@@ -260,7 +266,7 @@ def test_spectral_absorption_matches_reference(
     assert_alike(engine, table, Camera.orbit(engine), spec, lanes=lanes)
 
 
-@pytest.mark.parametrize("preintegrated", [False, True])
+@pytest.mark.parametrize("preintegrated", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_adaptive_steps_stay_near_the_whole_truth(
     engine: Volume, engine_table: TransferTable, preintegrated: bool
 ) -> None:

@@ -39,7 +39,7 @@ def test_stripes_along_x_have_no_gradient_across(dtype: str, flat: float, lanes:
 
 
 @pytest.mark.parametrize("dtype", RANGES)
-@pytest.mark.parametrize("shininess", [24, 63, 64, 1024])
+@pytest.mark.parametrize("shininess", [24, 63, 64, pytest.param(1024, marks=pytest.mark.slow)])
 def test_noise_of_the_whole_range_is_as_glossy(dtype: str, shininess: int) -> None:
     for seed in range(3):
         rng = np.random.default_rng(seed)

@@ -50,7 +50,8 @@ def assert_same(ours: np.ndarray, twin: np.ndarray) -> None:
     assert not differs.any(), f"{worst}: {ours[worst]} against {twin[worst]}"
 
 
-@pytest.mark.parametrize("channels", range(1, 33))
+# Each compiles a kernel. Four channels make a layer: every remainder, one layer to eight.
+@pytest.mark.parametrize("channels", [1, 2, 3, 4, 5, 7, 9, 14, 31, 32])
 def test_any_number_of_channels_is_packed_as_the_host_packs_it(
     compute: Compute, channels: int
 ) -> None:

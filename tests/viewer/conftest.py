@@ -1,9 +1,10 @@
-"""A document without a device, as the pure parts of the viewer see it."""
+"""A document without a device, as the pure parts of the viewer see it; a screen for the window."""
 
 from __future__ import annotations
 
 import pytest
 
+from benchmarks.robot import missing
 from volspec.basis import SpectralBasis
 from volspec.raycast import RaycastSpec
 from volspec.relight import LightRig, RelightSpec
@@ -39,3 +40,10 @@ def document() -> Document:
 @pytest.fixture(scope="session")
 def state(document: Document) -> ViewState:
     return ViewState.first(document, (160, 120))
+
+
+@pytest.fixture(scope="session")
+def screen() -> None:
+    """Skip, and say why, where no display can be made for a window."""
+    if lacking := missing():
+        pytest.skip(lacking)

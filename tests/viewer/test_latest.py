@@ -81,8 +81,9 @@ def test_a_closed_worker_begins_nothing_more() -> None:
     assert worker.begun == ["ab"] and not worker.busy
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_a_fault_ends_the_thread_and_not_the_work() -> None:
+def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    faults: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", faults.append)
     worker = Slow()
     worker.go_on.set()
     worker.request("fault")
@@ -98,6 +99,7 @@ def test_a_fault_ends_the_thread_and_not_the_work() -> None:
     worker.go_on.set()
     until(lambda: not worker.busy)
     assert worker.take() == ["b"]
+    until(lambda: len(faults) == 2)
 
 
 @pytest.mark.parametrize("first_ends_first", [True, False])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.robot import Robot, missing
+from benchmarks.robot import Robot
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "-")
+pytestmark = pytest.mark.usefixtures("screen")
 
 
 def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Path) -> None:

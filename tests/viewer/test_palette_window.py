@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.robot import Robot, along, missing
+from benchmarks.robot import Robot, along
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "-")
+pytestmark = pytest.mark.usefixtures("screen")
 
 
 def click(robot: Robot, name: str) -> None:

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.robot import Robot, Row, missing
+from benchmarks.robot import Robot, Row
 from volspec.scene import Scene
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "-")
+pytestmark = pytest.mark.usefixtures("screen")
 
 _PASTE = """
 import copykitten, sys

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from benchmarks.robot import Robot, missing
+from benchmarks.robot import Robot
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "-")
+pytestmark = pytest.mark.usefixtures("screen")
 
 
 def test_lights_are_renamed_and_chosen_and_a_crash_is_told_of(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.robot import Robot, missing
+from benchmarks.robot import Robot
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "-")
+pytestmark = pytest.mark.usefixtures("screen")
 
 
 def casts(robot: Robot, after: float) -> list[str]:

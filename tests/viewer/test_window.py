@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.robot import Robot, along, missing
+from benchmarks.robot import Robot, along
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "-")
+pytestmark = pytest.mark.usefixtures("screen")
 
 
 def test_a_session_casts_for_views_only_and_refines_when_it_rests(tmp_path: Path) -> None:

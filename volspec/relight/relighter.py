@@ -17,6 +17,7 @@ import numpy as np
 
 from volspec._gpu.opengl import ContextLost
 from volspec._gpu.sharing import Sharing
+from volspec.appearance.field import PassageField
 from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
@@ -224,9 +225,9 @@ class Relighter:
         """
         self._require_open()
         kind = pixel_type(dtype)
-        spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
-        lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
-        seen, field = self._adapting.seen(self._image, lit, spec.viewing)
+        lit, seen, field = self._lit(
+            light, RelightSpec(viewing or Viewing(), mode, backdrop, level)
+        )
         return self._on_engine(lambda engine: engine.render(lit, seen, kind, field))
 
     def draw(
@@ -259,9 +260,9 @@ class Relighter:
         self._require_open()
         if isinstance(self._engine, HostEngine):
             raise RelightError("relight: NumPy has no device to leave a picture on; take frame()")
-        spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
-        lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
-        seen, field = self._adapting.seen(self._image, lit, spec.viewing)
+        lit, seen, field = self._lit(
+            light, RelightSpec(viewing or Viewing(), mode, backdrop, level)
+        )
         return self._engine.draw(lit, seen, np.uint8, field)
 
     def missing_table(
@@ -297,8 +298,7 @@ class Relighter:
         spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
         if isinstance(self._engine, HostEngine) or not is_tabled(spec.viewing.model):
             return None
-        lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
-        seen, _ = self._adapting.seen(self._image, lit, spec.viewing)
+        lit, seen, _ = self._lit(light, spec)
         return self._engine.missing_table(lit, seen)
 
     def error_map(
@@ -350,6 +350,13 @@ class Relighter:
         self._require_open()
         self._image = self._image.with_reflectances(reflectances)
         self._edits |= reflectances
+
+    def _lit(
+        self, light: Spectrum | LightRig, spec: RelightSpec
+    ) -> tuple[Illumination, Viewing, PassageField | None]:
+        """What a light makes of the image, the viewing that is measured in it, and its field."""
+        lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
+        return lit, *self._adapting.seen(self._image, lit, spec.viewing)
 
     def _on_engine(self, call: Callable[[GLEngine | HostEngine], Any]) -> Any:
         """Call the engine; make it anew once where another library ended its context."""
