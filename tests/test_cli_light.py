@@ -80,9 +80,34 @@ def test_people_read_a_line_a_figure(capsys: pytest.CaptureFixture[str]) -> None
 
 
 @pytest.mark.parametrize(
+    ("command", "search", "known"),
+    [
+        ("light", "led-b", "LED-B3"),
+        ("light", "lamp:", LAMP),
+        ("reflectance", "banana", "PMC/Banana"),
+    ],
+)
+def test_names_are_listed_for_people_and_programs(
+    command: str, search: str, known: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def listed(*words: str) -> str:
+        with pytest.raises(SystemExit) as caught:
+            main([command, "--list", *words])
+        assert caught.value.code == 0
+        return capsys.readouterr().out
+
+    found = listed(search).splitlines()
+    assert known in found and all(search in name.casefold() for name in found)
+    assert [row["name"] for row in json.loads(listed(search, "--json"))] == found
+    assert set(found) < set(listed().splitlines())
+
+
+@pytest.mark.parametrize(
     ("words", "message"),
     [
         (("HP9",), "'HPS'"),
+        ((), "no light; give one, such as D65, or --list"),
+        (("--list", "D651"), "stands in no light's name; did you mean 'D65'"),
         (("D65", "--power-W", "5"), "light 'D65': only a lamp's light is counted"),
         ((f"{LAMP}*0.5+A", "--power-W", "5"), "only a lamp's light is counted"),
         (("lamp:candle-1900", "--power-W", "5"), "no lumens per watt for candle flame"),

@@ -89,6 +89,15 @@ def test_every_error_is_a_line_that_names_the_file(
         assert line.startswith(f"{path}: {part}"), line
 
 
+def test_a_light_without_the_lux_that_the_level_needs_is_an_error(
+    good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written(good, f'{TEXT}\n[viewing]\nlevel = "absolute"\n')
+    assert call("check", good) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith(f"{good}: [[light]] day: has no illuminance_lux, which [viewing] level")
+
+
 def test_names_are_shown_and_never_obeyed(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     name = "a\x1b[31m\u202e\nb größer 骨"
     group = f'[[group]]\nname = {json.dumps(name)}\nsources = [{{ kind = "headlight" }}]\n'

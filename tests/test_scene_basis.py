@@ -77,6 +77,14 @@ def test_a_size_takes_the_general_basis_of_that_size(tmp_path: Path, size: int) 
     assert scene(tmp_path, f"[basis]\nsize = {size}").basis.name == f"general-{size}"
 
 
+def test_a_title_with_control_characters_names_a_basis(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    more = SCENE.format(block="white", basis='[basis]\nmethod = "materials"', lamp="A")
+    path.write_text('title = "a\\u0007b\\u202e"' + more)
+    made = Scene.load(path)
+    assert made.basis.name == r"a\x07b\u202e" and made.file.title == "a\x07b\u202e"
+
+
 def test_spectra_that_the_general_basis_does_not_hold_are_trained_for(tmp_path: Path) -> None:
     """The engine's metameric pair oscillates; no note says so in this copy of it."""
     text = (ROOT / "data/spectra/engine-inserts.csv").read_text()

@@ -20,6 +20,7 @@ _RANDOM_BYTES = 4
 def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary path in the same folder; rename it to ``path`` on success.
 
+    What was written is on the disk before it has its name, so that a power cut leaves no half file.
     The temporary name keeps the suffix, since writers choose their format by it. Parent
     folders are made. When the body raises, the temporary file is removed and whatever stood
     at ``path`` before is untouched. A link stays one; what it points to is written. Permissions
@@ -41,6 +42,7 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         ) from error
     try:
         yield temporary
+        _to_disk(temporary)
         temporary.replace(target)
     except OSError as error:
         # Of another file, or no word of the system's: what the body reads, not what it writes.
@@ -68,6 +70,14 @@ def _created_beside(target: Path) -> Path:
         except FileExistsError:
             continue
         return temporary
+
+
+def _to_disk(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def clear_temporaries(path: Path) -> None:

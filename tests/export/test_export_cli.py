@@ -43,6 +43,20 @@ def test_a_light_of_the_scene_is_told_to_be_relit_from_the_scene(
     (line,) = capsys.readouterr().err.splitlines()
     assert "ball.exr names its scene's lights (day, lamp, tube), but does not hold" in line
     assert "volspec export SCENE.toml --light lamp -o FOLDER" in line
+    with pytest.raises(SystemExit, match="1"):
+        main(["relight", str(image), "--light", "daay", "-o", str(tmp_path / "lamp.png")])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "light 'daay': did you mean 'day'?" in line and "--light NAME -o FOLDER" in line
+
+
+def test_a_page_of_lights_without_the_lux_they_need_is_refused_before_the_cast(
+    scene: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = scene('[viewing]\nlevel = "absolute"\n')
+    with pytest.raises(SystemExit, match="1"):
+        main(["page", str(made.path), "-o", str(tmp_path / "ball.html")])
+    said = capsys.readouterr().err
+    assert "[[light]] day: has no illuminance_lux" in said and "cast" not in said
 
 
 @pytest.mark.parametrize(

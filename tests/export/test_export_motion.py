@@ -381,6 +381,36 @@ def test_what_keyframes_cannot_move_is_said(scene: Make) -> None:
         plan(scene("[viewing]\ndiscount = true\n[[keyframe]]\ntime_s = 0\nviewing = { D = 0.5 }"))
 
 
+@pytest.mark.parametrize("keyframe_s", [0, 2, 4])
+def test_an_eye_that_cannot_be_is_told_with_its_keyframe_s_time(
+    scene: Make, keyframe_s: int
+) -> None:
+    """Frames on the way to it are out of range, too, but nobody wrote those."""
+    key = "[[keyframe]]\ntime_s = {}\nviewing = {{ exposure = {:g} }}\n".format
+    keys = "".join(key(at, 1e9 if at == keyframe_s else 1) for at in (0, 2, 4))
+    said = rf"\[\[keyframe\]\] viewing: at {keyframe_s} s: Viewing.exposure is 1000000000.0;.*[^n]$"
+    with pytest.raises(SceneError, match=said):
+        plan(scene(keys))
+
+
+LUX = (
+    '[viewing]\nlevel = "absolute"\n[[light]]\nname = "lit"\nspectrum = "E"\nilluminance_lux = 9\n'
+)
+
+
+def test_at_absolute_level_lights_without_lux_are_refused_before_the_cast(scene: Make) -> None:
+    made = scene(LUX)
+    said = r'ball.toml: \[\[light\]\] day: has no illuminance_lux, .*level = "absolute" asks of all'
+    with pytest.raises(SceneError, match=said):
+        plan(made)
+    assert plan(made, lights=["lit"]).lights[0].name == "lit"
+    assert plan(made, format="coefficients").shots, "they are relit at a level of their own"
+    key = "[[keyframe]]\ntime_s = {}\nlights = {{ lit = 1, day = {} }}\n".format
+    assert plan(scene(LUX + key(0, 0) + key(1, 0))).shots
+    with pytest.raises(SceneError, match=said):
+        plan(scene(LUX + key(0, 0) + key(1, 0.5)))
+
+
 def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
     made = scene("# What it is for.\n[export]\nfps = 10 # slow\nsweep = { closed = true }\n")
     rows = [

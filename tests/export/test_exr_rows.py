@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from tests.export._layers import opened
 from volspec.appearance.spaces import SPACES
 from volspec.errors import InputError
+from volspec.export import exr
 from volspec.export.exr import ExrBands, ExrHeader, exr_bytes, exr_file
 
 BANDS = ExrBands(np.array([400.0, 547.5, 1000.0]), "W")
@@ -56,6 +58,21 @@ def test_rows_may_come_in_any_pieces(tmp_path: Path) -> None:
         for part in np.split(pixels, [1, 18, 19, 48]):
             file.rows(part)
     assert (tmp_path / "a.exr").read_bytes() == exr_bytes(pixels, header)
+
+
+def test_blocks_stand_in_their_order_whichever_is_packed_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    header = ExrHeader((8, 160), SPACES["sRGB"])
+    pixels = picture((8, 160), 3, noise=False)
+    whole, packed = exr_bytes(pixels, header), exr._packed
+
+    def slow_at_times(plain: bytes) -> bytes:
+        time.sleep(0.002 * (plain[0] % 3))
+        return packed(plain)
+
+    monkeypatch.setattr(exr, "_packed", slow_at_times)
+    assert exr_bytes(pixels, header) == whole
 
 
 def test_what_no_half_can_hold_is_the_largest_and_nan_is_black(tmp_path: Path) -> None:

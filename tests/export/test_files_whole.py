@@ -45,6 +45,22 @@ def test_a_full_disk_names_the_file_and_what_the_body_reads_does_not(tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_file_is_on_the_disk_before_it_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a power cut may leave the name of a file whose end was never written."""
+    path, synced, sync = tmp_path / "a.txt", [], os.fsync
+
+    def watched(handle: int) -> None:
+        synced.append((path.exists(), os.fstat(handle).st_size))
+        sync(handle)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    with write_whole(path) as temporary:
+        temporary.write_text("whole")
+    assert synced == [(False, 5)] and path.read_text() == "whole"
+
+
 def test_nobody_s_umask_is_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Files that other threads make meanwhile would have another's permissions."""
     monkeypatch.delattr(os, "umask")

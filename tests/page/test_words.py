@@ -35,6 +35,7 @@ def page_of(opened: Page, tmp_path: Path) -> Page:
         window: tuple[int, int] = DESKTOP,
         picture: tuple[int, int] = (4, 3),
         title: str = "Grey",
+        caption: str = "",
     ) -> Opened:
         width, height = picture
         basis, lamp = SpectralBasis.load("general-5"), light("D65")
@@ -43,7 +44,7 @@ def page_of(opened: Page, tmp_path: Path) -> Page:
         image = CoefficientImage(whole[..., None] * grey, whole, whole, basis)
         lights = [NamedLight(name, name, lamp, LightRig((lamp,))) for name in names]
         path = tmp_path / "words.html"
-        write_page(path, [PageView(image)], lights, spec=PageSpec(title))
+        write_page(path, [PageView(image)], lights, spec=PageSpec(title, caption))
         shown = opened(path)
         shown.page.set_viewport_size({"width": window[0], "height": window[1]})
         shown.settle()
@@ -123,6 +124,36 @@ def test_a_long_title_takes_two_lines_and_is_told_whole(page_of: Page) -> None:
     tall = page.evaluate("document.querySelector('h1').clientHeight")
     assert 16 < tall <= 2 * 1.4 * 16 + 1, "two lines of 16 pixels, each 1.4 high"
     assert page.get_attribute("h1", "title") == title
+
+
+@pytest.mark.parametrize("window", [DESKTOP, PHONE])
+@pytest.mark.parametrize("caption", ["Cast once. " * 450, "W" * 300])
+def test_a_long_caption_is_three_lines_until_the_rest_is_asked_for(
+    page_of: Page, window: tuple[int, int], caption: str
+) -> None:
+    shown = page_of(["D65"], window, caption=caption)
+    tall = "document.getElementById('caption').clientHeight"
+    assert shown.page.evaluate(tall) <= 3 * 1.4 * 13 + 1, "lines of 13 pixels, each 1.4 high"
+    more = shown.page.locator("#more")
+    more.click()
+    shown.settle()
+    assert (more.inner_text(), more.get_attribute("aria-expanded")) == ("Less", "true")
+    cut = "document.getElementById('caption').scrollHeight > 60"
+    assert shown.page.evaluate(cut) and shown.page.locator("#port").bounding_box()["height"] > 200
+    more.click()
+    shown.settle()
+    assert more.is_visible() and shown.page.evaluate(tall) <= 56
+    assert shown.page.evaluate("document.documentElement.scrollWidth") <= window[0]
+
+
+def test_a_short_caption_has_no_more(page_of: Page) -> None:
+    shown = page_of(["D65"], caption="A few words")
+    assert not shown.page.locator("#more").is_visible()
+
+
+def test_a_long_name_leaves_the_picture_free(page_of: Page) -> None:
+    label = page_of(["W" * 300], PHONE).page.locator("#label-a").bounding_box()
+    assert label["height"] <= 3 * 1.4 * 12 + 7, "three lines of 12 pixels, and room around them"
 
 
 @pytest.mark.parametrize("picture", [(1, 2000), (2000, 1)])

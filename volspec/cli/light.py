@@ -7,6 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from volspec.cli.names import show_names
 from volspec.cli.rows import Row
 from volspec.cli.shell import Json, app, as_written, print_json, print_table
 from volspec.errors import InputError
@@ -17,9 +18,10 @@ RANGE_NM = (380.0, 780.0, 5.0)
 
 @app.command
 def light(
-    spectrum: str,
+    spectrum: str | None = None,
     /,
     *,
+    listed: Annotated[bool, Parameter(name="--list", negative="")] = False,
     power_W: Annotated[
         float | None, Parameter(name="--power-W", converter=as_written, help="Of a lamp: watts.")
     ] = None,
@@ -40,12 +42,17 @@ def light(
 
     Example: `volspec light lamp:tungsten-2850 --power-W 100 --distance-m 2 --beam-deg 60`
 
+    Example: `volspec light --list LED`
+
     Parameters
     ----------
     spectrum
-        A LIGHT: D65, planck:3200, lamp:halogen-3000, FILE.csv, a mix, …
+        A LIGHT: D65, planck:3200, lamp:halogen-3000, FILE.csv, a mix, …; with `--list` a part of
+        names.
+    listed
+        Print the names that lights have in place of figures: those with the text, or all.
     """
-    from volspec.spectra import SpectralGrid
+    from volspec.spectra import SpectralGrid, light_names
     from volspec.spectra import light as find
     from volspec.spectra.lamps import (
         LAMPS,
@@ -64,6 +71,12 @@ def light(
     ):
         if value is not None and its is None:
             raise InputError(f"{name} {value:g} without {other}; give both, to count a lamp's lux")
+    if listed:
+        lamps = [f"{PREFIX}:{name}" for name in LAMPS]
+        show_names([*light_names(), *lamps], spectrum or "", "light", json)
+        return
+    if spectrum is None:
+        raise InputError("no light; give one, such as D65, or --list for the names there are")
     found = find(spectrum, SpectralGrid(*RANGE_NM))
     X, Y, Z = white_XYZ(found).tolist()
     near = correlated_temperature((X, Y, Z))

@@ -77,6 +77,7 @@ def page(
     from volspec.export.page import PageSpec, scene_views, write_page
     from volspec.relight import LightRig
     from volspec.scene import Scene
+    from volspec.scene.checking import require_lux
     from volspec.scene.lights import NamedLight
 
     if output.suffix.lower() not in (".html", ".htm"):
@@ -93,6 +94,7 @@ def page(
             rig = lamp if isinstance(lamp, LightRig) else LightRig((lamp,))
             shown = rig.facing(shares).mixed(loaded.basis.grid)
             lights.append(NamedLight(text, text, shown, rig))
+        require_lux(lights, loaded.relight, scene)
         cast = scene_views(
             loaded,
             views,

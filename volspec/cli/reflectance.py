@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from rich.text import Text
 
 from volspec._files import require_writable
+from volspec.cli.names import show_names
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say
 from volspec.errors import ImageError, InputError, VolspecWarning
 
@@ -39,6 +40,7 @@ def reflectance(
     colour: Annotated[list[str] | None, Parameter(negative="", allow_leading_hyphen=True)] = None,
     /,
     *,
+    listed: Annotated[bool, Parameter(name="--list", negative="")] = False,
     light: str = "D65",
     method: str = "delaunay",
     under: Annotated[list[str] | None, Parameter(negative="", help="Repeatable.")] = None,
@@ -58,13 +60,18 @@ def reflectance(
     Example: `volspec reflectance --image photo.png -o photo.exr`, then
     `volspec relight photo.exr --basis general-9 --light A -o photo-A.png`
 
+    Example: `volspec reflectance --list copper`
+
     JSON: `mix` holds the base spectra with their shares; `lights` a row for each light with
     `X Y Z`, `L a b` (the light as white) and `delta_e`, CIEDE2000 from the colour asked for.
 
     Parameters
     ----------
     colour
-        `#rrggbb`, a name of CSS Color 3, or X Y Z with Y = 100 for white.
+        `#rrggbb`, a name of CSS Color 3, or X Y Z with Y = 100 for white; with `--list` a part of
+        names.
+    listed
+        Print the names that measured reflectances have: those with the text, or all.
     light
         The light that the colour is meant under.
     method
@@ -81,6 +88,11 @@ def reflectance(
     figure
         A .png, .pdf or .svg to draw the spectrum in.
     """
+    if listed:
+        from volspec.spectra import reflectance_names
+
+        show_names(reflectance_names(), " ".join(colour or ()), "reflectance", json)
+        return
     asked = _Asked(light, method, observer)
     if image is not None:
         if colour or figure is not None or under or json:

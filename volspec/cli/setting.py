@@ -79,8 +79,14 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
         As `read_setting`, whose errors these are.
     stored : CoefficientImage
         What is in the file.
+
+    Raises
+    ------
+    SpectrumError
+        If the text is no light but that of the scene, or nearer to one of those than to any other.
     """
     from volspec.export.compositing import Recipe
+    from volspec.spectra import light_names
 
     try:
         return read_setting(text, stored.groups, stored.basis.grid)
@@ -89,12 +95,13 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
             names = list(Recipe.load(image).lights)
         except ImageError:
             names = []
-        if text not in names:
+        meant = "" if text in names or nearest(text, light_names()) else nearest(text, names)
+        if text not in names and not meant:
             raise
     raise SpectrumError(
-        f"light {text!r}: {image} names its scene's lights ({', '.join(names)}), but does not hold "
-        f"their spectra; relight the scene: volspec export SCENE.toml --light {shlex.quote(text)} "
-        "-o FOLDER"
+        f"light {text!r}: {meant}{image} names its scene's lights ({', '.join(names)}), but does "
+        "not hold their spectra; relight the scene: volspec export SCENE.toml --light "
+        f"{'NAME' if meant else shlex.quote(text)} -o FOLDER"
     )
 
 

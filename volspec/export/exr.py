@@ -3,8 +3,9 @@
     pixels -> [exr]
 
 From Python OpenEXR's own library takes whole pictures (but for an interface that it is to lose);
-this writer takes rows as they come, so that a picture may be larger than memory. Opacity is
-multiplied into the colours, as compositors expect of this format.
+this writer takes rows as they come, so that a picture may be larger than memory. Blocks of lines
+know nothing of each other: all cores pack them. Opacity is multiplied into the colours, as
+compositors expect of this format.
 
 References
 ----------
@@ -17,7 +18,9 @@ import io
 import os
 import struct
 import zlib
+from collections import deque
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO
@@ -34,6 +37,9 @@ _MAGIC, _VERSION = 20000630, 2
 _HALF, _ZIP, _RISING = 1, 3, 0  # pixel type, compression, order of lines
 # Lines of a block, which ZIP packs at once; and zlib's level, that of OpenEXR's own library.
 _LINES, _LEVEL = 16, 4
+# Cores beyond these wait for lines; and what may wait for cores, bytes.
+_MOST_WORKERS = 16
+_WAITING_BYTES = 2**27
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +132,9 @@ class ExrWriter:
         # A file has its channels in the order of their names.
         self._order = sorted(range(len(names)), key=names.__getitem__)
         self._block = np.empty((_LINES, len(names), width), "<f2")
-        self._filled, self._y = 0, 0
+        self._filled = 0
+        self._workers = min(os.cpu_count() or 1, _MOST_WORKERS)
+        self._room = max(1, min(2 * self._workers, _WAITING_BYTES // self._block.nbytes))
         self._file = file
         self._offsets: list[int] = []
         file.write(header.packed())
@@ -135,6 +143,25 @@ class ExrWriter:
 
     def rows(self, pixels: NDArray[Any]) -> None:
         """Add rows; (R, W, C) linear."""
+        waiting: deque[Future[bytes]] = deque()
+        # Only while rows are added: of many files that are open at once one has threads.
+        with ThreadPoolExecutor(self._workers) as pool:
+            for plain in self._blocks(pixels):
+                if len(waiting) == self._room:
+                    self._write(waiting.popleft().result())
+                waiting.append(pool.submit(_packed, plain))
+            while waiting:
+                self._write(waiting.popleft().result())
+
+    def close(self) -> None:
+        """Write what is left, and where blocks begin; the file stays open."""
+        if self._filled:
+            self._write(_packed(self._block[: self._filled].tobytes()))
+        self._file.seek(self._table)
+        self._file.write(struct.pack(f"<{len(self._offsets)}Q", *self._offsets))
+
+    def _blocks(self, pixels: NDArray[Any]) -> Iterator[bytes]:
+        """The blocks that rows fill, as they stand in a file before they are packed."""
         at = 0
         while at < len(pixels):
             count = min(_LINES - self._filled, len(pixels) - at)
@@ -142,22 +169,19 @@ class ExrWriter:
             self._block[self._filled : self._filled + count] = lines.transpose(0, 2, 1)
             at, self._filled = at + count, self._filled + count
             if self._filled == _LINES:
-                self._write_block()
+                self._filled = 0
+                yield self._block.tobytes()
 
-    def close(self) -> None:
-        """Write what is left, and where blocks begin; the file stays open."""
-        if self._filled:
-            self._write_block()
-        self._file.seek(self._table)
-        self._file.write(struct.pack(f"<{len(self._offsets)}Q", *self._offsets))
-
-    def _write_block(self) -> None:
-        plain = self._block[: self._filled].tobytes()
-        packed = zlib.compress(_predicted(plain), _LEVEL)
-        data = packed if len(packed) < len(plain) else plain
+    def _write(self, packed: bytes) -> None:
+        y = _LINES * len(self._offsets)
         self._offsets.append(self._file.tell())
-        self._file.write(struct.pack("<ii", self._y, len(data)) + data)
-        self._y, self._filled = self._y + self._filled, 0
+        self._file.write(struct.pack("<ii", y, len(packed)) + packed)
+
+
+def _packed(plain: bytes) -> bytes:
+    """A block's data; as it is where ZIP makes it no smaller."""
+    packed = zlib.compress(_predicted(plain), _LEVEL)
+    return packed if len(packed) < len(plain) else plain
 
 
 def _predicted(plain: bytes) -> NDArray[np.uint8]:

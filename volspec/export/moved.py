@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import CameraError, SceneError, TransferError
+from volspec.errors import CameraError, SceneError, TransferError, ViewingError
 from volspec.export.motion import (
     Way,
     angles_between_keys,
@@ -103,7 +103,7 @@ def moved_cameras(
     if table.position_mm is None and not given & {"position_mm", "up"}:
         common = table.model_dump(exclude={"position_mm"})
         moved = rows_of(tracks_between(told, _ORBIT, at_s), len(at_s))
-        return _at_each(at_s, keys, moved, lambda row: Camera.orbit(volume, **{**common, **row}))
+        return at_each(at_s, keys, moved, lambda row: Camera.orbit(volume, **{**common, **row}))
     _check_ups(told)
     still = scene.camera(volume)
     tracks = tracks_between(told, _PLACE, at_s)
@@ -118,7 +118,7 @@ def moved_cameras(
         targets = tracks.get("target_mm", np.asarray([still.target_mm] * len(at_s)))
         tracks["position_mm"] = targets + _offsets(told, places, table.up, still.target_mm, at_s)
     rows = rows_of(tracks, len(at_s))
-    return _at_each(at_s, keys, rows, lambda row: replace(still, **row))
+    return at_each(at_s, keys, rows, lambda row: replace(still, **row))
 
 
 def _check_ups(told: Sequence[tuple[float, KeyCameraTable | None]]) -> None:
@@ -132,20 +132,26 @@ def _check_ups(told: Sequence[tuple[float, KeyCameraTable | None]]) -> None:
             )
 
 
-def _at_each(
+def at_each(
     at_s: NDArray[np.float64],
     keys: Sequence[KeyframeTable],
     rows: Sequence[Row],
     make: Callable[[Row], Made],
 ) -> list[Made]:
-    """What the numbers of each time make; what they cannot is told with the time."""
+    """What the numbers of each time make.
+
+    Raises
+    ------
+    CameraError, TransferError, ViewingError
+        If they make none; the message names the time.
+    """
     times = [key.time_s for key in keys]
     made = []
     for time, row in zip(at_s.tolist(), rows, strict=True):
         try:
             made.append(make(row))
-        except (CameraError, TransferError) as error:
-            # Points between good ones are good; a way between two places may not be.
+        except (CameraError, TransferError, ViewingError) as error:
+            # Numbers between good ones are good; a way between two places may not be.
             astray = isinstance(error, CameraError) and time not in times
             remedy = ", or give a keyframe between" if astray else ""
             raise type(error)(f"at {time:g} s: {error}{remedy}") from error
@@ -219,7 +225,7 @@ def moved_transfers(
             made[key] = function if by[i] == 0.0 else shifted(function, float(by[i]))
         return made[key]
 
-    return _at_each(at_s, keys, range(len(at_s)), at)
+    return at_each(at_s, keys, range(len(at_s)), at)
 
 
 def shifted(transfer: Transfer, by: float) -> Transfer:

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from volspec.errors import InputError, SceneError
 from volspec.export.frames import distinct_stems
 from volspec.export.motion import Way, between_keys, ratios_between_keys, rows_of, tracks_between
-from volspec.export.moved import moved_cameras, moved_transfers, turned
+from volspec.export.moved import at_each, moved_cameras, moved_transfers, turned
 from volspec.raycast import Camera
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import NamedLight, Scene
-from volspec.scene.export import ExportTable
+from volspec.scene.checking import require_lux
+from volspec.scene.export import ExportTable, KeyframeTable
 from volspec.scene.lights import mixed_rig
 from volspec.transfer import Transfer
 from volspec.volume import Volume
@@ -115,8 +116,10 @@ def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
     ------
     SceneError
         If a camera, transfer function or viewing cannot be had; the message names the keyframe.
+        If a light lacks the lux that the scene's level needs.
     """
     lights = lights_of(scene, table)
+    require_lux(_shining(scene, table, lights), scene.relight, scene.path)
     moments = _moments(scene, volume, table, len(lights))
     mixes = _mixes(scene, table, lights, len(moments))
     digits = max(4, len(str(len(moments) - 1)))
@@ -147,6 +150,26 @@ def lights_of(scene: Scene, table: ExportTable) -> list[NamedLight]:
     return [by_name[name] for name in table.lights or by_name]
 
 
+def _shining(
+    scene: Scene, table: ExportTable, lights: Sequence[NamedLight]
+) -> Sequence[NamedLight]:
+    """The lights that some frame shows; coefficient images are relit at a level of their own."""
+    if table.format == "coefficients":
+        return ()
+    if (weights := _weights(scene, table)) is None:
+        return lights
+    lit = {name for row in weights for name, weight in row.items() if weight > 0.0}
+    return [light for light in scene.lights if light.name in lit]
+
+
+def _weights(scene: Scene, table: ExportTable) -> list[dict[str, float]] | None:
+    """What the keyframes weigh lights by; None where they do not."""
+    keys = scene.file.keyframe
+    if table.turntable is not None or not keys or keys[0].lights is None:
+        return None
+    return [key.lights or {} for key in keys]
+
+
 def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> list[_Moment]:
     # Of a spectrum all bands are kept: the factor model would smooth those of a lamp.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
@@ -174,17 +197,25 @@ def _keyed(
     keys = scene.file.keyframe
     with _named("camera"):
         cameras = moved_cameras(scene, volume, keys, at)
-    seen = tracks_between([(key.time_s, key.viewing) for key in keys], _TONE, at)
-    changes = rows_of(seen, len(at))
     with _named("viewing"):
-        specs = [_seen(spec, row) for row in changes]
+        # The keys' own times first: of a number that grows too large none between is to blame.
+        _seen(spec, keys, np.array([key.time_s for key in keys]))
+        specs = _seen(spec, keys, at)
     with _named("transfer"):
         transfers = moved_transfers(scene, keys, at)
     return [_Moment(*each) for each in zip(cameras, transfers, specs, strict=True)]
 
 
-def _seen(spec: RelightSpec, row: dict[str, Any]) -> RelightSpec:
-    return replace(spec, viewing=replace(spec.viewing, **row)) if row else spec
+def _seen(
+    spec: RelightSpec, keys: Sequence[KeyframeTable], at: NDArray[np.float64]
+) -> list[RelightSpec]:
+    """The eye at every time."""
+    tracks = tracks_between([(key.time_s, key.viewing) for key in keys], _TONE, at)
+
+    def seen(row: dict[str, Any]) -> RelightSpec:
+        return replace(spec, viewing=replace(spec.viewing, **row)) if row else spec
+
+    return at_each(at, keys, rows_of(tracks, len(at)), seen)
 
 
 @contextmanager
@@ -199,13 +230,12 @@ def _mixes(
     scene: Scene, table: ExportTable, lights: Sequence[NamedLight], count: int
 ) -> list[tuple[str, LightRig]] | None:
     """The light of each moment, in words too; None where every light has its own frames."""
-    keys = scene.file.keyframe
     if table.format == "coefficients":
         return None
-    if table.turntable is None and keys and keys[0].lights is not None:
-        times = [key.time_s for key in keys]
-        names = dict.fromkeys(name for key in keys for name in key.lights or ())
-        rows = [[(key.lights or {}).get(name, 0.0) for name in names] for key in keys]
+    if (keyed := _weights(scene, table)) is not None:
+        times = [key.time_s for key in scene.file.keyframe]
+        names = dict.fromkeys(name for weights in keyed for name in weights)
+        rows = [[weights.get(name, 0.0) for name in names] for weights in keyed]
         at = np.minimum(times[0] + np.arange(count) / table.fps, times[-1])
         by_name = {light.name: light for light in scene.lights}
         mixed = [by_name[name] for name in names]

@@ -1,4 +1,4 @@
-"""Whether a scene would load, and all that is wrong where it would not.
+"""Whether a scene would load and its lights be shown, and all that is wrong where not.
 
 TOML -> [checking] -> volspec scene check
 """
@@ -6,12 +6,15 @@ TOML -> [checking] -> volspec scene check
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from volspec.errors import SceneError
+from volspec.relight import RelightSpec
 from volspec.scene.file import SceneFile
+from volspec.scene.lights import NamedLight
 from volspec.scene.model import Scene
 from volspec.scene.reading import SceneFaults, scene_data, scene_file
 from volspec.scene.resolve import Resolver
@@ -25,7 +28,7 @@ class Checked:
     ----------
     path : str
     errors : tuple of str
-        A line each: file, field, value, remedy. Empty where the scene loads.
+        A line each: file, field, value, remedy. Empty where the scene loads and can be shown.
     materials, lights : int
         How many; settings of lights, not rows.
     volume : (width, height, depth), optional
@@ -72,6 +75,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         try:
             scene = Scene(file, path)
             scene.camera(volume)
+            require_lux(scene.lights, scene.relight, path)
         except SceneError as error:
             errors.append(str(error))
     if scene is None or volume is None or errors:
@@ -84,6 +88,36 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         basis=scene.basis.name,
         reason=scene.basis_reason,
     )
+
+
+def require_lux(
+    lights: Iterable[NamedLight], seen: RelightSpec, path: str | os.PathLike[str]
+) -> None:
+    """Refuse, before the cast, lights that cannot be held against each other.
+
+    A scene of such lights loads: it can be cast, and be seen at the other level.
+
+    Parameters
+    ----------
+    lights : iterable of NamedLight
+        Those that will shine.
+    seen : RelightSpec
+    path : path
+        The scene's, for the message.
+
+    Raises
+    ------
+    SceneError
+        If the level is absolute, and one of them has no lux.
+    """
+    if seen.level != "absolute":
+        return
+    for light in lights:
+        if light.rig.illuminance_lux is None:
+            raise SceneError(
+                f"{os.fspath(path)}: [[light]] {light.name}: has no illuminance_lux, which "
+                '[viewing] level = "absolute" asks of all lights; give it, or level = "relative"'
+            )
 
 
 def _lost(file: SceneFile, path: Path) -> list[str]:

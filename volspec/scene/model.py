@@ -20,7 +20,7 @@ from pydantic import ValidationError
 
 from volspec._tables import explained
 from volspec._tables.written import plain
-from volspec.errors import ImageError, SceneError
+from volspec.errors import ImageError, SceneError, visible
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.bands import Cancel, Progress
@@ -92,7 +92,8 @@ class Scene:
                 chosen = ChosenBasis(shipped, "the scene names it")
             else:
                 spectra = names.spectra(self.lights, self.materials, filters)
-                name = file.title or self.path.stem
+                # Files of bases hold names without control characters; a title may have them.
+                name = visible(file.title or self.path.stem)
                 chosen = choose_basis(file.basis, spectra, name, file.viewing.mode)
             self.basis, self.basis_reason = chosen.basis, chosen.reason
         with names.named("[transfer]"):

@@ -128,6 +128,7 @@ class App {
     this.panels = [
       lightsPanel, viewingPanel, errorsPanel, probePanel, comparing, labels,
     ].map((panel) => panel(this));
+    captioning();
     sharing(this);
     if (this.page.views.length > 1) turning(this);
     inNotebook(this);
@@ -151,6 +152,23 @@ class App {
     this.refreshed();
     document.documentElement.classList.add('ready');
   }
+}
+
+// A long caption is three lines until the rest is asked for; then it may scroll.
+function captioning() {
+  const caption = byId('caption'), more = byId('more');
+  const put = (whole) => {
+    caption.className = whole ? 'whole' : 'cut';
+    if (whole) caption.tabIndex = 0; else caption.removeAttribute('tabindex');
+    more.textContent = whole ? 'Less' : 'More';
+    more.setAttribute('aria-expanded', whole);
+  };
+  more.addEventListener('click', () => put(caption.className === 'cut'));
+  new ResizeObserver(() => {
+    if (caption.className !== 'cut') return;
+    more.hidden = caption.scrollHeight <= caption.clientHeight + 1;
+  }).observe(caption);
+  put(false);
 }
 
 function comparing(app) {
