@@ -26,6 +26,7 @@ from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, reli
 from volspec.relight import gpu as gpu_module
 from volspec.relight import programs as programs_module
 from volspec.relight import tables as tables_module
+from volspec.relight.packed import PackedLayers
 from volspec.relight.reference import relight_reference
 from volspec.relight.tables import MOST_TABLES, HostTables, TableKey
 from volspec.spectra import SpectralGrid, Spectrum, light
@@ -191,6 +192,23 @@ def test_update_shows_another_cast_of_the_same_size(backend):
         with pytest.raises(ShapeError, match="make another Relighter"):
             relighter.update(cast(height=7))
     assert np.array_equal(updated, relight(second, light("A"), backend=backend))
+
+
+def test_an_image_packed_beforehand_is_the_image(backend, monkeypatch):
+    first, second = cast(seed=0), cast(seed=1)
+    one, other = PackedLayers.of(first), PackedLayers.of(second)
+    monkeypatch.setattr(gpu_module, "pack_layers", None)  # nobody packs any more
+    with Relighter(first, backend, packed=one) as relighter:
+        frames = [relighter.frame(light("A"))]
+        relighter.update(second, other)
+        with pytest.raises(ShapeError, match="give PackedLayers"):
+            relighter.update(first, PackedLayers.of(cast(height=7)))
+        frames.append(relighter.frame(light("A")))
+    with pytest.raises(ShapeError, match="give PackedLayers"):
+        Relighter(first, backend, packed=PackedLayers.of(cast(size=9)))
+    monkeypatch.undo()
+    for image, frame in zip((first, second), frames, strict=True):
+        assert np.array_equal(frame, relight(image, light("A"), backend=backend))
 
 
 def test_several_relighters_work_at_once_and_in_any_thread():

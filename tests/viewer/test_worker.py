@@ -7,9 +7,12 @@ import time
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
+from volspec.raycast import CoefficientImage
 from volspec.viewer.picture import worker
 from volspec.viewer.picture.worker import CastDone, CastJob, CastWorker
 from volspec.viewer.state import ViewState
@@ -28,13 +31,16 @@ class SlowCasts:
     def __init__(self) -> None:
         self.begun: list[tuple[int, int]] = []
         self.go_on = threading.Event()
+        flat = np.ones((2, 3), np.float32)
+        basis = SpectralBasis.load("general-7")
+        self.image = CoefficientImage(np.ones((2, 3, 7), np.float32), flat, flat, basis)
 
-    def __call__(self, *what: Any, cancel: Any, caster: Any) -> str:
+    def __call__(self, *what: Any, cancel: Any, caster: Any) -> CoefficientImage:
         self.begun.append(what[3])
         while not self.go_on.wait(0.002):
             if cancel():
                 raise CastCancelled("ended")
-        return "image"
+        return self.image
 
     def wait(self, count: int) -> None:
         end = time.time() + 5
@@ -74,7 +80,10 @@ def test_a_newer_request_ends_a_whole_cast_and_replaces_what_waits(
     assert len(casts.begun) == 2
     casts.go_on.set()
     done = drained(casting, 3)
-    assert [(each.divisor, each.image) for each in done] == [(1, None), (4, "image"), (8, "image")]
+    assert [each.divisor for each in done] == [1, 4, 8]
+    assert [each.image for each in done] == [None, casts.image, casts.image]
+    # Packed where it was cast: the window's thread only uploads it.
+    assert [each.packed is None for each in done] == [True, False, False]
     assert done[-1].job is last and casts.begun[-1] == (10, 8)
     casting.close()
 

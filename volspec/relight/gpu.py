@@ -26,7 +26,7 @@ from volspec.appearance.table import TableSpace, is_narrow
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
 from volspec.relight.lookups import Lookups
-from volspec.relight.packed import layer_count, pack_layers
+from volspec.relight.packed import PackedLayers, layer_count, pack_layers
 from volspec.relight.programs import UNITS, Programs
 from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import Pixels
@@ -72,6 +72,8 @@ class GLEngine:
         Look passages up in a table, also those that have a closed form; None where it is quicker.
     tables : HostTables, optional
         Where those that the host works out are kept; None makes one.
+    packed : PackedLayers, optional
+        Coefficients and alpha, packed beforehand.
 
     Raises
     ------
@@ -87,6 +89,7 @@ class GLEngine:
         context: moderngl.Context | None = None,
         table: bool | None = None,
         tables: HostTables | None = None,
+        packed: PackedLayers | None = None,
     ) -> None:
         self._owned = context is None
         self._context = headless_context() if context is None else context
@@ -105,7 +108,7 @@ class GLEngine:
         try:
             with self._current():
                 self._prepare()
-            self.upload(coefficients, alpha)
+            self.upload(coefficients, alpha, packed)
         except OpenGLError:
             self.close()
             raise
@@ -153,10 +156,16 @@ class GLEngine:
     def _current(self) -> AbstractContextManager[None]:
         return made_current(self._context, self._handle)
 
-    def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
+    def upload(
+        self,
+        coefficients: NDArray[np.float32],
+        alpha: NDArray[np.float32],
+        packed: PackedLayers | None = None,
+    ) -> None:
         """Take another image of the first one's shape; (H, W, L·M) and (H, W)."""
+        layers = pack_layers(coefficients, alpha) if packed is None else packed.layers
         with self._current():
-            self._texture.write(pack_layers(coefficients, alpha))
+            self._texture.write(layers)
         self._doubted = None
 
     def place(self, sharing: Sharing) -> SharedLayers:

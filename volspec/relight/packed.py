@@ -8,9 +8,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from volspec.errors import ShapeError
+from volspec.relight.checks import arrays_of
+
+if TYPE_CHECKING:
+    from volspec.raycast.image import CoefficientImage
 
 Pixels32 = NDArray[np.float32]
 
@@ -37,6 +45,45 @@ def pack_layers(coefficients: Pixels32, alpha: Pixels32) -> Pixels32:
         np.clip(coefficients[..., i], -LIMIT, LIMIT, out=layers[i // 4, ..., i % 4])
     np.clip(alpha, -LIMIT, LIMIT, out=layers[channels // 4, ..., channels % 4])
     return _without_nan(layers)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PackedLayers:
+    """An image's channels as its textures hold them: packed on one thread, uploaded on another.
+
+    Parameters
+    ----------
+    layers : (layers, H, W, 4) float32
+        As `pack_layers` makes them.
+    """
+
+    layers: Pixels32
+
+    @classmethod
+    def of(cls, image: CoefficientImage) -> Self:
+        """Pack an image; what takes most of its `Relighter.update`.
+
+        Raises
+        ------
+        ShapeError
+            If the image's arrays do not fit together.
+        """
+        return cls(pack_layers(*arrays_of(image)))
+
+    def require(self, height: int, width: int, channels: int) -> None:
+        """Refuse an image of another shape.
+
+        Raises
+        ------
+        ShapeError
+            If the layers are not those of (H, W, L·M).
+        """
+        expected = layer_count(channels), height, width, 4
+        if self.layers.shape != expected:
+            raise ShapeError(
+                f"relight: the packed layers have shape {self.layers.shape}, the image needs "
+                f"{expected}; give PackedLayers.of(image)"
+            )
 
 
 def _without_nan(values: Pixels32) -> Pixels32:

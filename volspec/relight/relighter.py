@@ -27,6 +27,7 @@ from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
 from volspec.relight.host import HostEngine
 from volspec.relight.illumination import Illumination
+from volspec.relight.packed import PackedLayers
 from volspec.relight.shared import SharedLayers
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
 from volspec.relight.tables import HostTables, TableKey, is_tabled
@@ -57,6 +58,8 @@ class Relighter:
     tables : HostTables, optional
         Where tables are kept that the host works out, for several Relighters or threads to share;
         None makes one.
+    packed : PackedLayers, optional
+        The image's channels, packed beforehand on another thread.
 
     Raises
     ------
@@ -90,6 +93,7 @@ class Relighter:
         context: Any = None,
         table: bool | None = None,
         tables: HostTables | None = None,
+        packed: PackedLayers | None = None,
     ) -> None:
         if backend is not None and backend not in BACKENDS:
             raise RelightError(
@@ -97,6 +101,8 @@ class Relighter:
                 f"expected {' or '.join(BACKENDS)}, or None"
             )
         coefficients, alpha = arrays_of(image)
+        if packed is not None:
+            packed.require(*coefficients.shape)
         self._image = image
         self._edits: dict[str, Spectrum] = {}
         self._adapting = Adapting()
@@ -113,7 +119,7 @@ class Relighter:
             self._engine = HostEngine(coefficients, alpha)
             return
         try:
-            self._engine = GLEngine(coefficients, alpha, context, table, self._tables)
+            self._engine = GLEngine(*(coefficients, alpha, context, table, self._tables, packed))
         except OpenGLError as error:
             if backend == "gl":
                 raise
@@ -155,7 +161,9 @@ class Relighter:
             )
         return self._engine.place(sharing)
 
-    def update(self, image: CoefficientImage, place: SharedLayers | None = None) -> None:
+    def update(
+        self, image: CoefficientImage, place: SharedLayers | PackedLayers | None = None
+    ) -> None:
         """Take another cast of the same size, basis size and number of light groups.
 
         The groups may have other names and shares. Reflectances that were edited stay so, where
@@ -164,8 +172,9 @@ class Relighter:
         Parameters
         ----------
         image : CoefficientImage
-        place : SharedLayers, optional
-            From `place`, where the image's cast has put it: nothing is then uploaded.
+        place : SharedLayers or PackedLayers, optional
+            From `place`, where the image's cast has put it: nothing is then uploaded. Or the image
+            packed beforehand: nothing else is then done here.
 
         Raises
         ------
@@ -175,15 +184,19 @@ class Relighter:
             If size, channel count or number of groups differ.
         """
         self._require_open()
-        require_fit(shape_of(image), image.groups, self._image)
+        shape = shape_of(image)
+        require_fit(shape, image.groups, self._image)
+        packed = place if isinstance(place, PackedLayers) else None
+        if packed is not None:
+            packed.require(*shape)
         if isinstance(image.basis, MaterialBasis):
             kept = {k: v for k, v in self._edits.items() if k in image.basis.materials}
             image = replace(image, basis=image.basis.with_reflectances(kept))
         self._image = image
-        if place is not None and isinstance(self._engine, GLEngine):
+        if isinstance(place, SharedLayers) and isinstance(self._engine, GLEngine):
             self._engine.take(place)
         else:
-            self._on_engine(lambda engine: engine.upload(*arrays_of(image)))
+            self._on_engine(lambda engine: engine.upload(*arrays_of(image), packed))
 
     def frame(
         self,

@@ -16,6 +16,7 @@ from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
+from volspec.relight.packed import PackedLayers
 from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.viewer.palette.spectra import same_channels
 
@@ -76,9 +77,16 @@ class Pictures:
         width, height = self._frame.size
         return int(width), int(height)
 
-    def show(self, image: CoefficientImage) -> None:
-        """Take a picture; until `relight` draws it, that before stays."""
-        self._shown, self.image = self._relighter_of(image), image
+    def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
+        """Take a picture; until `relight` draws it, that before stays.
+
+        Parameters
+        ----------
+        image : CoefficientImage
+        packed : PackedLayers, optional
+            The image's, made where it was cast.
+        """
+        self._shown, self.image = self._relighter_of(image, packed), image
         self._half, self.current = None, False
 
     def repaint(self, basis: Basis) -> None:
@@ -112,16 +120,18 @@ class Pictures:
             )
         return self._half
 
-    def _relighter_of(self, image: CoefficientImage) -> Relighter:
+    def _relighter_of(
+        self, image: CoefficientImage, packed: PackedLayers | None = None
+    ) -> Relighter:
         """One of its size, with the image in it."""
         key = (*image.coefficients.shape, len(image.groups))
         relighter = self._relighters.pop(key, None)
         if relighter is None:
             while len(self._relighters) >= MOST_SIZES:
                 self._release(next(iter(self._relighters)))
-            relighter = Relighter(image, backend="gl", context=self._context, tables=self.tables)
+            relighter = Relighter(image, "gl", self._context, tables=self.tables, packed=packed)
         else:
-            relighter.update(image)
+            relighter.update(image, packed)
         self._relighters[key] = relighter  # the newest last
         return relighter
 

@@ -72,7 +72,7 @@ class Screen:
         if done.image is None or state is None or done.job.document is not state.document:
             return
         try:
-            self.pictures.show(done.image)
+            self.pictures.show(done.image, done.packed)
         except VolspecError as error:
             self._notice.say(str(error))
             return

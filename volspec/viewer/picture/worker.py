@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from volspec.errors import CastCancelled, VolspecError, one_line
 from volspec.pipeline import raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.relight.packed import PackedLayers
 from volspec.transfer import Transfer
 from volspec.viewer.document import Document
 from volspec.viewer.latest import LatestWorker
@@ -48,6 +49,7 @@ class CastDone:
     ms: float
     image: CoefficientImage | None = None
     error: str = ""
+    packed: PackedLayers | None = None
 
 
 class CastWorker(LatestWorker[CastJob, CastDone]):
@@ -76,8 +78,13 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         width, height = (-(-side // divisor) for side in job.size)
         started = time.perf_counter()
 
-        def done(image: CoefficientImage | None = None, error: str = "") -> CastDone:
-            return CastDone(job, divisor, 1e3 * (time.perf_counter() - started), image, error)
+        def done(
+            image: CoefficientImage | None = None,
+            error: str = "",
+            packed: PackedLayers | None = None,
+        ) -> CastDone:
+            ms = 1e3 * (time.perf_counter() - started)
+            return CastDone(job, divisor, ms, image, error, packed)
 
         try:
             image = raycast(
@@ -85,6 +92,8 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 cancel=(lambda: self._closed) if spared else self._superseded,
                 caster=job.document.caster,
             )
+            # Here and not where it is drawn: it takes the window's thread 20 to 40 ms.
+            packed = PackedLayers.of(image)
         except CastCancelled:
             return done()
         except MemoryError:
@@ -94,4 +103,4 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         except Exception as error:  # a device that is lost, say: the thread must outlive it
             said = f"the cast failed: {one_line(error)}"
             return done(error=f"{said}; open the file again, or see volspec doctor")
-        return done(image)
+        return done(image, packed=packed)
