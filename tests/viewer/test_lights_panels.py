@@ -13,36 +13,9 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.rows import refusal
 from volspec.viewer.state import ViewState
 
-dial = pytest.importorskip("volspec.viewer.panels.lights.dial")
+pytest.importorskip("imgui_bundle")
 
 AREA = (0, 20, 900, 600)
-
-
-@given(
-    boxes=st.lists(
-        st.tuples(st.floats(-20, 120), st.floats(-20, 120), st.floats(1, 60), st.floats(1, 20)),
-        max_size=40,
-    )
-)
-def test_names_at_the_dial_never_overlap_and_never_leave_it(
-    boxes: list[tuple[float, float, float, float]],
-) -> None:
-    labels = [dial.Label(i, box, float(i)) for i, box in enumerate(boxes)]
-    kept = dial.free(labels, (0.0, 0.0, 100.0, 100.0))
-    for i, one in enumerate(kept):
-        x, y, width, height = one.box
-        assert x >= 0 and y >= 0 and x + width <= 100 and y + height <= 100
-        for other in kept[i + 1 :]:
-            left, top, wide, tall = other.box
-            apart = x + width <= left or left + wide <= x or y + height <= top or top + tall <= y
-            assert apart
-    inside = [e for e in labels if dial.free([e], (0.0, 0.0, 100.0, 100.0))]
-    assert not inside or kept[0] == inside[0]
-
-
-def test_the_light_under_the_mouse_is_found_at_the_rim_only() -> None:
-    assert dial.nearest(4, 0.05, -1.0, 0.1) == 0 and dial.nearest(4, 1.0, 0.02, 0.1) == 1
-    assert dial.nearest(4, 0.0, 0.0, 0.1) == -1
 
 
 @given(at=st.floats(0, 900), left=st.floats(20, 400), right=st.floats(20, 400))

@@ -1,47 +1,36 @@
-"""The palette's logic without a window: wishes, what they cost, designs, wizards, files."""
+"""The palette's table without a window: cells, wishes and what they cost, materials of values."""
 
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
-from volspec.palette import Cell, Criteria, design, load_palette
+from volspec.palette import Cell, Criteria, design
 from volspec.pipeline import raycast
+from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
-from volspec.transfer import (
-    Isosurfaces,
-    LabelFunction,
-    Region,
-    TransferFunction,
-    TransferFunction2D,
-)
+from volspec.transfer import TransferFunction
 from volspec.viewer.actions import BY_NAME
 from volspec.viewer.document import Document
 from volspec.viewer.events import EVENTS, Event, reduced
 from volspec.viewer.history import History
-from volspec.viewer.palette import files, wizards
+from volspec.viewer.lights.lighting import LightRow
 from volspec.viewer.palette.ranges import assigned, ranges
-from volspec.viewer.palette.service import advice_of
 from volspec.viewer.palette.spectra import columns, with_reflectances
 from volspec.viewer.palette.table import answered, palette_of, table_of
-from volspec.viewer.palette.wishes import LIGHT, REFLECTANCE, STAY, Board, Pick, Wishes
-from volspec.viewer.palette.worker import DesignDone, DesignJob, DesignWorker
-from volspec.viewer.panels.palette.cells import contrast, explained, importance, levels
-from volspec.viewer.panels.palette.panel import summary
+from volspec.viewer.palette.wishes import REFLECTANCE, STAY, Board
+from volspec.viewer.panels.palette.cells import contrast, importance
+from volspec.viewer.panels.palette.margins import levels, parts_told
 from volspec.viewer.stale import stale_stage
 from volspec.viewer.state import ViewState
 
-PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 # ΔE00 that side by side is just seen: what a reached wish stays below.
 SEEN = 1.0
 
@@ -58,22 +47,6 @@ def undressed(state: ViewState) -> ViewState:
     """With its materials as channels, and no wishes."""
     exact = wished(state, 0)
     return replace(exact, board=Board())
-
-
-def answers(*asked: ViewState) -> list[DesignDone]:
-    """What comes of wishes that follow each other at once, up to the last one's design."""
-    worker = DesignWorker(lambda: None)
-    for each in asked:
-        worker.request(DesignJob(palette_of(each), each.board.wishes))
-    done: list[DesignDone] = []
-    end = time.time() + 20
-    while time.time() < end and not any(
-        each.whole and each.job.wishes is asked[-1].board.wishes for each in done
-    ):
-        done += worker.take()
-        time.sleep(0.005)
-    worker.close()
-    return done
 
 
 def test_cells_stand_row_by_row_and_are_found_again(state: ViewState) -> None:
@@ -100,6 +73,33 @@ def test_the_table_shows_what_the_picture_shows(state: ViewState, document: Docu
     code = relight(image, rig, viewing, backend="numpy")[4, 4]
     cell = table_of(shown).cells["gold", "A"]
     np.testing.assert_allclose(code / 255.0, np.clip(cell.obtained, 0, 1), atol=1.01 / 255.0)
+
+
+def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(
+    state: ViewState, document: Document
+) -> None:
+    """As a pixel that sky and room light by 0.3 and 0.7, to 8 bits."""
+    groups = (LightGroup("sky", Ambient(0.3)), LightGroup("room", Ambient(0.7)))
+    shown = undressed(state)
+    rig = LightRig((light("A"), light("daylight:7500")), groups=("room", "sky"))
+    row = LightRow("evening", "", rig, texts=("A", None))
+    shading = replace(shown.shading, groups=groups, ambient=1.0)
+    shown = replace(shown, lights=(*shown.lights, row), shading=shading)
+    one = replace(document.transfer, points=[(0.0, 1.0, "gold")], basis=shown.transfer.basis)
+    image = raycast(document.volume, one, shown.view.camera(document.volume), (8, 8), shading)
+    code = relight(image, rig, shown.seen.viewing, backend="numpy")[4, 4]
+    cell = table_of(shown).cells["gold", "evening"]
+    np.testing.assert_allclose(code / 255.0, np.clip(cell.obtained, 0, 1), atol=1.01 / 255.0)
+
+
+def test_a_column_says_which_groups_its_light_is_from(state: ViewState) -> None:
+    pair, groups = (light("A"), light("D65")), ("room", "sky")
+    both = parts_told(LightRow("x", "", LightRig(pair, groups=groups), texts=("A", None)))
+    assert both.startswith("A from room + drawn by hand from sky\n") and "together" in both
+    mix = parts_told(LightRow("x", "", LightRig(pair, (1.0, 0.0)), texts=("A", "D65")))
+    assert mix.startswith("A\n")
+    assert parts_told(LightRow("x", "", LightRig(pair[:1], groups=("sky",)))) == "From sky alone"
+    assert parts_told(state.lights[0]) == ""
 
 
 def test_a_first_wish_casts_once_and_all_that_follows_relights(state: ViewState) -> None:
@@ -156,46 +156,6 @@ def test_a_wish_opens_its_material_and_asks_the_other_colours_to_stay(state: Vie
     assert wished(wished(state, 5), 6).board.wishes.open == wishes.open
 
 
-def test_a_wish_that_can_be_met_is_met(state: ViewState) -> None:
-    made = designed(wished(state, 5))
-    table = table_of(made)
-    assert max(table.errors) < SEEN
-    assert "All met" in summary(table)
-    values = made.transfer.materials["gold"].values
-    assert values.min() >= 0.0 and values.max() <= 1.0
-    assert made.transfer.materials["copper"] is state.transfer.materials["copper"]
-
-
-def test_a_wish_that_cannot_be_met_is_flagged(state: ViewState) -> None:
-    """No reflectance is saturated blue under tungsten light and saturated red under daylight."""
-    asked = wished(wished(state, 5, "#0000ff"), 4, "#ff0000")
-    table = table_of(designed(asked))
-    assert max(table.errors) > 5 and "2 of 2 missed" in summary(table)
-    cell, wish = table.cells["gold", "A"], asked.board.wishes.cells["gold", "A"]
-    assert "cannot be told apart" in explained(cell, wish)
-
-
-def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState) -> None:
-    """Figure 2's wishes, of a scene with as many materials and no such lights."""
-    names = ("a", "b", "c", "d", "e")
-    grey = {name: reflectance("ColorChecker/neutral 5 (.70 D)") for name in names}
-    transfer = TransferFunction([(0.2, 0.0, "a"), (0.5, 0.2, "b")], grey, MaterialBasis(grey))
-    empty = replace(state, transfer=transfer, lights=state.lights[:1])
-    palette = load_palette(PALETTES / "figure-2.toml")
-    begun = files.with_palette(empty, palette)
-    assert columns(begun.lights) == ("D65", "split 1", "split 2")
-    assert begun.board.waits and begun.board.anew
-    found = answers(begun)[-1].made
-    assert found is not None
-    made = answered(begun, found, begun.board.wishes)
-    table = table_of(made)
-    assert not made.board.waits
-    assert len(table.errors) == 15 and max(table.errors) < SEEN
-    assert len({summary(table), summary(table_of(begun))}) == 2
-    assert all(row.rig.lights[0].values.min() >= 0 for row in made.lights)
-    assert stale_stage(begun, made) == "relight"
-
-
 def test_kinds_of_wishes_keep_their_weight_and_their_partner(state: ViewState) -> None:
     asked = reduced(wished(state, 5), Event("wish-weight", 3.0, index=5))
 
@@ -219,19 +179,6 @@ def test_a_constant_material_is_wanted_of_one_colour(state: ViewState) -> None:
     wishes = steady.board.wishes
     assert wishes.constant == {"gold"} and {at[1] for at in wishes.cells} == {"D65"}
     assert next(row for row in palette_of(steady).reflectances if row.name == "gold").constant
-
-
-def test_a_light_of_real_lamps_is_a_sum_of_them(state: ViewState) -> None:
-    asked = reduced(wished(state, 6), Event("lamp", index=2, key="A"))
-    asked = reduced(asked, Event("lamp", index=2, key="D65"))
-    assert asked.board.wishes.lamps == {"FL2": ("A", "D65")}
-    made = designed(asked)
-    values = made.lights[2].rig.lights[0].values
-    lamps = np.stack([light(name).values for name in ("A", "D65")], axis=1)
-    shares, *_ = np.linalg.lstsq(lamps, values, rcond=None)
-    # What the solver leaves beside the two lamps is rounding.
-    np.testing.assert_allclose(lamps @ shares, values, atol=1e-6 * values.max())
-    assert shares.min() > -1e-6
 
 
 def test_undo_takes_a_wish_and_its_spectra_back_together(state: ViewState) -> None:
@@ -266,104 +213,6 @@ def test_materials_of_values_are_cut_out_of_the_curve(state: ViewState) -> None:
     assert assigned(made, 0.3, 0.4, "gold").points == made.points
     assert assigned(curve, 0.4, 0.3, "gold") is curve
     assert assigned(curve, 0.3, 0.4, "tin") is curve
-
-
-@pytest.fixture(scope="module")
-def hidden(state: ViewState) -> ViewState:
-    pick = Pick(place=("gold", "A"))
-    asked = replace(state, interface=replace(state.interface, pick=pick))
-    return wizards.applied(asked, wizards.asked(asked, "hide"))
-
-
-def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: ViewState) -> None:
-    table = table_of(hidden)
-    cell = table.cells["gold", "A"]
-    assert cell.kind == "same" and cell.error is not None and cell.error < SEEN
-    assert hidden.board.wishes.open == {(REFLECTANCE, "gold")} and not hidden.board.waits
-    # What else was asked for can be asked for again, from here.
-    again = wished(hidden, 4, "#c0a060")
-    assert again.board.waits and palette_of(again).cells["gold", "A"].kind == "same"
-
-
-def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
-    pick = Pick(place=("gold", "A"), like="D65")
-    asked = replace(state, interface=replace(state.interface, pick=pick))
-    made = wizards.applied(asked, wizards.asked(asked, "hide"))
-    assert columns(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
-    assert (LIGHT, "new 1") in made.board.wishes.open
-    assert stale_stage(undressed(state), replace(made, board=Board())) == "relight"
-
-
-def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState) -> None:
-    metals, basis = state.transfer.materials, state.transfer.basis
-    region = Region((0.3, 0.6), (0.0, 1.0), 0.5, "gold")
-    for transfer in (
-        state.transfer,
-        TransferFunction2D([region], metals, basis),
-        LabelFunction({1: (0.5, "gold"), 2: (0.2, {"copper": 0.5})}, metals, basis),
-        Isosurfaces([(0.3, 0.5, "copper"), (0.6, 1.0, "gold")], metals, basis),
-    ):
-        scene = wizards.scene_of(replace(state, transfer=transfer))
-        assert list(scene.materials) == ["copper", "gold"]
-        assert type(scene.transfer) is type(transfer)
-        assert [each.name for each in scene.lights] == list(columns(state.lights))
-        assert scene.relight.viewing == state.seen.viewing
-
-
-def test_filters_keep_their_basis_and_no_wizard_touches_them(state: ViewState) -> None:
-    assert isinstance(state.transfer, TransferFunction)
-    glass = replace(state.transfer, filters={"gold": reflectance("gold")})
-    asked = wished(replace(state, transfer=glass), 5)
-    assert asked.transfer is glass and asked.board.waits
-    assert stale_stage(asked, designed(asked)) == "cast"
-    with pytest.raises(PaletteError, match="filter"):
-        wizards.asked(asked, "hide")
-
-
-def test_a_wizard_that_refuses_says_why(state: ViewState) -> None:
-    pick = Pick(place=("gold", "A"), distance=99.0)
-    asked = replace(state, interface=replace(state.interface, pick=pick))
-    with pytest.raises(PaletteError, match="comes no further than"):
-        wizards.asked(asked, "reveal")
-
-
-def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: Path) -> None:
-    file = tmp_path / "mine.toml"
-    files.saved(hidden, str(file))
-    again = files.with_palette(hidden, load_palette(file))
-    assert not again.board.waits
-    assert again.board.wishes.cells == hidden.board.wishes.cells
-    assert again.board.wishes.open == hidden.board.wishes.open
-    # Six decimals are written.
-    for name, spectrum in hidden.transfer.materials.items():
-        np.testing.assert_allclose(
-            again.transfer.materials[name].values, spectrum.values, atol=1e-6
-        )
-
-
-def test_the_latest_wish_wins_and_is_answered_quickly_then_well(state: ViewState) -> None:
-    first, last = wished(state, 5), wished(state, 5, "#906050")
-    done = answers(first, last)
-    assert [each.whole for each in done if each.job.wishes is last.board.wishes] == [False, True]
-    assert not any(each.whole for each in done if each.job.wishes is first.board.wishes)
-    made = done[-1].made
-    assert made is not None
-    assert max(table_of(answered(last, made, last.board.wishes)).errors) < SEEN
-
-
-def test_what_contradicts_itself_is_refused_in_words(state: ViewState) -> None:
-    asked = state
-    for index, colour in ((4, "#ff0000"), (5, "#0000ff")):
-        asked = wished(asked, index, colour)
-        asked = reduced(asked, Event("wish-weight", 1.0, index=index, key="must"))
-    done = answers(asked)
-    assert done[0].made is None and done[0].whole and "gold" in done[0].error
-
-
-def test_advice_is_about_wishes_alone() -> None:
-    wishes = Wishes({("a", "D65"): Cell(colour=(0, 0, 0), weight=STAY)})
-    advice = ("(a, D65): weight 1 …", "(a, A): weight 4 …", "rounds 12 …")
-    assert advice_of(advice, wishes) == advice[1:]
 
 
 def test_a_hunt_s_eye_is_no_end_of_the_table(state: ViewState) -> None:

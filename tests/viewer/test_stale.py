@@ -9,6 +9,7 @@ import pytest
 
 from volspec.raycast import ClipPlane
 from volspec.relight import RelightSpec
+from volspec.spectra import reflectance
 from volspec.viewer.actions import ACTIONS, BY_NAME
 from volspec.viewer.document import Document
 from volspec.viewer.events import EVENTS, Event, reduced
@@ -95,7 +96,7 @@ _COSTS = {
     "open-viewing": None,
     # Of regions only, which the curve here has none of.
     **dict.fromkeys(("region-values", "region-gradients", "softness"), None),
-    **dict.fromkeys(("by-gradient", "add-material"), "cast"),
+    **dict.fromkeys(("by-gradient", "add-material", "remove-material"), "cast"),
     # Of opacity by gradient, which the curve here does not have.
     **dict.fromkeys(("gradient-point", "add-gradient-point", "remove-gradient-point"), None),
     "choose-point": "frame",
@@ -108,6 +109,7 @@ _KEYS = {
     "metric": "RGB",
     "assign": "gold",
     "recast": "copper",
+    "remove-material": "silver",
     "add-light": "HP1",
     "respell": "FL2",
     "pick-light": "A",
@@ -125,11 +127,13 @@ _KEYS = {
 
 @pytest.fixture
 def cut(state: ViewState) -> ViewState:
-    """Something to reset and remove: a crop, two planes and two saved states."""
+    """Something to reset and remove: a crop, two planes, two saved states, a material too many."""
     planes = (ClipPlane((3.0, 3.0, 3.0), (1.0, 0.0, 0.0)),) * 2
     shading = replace(state.shading, crop_voxels=((1, 6), (0, 7), (0, 7)), clip_planes=planes)
     kept = tuple(LightState(name, state.lights[1:], state.seen) for name in "ab")
-    return replace(state, shading=shading, kept=kept)
+    metals = {**state.transfer.materials, "silver": reflectance("silver")}
+    transfer = replace(state.transfer, materials=metals)
+    return replace(state, shading=shading, kept=kept, transfer=transfer)
 
 
 def test_events_cost_what_their_names_say(cut: ViewState) -> None:

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from tests.viewer.test_files_scene import assert_same_picture, opened, picture
+from tests.viewer.test_transfer import KINDS, of_kind
 from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.errors import TransferError
 from volspec.spectra import Spectrum, light, reflectance, reflectance_names, reflectance_of
 from volspec.spectra.construct.colours import sRGB_of_word
 from volspec.transfer import TransferFunction
@@ -19,9 +21,10 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.materials import refusal
 from volspec.viewer.files.as_python import export_python
 from volspec.viewer.files.session import read_session, resumed, save_session
+from volspec.viewer.history import History
 from volspec.viewer.state import ViewState
 from volspec.viewer.transfer import css
-from volspec.viewer.transfer.materials import MOST_MATERIALS, told
+from volspec.viewer.transfer.materials import MOST_MATERIALS, told, why_kept, without_material
 from volspec.viewer.transfer.parts import parts_of
 
 
@@ -93,6 +96,62 @@ def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) 
     assert why.startswith(f"'silver': {MOST_MATERIALS} materials are in use")
 
 
+def taken_out(state: ViewState, name: str) -> ViewState:
+    return reduced(state, Event("remove-material", key=name))
+
+
+def test_a_material_that_nothing_is_made_of_is_taken_out_in_one_step_of_undo(
+    state: ViewState,
+) -> None:
+    tried = given(given(state, "silver"), "copper")
+    history = History(tried).then(taken_out(tried, "silver"), 1)
+    new = history.present
+    assert list(new.transfer.materials) == ["copper", "gold"]
+    assert isinstance(new.transfer.basis, MaterialBasis)
+    assert list(new.transfer.basis.materials) == ["copper", "gold"]
+    assert parts_of(new.transfer) == parts_of(tried.transfer)
+    assert history.undone().present.transfer is tried.transfer
+    # A fitted basis is no list of materials: it stays.
+    fitted = replace(curve_of(state), materials=tried.transfer.materials)
+    assert without_material(fitted, "silver").basis is fitted.basis
+    assert taken_out(state, "no such") is state
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_material_that_parts_are_made_of_stays_and_the_parts_are_named(
+    state: ViewState, kind: str
+) -> None:
+    state = of_kind(state, kind)
+    assert taken_out(state, "gold") is state
+    said = {
+        "points": "point 3",
+        "regions": "region 2",
+        "surfaces": "surface 2",
+        "labels": "label 7",
+    }
+    why = f"{said[kind]} is made of it; give it another material first"
+    assert why_kept(state.transfer, "gold") == why
+    with pytest.raises(TransferError, match=f"'gold': {why}"):
+        without_material(state.transfer, "gold")
+    free = reduced(state, Event("material", index=len(parts_of(state.transfer)) - 1, key="copper"))
+    assert list(taken_out(free, "gold").transfer.materials) == ["copper"]
+
+
+def test_of_many_parts_the_first_are_named(state: ViewState) -> None:
+    points = [(0.1 * i, 0.1, "gold") for i in range(9)]
+    said = why_kept(replace(curve_of(state), points=points), "gold")
+    assert said.startswith("points 1, 2, 3, 4, 5, 6 and 3 more are made of it")
+
+
+def test_shares_of_nothing_and_a_filter_go_with_their_material(state: ViewState) -> None:
+    mixed = [(0.0, 0.1, {"copper": 1.0, "gold": 0.0}), (1.0, 0.2, "copper")]
+    glass = {name: Spectrum([390, 710], [0.2, 0.9]) for name in ("copper", "gold")}
+    new = without_material(replace(curve_of(state), points=mixed, filters=glass), "gold")
+    assert isinstance(new, TransferFunction) and new.filters is not None
+    assert [dict(part.mix) for part in parts_of(new)] == [{"copper": 1.0}] * 2
+    assert list(new.filters) == list(new.materials) == ["copper"]
+
+
 def test_a_colour_is_a_material_and_a_metal_comes_before_a_colour_of_its_name(
     state: ViewState,
 ) -> None:
@@ -153,3 +212,16 @@ def test_scenes_sessions_and_scripts_keep_such_a_material(
     exec(compile(script.read_text(encoding="utf-8"), str(script), "exec"), names)
     np.testing.assert_array_equal(names["materials"]["PMC/Banana"].values, other.values)
     assert names["basis"].fingerprint == state.transfer.basis.fingerprint
+
+
+def test_materials_are_shown_as_an_adapted_eye_sees_them(state: ViewState) -> None:
+    colours = pytest.importorskip("volspec.viewer.panels.transfer.colours")
+    under_daylight = colours.material_colours(state)
+    assert set(under_daylight) == {"copper", "gold"}
+    r, g, b = under_daylight["gold"]
+    assert r > g > b
+    # Tungsten makes everything orange, an adapted eye takes most of that back.
+    lamp = replace(state, lights=(replace(state.lights[1], weight=1.0),))
+    assert np.abs(np.subtract(colours.material_colours(lamp)["gold"], (r, g, b))).max() < 0.1
+    dark = replace(state, lights=(replace(state.lights[0], weight=0.0),))
+    assert max(colours.part_colours(dark)[0]) == 0.0

@@ -221,6 +221,13 @@ def _into(kind: converting.Kind) -> Change:
     return change
 
 
+def _labelled(state: ViewState) -> str:
+    """Why a transfer function stays what it is."""
+    if not isinstance(state.transfer, LabelFunction):
+        return ""
+    return "Labels are names, no values: neither presets nor other kinds fit them"
+
+
 def _lost(kind: converting.Kind) -> Callable[[ViewState], str]:
     return lambda state: converting.left_out(state.transfer, kind, _span(state))
 
@@ -259,12 +266,16 @@ KIND_TITLES: dict[converting.Kind, str] = {
 }
 ACTIONS = (
     *(
-        Action(f"preset-{preset.name}", "Transfer", f"Preset: {preset.title}", (), _preset(preset))
+        Action(
+            *(f"preset-{preset.name}", "Transfer", f"Preset: {preset.title}", (), _preset(preset)),
+            refusal=_labelled,
+        )
         for preset in preset_table.PRESETS
     ),
     *(
         Action(
             *(f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _into(kind), _is(kind)),
+            refusal=_labelled,
             told=_lost(kind),
         )
         for kind, title in KIND_TITLES.items()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from volspec.errors import VolspecError
+from volspec.errors import VolspecError, one_line
 from volspec.viewer.events import lightstates
 from volspec.viewer.events.event import Action, Change, Event, Reducer
 from volspec.viewer.lights import blending, drawing, lighting, mixes, parts
@@ -58,7 +58,8 @@ def _toggled(state: ViewState, index: int, name: str) -> ViewState:
 
 
 def _remove(state: ViewState, event: Event) -> ViewState:
-    return replace(state, lights=lighting.removed(state.lights, event.index))
+    rows = lighting.removed(state.lights, event.index)
+    return state if rows is state.lights else replace(state, lights=rows)
 
 
 def _select(state: ViewState, event: Event) -> ViewState:
@@ -122,6 +123,20 @@ def _keep_mix(state: ViewState) -> ViewState:
     return with_last(state, rows)
 
 
+def _no_mix(state: ViewState) -> str:
+    """Why no mix is kept."""
+    try:
+        rows = mixes.with_mix(state.lights, state.document.grid, state.document.folder)
+    except VolspecError as error:
+        return one_line(error)
+    return "No light is on: there is no mix to keep" if rows is state.lights else ""
+
+
+def _last_light(state: ViewState) -> str:
+    """Why no light is removed."""
+    return "The last light stays; add another one first" if len(state.lights) < 2 else ""
+
+
 def _blend_all(state: ViewState) -> ViewState:
     return replace(state, lights=blending.blended(state.lights, 0.0, 0.0))
 
@@ -181,11 +196,14 @@ ACTIONS = (
     Action("solo", "Light", "Solo the chosen light", (), _chosen(_solo)),
     Action("mute", "Light", "Mute the chosen light", (), _chosen(_mute)),
     Action("blend-all", "Light", "All lights alike", (), _blend_all),
-    Action("keep-mix", "Light", "Keep this mix as a light", ("k",), _keep_mix),
+    Action("keep-mix", "Light", "Keep this mix as a light", ("k",), _keep_mix, refusal=_no_mix),
     Action(
         "reset-spectrum", "Light", "Undo the drawing of the chosen spectrum", (), reset_spectrum
     ),
     Action("rename-light", "Light", "Rename the chosen light", ("f2",)),
-    Action("remove-light", "Light", "Remove the chosen light", (), _chosen(_remove)),
+    Action(
+        *("remove-light", "Light", "Remove the chosen light", (), _chosen(_remove)),
+        refusal=_last_light,
+    ),
     *lightstates.ACTIONS,
 )

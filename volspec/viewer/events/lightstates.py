@@ -29,6 +29,13 @@ def saved(state: ViewState) -> ViewState:
     return replace(state, kept=(*state.kept, new))
 
 
+def _full(state: ViewState) -> str:
+    """Why no more is saved."""
+    if len(state.kept) < MOST_STATES:
+        return ""
+    return f"{MOST_STATES} saved states are the most; delete one first"
+
+
 def saved_over(state: ViewState, index: int) -> ViewState:
     """The present lights and viewing in place of those of a saved state."""
     return _with(state, index, lights=state.lights, seen=state.seen)
@@ -87,7 +94,10 @@ def _recall(index: int) -> Change:
 
 
 ACTIONS = (
-    Action("save-state", "Light", "Save these lights as a state", ("alt+s",), saved),
+    Action(
+        *("save-state", "Light", "Save these lights as a state", ("alt+s",), saved),
+        refusal=_full,
+    ),
     *(
         Action(f"recall-{i}", "Light", f"Fade to state {i}", (f"alt+{i}",), _recall(i - 1))
         for i in range(1, 10)

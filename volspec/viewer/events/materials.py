@@ -1,4 +1,4 @@
-"""Events of a transfer function's materials: one more, from the library, of a colour, from a file.
+"""Events of a transfer function's materials: one more, by name, colour or file; one less.
 
 panels -> [materials] -> Transfer
 """
@@ -10,7 +10,7 @@ from dataclasses import replace
 from volspec.errors import VolspecError, one_line
 from volspec.viewer.events.event import Event, Reducer, guarded
 from volspec.viewer.state import ViewState
-from volspec.viewer.transfer.materials import reflectance_for, with_material
+from volspec.viewer.transfer.materials import reflectance_for, with_material, without_material
 
 
 def refusal(state: ViewState, event: Event) -> str:
@@ -31,4 +31,10 @@ def _add(state: ViewState, event: Event) -> ViewState:
     return state if new is transfer else replace(state, transfer=new)
 
 
-EVENTS: dict[str, Reducer] = {"add-material": guarded(_add)}
+def _remove(state: ViewState, event: Event) -> ViewState:
+    """Without a material that no part is made of, by its name."""
+    new = without_material(state.transfer, event.key)
+    return state if new is state.transfer else replace(state, transfer=new)
+
+
+EVENTS: dict[str, Reducer] = {"add-material": guarded(_add), "remove-material": guarded(_remove)}

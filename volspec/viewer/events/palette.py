@@ -234,6 +234,11 @@ def _anew(state: ViewState) -> ViewState:
     return replace(state, board=board, transfer=exact(state.transfer))
 
 
+def _nothing_open(state: ViewState) -> str:
+    """Why nothing is designed from scratch."""
+    return "" if state.board.wishes.open else "Nothing may change yet: wish for a colour in a cell"
+
+
 def _forget(state: ViewState) -> ViewState:
     """No wishes; spectra stay as they are."""
     wishes = Wishes(criteria=state.board.wishes.criteria)
@@ -263,9 +268,21 @@ def _new_light(state: ViewState) -> ViewState:
     return with_last(_wishing(state, wishes), rows)
 
 
+def _no_room(state: ViewState) -> str:
+    """Why there is no new light."""
+    if len(state.lights) < lighting.MOST_ROWS:
+        return ""
+    return f"{lighting.MOST_ROWS} lights are the most; remove one first"
+
+
 ACTIONS = (
-    Action("palette-light", "Palette", "New light to be designed", (), _new_light),
-    Action("palette-anew", "Palette", "Design the palette from scratch", (), _anew),
+    Action(
+        *("palette-light", "Palette", "New light to be designed", (), _new_light), refusal=_no_room
+    ),
+    Action(
+        *("palette-anew", "Palette", "Design the palette from scratch", (), _anew),
+        refusal=_nothing_open,
+    ),
     Action("palette-forget", "Palette", "Forget all wishes, keep the spectra", (), _forget),
     Action("palette-own", "Palette", "The scene's own spectra", (), _own_spectra),
     Action("hide", "Palette", "Hide the chosen material under the chosen light"),

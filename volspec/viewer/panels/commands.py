@@ -22,6 +22,7 @@ from volspec.viewer.actions import ACTIONS
 from volspec.viewer.desk import Desk, Search
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.event import Action, Change
+from volspec.viewer.events.rows import refusal
 from volspec.viewer.files.recent import RecentFile
 from volspec.viewer.finding import found
 from volspec.viewer.panels.viewing import SETTINGS
@@ -144,8 +145,14 @@ def _files(recent: tuple[RecentFile, ...]) -> tuple[Command, ...]:
 def _added() -> tuple[Command, ...]:
     """Lights of the library."""
     return tuple(
-        Command("Add light", name, change=_after("add-light", name)) for name in light_names()
+        Command("Add light", name, change=_after("add-light", name), refusal=_no_light(name))
+        for name in light_names()
     )
+
+
+def _no_light(name: str) -> Callable[[ViewState], str]:
+    """Why a light of the library is not added."""
+    return lambda state: refusal(state, Event("add-light", key=name))
 
 
 def _after(name: str, key: str = "", index: int = 0) -> Change:

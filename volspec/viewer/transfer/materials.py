@@ -1,4 +1,4 @@
-"""Materials that a transfer function is given: from the library, of a colour, from a file.
+"""Materials that a transfer function is given, by name, colour or file, and that are taken out.
 
 notation -> [materials] -> Transfer -> raycast
 
@@ -10,11 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
+from typing import Any
 
 from volspec.basis import MaterialBasis
 from volspec.errors import SpectrumError, TransferError, quoted
 from volspec.spectra import SpectralGrid, Spectrum, reflectance, reflectance_of
-from volspec.transfer import MAX_CHANNELS, Transfer
+from volspec.transfer import (
+    MAX_CHANNELS,
+    Isosurfaces,
+    LabelFunction,
+    Transfer,
+    TransferFunction,
+    TransferFunction2D,
+)
 from volspec.transfer.mixes import used
 from volspec.viewer.files.as_lights import same_spectrum
 from volspec.viewer.palette.spectra import exact
@@ -23,6 +32,14 @@ from volspec.viewer.transfer.parts import parts_of, with_mix
 
 # One channel is white's.
 MOST_MATERIALS = MAX_CHANNELS - 1
+# What parts are called, and how many of them a sentence names.
+_PARTS: dict[type, str] = {
+    TransferFunction: "point",
+    TransferFunction2D: "region",
+    Isosurfaces: "surface",
+    LabelFunction: "label",
+}
+_MOST_NAMED = 6
 
 
 def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: str) -> Spectrum:
@@ -89,6 +106,73 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
         basis = MaterialBasis(materials, basis.name, basis.grid, basis.observer_deg)
     more = replace(transfer, materials={**materials, name: spectrum}, basis=basis)
     return with_mix(exact(more), index, name)
+
+
+def without_material(transfer: Transfer, name: str) -> Transfer:
+    """The same without a material, and without its channel where materials are the channels.
+
+    Parameters
+    ----------
+    transfer : Transfer
+    name : str
+        Of no such material the transfer function is as it was.
+
+    Raises
+    ------
+    TransferError
+        If a part is made of it: then nothing else says how that looks.
+    """
+    if name not in transfer.materials:
+        return transfer
+    if why := why_kept(transfer, name):
+        raise TransferError(f"{quoted(name)}: {why}")
+    for index, part in enumerate(parts_of(transfer)):
+        if name in part.mix:  # a share of 0
+            rest = {other: share for other, share in part.mix.items() if other != name}
+            transfer = with_mix(transfer, index, rest)
+    materials = {other: own for other, own in transfer.materials.items() if other != name}
+    changes: dict[str, Any] = {"materials": materials}
+    basis = transfer.basis
+    if isinstance(basis, MaterialBasis):
+        changes["basis"] = MaterialBasis(materials, basis.name, basis.grid, basis.observer_deg)
+    if isinstance(transfer, TransferFunction) and transfer.filters:
+        filters = {other: own for other, own in transfer.filters.items() if other != name}
+        changes["filters"] = filters or None
+    return replace(transfer, **changes)
+
+
+def why_kept(transfer: Transfer, name: str) -> str:
+    """Why a material cannot be taken out, in words: which parts are made of it; empty if none is.
+
+    >>> from volspec.basis import SpectralBasis
+    >>> metals = {name: reflectance(name) for name in ("copper", "gold")}
+    >>> points = [(0.0, 0.1, "copper"), (0.5, 0.1, "copper"), (1.0, 0.2, "copper")]
+    >>> curve = TransferFunction(points, metals, SpectralBasis.load("general-7"))
+    >>> why_kept(curve, "copper"), why_kept(curve, "gold")
+    ('points 1, 2 and 3 are made of it; give them another material first', '')
+    """
+    numbers = _users(transfer).get(name, ())
+    if not numbers:
+        return ""
+    what = _PARTS[type(transfer)]
+    if len(numbers) == 1:
+        return f"{what} {numbers[0]} is made of it; give it another material first"
+    named, rest = numbers[:_MOST_NAMED], len(numbers) - _MOST_NAMED
+    last = f"{rest} more" if rest > 0 else named.pop()
+    listed = f"{', '.join(named)} and {last}"
+    return f"{what}s {listed} are made of it; give them another material first"
+
+
+# Looked up for every material in every frame in which their list is open.
+@lru_cache(maxsize=4)
+def _users(transfer: Transfer) -> Mapping[str, list[str]]:
+    """The parts that hold some of each material, as panels number them; a label by itself."""
+    labels = isinstance(transfer, LabelFunction)
+    users: dict[str, list[str]] = {}
+    for number, part in enumerate(parts_of(transfer), 1):
+        for name in used([part.mix]):
+            users.setdefault(name, []).append(f"{part.values[0]:g}" if labels else f"{number}")
+    return users
 
 
 def told(old: Transfer, new: Transfer) -> str:

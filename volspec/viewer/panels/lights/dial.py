@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from imgui_bundle import imgui
@@ -14,32 +12,27 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.lights.blending import corners, dial_place
 from volspec.viewer.lights.lighting import shining
 from volspec.viewer.panels.lights.colours import raw_colour
-from volspec.viewer.panels.widgets import in_line, packed, shortened, tip
+from volspec.viewer.panels.lights.names import (
+    Box,
+    Label,
+    Letters,
+    Measure,
+    Ring,
+    extents,
+    labels_of,
+    line_starts,
+    ring_for,
+    under,
+)
+from volspec.viewer.panels.widgets import in_line, packed, text_width, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.window.style import ACCENT
 
-Box = tuple[float, float, float, float]
-# Room for names: above and below, and at the sides.
-_ABOVE, _BESIDE, _OUT = 27.0, 60.0, 3.0
+# Room for names: above and below, and at the sides; beyond a dot, and between two of them.
+_ABOVE, _BESIDE, _OUT, _GAP = 27.0, 60.0, 3.0, 4.0
+# The least radius.
+_LEAST = 24.0
 _DOT, _SMALL_DOT, _MANY = 7.0, 4.0, 16
-
-
-@dataclass(frozen=True, slots=True)
-class Label:
-    """A name that would stand at the rim.
-
-    Parameters
-    ----------
-    index : int
-        Of the light.
-    box : (x, y, width, height)
-    rank : float
-        Those of lower rank come first.
-    """
-
-    index: int
-    box: Box
-    rank: float
 
 
 def draw(state: ViewState, desk: Desk, width: float, height: float) -> ViewState:
@@ -47,11 +40,8 @@ def draw(state: ViewState, desk: Desk, width: float, height: float) -> ViewState
     x, y = imgui.get_cursor_screen_pos()
     imgui.invisible_button("dial", (width, height))
     desk.note("dial")
-    middle = x + width / 2, y + height / 2
-    radius = max(
-        min(height / 2 - desk.px(_ABOVE), width / 2 - desk.px(_BESIDE)),
-        desk.px(24),
-    )
+    ring = _ring(state, desk, (x, y, width, height))
+    middle, radius = ring.middle, ring.radius
     new, hovered = state, -1
     mouse = imgui.get_mouse_pos()
     place = (mouse.x - middle[0]) / radius, (mouse.y - middle[1]) / radius
@@ -59,13 +49,15 @@ def draw(state: ViewState, desk: Desk, width: float, height: float) -> ViewState
         new = reduced(state, Event("dial", *place))
     elif imgui.is_item_hovered():
         hovered = nearest(len(state.lights), *place, reach=desk.px(14) / radius)
+        if hovered < 0:
+            hovered = under(_placed(state, desk, ring, -1), mouse.x, mouse.y)
         if hovered >= 0:
             row = state.lights[hovered]
             imgui.set_tooltip("\n".join(dict.fromkeys(map(in_line, (row.name, row.label)))))
         else:
             tip("Drag to blend the lights; the middle is all of them alike")
     _rim(new, desk, middle, radius, hovered)
-    _names(new, desk, (x, y, width, height), middle, radius, hovered)
+    _names(new, desk, _placed(new, desk, ring, hovered), hovered)
     return new
 
 
@@ -74,26 +66,6 @@ def nearest(count: int, x: float, y: float, reach: float) -> int:
     away = [math.hypot(px - x, py - y) for px, py in corners(count)]
     closest = min(range(count), key=lambda i: away[i])
     return closest if away[closest] <= reach else -1
-
-
-def free(labels: Sequence[Label], within: Box, taken: Sequence[Box] = ()) -> list[Label]:
-    """Those names that overlap no other and stand inside; by rank, the first in the way stays."""
-    kept: list[Label] = []
-    boxes = list(taken)
-    for label in sorted(labels, key=lambda each: each.rank):
-        if _inside(label.box, within) and not any(_overlap(label.box, box) for box in boxes):
-            kept.append(label)
-            boxes.append(label.box)
-    return kept
-
-
-def _inside(box: Box, within: Box) -> bool:
-    (x, y, width, height), (left, top, wide, tall) = box, within
-    return x >= left and y >= top and x + width <= left + wide and y + height <= top + tall
-
-
-def _overlap(a: Box, b: Box) -> bool:
-    return a[0] < b[0] + b[2] and b[0] < a[0] + a[2] and a[1] < b[1] + b[3] and b[1] < a[1] + a[3]
 
 
 def _dot(state: ViewState, desk: Desk) -> float:
@@ -130,34 +102,50 @@ def _rim(
     draw_list.add_circle(marker, desk.px(5), imgui.get_color_u32(imgui.Col_.window_bg), 0, 1.5)
 
 
-def _names(
-    state: ViewState,
-    desk: Desk,
-    within: Box,
-    middle: tuple[float, float],
-    radius: float,
-    hovered: int,
-) -> None:
-    """As many names as there is room for: what shines first."""
-    weights, labels = shining(state.lights), []
-    out = _dot(state, desk) + desk.px(_OUT)
-    texts: dict[int, str] = {}
-    gap = desk.px(4)
-    for i, (cx, cy) in enumerate(corners(len(state.lights))):
-        px, py = middle[0] + cx * (radius + out), middle[1] + cy * (radius + out)
-        side = (px - within[0]) if cx < 0 else within[0] + within[2] - px
-        room = within[2] if abs(cx) < 0.2 else max(side, desk.px(24))
-        texts[i] = shortened(state.lights[i].name, room)
-        size = imgui.calc_text_size(texts[i])
-        left, top = px - size.x * (0.5 - 0.5 * cx), py - size.y * (0.5 - 0.5 * cy)
-        if abs(cx) < 0.2:
-            left = min(max(left, within[0]), within[0] + within[2] - size.x - gap)
-        rank = i - 1e3 * weights[i] - 1e3 * (i == state.interface.light) - 1e4 * (i == hovered)
-        labels.append(Label(i, (left, top, size.x + gap, size.y), rank))
-    draw_list = imgui.get_window_draw_list()
+def _ring(state: ViewState, desk: Desk, within: Box) -> Ring:
+    _, _, width, height = within
+    radii = desk.px(_LEAST), min(height / 2 - desk.px(_ABOVE), width / 2 - desk.px(_BESIDE))
+    return ring_for(_asking(state), within, radii, _out(state, desk), _width(desk))
+
+
+def width_for(state: ViewState, desk: Desk, height: float) -> float:
+    """How wide it would be with all names whole."""
+    radius = max(height / 2 - desk.px(_ABOVE), desk.px(_LEAST))
+    return sum(extents(_asking(state), radius + _out(state, desk), _width(desk)))
+
+
+def _asking(state: ViewState) -> list[str]:
+    """Names that the dial makes room for: none of many, of which few are written."""
+    return [row.name for row in state.lights] if len(state.lights) <= _MANY else []
+
+
+def _out(state: ViewState, desk: Desk) -> float:
+    return _dot(state, desk) + desk.px(_OUT)
+
+
+def _width(desk: Desk) -> Measure:
+    """How wide a name is with the gap beside it."""
+    return lambda text: text_width(text) + desk.px(_GAP)
+
+
+def _placed(state: ViewState, desk: Desk, ring: Ring, hovered: int) -> list[Label]:
+    """As many names as there is room for: what is under the mouse, is chosen, shines first."""
+    weights, chosen = shining(state.lights), state.interface.light
+    ranks = [
+        i - 1e3 * weight - 1e3 * (i == chosen) - 1e4 * (i == hovered)
+        for i, weight in enumerate(weights)
+    ]
+    letters = Letters(imgui.get_text_line_height(), _width(desk))
+    return labels_of([row.name for row in state.lights], ranks, ring, letters)
+
+
+def _names(state: ViewState, desk: Desk, labels: list[Label], hovered: int) -> None:
+    weights, places = shining(state.lights), corners(len(state.lights))
+    draw_list, half = imgui.get_window_draw_list(), desk.px(_GAP) / 2
     dim, text = (imgui.get_color_u32(c) for c in (imgui.Col_.text_disabled, imgui.Col_.text))
-    disc = radius * 1.2
-    centre = middle[0] - disc / 2, middle[1] - disc / 2, disc, disc
-    for label in free(labels, within, (centre,)):
+    for label in labels:
         colour = text if weights[label.index] > 0 or label.index == hovered else dim
-        draw_list.add_text(label.box[:2], colour, texts[label.index])
+        y, step = label.box[1], label.box[3] / len(label.lines)
+        starts = line_starts(label, places[label.index], _width(desk))
+        for i, (x, line) in enumerate(zip(starts, label.lines, strict=True)):
+            draw_list.add_text((x + half, y + i * step), colour, line)

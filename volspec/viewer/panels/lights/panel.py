@@ -16,6 +16,8 @@ _LEAST_TABS, _BUTTONS = 134.0, 34.0
 _LEAST_ROWS = 3
 # Of the panel's height, where the list is long.
 _TABS_SHARE = 0.4
+# Of the spectrum beside the dial.
+_LEAST_MIX = 84.0
 # With so much room the dial stands over its spectrum.
 _TALL = 300.0
 TABS = ("Dial", "Light", "Spectrum", "States")
@@ -75,7 +77,7 @@ def _dial(state: ViewState, desk: Desk, height: float) -> ViewState:
         new = dial.draw(state, desk, width, height * 0.62)
         spectrum.draw_mix(new, desk, width, height * 0.38 - gap)
         return new
-    share = width * 0.6
+    share = min(max(dial.width_for(state, desk, height), width * 0.6), width - desk.px(_LEAST_MIX))
     new = dial.draw(state, desk, share, height)
     imgui.same_line()
     spectrum.draw_mix(new, desk, width - share - gap, height)

@@ -122,7 +122,7 @@ def _frame(desk: Desk, grid: SpectralGrid, width: float, height: float, name: st
         (x, rect[1]), (x + width, bottom), imgui.get_color_u32(imgui.Col_.frame_bg, 0.45)
     )
     dim = imgui.get_color_u32(imgui.Col_.text_disabled)
-    every = 1 if width > desk.px(260) else 2
+    every = 1 if width > desk.px(260) else 2 if width > desk.px(100) else 3
     for nm in _TICKS[::every]:
         at = x + wavelength_share(nm, grid) * width
         text = f"{nm} nm" if nm == _TICKS[0] and every == 1 else f"{nm}"

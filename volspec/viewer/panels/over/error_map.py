@@ -6,6 +6,7 @@ from functools import lru_cache
 
 from imgui_bundle import imgui
 
+from volspec.relight.error_map import ErrorMap
 from volspec.viewer.desk import Desk
 from volspec.viewer.panels.widgets import BLACK, WHITE, over_picture, packed, text_width
 from volspec.viewer.state import ViewState
@@ -33,14 +34,7 @@ def _legend(desk: Desk, corner: tuple[float, float]) -> None:
     heat = desk.heat
     assert heat is not None
     found = heat.map
-    lines = [heat.problem or "Error map: working …"]
-    if found is not None:
-        lines = [
-            f"ΔE00, {found.compared}",
-            f"mean {found.mean:.2g}   95 % {found.p95:.2g}   max {found.max:.2g}",
-        ]
-        if found.max < _TOLD_APART:
-            lines.append("An eye tells 1 apart: nothing here is seen")
+    lines = told(found, heat.problem)
     draw_list = imgui.get_background_draw_list()
     x, y = corner
     wide = max(text_width(line) for line in lines)
@@ -66,12 +60,21 @@ def _legend(desk: Desk, corner: tuple[float, float]) -> None:
         draw_list.add_text((at, top + bar + desk.px(1)), white, text)
 
 
+def told(found: ErrorMap | None, problem: str) -> list[str]:
+    """The figures of a map; where there is none, why."""
+    if found is None:
+        return [problem or "Error map: working …"]
+    figures = f"mean {found.mean:.2g}   95 % {found.p95:.2g}   max {found.max:.2g}"
+    lines = [f"ΔE00, {found.compared}", figures]
+    if found.max < _TOLD_APART:
+        lines.append("An eye tells 1 apart: nothing here is seen")
+    return lines
+
+
 @lru_cache(maxsize=1)
 def _scale() -> tuple[int, ...]:
     """The map's colours from 0 to its top, as `ErrorMap.heat` has them."""
     import numpy as np
-
-    from volspec.relight.error_map import ErrorMap
 
     ramp = np.linspace(0, 1, _STEPS, dtype=np.float32)[None]
     colours = ErrorMap(ramp, np.ones_like(ramp)).heat(1.0)[0] / 255.0

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from imgui_bundle import imgui
-from numpy.typing import NDArray
 
 from volspec.palette import Cell, CellReport
 from volspec.palette.advice import VISIBLE
-from volspec.spectra import Spectrum
 from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
-from volspec.viewer.lights import lighting
 from volspec.viewer.palette.table import Table
 from volspec.viewer.palette.wishes import LIGHT, REFLECTANCE, clipped, stays
-from volspec.viewer.panels.lights.look import fill, outline
-from volspec.viewer.panels.widgets import WAITING_GREYED, packed, shortened, tip
+from volspec.viewer.panels.palette.margins import member
+from volspec.viewer.panels.widgets import WAITING_GREYED, packed, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.window.style import ACCENT
 
-CELL_POPUP, ROW_POPUP, COLUMN_POPUP = "palette cell", "palette row", "palette column"
+CELL_POPUP = "palette cell"
 _ROW, _WIDTHS, _HEADER = 84.0, (38.0, 76.0), 42.0
 _CELL = 36.0
 # Above this luma of a cell, marks on it are black.
@@ -71,7 +66,7 @@ def _header(state: ViewState, table: Table, desk: Desk, wide: float) -> ViewStat
         if not imgui.table_next_column():  # scrolled out of view
             continue
         imgui.push_id(f"column {j}")
-        new = _member(new, table, desk, (LIGHT, name), j, wide)
+        new = member(new, table, desk, (LIGHT, name), j, wide)
         imgui.pop_id()
     return new
 
@@ -81,7 +76,7 @@ def _row(state: ViewState, table: Table, desk: Desk, i: int, wide: float) -> Vie
     imgui.table_next_column()
     imgui.push_id(f"row {i}")
     name = table.rows[i]
-    new = _member(state, table, desk, (REFLECTANCE, name), i, desk.px(_ROW))
+    new = member(state, table, desk, (REFLECTANCE, name), i, desk.px(_ROW))
     imgui.pop_id()
     for j, column in enumerate(table.columns):
         if not imgui.table_next_column():
@@ -100,75 +95,6 @@ def _row(state: ViewState, table: Table, desk: Desk, i: int, wide: float) -> Vie
             new = reduced(new, Event("pick-cell", index=number))
             desk.popup = CELL_POPUP
     return new
-
-
-def _member(
-    state: ViewState, table: Table, desk: Desk, member: tuple[str, str], index: int, wide: float
-) -> ViewState:
-    """A spectrum at the margin: whether it may change, its name, its curve."""
-    kind, name = member
-    new, is_light = state, kind == LIGHT
-    opened = member in state.board.wishes.open
-    imgui.begin_group()
-    imgui.push_style_var(imgui.StyleVar_.frame_padding, (0, 0))
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(5), desk.px(2)))
-    lit = is_light and lighting.shining(state.lights)[index] > 0
-    colour = ACCENT[state.interface.dark] if lit else imgui.get_style_color_vec4(imgui.Col_.text)
-    imgui.push_style_color(imgui.Col_.text, colour)
-    imgui.text(shortened(name, wide))
-    imgui.pop_style_color()
-    clicked = imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
-    tip(f"{name}{', shown in the picture' if lit else ''}\nClick for more", WAITING_GREYED)
-    single = not is_light or len(state.lights[index].rig.lights) == 1
-    imgui.begin_disabled(not single)
-    pressed, _ = imgui.checkbox("##open", opened)
-    imgui.end_disabled()
-    desk.note(f"open {kind} {index}")
-    why = "It may change, to show the colours wanted" if single else "Several lights in one"
-    tip(why, WAITING_GREYED)
-    if pressed:
-        new = reduced(new, Event("open", index=index, key=kind))
-    imgui.same_line()
-    x, y = imgui.get_cursor_screen_pos()
-    size = wide - imgui.get_frame_height() - desk.px(5), imgui.get_frame_height()
-    imgui.invisible_button("curve", size)
-    clicked = clicked or imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
-    desk.note(f"{kind} {index}")
-    _curve(table.spectra[member], (x, y), size, is_light, desk)
-    imgui.pop_style_var(2)
-    imgui.end_group()
-    if clicked:
-        desk.member = member[0], index
-        desk.popup = COLUMN_POPUP if is_light else ROW_POPUP
-    return new
-
-
-def _curve(
-    spectrum: Spectrum,
-    place: tuple[float, float],
-    size: tuple[float, float],
-    is_light: bool,
-    desk: Desk,
-) -> None:
-    """A light filled with the colours of its wavelengths; a reflectance as a line from 0 to 1."""
-    heights = levels(spectrum, is_light)
-    (x, y), (wide, tall) = place, size
-    draw_list, rect = imgui.get_window_draw_list(), (x, y, wide, tall)
-    if is_light:
-        fill(draw_list, rect, heights, 1.0, spectrum.grid)
-        return
-    base = imgui.get_color_u32(imgui.Col_.button_active)
-    draw_list.add_line((x, y + tall), (x + wide, y + tall), base)
-    line = imgui.get_color_u32(imgui.Col_.text_disabled)
-    outline(draw_list, rect, heights, 1.0, line, desk.px(1.3))
-
-
-@lru_cache(maxsize=256)
-def levels(spectrum: Spectrum, is_light: bool) -> NDArray[np.float64]:
-    """Heights 0 to 1: a light's of its largest value, a reflectance's of 1."""
-    values = spectrum.values
-    most = max(float(values.max()), 1e-12) if is_light else 1.0
-    return np.asarray(np.clip(values / most, 0.0, 1.0))
 
 
 def _cell(report: CellReport, wish: Cell | None, picked: bool, dark: bool, desk: Desk) -> None:

@@ -15,7 +15,8 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.events.palette import MUST
 from volspec.viewer.palette.table import Table
 from volspec.viewer.palette.wishes import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clipped
-from volspec.viewer.panels.palette.cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP
+from volspec.viewer.panels.palette.cells import CELL_POPUP
+from volspec.viewer.panels.palette.margins import COLUMN_POPUP, ROW_POPUP, parts_told
 from volspec.viewer.panels.widgets import AT_ONCE, pick, tip
 from volspec.viewer.state import ViewState
 
@@ -150,6 +151,8 @@ def _light(state: ViewState, table: Table, desk: Desk) -> ViewState:
     name, new = table.columns[index], state
     imgui.text(name)
     imgui.text_disabled(state.lights[index].label or "light")
+    if about := parts_told(state.lights[index]):
+        imgui.text_disabled(about)
     imgui.separator()
     if imgui.menu_item("Show in the picture", "", False)[0]:
         new = reduced(new, Event("show-light", index=index))

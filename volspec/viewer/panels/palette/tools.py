@@ -58,8 +58,9 @@ def _wizards(state: ViewState, desk: Desk) -> ViewState:
     new = _told(new, "pick-like", "" if chosen == _NO_LIGHT else chosen)
     imgui.spacing()
     _ask("hide", "Hide", "Make it look like its surroundings under this light", desk)
-    within = _BLACK if own.black else own.within or _SURROUNDINGS
     others = tuple(name for name in rows if name != material)
+    # One that was taken out is none to hide in.
+    within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
     chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), desk)
     name = "pick-black" if chosen == _BLACK else "pick-within"
     new = _told(new, name, "" if chosen in (_SURROUNDINGS, _BLACK) else chosen)

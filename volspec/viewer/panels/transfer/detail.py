@@ -11,9 +11,10 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.panels.transfer import library
 from volspec.viewer.panels.transfer.colours import material_colours, part_colours
 from volspec.viewer.panels.transfer.swatches import swatch
-from volspec.viewer.panels.widgets import shortened, tip
+from volspec.viewer.panels.widgets import WAITING_GREYED, in_line, shortened, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.transfer import presets
+from volspec.viewer.transfer.materials import why_kept
 from volspec.viewer.transfer.parts import parts_of
 
 _CLAMP = imgui.SliderFlags_.always_clamp
@@ -67,16 +68,24 @@ def opacity(state: ViewState, desk: Desk, index: int, wide: float) -> ViewState:
 
 def remove(state: ViewState, desk: Desk, index: int, what: str) -> ViewState:
     """A small button at the end of the line."""
-    imgui.push_style_color(imgui.Col_.button, (0.0, 0.0, 0.0, 0.0))
-    pressed = imgui.button("×", (desk.px(_REMOVE), 0))
-    imgui.pop_style_color()
+    pressed = _cross(desk)
     desk.note("remove part")
     tip(what)
     return reduced(state, Event("remove-point", index=index)) if pressed else state
 
 
+def _cross(desk: Desk) -> bool:
+    imgui.push_style_color(imgui.Col_.button, (0.0, 0.0, 0.0, 0.0))
+    pressed = imgui.button("×", (desk.px(_REMOVE), 0))
+    imgui.pop_style_color()
+    return bool(pressed)
+
+
 def material(state: ViewState, desk: Desk, index: int, wide: float = -1.0) -> ViewState:
-    """A list of the materials: a click takes one alone, its slider mixes it in; and a search."""
+    """A list of the materials: a click takes one alone, its slider mixes it in; and a search.
+
+    What nothing is made of can be taken out of it.
+    """
     part, colours = parts_of(state.transfer)[index], material_colours(state)
     swatch(desk, part_colours(state)[index])
     imgui.same_line(0, desk.px(4))
@@ -105,7 +114,7 @@ def material(state: ViewState, desk: Desk, index: int, wide: float = -1.0) -> Vi
         desk.note(f"material {name}")
         tip(f"Only {name}")
         imgui.same_line()
-        imgui.set_next_item_width(-1)
+        imgui.set_next_item_width(-desk.px(_REMOVE) - imgui.get_style().item_spacing.x)
         # A material that is alone has none to make room for.
         imgui.begin_disabled(lone and share > 0)
         moved, share = imgui.slider_float("##share", share, 0.0, 1.0, "%.2f", _CLAMP)
@@ -113,9 +122,23 @@ def material(state: ViewState, desk: Desk, index: int, wide: float = -1.0) -> Vi
         desk.note(f"share {name}")
         if moved:
             new = reduced(new, Event("share", share, index=index, key=name))
+        imgui.same_line()
+        new = _take_out(new, desk, name)
         imgui.pop_id()
     imgui.end_combo()
     return new
+
+
+def _take_out(state: ViewState, desk: Desk, name: str) -> ViewState:
+    """What takes a material off the list; greyed out where parts are made of it."""
+    why = why_kept(state.transfer, name)
+    imgui.begin_disabled(bool(why))
+    pressed = _cross(desk)
+    imgui.end_disabled()
+    desk.note(f"take out {name}")
+    free = f"Take {in_line(name)} off the list: nothing is made of it"
+    tip(why[:1].upper() + why[1:] or free, WAITING_GREYED)
+    return reduced(state, Event("remove-material", key=name)) if pressed else state
 
 
 def in_words(mix: Mapping[str, float]) -> str:

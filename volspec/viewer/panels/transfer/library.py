@@ -72,7 +72,7 @@ def draw(state: ViewState, desk: Desk, index: int) -> ViewState:
         wanted = first
     if scraps.complaint:
         wrapped(scraps.complaint, imgui.Col_.text)
-    return _added(state, desk, index, wanted) if wanted else state
+    return added(state, desk, index, wanted) if wanted else state
 
 
 def matching(search: str) -> list[str]:
@@ -193,7 +193,7 @@ def _entry(state: ViewState, name: str, desk: Desk) -> bool:
     return bool(clicked)
 
 
-def _added(state: ViewState, desk: Desk, index: int, wanted: str) -> ViewState:
+def added(state: ViewState, desk: Desk, index: int, wanted: str) -> ViewState:
     """The part of what was picked; why not, where it cannot be."""
     scraps, event = desk.library, Event("add-material", index=index, key=wanted)
     if _waits(state.transfer.basis, wanted):

@@ -1,0 +1,122 @@
+"""Designs of the palette: wishes met and missed, by the worker, of lamps, of a figure's palette."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tests.viewer.test_palette import SEEN, designed, wished
+from volspec.basis import MaterialBasis
+from volspec.palette import Cell, load_palette
+from volspec.spectra import light, reflectance
+from volspec.transfer import TransferFunction
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.palette import files
+from volspec.viewer.palette.service import advice_of
+from volspec.viewer.palette.spectra import columns
+from volspec.viewer.palette.table import answered, palette_of, table_of
+from volspec.viewer.palette.wishes import STAY, Wishes
+from volspec.viewer.palette.worker import DesignDone, DesignJob, DesignWorker
+from volspec.viewer.panels.palette.cells import explained
+from volspec.viewer.panels.palette.panel import summary
+from volspec.viewer.stale import stale_stage
+from volspec.viewer.state import ViewState
+
+PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
+
+
+def answers(*asked: ViewState) -> list[DesignDone]:
+    """What comes of wishes that follow each other at once, up to the last one's design."""
+    worker = DesignWorker(lambda: None)
+    for each in asked:
+        worker.request(DesignJob(palette_of(each), each.board.wishes))
+    done: list[DesignDone] = []
+    end = time.time() + 20
+    while time.time() < end and not any(
+        each.whole and each.job.wishes is asked[-1].board.wishes for each in done
+    ):
+        done += worker.take()
+        time.sleep(0.005)
+    worker.close()
+    return done
+
+
+def test_a_wish_that_can_be_met_is_met(state: ViewState) -> None:
+    made = designed(wished(state, 5))
+    table = table_of(made)
+    assert max(table.errors) < SEEN
+    assert "All met" in summary(table)
+    values = made.transfer.materials["gold"].values
+    assert values.min() >= 0.0 and values.max() <= 1.0
+    assert made.transfer.materials["copper"] is state.transfer.materials["copper"]
+
+
+def test_a_wish_that_cannot_be_met_is_flagged(state: ViewState) -> None:
+    """No reflectance is saturated blue under tungsten light and saturated red under daylight."""
+    asked = wished(wished(state, 5, "#0000ff"), 4, "#ff0000")
+    table = table_of(designed(asked))
+    assert max(table.errors) > 5 and "2 of 2 missed" in summary(table)
+    cell, wish = table.cells["gold", "A"], asked.board.wishes.cells["gold", "A"]
+    assert "cannot be told apart" in explained(cell, wish)
+
+
+def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState) -> None:
+    """Figure 2's wishes, of a scene with as many materials and no such lights."""
+    names = ("a", "b", "c", "d", "e")
+    grey = {name: reflectance("ColorChecker/neutral 5 (.70 D)") for name in names}
+    transfer = TransferFunction([(0.2, 0.0, "a"), (0.5, 0.2, "b")], grey, MaterialBasis(grey))
+    empty = replace(state, transfer=transfer, lights=state.lights[:1])
+    palette = load_palette(PALETTES / "figure-2.toml")
+    begun = files.with_palette(empty, palette)
+    assert columns(begun.lights) == ("D65", "split 1", "split 2")
+    assert begun.board.waits and begun.board.anew
+    found = answers(begun)[-1].made
+    assert found is not None
+    made = answered(begun, found, begun.board.wishes)
+    table = table_of(made)
+    assert not made.board.waits
+    assert len(table.errors) == 15 and max(table.errors) < SEEN
+    assert len({summary(table), summary(table_of(begun))}) == 2
+    assert all(row.rig.lights[0].values.min() >= 0 for row in made.lights)
+    assert stale_stage(begun, made) == "relight"
+
+
+def test_a_light_of_real_lamps_is_a_sum_of_them(state: ViewState) -> None:
+    asked = reduced(wished(state, 6), Event("lamp", index=2, key="A"))
+    asked = reduced(asked, Event("lamp", index=2, key="D65"))
+    assert asked.board.wishes.lamps == {"FL2": ("A", "D65")}
+    made = designed(asked)
+    values = made.lights[2].rig.lights[0].values
+    lamps = np.stack([light(name).values for name in ("A", "D65")], axis=1)
+    shares, *_ = np.linalg.lstsq(lamps, values, rcond=None)
+    # What the solver leaves beside the two lamps is rounding.
+    np.testing.assert_allclose(lamps @ shares, values, atol=1e-6 * values.max())
+    assert shares.min() > -1e-6
+
+
+def test_the_latest_wish_wins_and_is_answered_quickly_then_well(state: ViewState) -> None:
+    first, last = wished(state, 5), wished(state, 5, "#906050")
+    done = answers(first, last)
+    assert [each.whole for each in done if each.job.wishes is last.board.wishes] == [False, True]
+    assert not any(each.whole for each in done if each.job.wishes is first.board.wishes)
+    made = done[-1].made
+    assert made is not None
+    assert max(table_of(answered(last, made, last.board.wishes)).errors) < SEEN
+
+
+def test_what_contradicts_itself_is_refused_in_words(state: ViewState) -> None:
+    asked = state
+    for index, colour in ((4, "#ff0000"), (5, "#0000ff")):
+        asked = wished(asked, index, colour)
+        asked = reduced(asked, Event("wish-weight", 1.0, index=index, key="must"))
+    done = answers(asked)
+    assert done[0].made is None and done[0].whole and "gold" in done[0].error
+
+
+def test_advice_is_about_wishes_alone() -> None:
+    wishes = Wishes({("a", "D65"): Cell(colour=(0, 0, 0), weight=STAY)})
+    advice = ("(a, D65): weight 1 …", "(a, A): weight 4 …", "rounds 12 …")
+    assert advice_of(advice, wishes) == advice[1:]
