@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -45,6 +47,11 @@ _SETTLE = 3
 # It takes clicks and keys apart, one step a frame.
 _FRAMES_EACH, _MOST = 3, 90
 _IDLE_S, _BUSY_S = 0.5, 0.02
+# The mouse being still so long, what it is over is explained: imgui needs frames then, too.
+_STILL_S = 0.6
+# How long another thread may compute before this one has its turn, of which a frame needs many:
+# each call of GL and glfw gives it away. Python's 5 ms make frames of 20 ms last 100.
+_TURN_S = 5e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +88,7 @@ def view(options: Options) -> None:
     VolspecError
         If no window can be opened, or what was asked for cannot be.
     """
-    with Trace(options.trace) as trace:
+    with Trace(options.trace) as trace, _short_turns():
         tasks = Tasks(Window.wake)
         path = options.path
         if not options.restore and not (path and path.lower().endswith(SUFFIX)):
@@ -92,6 +99,17 @@ def view(options: Options) -> None:
             _App(options, trace, tasks, window).run()
         finally:
             window.close()
+
+
+@contextmanager
+def _short_turns() -> Iterator[None]:
+    """Have Python's threads give way to each other sooner."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_TURN_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 class _App:
@@ -116,6 +134,7 @@ class _App:
         self._shown: ViewState | None = None  # what casts and relights were last asked for
         self._dark: bool | None = None
         self._settle = _SETTLE
+        self._still: float | None = None  # when the mouse will have been still
 
     def run(self) -> None:
         """Until the window closes."""
@@ -128,6 +147,10 @@ class _App:
                 if not self._window.usable:
                     time.sleep(_BUSY_S)
                     continue
+                if inputs:
+                    self._still = began + _STILL_S
+                elif self._still is not None and began >= self._still:
+                    self._still, news = None, True
                 if inputs or news:
                     more = sum(given.name != "move" for given in inputs)
                     self._settle = min(max(self._settle, _SETTLE) + _FRAMES_EACH * more, _MOST)
@@ -151,7 +174,10 @@ class _App:
     def _patience(self) -> float:
         if self._settle > 0:
             return 0.0
-        return _BUSY_S if self._casting.busy else _IDLE_S
+        longest = _BUSY_S if self._casting.busy else _IDLE_S
+        if self._still is None:
+            return longest
+        return min(max(self._still - time.perf_counter(), 0.0), longest)
 
     def _take(self) -> bool:
         """What threads have brought; whether there is anything new."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from volspec.errors import RelightError
 from volspec.raycast import CoefficientImage
 from volspec.relight import RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map
@@ -43,12 +44,17 @@ class Heat:
     def want(self, image: CoefficientImage, lights: Rows, seen: RelightSpec) -> None:
         """Begin the map of a picture, unless it is there or under way."""
         key, rig = (image, lights, seen.mode, seen.backdrop), rig_of(lights)
-        if key == self._of or rig is None:
+        if key == self._of:
             return
         self._of = key
         every = max(1, round((image.alpha.size / PIXELS) ** 0.5))
-        how = rig, seen.mode, seen.backdrop, every
-        self._tasks.start("map", lambda: (error_map(image, *how), image))
+
+        def made() -> tuple[ErrorMap, CoefficientImage]:
+            if rig is None:
+                raise RelightError("No light is on: no colour is off")
+            return error_map(image, rig, seen.mode, seen.backdrop, every), image
+
+        self._tasks.start("map", made)
 
     def take(self) -> bool:
         """Whether a map has come since the last call."""

@@ -14,8 +14,8 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-# Of 19: a cast gets a third of a core that the window wants, too.
-_NICE = 5
+# Of 19: a cast gets a tenth of a core that the window wants, too.
+_NICE = 10
 
 
 def yielding(make: Callable[[], T]) -> T:
