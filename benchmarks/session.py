@@ -39,7 +39,7 @@ def figures(seconds: float = SECONDS) -> Iterator[Figure]:
         dice = random.Random(7)
         while (t := robot.now() - began) < seconds:
             robot.do(*_gesture(robot, dice))
-            if t > min(_SETTLED_S, seconds / 2):
+            if t > _SETTLED_S:
                 sizes.append(robot.memory())
             if robot.viewer.poll() is not None:
                 break
@@ -50,7 +50,8 @@ def figures(seconds: float = SECONDS) -> Iterator[Figure]:
     yield Figure(f"{label}, longest unanswered", longest, 100.0, at_most=True, unit="ms")
     faults = sum(row["event"] in ("error", "gl-error") for row in rows) + (not alive)
     yield Figure(f"{label}, errors and crashes", float(faults), 0.0, at_most=True, unit="")
-    yield Figure(f"{label}, memory grown", 100 * _growth(sizes), 5.0, at_most=True, unit="%")
+    if seconds > 2 * _SETTLED_S:
+        yield Figure(f"{label}, memory grown", 100 * _growth(sizes), 5.0, at_most=True, unit="%")
 
 
 def _growth(sizes: list[int]) -> float:
