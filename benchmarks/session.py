@@ -50,7 +50,7 @@ def figures(seconds: float = SECONDS) -> Iterator[Figure]:
     yield Figure(f"{label}, longest unanswered", longest, 100.0, at_most=True, unit="ms")
     faults = sum(row["event"] in ("error", "gl-error") for row in rows) + (not alive)
     yield Figure(f"{label}, errors and crashes", float(faults), 0.0, at_most=True, unit="")
-    if seconds > 2 * _SETTLED_S:
+    if sizes and seconds > 2 * _SETTLED_S:
         yield Figure(f"{label}, memory grown", 100 * _growth(sizes), 5.0, at_most=True, unit="%")
 
 
