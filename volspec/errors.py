@@ -76,6 +76,10 @@ class CastCancelled(VolspecError):
     """A cast was ended by the one who asked for it; what was there before stays."""
 
 
+class TableCancelled(VolspecError):
+    """A table of appearance was given up by the one who asked for it."""
+
+
 class DeviceError(VolspecError, RuntimeError):
     """The machine lacks something, or a driver refused."""
 

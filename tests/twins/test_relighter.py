@@ -18,6 +18,7 @@ from volspec.errors import (
     RelightError,
     ShapeError,
     SpectrumError,
+    TableCancelled,
     ViewingError,
     VolspecWarning,
 )
@@ -251,10 +252,18 @@ def test_a_table_made_beforehand_on_another_thread_is_what_the_frame_is_drawn_wi
         assert host.missing_table(*how) is None
 
 
+def test_a_table_that_is_given_up_is_not_kept() -> None:
+    tables, asked = HostTables(), []
+    key = TableKey(Viewing(model="Nayatani95"), (95.05, 100.0, 108.88))
+    with pytest.raises(TableCancelled):
+        tables.texels(key, lambda: (asked.append(True), len(asked) == 3)[1])
+    assert len(asked) == 3 and key not in tables
+
+
 def test_of_tables_the_latest_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[TableKey] = []
     empty = np.zeros((1, 1, 1, 4), np.float32)
-    monkeypatch.setattr(tables_module, "_texels", lambda key: (made.append(key), empty)[1])
+    monkeypatch.setattr(tables_module, "_texels", lambda key, _: (made.append(key), empty)[1])
     tables, keys = HostTables(), [TableKey(RAW, (95.0, 100.0, 80.0 + i)) for i in range(20)]
     for key in keys:
         tables.texels(key)

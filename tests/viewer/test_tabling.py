@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -73,7 +73,9 @@ def test_the_picture_stays_while_a_table_is_worked_out_and_the_newest_light_wins
     before = pixels(screen)
     made: list[tables.TableKey] = []
     work_out = tables._texels
-    monkeypatch.setattr(tables, "_texels", lambda key: (made.append(key), work_out(key))[1])
+    monkeypatch.setattr(
+        tables, "_texels", lambda key, end: (made.append(key), work_out(key, end))[1]
+    )
     for light in (0, 1, 2, 1):
         screen.stale()
         screen.relight(seen_by(state, "Nayatani95", light), held=True)
@@ -96,6 +98,31 @@ def test_the_picture_stays_while_a_table_is_worked_out_and_the_newest_light_wins
     assert len(made) == 1 and np.array_equal(pixels(screen), after)
 
 
+def test_a_table_under_way_is_given_up_for_the_next_light(
+    screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[tables.TableKey] = []
+    work_out = tables._texels
+
+    def without_end(key: tables.TableKey, cancel: Callable[[], bool]) -> NDArray[np.float32]:
+        begun.append(key)
+        end = time.time() + 20
+        while len(begun) == 1 and time.time() < end and not cancel():
+            time.sleep(0.002)
+        return work_out(key, cancel)
+
+    monkeypatch.setattr(tables, "_texels", without_end)
+    screen.relight(seen_by(state, "Nayatani95", 0), held=False)
+    end = time.time() + 20
+    while not begun and time.time() < end:
+        time.sleep(0.002)
+    screen.stale()
+    screen.relight(seen_by(state, "Nayatani95", 1), held=False)
+    until_told(screen)
+    assert len(begun) == 2
+    assert begun[0] not in screen.pictures.tables and begun[1] in screen.pictures.tables
+
+
 def test_both_sides_of_the_divide_have_tables_of_their_own(
     screen: Screen, state: ViewState
 ) -> None:
@@ -116,7 +143,7 @@ def test_both_sides_of_the_divide_have_tables_of_their_own(
 def test_a_table_that_cannot_be_is_told_and_asked_for_once(
     screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refused(key: tables.TableKey) -> None:
+    def refused(key: tables.TableKey, cancel: object) -> None:
         raise ViewingError("no colour at\nsome node")
 
     monkeypatch.setattr(tables, "_texels", refused)

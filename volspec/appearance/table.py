@@ -10,6 +10,7 @@ further arithmetic (docs/decisions/0011-tables-in-the-displays-own-codes.md).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.appearance import constants as k
 from volspec.appearance.passages import ClosedPassage, Passage, signed_power, triples
 from volspec.appearance.spaces import ColourSpace
-from volspec.errors import ViewingError
+from volspec.errors import TableCancelled, ViewingError
 
 Array = NDArray[np.float64]
 
@@ -46,6 +47,8 @@ SHADER_CONSTANTS = {
 # From this ratio of CAT16's gains on a light is narrow: high-pressure sodium has 8, low-pressure
 # sodium 28.
 _NARROW = 15.0
+# Slabs of nodes that a table without a closed form is made in: more of them cost time.
+_SLABS = 8
 # Of the white's Y: a response that a narrow light's white lacks is counted on this much.
 _LEAST_RESPONSE = 1e-6
 
@@ -128,17 +131,34 @@ class TablePassage:
     behind: Passage | None
 
     @classmethod
-    def of(cls, passage: Passage, space: TableSpace) -> TablePassage:
+    def of(
+        cls, passage: Passage, space: TableSpace, cancel: Callable[[], bool] | None = None
+    ) -> TablePassage:
         """Tabulate a passage.
+
+        Parameters
+        ----------
+        passage : Passage
+        space : TableSpace
+        cancel : callable, optional
+            Asked before each eighth, where there is no closed form: the whole takes up to seconds.
 
         Raises
         ------
         ViewingError
             If the passage is not finite at a node.
+        TableCancelled
+            If ``cancel`` says so.
         """
-        codes = _codes(passage, space, nodes())
         if not isinstance(passage, ClosedPassage):
+            slabs = []
+            for adapted in np.array_split(nodes(), _SLABS):
+                if cancel is not None and cancel():
+                    raise TableCancelled("appearance table: cancelled")
+                slabs.append(_codes(passage, space, adapted))
+            codes = np.concatenate(slabs)
             return cls(space, codes, np.ones(codes.shape[:3], np.float32), None)
+        codes = _codes(passage, space, nodes())
         middles = _codes(passage, space, nodes(0.5))
         return cls(space, codes, _trusted(codes, middles), passage)
 

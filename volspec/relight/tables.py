@@ -9,6 +9,7 @@ Whoever must not wait asks `Relighter.missing_table` and has it worked out on an
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,25 +83,35 @@ class HostTables:
         with self._lock:
             return any(own == key for own, _ in self._made)
 
-    def texels(self, key: TableKey) -> NDArray[np.float32]:
+    def texels(
+        self, key: TableKey, cancel: Callable[[], bool] | None = None
+    ) -> NDArray[np.float32]:
         """(NODES, NODES, NODES, 4) a table's codes, and 1; worked out where it is not there yet.
+
+        Parameters
+        ----------
+        key : TableKey
+        cancel : callable, optional
+            Asked before each eighth of the work; where it says so, nothing is kept.
 
         Raises
         ------
         ViewingError
             If the white is none, or the model gives no colour at some node.
+        TableCancelled
+            If ``cancel`` says so.
         """
         with self._lock:
             found = next((texels for own, texels in self._made if own == key), None)
         if found is None:
-            found = _texels(key)
+            found = _texels(key, cancel)
         with self._lock:
             rest = [pair for pair in self._made if pair[0] != key]
             self._made = [*rest, (key, found)][-MOST_TABLES:]
         return found
 
 
-def _texels(key: TableKey) -> NDArray[np.float32]:
+def _texels(key: TableKey, cancel: Callable[[], bool] | None) -> NDArray[np.float32]:
     space = TableSpace.between(key.white_XYZ, key.viewing.display.colours)
-    made = TablePassage.of(passage_of(key.viewing, key.white_XYZ), space)
+    made = TablePassage.of(passage_of(key.viewing, key.white_XYZ), space, cancel)
     return np.ascontiguousarray(np.concatenate([made.codes, made.trusted[..., None]], axis=-1))

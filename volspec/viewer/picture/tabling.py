@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from volspec.errors import VolspecError, one_line
+from volspec.errors import TableCancelled, VolspecError, one_line
 from volspec.relight.tables import HostTables, TableKey
 from volspec.viewer.latest import LatestWorker
 
@@ -37,9 +37,9 @@ class TableWorker(LatestWorker[tuple[TableKey, ...], str]):
             return
         try:
             for key in job:
-                self._tables.texels(key)
-                if self._superseded():
-                    return
+                self._tables.texels(key, self._superseded)
+        except TableCancelled:
+            return
         except MemoryError:
             yield "no memory for the table"
         except VolspecError as error:
