@@ -1,6 +1,6 @@
 """OpenEXR files as a header and named arrays, for every kind of image there is.
 
-    _files -> [_exr] -> spectra, raycast
+    _files -> [_exr] -> spectra, raycast, export
 
 The parts of a file with several are taken together; its header is the first one's.
 """

@@ -82,7 +82,8 @@ def _to_disk(path: Path) -> None:
 
 def clear_temporaries(path: Path) -> None:
     """Delete what a killed process has left of an unfinished file."""
-    pattern = f".{glob.escape(path.stem)}-{'?' * (2 * _RANDOM_BYTES)}{path.suffix}"
+    digits = "[0-9a-f]" * (2 * _RANDOM_BYTES)
+    pattern = f".{glob.escape(path.stem)}-{digits}{glob.escape(path.suffix)}"
     for left in path.parent.glob(pattern):
         left.unlink(missing_ok=True)
 

@@ -52,11 +52,18 @@ def test_a_light_of_the_scene_is_told_to_be_relit_from_the_scene(
 def test_a_page_of_lights_without_the_lux_they_need_is_refused_before_the_cast(
     scene: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    made = scene('[viewing]\nlevel = "absolute"\n')
+    path = scene('[viewing]\nlevel = "absolute"\n').path
+    words = ["page", str(path), "-o", str(tmp_path / "ball.html")]
     with pytest.raises(SystemExit, match="1"):
-        main(["page", str(made.path), "-o", str(tmp_path / "ball.html")])
+        main(words)
     said = capsys.readouterr().err
     assert "[[light]] day: has no illuminance_lux" in said and "cast" not in said
+    lit = path.read_text(encoding="utf-8").replace("spectrum", "illuminance_lux = 90\nspectrum")
+    path.write_text(lit, encoding="utf-8")
+    with pytest.raises(SystemExit, match="1"):
+        main([*words, "--light", "FL11"])
+    said = capsys.readouterr().err
+    assert "--light FL11: has no lux" in said and "cast" not in said
 
 
 @pytest.mark.parametrize(

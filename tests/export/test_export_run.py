@@ -11,7 +11,7 @@ from PIL import Image
 from tests.export.conftest import Make
 from volspec._exr import read_exr
 from volspec.appearance.spaces import SPACES
-from volspec.errors import ImageError, SceneError, ViewingError
+from volspec.errors import ImageError, SceneError, ViewingError, VolspecWarning
 from volspec.export import read_frame_text, tiles
 from volspec.export.primaries import PRIMARIES, XYZ_adapted
 from volspec.pipeline import Relighter
@@ -68,6 +68,17 @@ def test_windows_and_strips_make_the_picture_of_one_cast(
     assert (tmp_path / "windows" / "lamp.png").read_bytes() == whole
     # Rows that came in parts are packed in parts: the same pixels in other bytes.
     assert Image.open(tmp_path / "strips" / "lamp.png").tobytes() == codes_of(whole)
+
+
+@pytest.mark.parametrize("smaller", [{"CAST_BYTES": 4 * 7 * 64 * 100}, {"STRIP_SIDE": 128}])
+def test_an_empty_picture_is_told_however_it_is_cut(
+    smaller: dict[str, int], scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = scene("[camera]\ntarget_mm = [900, 0, 0]\n")
+    for name, value in smaller.items():
+        monkeypatch.setattr(tiles, name, value)
+    with pytest.warns(VolspecWarning, match="ball.*: the picture is empty; look at the transfer"):
+        made.export(tmp_path, size=(200, 150), lights=["lamp"], sheet=False)
 
 
 def codes_of(data: bytes) -> bytes:

@@ -74,7 +74,8 @@ def test_what_a_kill_leaves_is_told_from_what_others_made(tmp_path: Path) -> Non
         left = temporary.name
         temporary.write_text("whole")
     (tmp_path / left).write_text("half")
-    for other in (".a [b]?-12345678.png", ".a b-12345678.txt", ".a [b]?-mine.txt"):
+    others = ".a [b]?-12345678.png", ".a b-12345678.txt", ".a [b]?-mine.txt", ".a [b]?-my-notes.txt"
+    for other in others:
         (tmp_path / other).write_text("mine")
     clear_temporaries(tmp_path / "a [b]?.txt")
-    assert len(list(tmp_path.iterdir())) == 4 and not (tmp_path / left).exists()
+    assert len(list(tmp_path.iterdir())) == 5 and not (tmp_path / left).exists()

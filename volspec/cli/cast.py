@@ -76,7 +76,7 @@ def render(
     half
         Keep the channels as float16: half the memory and file, three digits.
     """
-    from volspec.export.compositing import Recipe, save_for_compositors
+    from volspec.export.compositing import save_for_compositors, scene_recipe
     from volspec.scene import Scene
 
     if output.suffix.lower() != ".exr":
@@ -87,8 +87,7 @@ def render(
         loaded = Scene.load(scene)
         tell("load the scene", 1)
         spec = replace(loaded.raycast, half=half or loaded.raycast.half)
-        lights = {light.name: light.rig for light in loaded.lights}
-        recipe = Recipe.of(loaded.basis, spec.shares(), lights, loaded.relight)
+        recipe = scene_recipe(loaded, loaded.lights, loaded.relight)
         image = loaded.render(
             size=_pixels(size) if size else None,
             spec=spec,
@@ -240,6 +239,8 @@ def _check_kind(
     output: Path, spectral: bool, viewing: PictureOptions, model: str | None, errors: bool
 ) -> None:
     """Refuse an output of another kind than is asked for, and options that it has no use for."""
+    from volspec.export.frames import require_png
+
     suffix = output.suffix.lower()
     if not spectral:
         if suffix == ".exr":
@@ -247,8 +248,7 @@ def _check_kind(
                 f"{output}: frames are PNG files; name it .png, or add --spectral for a spectrum "
                 "in every pixel"
             )
-        if suffix != ".png":
-            raise ImageError(f"{output}: frames are PNG files; name it .png")
+        require_png(output)
         return
     if suffix != ".exr":
         raise ImageError(f"{output}: spectral pictures are OpenEXR; name it .exr")

@@ -11,7 +11,7 @@ from volspec._files import require_writable
 from volspec.cli.cast import Size, _pixels
 from volspec.cli.setting import read_setting
 from volspec.cli.shell import Device, app, as_written, bar, say
-from volspec.errors import ImageError
+from volspec.errors import ImageError, InputError
 
 
 def _check_views(_: object, views: int) -> None:
@@ -87,14 +87,19 @@ def page(
         tell("load the scene", 0)
         loaded = Scene.load(scene)
         tell("load the scene", 1)
+        require_lux(loaded.lights, loaded.relight, scene)
         lights = list(loaded.lights)
         shares = loaded.raycast.shares()
+        if light and loaded.relight.level == "absolute":
+            raise InputError(
+                f'--light {light[0]}: has no lux, which [viewing] level = "absolute" of {scene} '
+                "asks of all lights; leave it out, or make it a [[light]] with illuminance_lux"
+            )
         for text in light or ():
             lamp = read_setting(text, shares, loaded.basis.grid)
             rig = lamp if isinstance(lamp, LightRig) else LightRig((lamp,))
             shown = rig.facing(shares).mixed(loaded.basis.grid)
             lights.append(NamedLight(text, text, shown, rig))
-        require_lux(lights, loaded.relight, scene)
         cast = scene_views(
             loaded,
             views,

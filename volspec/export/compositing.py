@@ -238,7 +238,7 @@ class Recipe:
         """
         RGB = np.zeros((*image.alpha.shape, 3), np.float32)
         for group, M in self.lights[light].matrices.items():
-            RGB += image.layer(group).astype(np.float32) @ M.T.astype(np.float32)
+            RGB += np.asarray(image.layer(group), np.float32) @ M.T.astype(np.float32)
         return RGB
 
 

@@ -33,14 +33,15 @@ class Lamps:
 
         held = [pane for pane, _ in self._held]
         if shapes(held) == shapes(panes):
-            for pane, (_, lamp) in zip(panes, self._held, strict=True):
-                lamp.update(pane.image)
             lamps = [lamp for _, lamp in self._held]
-        else:
-            self.close()
+            for pane, lamp in zip(panes, lamps, strict=True):
+                lamp.update(pane.image)
+            self._held = list(zip(panes, lamps, strict=True))
+            return
+        self.close()
+        for pane in panes:
             # Exact: whether a table serves would follow from the frames before.
-            lamps = [Relighter(pane.image, table=False) for pane in panes]
-        self._held = list(zip(panes, lamps, strict=True))
+            self._held.append((pane, Relighter(pane.image, table=False)))
 
     def close(self) -> None:
         """Release what they hold."""

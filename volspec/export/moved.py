@@ -178,11 +178,11 @@ def _offsets(
         raise CameraError(f"position_mm at {at:g} s is target_mm; move one of them")
     axes = _axes(up)
     front, side, axis = (away / distance[:, None] @ axes.T).T
-    turned = np.hypot(front, side) > _ON_AXIS
+    off_axis = np.hypot(front, side) > _ON_AXIS
     azimuth = np.zeros(len(at_s))
-    if turned.any():
-        angles = np.degrees(np.arctan2(side, front))[turned]
-        azimuth = np.radians(angles_between_keys(times[turned], angles, at_s))
+    if off_axis.any():
+        angles = np.degrees(np.arctan2(side, front))[off_axis]
+        azimuth = np.radians(angles_between_keys(times[off_axis], angles, at_s))
     elevation = between_keys(times, np.arcsin(np.clip(axis, -1.0, 1.0)), at_s)
     level = np.cos(elevation)
     parts = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]

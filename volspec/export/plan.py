@@ -156,16 +156,16 @@ def _shining(
     """The lights that some frame shows; coefficient images are relit at a level of their own."""
     if table.format == "coefficients":
         return ()
-    if (weights := _weights(scene, table)) is None:
+    if (weights := _weights(scene)) is None:
         return lights
     lit = {name for row in weights for name, weight in row.items() if weight > 0.0}
     return [light for light in scene.lights if light.name in lit]
 
 
-def _weights(scene: Scene, table: ExportTable) -> list[dict[str, float]] | None:
+def _weights(scene: Scene) -> list[dict[str, float]] | None:
     """What the keyframes weigh lights by; None where they do not."""
     keys = scene.file.keyframe
-    if table.turntable is not None or not keys or keys[0].lights is None:
+    if not keys or keys[0].lights is None:
         return None
     return [key.lights or {} for key in keys]
 
@@ -179,15 +179,20 @@ def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> l
         return [replace(still, camera=camera) for camera in cameras]
     keys = scene.file.keyframe
     if keys:
-        first, seconds = keys[0].time_s, keys[-1].time_s - keys[0].time_s
-        # Both ends are frames; rounded, so that 2 s at 24 a second are 49 whatever 1/24 is.
-        at = first + np.arange(round(seconds * table.fps) + 1) / table.fps
-        return _keyed(scene, volume, spec, np.minimum(at, keys[-1].time_s))
+        return _keyed(scene, volume, spec, _times_s(keys, table.fps))
     if table.sweep is not None:
         fades = lights if table.sweep.closed else lights - 1
         frames = table.sweep.frames or _FRAMES_A_FADE * fades + (not table.sweep.closed)
         return [still] * frames
     return [still]
+
+
+def _times_s(keys: Sequence[KeyframeTable], fps: float) -> NDArray[np.float64]:
+    """When each frame of a film is, from the first key to the last."""
+    first, last = keys[0].time_s, keys[-1].time_s
+    # Rounded, so that 2 s at 24 a second are 49 whatever 1/24 is.
+    at = first + np.arange(round((last - first) * fps) + 1) / fps
+    return np.minimum(at, last)
 
 
 def _keyed(
@@ -232,14 +237,14 @@ def _mixes(
     """The light of each moment, in words too; None where every light has its own frames."""
     if table.format == "coefficients":
         return None
-    if (keyed := _weights(scene, table)) is not None:
+    if (keyed := _weights(scene)) is not None:
         times = [key.time_s for key in scene.file.keyframe]
         names = dict.fromkeys(name for weights in keyed for name in weights)
         rows = [[weights.get(name, 0.0) for name in names] for weights in keyed]
-        at = np.minimum(times[0] + np.arange(count) / table.fps, times[-1])
         by_name = {light.name: light for light in scene.lights}
         mixed = [by_name[name] for name in names]
-        return [mix_of(mixed, weights) for weights in between_keys(times, rows, at)]
+        at_s = _times_s(scene.file.keyframe, table.fps)
+        return [mix_of(mixed, weights) for weights in between_keys(times, rows, at_s)]
     if table.sweep is None:
         return None
     return [mix_of(lights, row) for row in sweep_weights(len(lights), count, table.sweep.closed)]

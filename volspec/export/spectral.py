@@ -93,7 +93,7 @@ class SpectralIllumination:
         reflected = (
             stack(spec.backdrop, basis.grid)
             if isinstance(spec.backdrop, Spectrum)
-            else (spec.backdrop)
+            else spec.backdrop
         )
         lux = lit.illuminance_lux or spec.viewing.illuminance_lux
         return cls(

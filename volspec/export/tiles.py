@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from volspec.errors import VolspecWarning
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.bands import Cancel, Progress
+from volspec.raycast.bands import Progress
 from volspec.raycast.camera import RayField
 from volspec.raycast.checks import MAX_SIDE
 from volspec.transfer import Transfer
@@ -142,21 +142,14 @@ class Caster:
     spec : RaycastSpec
     notes : {str: str}
         Kept in the images.
-    cancel : callable, optional
-        As `volspec.raycast`.
     """
 
     caster: Raycaster
     spec: RaycastSpec
     notes: Mapping[str, str]
-    cancel: Cancel | None = None
 
     def strips(
-        self,
-        transfer: Transfer,
-        camera: Camera,
-        canvas: Canvas,
-        progress: Progress | None = None,
+        self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
     ) -> Iterator[list[CoefficientImage]]:
         """The picture from top to bottom, in images side by side; mostly one."""
         strips = canvas.strips()
@@ -167,15 +160,14 @@ class Caster:
                 before, share = done / total, part.width * part.height / total
 
                 def told(part_done: float, before: float = before, share: float = share) -> None:
-                    if progress is not None:
-                        progress(before + share * part_done)
+                    progress(before + share * part_done)
 
                 images.append(self._part(transfer, camera, canvas, part, told))
                 done += part.width * part.height
                 seen = seen or bool(images[-1].alpha.any())
             yield images
         if not seen and (len(strips) > 1 or len(strips[0]) > 1):
-            warnings.warn("the picture is empty", VolspecWarning, stacklevel=2)
+            self._tell_empty()
 
     def whole(
         self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
@@ -224,6 +216,8 @@ class Caster:
             if first is not None and image.first_mm is not None:
                 depth[there], first[there] = image.depth_mm, image.first_mm
         assert image is not None
+        if part == whole and len(windows) > 1 and not alpha.any():
+            self._tell_empty()
         return replace(
             image,
             coefficients=coefficients.astype(image.coefficients.dtype, copy=False),
@@ -231,6 +225,15 @@ class Caster:
             depth_mm=depth,
             first_mm=first,
             notes={**image.notes, "camera": repr(camera)},
+        )
+
+    def _tell_empty(self) -> None:
+        """Say of a picture in parts what `volspec.raycast` says of a whole one."""
+        warnings.warn(
+            f"{self.caster.volume.name}: the picture is empty; look at the transfer function's "
+            "opacities, the camera, crop and clip planes",
+            VolspecWarning,
+            stacklevel=3,
         )
 
     def cast(
@@ -245,7 +248,6 @@ class Caster:
             *(self.caster.volume, transfer, camera, size, self.spec),
             caster=self.caster,
             progress=progress,
-            cancel=self.cancel,
             notes=self.notes,
         )
 

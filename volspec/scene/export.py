@@ -47,7 +47,7 @@ class SweepTable(Table):
     """``sweep`` of [export]: one light fades into the next."""
 
     frames: Frames | None = None
-    """How many; left out, as many as the camera has."""
+    """How many; left out, as many as the camera has, 24 a fade where it stands still."""
     closed: bool = False
     """From the last light back to the first, so that it can be repeated."""
 

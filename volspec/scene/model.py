@@ -1,8 +1,8 @@
 """The scene file: TOML in, frozen specs out.
 
 Tables: ``[volume]``, ``[[material]]``, ``[transfer]``, ``[basis]``, ``[camera]``, ``[raycast]``,
-``[[group]]``, ``[[light]]``, ``[viewing]``, ``[output]`` (`volspec.scene.file`; for users
-docs/scenes.md). Paths are relative to the file.
+``[[group]]``, ``[[light]]``, ``[viewing]``, ``[output]``, ``[export]``, ``[[keyframe]]``
+(`volspec.scene.file`; for users docs/scenes.md). Paths are relative to the file.
 """
 
 from __future__ import annotations
