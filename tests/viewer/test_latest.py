@@ -7,12 +7,14 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from tests.viewer.test_files_scene import opened
+from volspec.errors import CastCancelled
 from volspec.pipeline import Raycaster
+from volspec.viewer import chores
 from volspec.viewer.desk import Desk
 from volspec.viewer.files import opening
 from volspec.viewer.files.opening import Opened, Openings
@@ -21,6 +23,7 @@ from volspec.viewer.files.screenshot import Progress, frame_of
 from volspec.viewer.files.session import SUFFIX, save_session
 from volspec.viewer.files.tasks import Tasks
 from volspec.viewer.latest import LatestWorker
+from volspec.viewer.state import ViewState
 from volspec.viewer.window.notice import Notice
 from volspec.viewer.window.trace import Trace
 
@@ -157,6 +160,27 @@ def test_only_what_was_said_of_the_opening_goes_with_it(
     notice.say("Hunt: working out its table …")
     each.begin(Opened(state), state)
     assert notice.text == "Hunt: working out its table …"
+
+
+@pytest.mark.parametrize("written", [True, False])
+def test_a_picture_that_is_written_is_said_to_be_saved_though_it_was_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, written: bool
+) -> None:
+    def taken(_: ViewState, __: object, progress: Progress) -> Path:
+        progress.end()
+        if not written:
+            raise CastCancelled("the picture was given up")
+        return tmp_path / "late.png"
+
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
+    monkeypatch.setattr(chores, "taken", taken)
+    notice, came = Notice(), threading.Event()
+    rest: tuple[Any, ...] = (Desk(), notice, Trace(), None, None, lambda *_: None)
+    each = chores.Chores(Tasks(came.set), cast(Any, None), *rest)
+    each.do("screenshot", opened(tmp_path))
+    assert came.wait(20) and each.take(first=False)[0]
+    said = f"Saved {tmp_path / 'late.png'}" if written else "The picture was given up"
+    assert notice.text == said
 
 
 def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> None:

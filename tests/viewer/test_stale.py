@@ -64,7 +64,7 @@ def test_the_first_of_several_stages_is_named(state: ViewState) -> None:
 _COSTS = {
     **dict.fromkeys(("orbit", "pan", "zoom", "wheel"), "cast"),
     **dict.fromkeys(("point", "add-point", "remove-point", "shift"), "cast"),
-    **dict.fromkeys(("weight", "kelvin", "dial", "solo", "mute", "remove", "divide"), "relight"),
+    **dict.fromkeys(("weight", "kelvin", "dial", "solo", "mute", "divide"), "relight"),
     "select": "frame",
     **dict.fromkeys(("roll", "roll-wheel", "fov", "face"), "cast"),
     **dict.fromkeys(("crop", "plane-shift", "plane-tilt", "plane-flip", "plane-remove"), "cast"),

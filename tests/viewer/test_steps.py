@@ -44,7 +44,7 @@ def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:
         assert replace(state, interface=Interface(light=wrong)).interface.light == right
     last = replace(state, interface=Interface(light=3))
     assert replace(last, lights=state.lights[:2]).interface.light == 1
-    assert reduced(last, Event("remove", index=3)).interface.light == 2
+    assert done(last, "remove-light").interface.light == 2
 
 
 def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) -> None:

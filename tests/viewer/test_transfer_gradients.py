@@ -100,6 +100,11 @@ def test_surfaces_say_that_they_have_no_opacity_by_gradient(state: ViewState) ->
     assert "opacity by gradient" in left_out(on.transfer, "surfaces", _SPAN)
     # Regions begin where boundaries do.
     assert left_out(on.transfer, "regions", _SPAN) == ""
+    # Of which neither a curve nor surfaces keep anything.
+    regions = converted(on.transfer, "regions", _SPAN)
+    kinds: tuple[Kind, ...] = ("points", "surfaces")
+    for kind in kinds:
+        assert "the regions' gradients" in left_out(regions, kind, _SPAN)
 
 
 def test_how_many_find_no_room_is_said(state: ViewState) -> None:

@@ -25,9 +25,8 @@ from volspec.spectra.photometry import illuminance_lux
 from volspec.spectra.spectrum import Spectrum
 from volspec.spectra.values import light_power
 
-# (H, W, 3), uint8 or float32 as asked for.
 Pixels = NDArray[Any]
-"""(H, W, 3) sRGB codes: uint8, or float32 0 to 1 before rounding; row 0 is the top."""
+"""(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding; row 0 is the top."""
 LEVELS = ("relative", "absolute")
 
 

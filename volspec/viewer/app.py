@@ -128,7 +128,7 @@ class _App:
         if options.restore or (options.path or "").lower().endswith(SUFFIX):
             self._chores.openings.resume(options.path, options.restore)
         self._casting = Casting(Window.wake)
-        self._docks, self._mouse = Docks(), Mouse(window.scale)
+        self._docks, self._mouse = Docks(), Mouse()
         self._fader, self._focus = Fader(), Focus()
         self._history: History | None = None
         self._shown: ViewState | None = None  # what casts and relights were last asked for
@@ -207,7 +207,7 @@ class _App:
     def _draw(self, inputs: list[Input]) -> None:
         started = time.perf_counter()
         self._window.begin()
-        self._desk.scale = self._window.scale
+        self._desk.scale = self._mouse.scale = self._window.scale
         self._focus.frame()
         self._set_theme()
         kept = self._history.present if self._history else None

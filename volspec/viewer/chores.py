@@ -2,7 +2,8 @@
 
     action -> [chores] -> opening | threads -> scene, script, session, PNG
 
-Names are those of `volspec.viewer.actions`; a path may follow after a blank.
+Names are those of `volspec.viewer.actions`, and ``say``; a path, or what is to be said, may follow
+after a blank.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ class Chores:
         }
 
     def do(self, name: str, state: ViewState) -> None:
-        """Begin what an action asks for; ``open PATH`` opens a file."""
+        """Begin what an action asks for; ``open PATH`` opens a file, ``say TEXT`` is a notice."""
         word, _, path = name.partition(" ")
         self._state = state
         if word == "open" and path:
@@ -113,7 +114,9 @@ class Chores:
         for outcome in outcomes:
             given_up = False
             if outcome.kind == "picture" and self._progress is not None:
-                given_up, self._progress = self._progress.ended, None
+                # What was ended too late is written all the same.
+                given_up = self._progress.ended and bool(outcome.error)
+                self._progress = None
             if given_up:
                 self._notice.say("The picture was given up")
             elif outcome.kind == "open":

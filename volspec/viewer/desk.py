@@ -118,7 +118,7 @@ class LightScraps:
 
 @dataclass(slots=True)
 class LibraryScraps:
-    """What the library of lights keeps from frame to frame.
+    """What a library, of lights or of materials, keeps from frame to frame.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class LibraryScraps:
     complaint : str
         Why it could not be added.
     kelvin : float
-        The temperature that its slider shows.
+        The temperature that the slider of lights shows.
     """
 
     search: str = ""
@@ -144,7 +144,7 @@ class Desk:
     scale : float
         Pixels of the window for each at 96 dpi.
     areas : {name: (x, y, width, height)}
-        Where things were drawn, for the trace.
+        Where things were drawn: for what stands over them, and for the trace.
     asked : list of str
         Actions that are the app's to do.
     image : CoefficientImage, optional

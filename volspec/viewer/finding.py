@@ -1,6 +1,6 @@
 """What a few letters mean: rows whose text has them, the best first.
 
-letters, rows -> [finding] -> command palette
+letters, rows -> [finding] -> command palette, library of materials
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ THICKNESSES = (0.02, 50.0)
 _WIDER, _THICKER = 2.0, 3.0
 
 
-def with_transfer(state: ViewState, transfer: Transfer) -> ViewState:
+def _with_transfer(state: ViewState, transfer: Transfer) -> ViewState:
     """The state with another one; itself where it is the same."""
     return state if transfer is state.transfer else replace(state, transfer=transfer)
 
@@ -30,9 +30,9 @@ def with_transfer(state: ViewState, transfer: Transfer) -> ViewState:
 def _point(state: ViewState, event: Event) -> ViewState:
     transfer, value = state.transfer, _within(state, event.x)
     if isinstance(transfer, TransferFunction):
-        return with_transfer(state, placing.moved(transfer, event.index, value, event.y))
+        return _with_transfer(state, placing.moved(transfer, event.index, value, event.y))
     if isinstance(transfer, Isosurfaces):
-        return with_transfer(state, placing.surface_moved(transfer, event.index, value, event.y))
+        return _with_transfer(state, placing.surface_moved(transfer, event.index, value, event.y))
     return state
 
 
@@ -46,7 +46,7 @@ def _add_point(state: ViewState, event: Event) -> ViewState:
         new = placing.added(transfer, event.x, event.y)
     else:
         new = placing.added(transfer, _within(state, event.x), event.y)
-    added = with_transfer(state, new)
+    added = _with_transfer(state, new)
     if added is state:
         return state
     old = {part.values for part in parts.parts_of(transfer)}
@@ -55,7 +55,7 @@ def _add_point(state: ViewState, event: Event) -> ViewState:
 
 
 def _remove_point(state: ViewState, event: Event) -> ViewState:
-    return with_transfer(state, parts.removed(state.transfer, event.index))
+    return _with_transfer(state, parts.removed(state.transfer, event.index))
 
 
 def _choose(state: ViewState, event: Event) -> ViewState:
@@ -68,18 +68,18 @@ def _chosen(state: ViewState, index: int) -> ViewState:
 
 
 def _opacity(state: ViewState, event: Event) -> ViewState:
-    return with_transfer(state, parts.with_opacity(state.transfer, event.index, event.x))
+    return _with_transfer(state, parts.with_opacity(state.transfer, event.index, event.x))
 
 
 def _material(state: ViewState, event: Event) -> ViewState:
     if event.key not in state.transfer.materials:
         return state
-    return with_transfer(state, parts.with_mix(state.transfer, event.index, event.key))
+    return _with_transfer(state, parts.with_mix(state.transfer, event.index, event.key))
 
 
 def _share(state: ViewState, event: Event) -> ViewState:
     transfer = parts.with_share(state.transfer, event.index, event.key, event.x)
-    return with_transfer(state, transfer)
+    return _with_transfer(state, transfer)
 
 
 def _region_values(state: ViewState, event: Event) -> ViewState:
@@ -99,7 +99,7 @@ def _placed(
     if not isinstance(state.transfer, Regions):
         return state
     axes = _span(state), state.document.joint.top
-    return with_transfer(
+    return _with_transfer(
         state, placing.region_placed(state.transfer, index, values, gradients, *axes)
     )
 
@@ -107,7 +107,7 @@ def _placed(
 def _softness(state: ViewState, event: Event) -> ViewState:
     if not isinstance(state.transfer, Regions):
         return state
-    return with_transfer(state, placing.softened(state.transfer, event.index, event.x))
+    return _with_transfer(state, placing.softened(state.transfer, event.index, event.x))
 
 
 def _by_gradient(state: ViewState, _: Event) -> ViewState:
@@ -129,7 +129,7 @@ def _gradient(edit: Callable[[TransferFunction, Event, float], TransferFunction]
         curve = state.transfer
         if not isinstance(curve, TransferFunction) or not curve.gradient_opacity:
             return state
-        return with_transfer(state, edit(curve, event, state.document.joint.top))
+        return _with_transfer(state, edit(curve, event, state.document.joint.top))
 
     return reducer
 
@@ -216,7 +216,7 @@ def _preset(preset: preset_table.Preset) -> Change:
 def _into(kind: converting.Kind) -> Change:
     def change(state: ViewState) -> ViewState:
         new = converting.converted(state.transfer, kind, _span(state))
-        return state if new is state.transfer else _chosen(with_transfer(state, new), 0)
+        return state if new is state.transfer else _chosen(_with_transfer(state, new), 0)
 
     return change
 

@@ -141,7 +141,7 @@ def _blend_all(state: ViewState) -> ViewState:
     return replace(state, lights=blending.blended(state.lights, 0.0, 0.0))
 
 
-def reset_spectrum(state: ViewState) -> ViewState:
+def _reset_spectrum(state: ViewState) -> ViewState:
     """The chosen light's spectrum as it was before it was drawn."""
     return replace(state, lights=drawing.undrawn(state.lights, state.interface.light))
 
@@ -161,7 +161,6 @@ EVENTS: dict[str, Reducer] = {
     "dial": _dial,
     "solo": _solo,
     "mute": _mute,
-    "remove": _remove,
     "select": _select,
     "divide": _divide,
     "lux": _lux,
@@ -198,7 +197,7 @@ ACTIONS = (
     Action("blend-all", "Light", "All lights alike", (), _blend_all),
     Action("keep-mix", "Light", "Keep this mix as a light", ("k",), _keep_mix, refusal=_no_mix),
     Action(
-        "reset-spectrum", "Light", "Undo the drawing of the chosen spectrum", (), reset_spectrum
+        "reset-spectrum", "Light", "Undo the drawing of the chosen spectrum", (), _reset_spectrum
     ),
     Action("rename-light", "Light", "Rename the chosen light", ("f2",)),
     Action(

@@ -1,6 +1,6 @@
 """The palette of a state: its materials are rows, its lights columns, its wishes the cells.
 
-state -> [table] -> Palette, reports -> panels, design_worker
+state -> [table] -> Palette, reports -> panels, worker
 """
 
 from __future__ import annotations

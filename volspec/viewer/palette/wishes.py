@@ -1,6 +1,6 @@
 """What the palette panel asks for, frozen: colours of cells, and which spectra may change for them.
 
-events, panels -> [wishes] -> design_table -> Palette -> design_worker
+events, panels -> [wishes] -> table -> Palette -> worker
 
 The spectra themselves stand in the state's transfer function and lights; here stands what was
 wanted of them, so that undo takes both back together.

@@ -1,6 +1,6 @@
 """The thread that designs what was wished for last.
 
-state -> designing -> [worker] -> Design -> state
+state -> service -> [worker] -> Design -> state
 
 A wish is answered twice: quickly, from the spectra as they are, and well when no other follows.
 """

@@ -87,7 +87,7 @@ class PathDialog:
             if request.save
             else found
         )
-        self._list(shown, desk)
+        self._list(shown)
         path = request.named(self._text)
         there = bool(path) and request.save and is_there(path)
         right = _right()
@@ -111,7 +111,7 @@ class PathDialog:
             return ""
         return self._text.strip() if pressed else ""
 
-    def _list(self, found: Listing, desk: Desk) -> None:
+    def _list(self, found: Listing) -> None:
         line = imgui.get_text_line_height_with_spacing()
         others = _BESIDE * imgui.get_frame_height_with_spacing()
         room = imgui.get_main_viewport().work_size.y - others

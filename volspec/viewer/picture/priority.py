@@ -1,6 +1,6 @@
 """Threads that give way to the window's, where both want the same cores.
 
-opening -> [priority] -> OpenCL device -> casts
+document, session -> [priority] -> OpenCL device -> casts
 """
 
 from __future__ import annotations

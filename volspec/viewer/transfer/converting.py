@@ -45,6 +45,7 @@ _DEPTH = 8
 _SOFTEST = 0.02
 # Where opacity rises as gradients do, boundaries begin here.
 _HALF = 0.5
+_ANY_GRADIENT = 0.0, math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ class Band:
     ramp: float
     opacity: float
     mix: Mapping[str, float]
-    gradients: tuple[float, float] = (0.0, math.inf)
+    gradients: tuple[float, float] = _ANY_GRADIENT
 
 
 def kind_of(transfer: Transfer) -> Kind:
@@ -112,6 +113,9 @@ def left_out(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> str:
             said.append(f"the filters of {', '.join(transfer.filters)}")
         if transfer.gradient_opacity and kind == "surfaces":
             said.append("opacity by gradient")
+    regions = transfer.regions if isinstance(transfer, TransferFunction2D) else ()
+    if any(region.gradients != _ANY_GRADIENT for region in regions):
+        said.append("the regions' gradients")
     if kind != "points":
         bands = _bands(transfer, span)
         room = MOST_PARTS[TransferFunction2D]
@@ -212,11 +216,11 @@ def _whole(mix: dict[str, float]) -> dict[str, float]:
 
 def _gradients(curve: TransferFunction) -> tuple[float, float]:
     if not curve.gradient_opacity:
-        return 0.0, math.inf
+        return _ANY_GRADIENT
     at, factors = np.array(curve.gradient_opacity).T
     over = np.flatnonzero(factors >= _HALF)
     if factors[0] >= _HALF or not len(over):
-        return 0.0, math.inf
+        return _ANY_GRADIENT
     return float(np.interp(_HALF, factors[: over[0] + 1], at[: over[0] + 1])), math.inf
 
 

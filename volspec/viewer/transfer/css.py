@@ -54,7 +54,7 @@ class Colours:
     Attributes
     ----------
     spectra : {name: Spectrum} or None
-        None until then; empty where the grid allows none.
+        None until then; empty where none can be made.
     """
 
     def __init__(self, grid: SpectralGrid, observer_deg: int) -> None:
@@ -63,10 +63,13 @@ class Colours:
         threading.Thread(target=self._make, name="volspec-colours", daemon=True).start()
 
     def _make(self) -> None:
+        made: Mapping[str, Spectrum] = {}
         try:
-            self.spectra = _made(*self._of)
+            made = _made(*self._of)
         except VolspecError:
-            self.spectra = {}
+            return
+        finally:  # nobody waits for what will not come, whatever the fault
+            self.spectra = made
 
 
 @lru_cache(maxsize=1)

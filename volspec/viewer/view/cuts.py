@@ -131,8 +131,9 @@ def no_plane(shading: RaycastSpec, volume: Volume, normal: Vector) -> str:
     for plane in shading.clip_planes:
         near = abs(distance_mm(plane, volume)) <= _SAME * radius_mm(volume)
         if near and np.linalg.norm(np.asarray(plane.normal) - wanted) <= _SAME:
-            return "There is one here already"
-    return f"{MAX_PLANES} are the most" if len(shading.clip_planes) >= MAX_PLANES else ""
+            return "A clip plane lies here already; move that one first"
+    full = len(shading.clip_planes) >= MAX_PLANES
+    return f"{MAX_PLANES} clip planes are the most; remove one first" if full else ""
 
 
 def changed(shading: RaycastSpec, index: int, plane: ClipPlane | None) -> RaycastSpec:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -79,7 +78,6 @@ def _centred(along: Array, depth: Array, distance: float, slope: float) -> float
     return place
 
 
-@lru_cache(maxsize=4)
 def _thinned(volume: Volume) -> tuple[NDArray[Any], tuple[int, int, int]]:
     """(z, y, x) every n-th voxel, and n along each axis."""
     k, j, i = (-(-size // _MOST) for size in volume.values.shape)

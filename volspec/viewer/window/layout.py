@@ -51,7 +51,7 @@ _PANELS = (
     Panel("Slices", slices.draw, "left"),
     Panel("Palette", palette.draw, "lower"),
 )
-# Those that are in front of the tabs at first.
+# The panel that is in front of the tabs at first.
 _FIRST = "Viewing"
 _OVERLAYS = (
     error_map.draw,

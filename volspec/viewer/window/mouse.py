@@ -22,7 +22,7 @@ from volspec.viewer.window.gestures import Gestures
 from volspec.viewer.window.inputs import Input
 
 Area = tuple[int, int, int, int]
-# So near to the divide the mouse takes hold of it.
+# So near to the divide the mouse takes hold of it; pixels at 96 dpi, as the next.
 GRIP = 8
 # A press that moves less is a click.
 STILL = 4.0
@@ -43,16 +43,16 @@ WHEELS: dict[str, str] = {"": "wheel", "shift": "roll-wheel", "ctrl": "fov"}
 class Mouse:
     """Knows which drag is under way, and which gesture.
 
-    Parameters
+    Attributes
     ----------
     scale : float
-        Pixels of the window for each at 96 dpi.
+        Pixels of the window for each at 96 dpi; another where the window changes the monitor.
     """
 
-    def __init__(self, scale: float = 1.0) -> None:
+    def __init__(self) -> None:
         self._gestures = Gestures()
         self.over_picture: Place | None = None
-        self._scale = scale
+        self.scale = 1.0
         self._down: set[str] = set()
         self._drag = self._event = ""
         self._handle: Handle | None = None
@@ -117,17 +117,17 @@ class Mouse:
         if given.button != "left" or given.modifiers:
             return state
         seen = Projection(state.view.camera(state.document.volume), area)
-        self._handle = nearest(handles_of(state, seen, self._scale), self._at, self._scale)
+        self._handle = nearest(handles_of(state, seen, self.scale), self._at, self.scale)
         if self._handle is not None:
             if self._handle.name != "crop":
                 state = reduced(state, Event("plane-select", index=self._handle.index))
             self._start = state
         elif state.interface.aids.cube:
-            self._face = cube.face_at(seen, self._at, self._scale)
+            self._face = cube.face_at(seen, self._at, self.scale)
         x, _, width, _ = area
         over = self._handle is not None or self._face is not None
         if state.other is not None and not over:
-            near = abs(given.x - (x + state.divide * width)) < GRIP
+            near = abs(given.x - (x + state.divide * width)) < GRIP * self.scale
             self._event = "divide" if near else self._event
         return state
 
@@ -136,7 +136,7 @@ class Mouse:
         x, y, width, height = area
         tall = max(height, 1)
         if self._face is not None:
-            if math.dist(self._at, self._pressed) < STILL * self._scale:
+            if math.dist(self._at, self._pressed) < STILL * self.scale:
                 return state
             self._face, before = None, self._pressed
         if self._handle is not None and self._start is not None:

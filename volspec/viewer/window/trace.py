@@ -1,7 +1,7 @@
 """What the viewer did, as JSON lines: ``{"t", "event", "stage", "ms"}`` and what belongs to it.
 
-``t`` counts seconds from the start; ``stage`` is ``cast``, ``relight`` or ``frame``, and null for
-input.
+``t`` counts seconds from the start; ``stage`` is ``cast``, ``relight``, ``frame`` or ``design``,
+and null for all else.
 """
 
 from __future__ import annotations

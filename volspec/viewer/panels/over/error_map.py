@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import numpy as np
 from imgui_bundle import imgui
 
 from volspec.relight.error_map import ErrorMap
@@ -74,8 +75,6 @@ def told(found: ErrorMap | None, problem: str) -> list[str]:
 @lru_cache(maxsize=1)
 def _scale() -> tuple[int, ...]:
     """The map's colours from 0 to its top, as `ErrorMap.heat` has them."""
-    import numpy as np
-
     ramp = np.linspace(0, 1, _STEPS, dtype=np.float32)[None]
     colours = ErrorMap(ramp, np.ones_like(ramp)).heat(1.0)[0] / 255.0
     return tuple(packed(colour) for colour in colours.tolist())

@@ -28,8 +28,9 @@ from volspec.viewer.view.slices import (
 
 # Pixels at 96 dpi: the least height for all slices, the least side of one, and letters' distance
 # from its edge.
-_AROUND = tuple((a, b) for a in (-1.2, 0.0, 1.2) for b in (-1.2, 0.0, 1.2))
 _LEAST, _FLATTEST, _MARGIN = 150.0, 10.0, 4.0
+# Where a letter's shade is drawn beside it.
+_AROUND = tuple((a, b) for a in (-1.2, 0.0, 1.2) for b in (-1.2, 0.0, 1.2))
 # Of a slider with its words beside it; with less they stand above.
 _SHORTEST = 50.0
 # Of a slice's side in lines of text: a shorter one has no letters at its ends.

@@ -12,7 +12,7 @@ from volspec.viewer.events import Event, reduced
 from volspec.viewer.palette.table import Table
 from volspec.viewer.palette.wishes import LIGHT, REFLECTANCE, clipped, stays
 from volspec.viewer.panels.palette.margins import member
-from volspec.viewer.panels.widgets import WAITING_GREYED, packed, tip
+from volspec.viewer.panels.widgets import BLACK, WAITING_GREYED, WHITE, packed, tip
 from volspec.viewer.state import ViewState
 from volspec.viewer.window.style import ACCENT
 
@@ -159,7 +159,7 @@ def explained(report: CellReport, wish: Cell | None) -> str:
 def contrast(codes: tuple[float, float, float]) -> tuple[float, float, float]:
     """Black or white, whichever is read better on a colour."""
     luma = float(np.dot(codes, (0.299, 0.587, 0.114)))
-    return (0.0, 0.0, 0.0) if luma > _LIGHT else (1.0, 1.0, 1.0)
+    return BLACK if luma > _LIGHT else WHITE
 
 
 def _write(

@@ -51,7 +51,7 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
         new = cells.draw(new, table, desk)
         new = editor.draw(new, table, desk)
         _legend(state, desk)
-    _news(state, desk)
+    _news(desk)
     new = tools.draw(new, desk)
     return None if new is state else new
 
@@ -127,7 +127,7 @@ def _legend(state: ViewState, desk: Desk) -> None:
     tip(_MISSED, WAITING_GREYED)
 
 
-def _news(state: ViewState, desk: Desk) -> None:
+def _news(desk: Desk) -> None:
     """Why something was refused, what would help, what a wizard reached."""
     news = desk.design
     if news.complaint:

@@ -16,6 +16,7 @@ from volspec.viewer.palette.table import picked
 from volspec.viewer.palette.wishes import DISTANCES, MOST_ROUNDS, SMOOTHNESS
 from volspec.viewer.panels.widgets import pick, tip, wrapped
 from volspec.viewer.state import ViewState
+from volspec.viewer.transfer.converting import kind_of
 
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
 _SURROUNDINGS, _BLACK = "what surrounds it", "nothing: black"
@@ -108,7 +109,8 @@ def _values(state: ViewState, desk: Desk) -> ViewState:
     """The ranges of the transfer function, and a tool that makes another."""
     curve, new = state.transfer, state
     if not isinstance(curve, TransferFunction):
-        imgui.text_wrapped(f"This scene has a {type(curve).__name__}; its file holds the values.")
+        has = f"This transfer function has {kind_of(curve)}, not a curve's ranges."
+        imgui.text_wrapped(f"{has} The Transfer panel edits it")
         return state
     names = tuple(curve.materials)
     for number, own in enumerate(ranges(curve)):

@@ -80,7 +80,7 @@ def _adapted(
     """The light, and what makes of (P, 3) XYZ under it the (P, 3) codes that look alike."""
 
     def codes(XYZ: Array) -> Array:
-        return np.asarray(encode(linear_from_XYZ(XYZ).clip(0, 1)))
+        return encode(linear_from_XYZ(XYZ))
 
     rig = rig_of(lights)
     if rig is None:

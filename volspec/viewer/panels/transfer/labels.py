@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.transfer import LabelFunction
+from volspec.transfer import MAX_LABEL, LabelFunction
 from volspec.viewer.desk import Desk
 from volspec.viewer.events import Event, reduced
 from volspec.viewer.panels.transfer import detail
@@ -51,4 +51,4 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
 
 def next_label(function: LabelFunction) -> int:
     """The least label from 1 that is not listed."""
-    return next(label for label in range(1, 65537) if label not in function.labels)
+    return next(label for label in range(1, MAX_LABEL + 2) if label not in function.labels)
