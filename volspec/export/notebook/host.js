@@ -19,7 +19,8 @@ function frameOf(page) {
 
 function render({ model, el }) {
   el.style.position = 'relative';
-  let frame = null, port = null, hearing = false;
+  // The frame that is shown, and the last one made: the same once that is loaded.
+  let frame = null, newest = null, port = null, hearing = false;
   // Only what has changed: the rest may be older than what the page is just telling.
   const tell = (names) => {
     if (hearing) return;
@@ -49,7 +50,10 @@ function render({ model, el }) {
   };
 
   const open = () => {
+    // One that still loads is out of date, and must not come after this one.
+    if (newest !== frame) newest?.remove();
     const next = frameOf(model.get('_page'));
+    newest = next;
     next.addEventListener('load', () => loaded(next));
     el.append(next);
   };

@@ -8,8 +8,7 @@ function spectrumBars(basis, values, top, { width, height, line = null }) {
     height: at(value).toFixed(2), fill: basis.colours[i],
   }));
   const drawing = svg('svg', {
-    viewBox: `0 0 ${width} ${height}`, preserveAspectRatio: 'none', class: 'spectrum',
-    'aria-hidden': 'true',
+    viewBox: `0 0 ${width} ${height}`, preserveAspectRatio: 'none', 'aria-hidden': 'true',
   }, ...bars);
   if (line) {
     const points = line.map((value, i) => (

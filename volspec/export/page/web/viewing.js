@@ -77,10 +77,6 @@ function binding(app, input) {
     input.addEventListener('change', () => set(input.checked));
     return (look) => { input.checked = look[field]; };
   }
-  if (input.type === 'radio') {
-    input.addEventListener('change', () => input.checked && set(input.value));
-    return (look) => { input.checked = look[field] === input.value; };
-  }
   if (input.tagName === 'SELECT') {
     const numeric = field === 'surround';
     input.addEventListener('change', () => set(numeric ? Number(input.value) : input.value));
