@@ -25,7 +25,7 @@ def header_of(path):
     with open(path, "rb") as file:
         magic, _ = struct.unpack("<II", file.read(8))
         if magic != 20000630:
-            raise SystemExit(f"{path}: no OpenEXR file")
+            raise SystemExit(f"{path}: no OpenEXR file; give a coefficient image of volspec")
 
         def word():
             return b"".join(iter(lambda: file.read(1), b"\0")).decode()

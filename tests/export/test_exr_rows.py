@@ -61,7 +61,7 @@ def test_rows_may_come_in_any_pieces(tmp_path: Path) -> None:
 
 
 def test_blocks_stand_in_their_order_whichever_is_packed_first(
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     header = ExrHeader((8, 160), SPACES["sRGB"])
     pixels = picture((8, 160), 3, noise=False)
@@ -72,7 +72,10 @@ def test_blocks_stand_in_their_order_whichever_is_packed_first(
         return packed(plain)
 
     monkeypatch.setattr(exr, "_packed", slow_at_times)
-    assert exr_bytes(pixels, header) == whole
+    monkeypatch.setattr(exr, "workers", lambda: 4)
+    with exr_file(tmp_path / "a.exr", header) as file:
+        file.rows(pixels)
+    assert (tmp_path / "a.exr").read_bytes() == whole
 
 
 def test_what_no_half_can_hold_is_the_largest_and_nan_is_black(tmp_path: Path) -> None:

@@ -21,6 +21,11 @@ _MOST_WORKERS = 16
 _WAITING_BYTES = 2**29
 
 
+def workers() -> int:
+    """Threads that encode."""
+    return min(os.cpu_count() or 1, _MOST_WORKERS)
+
+
 class Encoders:
     """Turns frames into files; a context manager that ends when all are there.
 
@@ -36,9 +41,9 @@ class Encoders:
     """
 
     def __init__(self, frame_bytes: int) -> None:
-        workers = min(os.cpu_count() or 1, _MOST_WORKERS)
-        self._room = max(1, min(2 * workers, _WAITING_BYTES // max(frame_bytes, 1)))
-        self._pool = ThreadPoolExecutor(workers)
+        count = workers()
+        self._room = max(1, min(2 * count, _WAITING_BYTES // max(frame_bytes, 1)))
+        self._pool = ThreadPoolExecutor(count)
         self._waiting: deque[tuple[Path, Future[bytes]]] = deque()
 
     def put(self, path: Path, encode: Callable[[], bytes]) -> None:

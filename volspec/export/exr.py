@@ -4,8 +4,8 @@
 
 From Python OpenEXR's own library takes whole pictures (but for an interface that it is to lose);
 this writer takes rows as they come, so that a picture may be larger than memory. Blocks of lines
-know nothing of each other: all cores pack them. Opacity is multiplied into the colours, as
-compositors expect of this format.
+know nothing of each other: all cores pack those of a picture that comes in rows. Opacity is
+multiplied into the colours, as compositors expect of this format.
 
 References
 ----------
@@ -31,14 +31,14 @@ from numpy.typing import NDArray
 from volspec._exr import chromaticities, halves
 from volspec._files import write_whole
 from volspec.appearance.spaces import ColourSpace
+from volspec.export.encoders import workers
 from volspec.spectra.spectral_image import spectral_channels, spectral_header
 
 _MAGIC, _VERSION = 20000630, 2
 _HALF, _ZIP, _RISING = 1, 3, 0  # pixel type, compression, order of lines
 # Lines of a block, which ZIP packs at once; and zlib's level, that of OpenEXR's own library.
 _LINES, _LEVEL = 16, 4
-# Cores beyond these wait for lines; and what may wait for cores, bytes.
-_MOST_WORKERS = 16
+# Of blocks that may wait for cores.
 _WAITING_BYTES = 2**27
 
 
@@ -124,17 +124,19 @@ class ExrWriter:
     file : binary file
         Open for writing, at its beginning.
     header : ExrHeader
+    threads : int
+        That pack blocks; with 1 the caller's own does.
     """
 
-    def __init__(self, file: BinaryIO, header: ExrHeader) -> None:
+    def __init__(self, file: BinaryIO, header: ExrHeader, threads: int = 1) -> None:
         width, height = header.size
         names = header.channels
         # A file has its channels in the order of their names.
         self._order = sorted(range(len(names)), key=names.__getitem__)
         self._block = np.empty((_LINES, len(names), width), "<f2")
         self._filled = 0
-        self._workers = min(os.cpu_count() or 1, _MOST_WORKERS)
-        self._room = max(1, min(2 * self._workers, _WAITING_BYTES // self._block.nbytes))
+        self._threads = threads
+        self._room = max(1, min(2 * threads, _WAITING_BYTES // self._block.nbytes))
         self._file = file
         self._offsets: list[int] = []
         file.write(header.packed())
@@ -143,9 +145,13 @@ class ExrWriter:
 
     def rows(self, pixels: NDArray[Any]) -> None:
         """Add rows; (R, W, C) linear."""
+        if self._threads == 1:
+            for plain in self._blocks(pixels):
+                self._write(_packed(plain))
+            return
         waiting: deque[Future[bytes]] = deque()
         # Only while rows are added: of many files that are open at once one has threads.
-        with ThreadPoolExecutor(self._workers) as pool:
+        with ThreadPoolExecutor(self._threads) as pool:
             for plain in self._blocks(pixels):
                 if len(waiting) == self._room:
                     self._write(waiting.popleft().result())
@@ -204,13 +210,13 @@ def exr_file(path: str | os.PathLike[str], header: ExrHeader) -> Iterator[ExrWri
         If the folder cannot be written to.
     """
     with write_whole(path) as temporary, temporary.open("wb") as file:
-        writer = ExrWriter(file, header)
+        writer = ExrWriter(file, header, workers())
         yield writer
         writer.close()
 
 
 def exr_bytes(pixels: NDArray[Any], header: ExrHeader) -> bytes:
-    """The file of a whole picture; (H, W, C) linear."""
+    """The file of a whole picture; (H, W, C) linear. One thread packs it: `Encoders` has many."""
     file = io.BytesIO()
     writer = ExrWriter(file, header)
     writer.rows(pixels)

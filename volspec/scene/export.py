@@ -84,8 +84,14 @@ class ExportTable(Table):
     def _fit_together(self) -> ExportTable:
         if self.lights is not None and not self.lights:
             raise ValueError("lights: is empty; name one, or leave it out for all")
-        if self.format == "png" and self.shows == "scene":
-            raise ValueError('shows = "scene" is for format = "exr"; PNG shows the display')
+        if self.format != "exr" and self.shows == "scene":
+            raise ValueError(f'shows = "scene" is for format = "exr", not "{self.format}"')
+        if self.format != "png" and self.bits != 8:
+            raise ValueError(f'bits = {self.bits} is for format = "png"; EXR has half floats')
+        if self.format == "coefficients" and self.transparent:
+            raise ValueError(
+                'transparent: format = "coefficients" holds no backdrop; leave transparent out'
+            )
         self._check_spectra()
         if self.sweep is None:
             return self
