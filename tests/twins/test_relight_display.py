@@ -68,8 +68,8 @@ def tables(monkeypatch: pytest.MonkeyPatch) -> list[TablePassage]:
     made: list[TablePassage] = []
     make = TablePassage.of
 
-    def noted(passage: Passage, space: TableSpace) -> TablePassage:
-        made.append(make(passage, space))
+    def noted(passage: Passage, space: TableSpace, cancel: None = None) -> TablePassage:
+        made.append(make(passage, space, cancel))
         return made[-1]
 
     monkeypatch.setattr(TablePassage, "of", noted)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from volspec.errors import RelightError
 from volspec.pipeline import raycast
 from volspec.raycast import Camera, CoefficientImage
 from volspec.relight import Illumination, LightRig
@@ -90,16 +91,17 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     assert "ΔE00" not in dict(told)
 
 
-def test_the_map_is_made_once_for_each_picture_and_light(
+def test_the_map_is_made_once_for_a_picture_and_light_and_says_where_none_shines(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     heat = pytest.importorskip("volspec.viewer.picture.error_map")
     _, image, _ = shot(state)
     begun = []
-    monkeypatch.setattr(heat.Tasks, "start", lambda self, kind, task: begun.append(task()))
+    monkeypatch.setattr(heat.Tasks, "start", lambda self, kind, task: begun.append(task))
     overlay: Any = heat.Heat(None, lambda: None)
-    for lights in (state.lights, state.lights, state.lights[1:], state.lights):
+    for lights in (state.lights, state.lights, state.lights[1:], state.lights[1:]):
         overlay.want(image, lights, state.seen)
-    # The second and the third, where no light is on, begin nothing.
-    assert len(begun) == 1
-    assert begun[0][0].delta_e.shape == (33, 33) and begun[0][1] is image
+    shining, dark = begun
+    assert shining()[0].delta_e.shape == (33, 33) and shining()[1] is image
+    with pytest.raises(RelightError, match="No light is on"):
+        dark()

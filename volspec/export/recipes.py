@@ -123,5 +123,5 @@ def _label(recipe: Recipe, light: str, group: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A Tcl word."""
-    return '"' + re.sub(r'([\\"\[\]$])', r"\\\1", text) + '"'
+    """A Tcl word, within braces, too: those of the text are not counted."""
+    return '"' + re.sub(r'([\\"\[\]{}$])', r"\\\1", text) + '"'
