@@ -23,7 +23,7 @@
 //         passage changes over the picture; CAM only), FIRST_ROW_AT_BOTTOM (1
 //         where what is drawn will be read back, GL's rows running up; 0 for a canvas or window),
 //         IMAGE_HEIGHT
-//         (pixels, used if 0), REDUCE and MARK (1 where the display does so), and the numbers of
+//         (pixels, used if 0), EVERY (2: of every second column and row, 1: of all), REDUCE and MARK (1 where the display does so), and the numbers of
 //         volspec.appearance.constants.shader_constants(), of the display's
 //         ColourSpace.shader_constants() and of volspec.appearance.screen.SHADER_CONSTANTS.
 //
@@ -59,9 +59,9 @@ vec3 scene_XYZ(ivec2 pixel) {
 }
 
 void main() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    ivec2 pixel = EVERY * ivec2(gl_FragCoord.xy);
 #if !FIRST_ROW_AT_BOTTOM
-    pixel.y = IMAGE_HEIGHT - 1 - pixel.y;
+    pixel.y = EVERY * ((IMAGE_HEIGHT - 1) / EVERY) - pixel.y;
 #endif
     vec3 XYZ = scene_XYZ(pixel);
 #if FORM == TABLE && !(REDUCE || MARK)

@@ -143,7 +143,7 @@ class GLEngine:
             ) from error
         form = {"FORM": FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0, "FIELD": 0, "CHECKED": 0}
         # The height is for canvases: without it all sizes share one source, and the driver's cache.
-        constants = {"LAYERS": layer_count(self._channels), "IMAGE_HEIGHT": 0}
+        constants = {"LAYERS": layer_count(self._channels), "IMAGE_HEIGHT": 0, "EVERY": 1}
         self._programs = Programs(self._context, constants, self._keep)
         self._lookups = Lookups(self._context, self._keep)
         self._counted = self._context.query(samples=True)

@@ -44,7 +44,7 @@ class Programs:
     ----------
     context : moderngl.Context
     constants : {name: int}
-        What is the same in all: LAYERS and IMAGE_HEIGHT.
+        What is the same in all: LAYERS, IMAGE_HEIGHT and EVERY.
     keep : callable
         Takes a resource that its engine shall release, and gives it back.
     """

@@ -2,6 +2,10 @@
 //
 //     inputs -> edit, put -> state -> refresh -> picture, panels, address
 
+// Of a frame that has taken too long, how many such in a row make pictures coarse, and how long
+// nothing changes until they are whole again.
+const SLOW_MS = 42, FEW = 2, REST_MS = 250;
+
 class App {
   constructor(page) {
     this.page = page;
@@ -15,7 +19,11 @@ class App {
     this.hovered = null;
     this.spoken = false;
     this.relighter = new Relighter(byId('picture'), page);
+    this.forget();
+    // Whole pictures in a row that took too long.
+    this.late = 0;
     this.refresh = perFrame(() => this.refreshed());
+    this.sharpenLater = whenQuiet(() => { this.forget(); this.refresh(); }, REST_MS);
     this.rememberLater = whenQuiet(() => this.remember(), 400);
   }
 
@@ -97,7 +105,8 @@ class App {
     return decoded.get(view);
   }
 
-  draw() {
+  // The picture, or every second column and row of it.
+  draw(every = 1) {
     const { state, page, relighter } = this;
     if (!this.texels || relighter.gl.isContextLost()) return;
     relighter.show(this.shown, this.texels);
@@ -108,12 +117,39 @@ class App {
     const [left, right] = drawings, { divide } = state;
     relighter.draw(state.compare
       ? [{ drawing: left, from: 0, to: divide }, { drawing: right, from: divide, to: 1 }]
-      : [{ drawing: left, from: 0, to: 1 }]);
+      : [{ drawing: left, from: 0, to: 1 }], every);
+  }
+
+  // What the picture follows from; the probe, say, is not among it.
+  get pictured() {
+    const { texels, state: { sides, compare, divide } } = this;
+    return [texels, sides, compare, compare && divide];
+  }
+
+  // Draw the picture if it is another; coarsely while it changes and the browser is slow at it.
+  redraw() {
+    const pictured = this.pictured, now = performance.now();
+    if (pictured.every((part, i) => part === this.drawn[i])) return;
+    const coarse = this.late >= FEW && now - this.drawnAt < REST_MS;
+    this.drawn = pictured;
+    this.drawnAt = now;
+    this.draw(coarse ? 2 : 1);
+    if (coarse) this.sharpenLater();
+    // A browser that is behind asks late for the next frame.
+    else requestAnimationFrame(() => {
+      this.late = performance.now() - now > SLOW_MS ? this.late + 1 : 0;
+    });
+  }
+
+  // Draw the next picture whole, whatever was drawn before.
+  forget() {
+    this.drawn = [];
+    this.drawnAt = -Infinity;
   }
 
   refreshed() {
     try {
-      this.draw();
+      this.redraw();
     } catch (error) {
       refuse(error);
       return;
@@ -137,6 +173,7 @@ class App {
     canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
     canvas.addEventListener('webglcontextrestored', () => {
       this.relighter.forget();
+      this.forget();
       this.refresh();
     });
     window.addEventListener('hashchange', () => {

@@ -50,8 +50,10 @@ class Relighter {
     this.page = page;
     this.programs = new Map();
     this.textures = new Map();
-    canvas.width = page.channels.width;
-    canvas.height = page.channels.height;
+    // On the page it is as large as the picture, however few pixels are drawn.
+    canvas.style.width = `${page.channels.width}px`;
+    canvas.style.height = `${page.channels.height}px`;
+    this.resize(1);
     const options = { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: false };
     this.gl = canvas.getContext('webgl2', options);
     if (!this.gl) {
@@ -151,8 +153,17 @@ class Relighter {
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
   }
 
+  // As many pixels as there are, or of every second column and row.
+  resize(every) {
+    const { canvas, page: { channels } } = this;
+    const [width, height] = [channels.width, channels.height].map((n) => Math.ceil(n / every));
+    if (canvas.width !== width) canvas.width = width;
+    if (canvas.height !== height) canvas.height = height;
+  }
+
   // Draw sides next to each other: [{drawing, from, to}], shares of the width. A null one is dark.
-  draw(sides) {
+  draw(sides, every) {
+    this.resize(every);
     const { gl, canvas: { width, height } } = this;
     gl.viewport(0, 0, width, height);
     for (const { drawing, from, to } of sides) {
@@ -163,7 +174,7 @@ class Relighter {
         gl.clear(gl.COLOR_BUFFER_BIT);
         continue;
       }
-      const { program, setters } = this.program(drawing.form);
+      const { program, setters } = this.program({ ...drawing.form, EVERY: every });
       gl.useProgram(program);
       for (const [name, values] of Object.entries(drawing.uniforms)) {
         setters.get(name)?.(new Float32Array(values));

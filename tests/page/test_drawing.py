@@ -1,0 +1,78 @@
+"""When a page draws, and how many pixels: coarsely only while a slow browser's light moves."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.page.conftest import Opened
+from volspec.export.page import PageView, write_page
+from volspec.raycast import CoefficientImage
+from volspec.scene import Scene
+
+# Whole pictures take 60 ms; what the last coarse one was is kept, and how often was drawn.
+SLOW = """
+const draw = WebGL2RenderingContext.prototype.drawArrays;
+window.draws = 0;
+WebGL2RenderingContext.prototype.drawArrays = function (...what) {
+  draw.apply(this, what);
+  window.draws += 1;
+  if (this.canvas.width < parseInt(this.canvas.style.width)) {
+    window.coarse = this.canvas.toDataURL();
+    return;
+  }
+  const end = performance.now() + 60;
+  while (performance.now() < end);
+};"""
+DRAG = """async () => {
+  const slider = document.querySelector('#light-list input'), widths = [];
+  for (const value of [0.9, 0.8, 0.7, 0.6, 0.5]) {
+    slider.value = value;
+    slider.dispatchEvent(new Event('input'));
+    await new Promise(requestAnimationFrame);
+    await new Promise(requestAnimationFrame);
+    widths.push(document.getElementById('picture').width);
+  }
+  return widths;
+}"""
+
+
+@pytest.fixture(scope="module")
+def file(
+    tmp_path_factory: pytest.TempPathFactory, engine_scene: Scene, engine_image: CoefficientImage
+) -> Path:
+    path = tmp_path_factory.mktemp("drawing") / "page.html"
+    write_page(path, [PageView(engine_image)], engine_scene.lights, engine_scene.relight)
+    return path
+
+
+def test_a_slow_browser_draws_half_of_rows_and_columns_until_the_light_rests(
+    opened: Callable[..., Opened], file: Path
+) -> None:
+    page = opened(file, before=SLOW)
+    widths = page.page.evaluate(DRAG)
+    whole = widths[0]
+    assert widths[-1] == -(-whole // 2)
+    drawn = page.page.evaluate("window.coarse").partition(",")[2]
+    coarse = np.asarray(Image.open(io.BytesIO(base64.b64decode(drawn))).convert("RGB"), float)
+    page.until(f"document.getElementById('picture').width === {whole}")
+    # The same numbers through the same arithmetic: one code at most.
+    assert np.abs(coarse - page.picture()[::2, ::2]).max() <= 1
+    assert page.complaints == []
+
+
+def test_a_mouse_over_the_picture_draws_nothing(opened: Callable[..., Opened], file: Path) -> None:
+    page = opened(file, before=SLOW)
+    before = page.page.evaluate("window.draws")
+    box = page.page.locator("#picture").bounding_box()
+    for step in range(5):
+        page.page.mouse.move(box["x"] + 60 + 20 * step, box["y"] + 90)
+        page.settle()
+    assert page.page.locator("#probe-rows dd").count() > 0
+    assert page.page.evaluate("window.draws") == before
