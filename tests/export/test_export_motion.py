@@ -311,6 +311,7 @@ def test_lux_count_where_all_that_shine_carry_them() -> None:
         ("[export]\nbits = 12", "export.bits"),
         ('[export]\nshows = "scene"', 'shows = "scene" is for format = "exr"'),
         ('[export]\nformat = "exr"\nbits = 16', 'bits = 16 is for format = "png"'),
+        ('[export]\nprimaries = "ACES AP0"', "PNG has the display's, leave it out"),
         ('[export]\nformat = "coefficients"\ntransparent = true', "leave transparent out"),
         ("[[keyframe]]\ntime_s = -1", "keyframe.1.time_s"),
         ("[[keyframe]]\ntime_s = 1\n[[keyframe]]\ntime_s = 1", "give times that rise"),

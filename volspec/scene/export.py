@@ -85,9 +85,18 @@ class ExportTable(Table):
         if self.lights is not None and not self.lights:
             raise ValueError("lights: is empty; name one, or leave it out for all")
         if self.format != "exr" and self.shows == "scene":
-            raise ValueError(f'shows = "scene" is for format = "exr", not "{self.format}"')
+            raise ValueError(
+                f'shows = "scene" is for format = "exr", not "{self.format}"; leave out one of them'
+            )
         if self.format != "png" and self.bits != 8:
-            raise ValueError(f'bits = {self.bits} is for format = "png"; EXR has half floats')
+            raise ValueError(
+                f'bits = {self.bits} is for format = "png", not "{self.format}"; leave it out'
+            )
+        if self.format == "png" and self.primaries != "Rec. 709":
+            raise ValueError(
+                f'primaries = "{self.primaries}" is for format = "exr"; PNG has the display\'s, '
+                "leave it out"
+            )
         if self.format == "coefficients" and self.transparent:
             raise ValueError(
                 'transparent: format = "coefficients" holds no backdrop; leave transparent out'
