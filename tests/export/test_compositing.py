@@ -225,6 +225,7 @@ def test_old_images_get_other_lights_by_being_written_once_more(tmp_path: Path) 
         (("i.exr", "-o", "x.exr", "--light", "A", "--mode", "exat"), "did you mean 'exact'"),
         (("nothing.exr", "-o", "x.nk"), "nothing.exr: no such file"),
         (("text.exr", "-o", "x.nk"), "text.exr: not a readable OpenEXR file"),
+        (("half.exr", "-o", "x.nk"), "half.exr: not a readable OpenEXR file, or truncated"),
         (("other.exr", "-o", "x.py"), "other.exr: not a coefficient image; `volspec render`"),
         (("other.exr", "-o", "x.exr", "--light", "A"), "other.exr: not a coefficient image"),
         (("flat.exr", "-o", "x.exr", "--light", "A"), "flat.exr: channel 'Z' is missing"),
@@ -242,6 +243,8 @@ def test_what_no_compositor_can_be_given_is_refused(
     image.save("bare.exr")
     stored(Path("i.exr"), image)
     Path("text.exr").write_text("hello")
+    whole = Path("i.exr").read_bytes()
+    Path("half.exr").write_bytes(whole[: len(whole) - 900])
     SpectralImage(np.ones((2, 2, 3)), [400, 550, 700], "reflective").save("other.exr")
     header, channels = opened(Path("i.exr"))
     header.pop("channels")

@@ -127,6 +127,9 @@ def test_files_that_no_export_made_are_not_overwritten(scene: Make, tmp_path: Pa
     with pytest.raises(InputError, match=r"lamp\.png: is there already, and not from an export"):
         scene().export(tmp_path)
     assert contents(tmp_path) == {"lamp.png": b"mine"}
+    (tmp_path / "export.json").write_text("{")
+    with pytest.raises(InputError, match=r"already, and export\.json beside it cannot be read"):
+        scene().export(tmp_path)
 
 
 def test_a_manifest_that_leads_elsewhere_deletes_nothing_there(scene: Make, tmp_path: Path) -> None:

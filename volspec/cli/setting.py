@@ -83,7 +83,7 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
     Raises
     ------
     SpectrumError
-        If the text is no light but that of the scene, or nearer to one of those than to any other.
+        If the text is no light but that of the scene, or near to one of those.
     """
     from volspec.export.compositing import Recipe
     from volspec.spectra import light_names
@@ -95,7 +95,9 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
             names = list(Recipe.load(image).lights)
         except ImageError:
             names = []
-        meant = "" if text in names or nearest(text, light_names()) else nearest(text, names)
+        # What the library has, too, needs no scene.
+        own = [name for name in names if name not in light_names()]
+        meant = "" if text in names else nearest(text, own)
         if text not in names and not meant:
             raise
     raise SpectrumError(

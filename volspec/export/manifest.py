@@ -115,9 +115,11 @@ class Folder:
             )
         there = next((name for name in self.files if (self.path / name).exists()), None)
         if old is None and there is not None and not overwrite:
+            damaged = (self.path / NAME).exists()
+            why = f"{NAME} beside it cannot be read" if damaged else "not from an export"
             raise InputError(
-                f"{self.path / there}: is there already, and not from an export; choose "
-                "another folder, or add --overwrite"
+                f"{self.path / there}: is there already, and {why}; choose another folder, or add "
+                "--overwrite"
             )
         for name in [*(old or {}).get("files", ()), *self.files]:
             self._remove(str(name))

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from volspec._exr import read_exr
 from volspec._files import write_whole
 from volspec._gpu.sources import asset
 from volspec.errors import ImageError
@@ -30,13 +31,14 @@ def write_recipe(path: Path, image: Path) -> None:
     Raises
     ------
     ImageError
-        If the image has none, or the suffix is another.
+        If the image has none or is truncated, or the suffix is another.
     InputError
         If the file cannot be written.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ImageError(f"{path}: name it .py for Blender or .nk for Nuke")
     recipe, place = Recipe.load(image), image.resolve()
+    read_exr(image, ImageError, again="render the scene again")  # its header is no pledge
     is_nuke = path.suffix.lower() == ".nk"
     text = nuke_group(recipe, place) if is_nuke else blender_script(place)
     with write_whole(path) as temporary:

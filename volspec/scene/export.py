@@ -224,8 +224,9 @@ def check_export(
     """
     for i, name in enumerate(table.lights or (), start=1):
         _check_light(f"export.lights.{i}", name, lights)
-    if table.lights and len(set(table.lights)) < len(table.lights):
-        raise ValueError("export.lights: one is named twice; leave out one")
+    for name in table.lights or ():
+        if (table.lights or []).count(name) > 1:
+            raise ValueError(f"export.lights: {name!r} is named twice; leave out one")
     for i, key in enumerate(keys, start=1):
         for name in key.lights or ():
             _check_light(f"keyframe.{i}.lights", name, lights)
