@@ -22,9 +22,9 @@
 // Host    LAYERS, FORM (LINEAR, CURVE, CAM or TABLE), CHECKED, what the forms want, FIELD (1 where the
 //         passage changes over the picture; CAM only), FIRST_ROW_AT_BOTTOM (1
 //         where what is drawn will be read back, GL's rows running up; 0 for a canvas or window),
-//         IMAGE_HEIGHT
-//         (pixels, used if 0), EVERY (2: of every second column and row, 1: of all), REDUCE and MARK (1 where the display does so), and the numbers of
-//         volspec.appearance.constants.shader_constants(), of the display's
+//         IMAGE_HEIGHT (pixels; used where FIRST_ROW_AT_BOTTOM is 0), EVERY (1 draws all pixels, 2
+//         every second column and row), REDUCE and MARK (1 where the display does so), and the
+//         numbers of volspec.appearance.constants.shader_constants(), of the display's
 //         ColourSpace.shader_constants() and of volspec.appearance.screen.SHADER_CONSTANTS.
 //
 // Valid for `330 core` and `300 es`; the host writes the version line.

@@ -108,7 +108,10 @@ class GLEngine:
         try:
             with self._current():
                 self._prepare()
-            self.upload(coefficients, alpha, packed)
+            if packed is None:
+                self.upload(coefficients, alpha)
+            else:
+                self.take(packed)
         except OpenGLError:
             self.close()
             raise
@@ -156,17 +159,9 @@ class GLEngine:
     def _current(self) -> AbstractContextManager[None]:
         return made_current(self._context, self._handle)
 
-    def upload(
-        self,
-        coefficients: NDArray[np.float32],
-        alpha: NDArray[np.float32],
-        packed: PackedLayers | None = None,
-    ) -> None:
+    def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
         """Take another image of the first one's shape; (H, W, L·M) and (H, W)."""
-        layers = pack_layers(coefficients, alpha) if packed is None else packed.layers
-        with self._current():
-            self._texture.write(layers)
-        self._doubted = None
+        self.take(PackedLayers(pack_layers(coefficients, alpha)))
 
     def place(self, sharing: Sharing) -> SharedLayers:
         """A buffer for OpenCL to pack a picture into; what is drawn stays until `take`.
@@ -188,10 +183,11 @@ class GLEngine:
                 self._shared = self._keep(self._context.buffer(reserve=size, dynamic=True))
         return SharedLayers(sharing, self._shared, (self._height, self._width, self._channels))
 
-    def take(self, place: SharedLayers) -> None:
-        """Draw what a finished cast has put there."""
+    def take(self, layers: SharedLayers | PackedLayers) -> None:
+        """Draw what a finished cast has put there, or what was packed of one."""
+        texels = layers.layers if isinstance(layers, PackedLayers) else layers.buffer
         with self._current():
-            self._texture.write(place.buffer)
+            self._texture.write(texels)
         self._doubted = None
 
     def _draw(self, name: str, form: Mapping[str, int], values: Uniforms, screen: Screen) -> None:

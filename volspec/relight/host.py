@@ -17,7 +17,7 @@ from volspec.appearance.screen import screen_of
 from volspec.appearance.spec import Viewing
 from volspec.appearance.srgb import to_uint8
 from volspec.relight.illumination import Illumination
-from volspec.relight.packed import PackedLayers, bounded
+from volspec.relight.packed import bounded
 from volspec.relight.spec import Pixels
 
 # Rows at a time: a 512-pixel block of temporaries then stays in the second-level cache.
@@ -32,13 +32,8 @@ class HostEngine:
     def __init__(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
         self.upload(coefficients, alpha)
 
-    def upload(
-        self,
-        coefficients: NDArray[np.float32],
-        alpha: NDArray[np.float32],
-        packed: PackedLayers | None = None,
-    ) -> None:
-        """Take another image, `bounded`; (H, W, L·M) and (H, W). Textures' layers are not used."""
+    def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
+        """Take another image, `bounded`; (H, W, L·M) and (H, W)."""
         self._coefficients, self._alpha = bounded(coefficients), bounded(alpha)
 
     def render(

@@ -186,17 +186,20 @@ class Relighter:
         self._require_open()
         shape = shape_of(image)
         require_fit(shape, image.groups, self._image)
-        packed = place if isinstance(place, PackedLayers) else None
-        if packed is not None:
-            packed.require(*shape)
+        if isinstance(place, PackedLayers):
+            place.require(*shape)
         if isinstance(image.basis, MaterialBasis):
             kept = {k: v for k, v in self._edits.items() if k in image.basis.materials}
             image = replace(image, basis=image.basis.with_reflectances(kept))
         self._image = image
-        if isinstance(place, SharedLayers) and isinstance(self._engine, GLEngine):
-            self._engine.take(place)
-        else:
-            self._on_engine(lambda engine: engine.upload(*arrays_of(image), packed))
+
+        def put(engine: GLEngine | HostEngine) -> None:
+            if place is not None and isinstance(engine, GLEngine):
+                engine.take(place)
+            else:
+                engine.upload(*arrays_of(image))
+
+        self._on_engine(put)
 
     def frame(
         self,

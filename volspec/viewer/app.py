@@ -50,7 +50,7 @@ _IDLE_S, _BUSY_S = 0.5, 0.02
 # The mouse being still so long, what it is over is explained: imgui needs frames then, too.
 _STILL_S = 0.6
 # How long another thread may compute before this one has its turn, of which a frame needs many:
-# each call of GL and glfw gives it away. Python's 5 ms make frames of 20 ms last 100.
+# each call of GL and glfw gives it away.
 _TURN_S = 5e-4
 
 

@@ -5,6 +5,7 @@ casts, state -> [screen] -> Painted -> window
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from imgui_bundle import imgui
@@ -78,7 +79,8 @@ class Screen:
             return
         if done.divisor == 1 and not done.image.alpha.any():
             self._notice.say(_NOTHING)
-        self._cast, self._relit = done, False
+        # Its texture holds what was packed.
+        self._cast, self._relit = replace(done, packed=None), False
         self._desk.image, self._desk.whole = done.image, done.divisor == 1
         self._desk.ms["cast"] = done.ms
 
