@@ -132,12 +132,12 @@ class App {
     if (pictured.every((part, i) => part === this.drawn[i])) return;
     const coarse = this.late >= FEW && now - this.drawnAt < REST_MS;
     this.drawn = pictured;
-    this.drawnAt = now;
     this.draw(coarse ? 2 : 1);
     if (coarse) this.sharpenLater();
     // A browser that is behind asks late for the next frame.
-    else requestAnimationFrame(() => {
-      this.late = performance.now() - now > SLOW_MS ? this.late + 1 : 0;
+    requestAnimationFrame(() => {
+      this.drawnAt = performance.now();
+      if (!coarse) this.late = this.drawnAt - now > SLOW_MS ? this.late + 1 : 0;
     });
   }
 
