@@ -22,6 +22,8 @@ Row = dict[str, Any]
 Place = tuple[float, float]
 # How often a mouse reports where it is.
 MOUSE_S = 1 / 60
+# A key that does nothing.
+_MARK = "F12"
 
 
 def missing() -> str:
@@ -151,6 +153,18 @@ class Robot:
         """The first whole picture relit after a time."""
         return self.wait_for(lambda row: row["event"] == "relight" and row["whole"], after)
 
+    def rest(self, seconds: float = 60) -> float:
+        """Wait until all that was done has been answered, and nothing is left to do; the time.
+
+        A key that does nothing goes last through the window's queue, so that what is told of
+        before it counts for nothing.
+        """
+        after = self.rows()[-1]["t"]
+        self.key(_MARK)
+        marked = self.wait_for(lambda row: row.get("key") == _MARK.lower(), after, seconds)
+        rested = self.wait_for(lambda row: row["event"] == "rest", marked["t"], seconds)
+        return float(rested["t"])
+
     def area(self, name: str) -> tuple[int, int, int, int]:
         """Where something was drawn last: x, y, width, height."""
         found = [row["areas"] for row in self.rows() if row["event"] == "layout"]
@@ -178,6 +192,15 @@ class Robot:
     def key(self, name: str) -> None:
         """Press a key."""
         self.do("key", name)
+
+    def type(self, text: str) -> None:
+        """Press the keys of a text, one after the other."""
+        self.do("type", "--delay", "20", text)
+
+    def click(self, where: str | Place) -> None:
+        """Go to a place, or the middle of an area, and press the left button."""
+        x, y = self.middle(where) if isinstance(where, str) else where
+        self.do("mousemove", x, y, "sleep", "0.1", "click", "1")
 
     def memory(self) -> int:
         """Bytes of RAM that the viewer has taken.

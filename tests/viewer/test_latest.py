@@ -54,6 +54,18 @@ def until(true: Callable[[], object]) -> None:
     assert true()
 
 
+def all_of(worker: Slow) -> list[str]:
+    """What comes until it has nothing more to do."""
+    taken: list[str] = []
+
+    def ended() -> bool:
+        taken.extend(worker.take())
+        return not worker.busy
+
+    until(ended)
+    return taken
+
+
 def test_what_waits_is_replaced_by_what_is_asked_for_next() -> None:
     worker = Slow()
     worker.request("ab")
@@ -62,12 +74,10 @@ def test_what_waits_is_replaced_by_what_is_asked_for_next() -> None:
         worker.request(word)
     assert worker.busy
     worker.go_on.set()
-    until(lambda: not worker.busy)
-    assert worker.begun == ["ab", "gh"] and worker.take() == ["a", "g", "h"] and not worker.take()
+    assert all_of(worker) == ["a", "g", "h"] and worker.begun == ["ab", "gh"]
     # Its thread has ended, and another begins.
     worker.request("i")
-    until(lambda: not worker.busy)
-    assert worker.take() == ["i"]
+    assert all_of(worker) == ["i"]
 
 
 def test_a_closed_worker_begins_nothing_more() -> None:
@@ -79,7 +89,7 @@ def test_a_closed_worker_begins_nothing_more() -> None:
     worker.close(0.05)
     assert time.perf_counter() - started < 5
     worker.go_on.set()
-    until(lambda: not worker.busy)
+    assert all_of(worker) == ["a"]
     worker.request("ef")
     assert worker.begun == ["ab"] and not worker.busy
 
@@ -90,18 +100,16 @@ def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch: pytest.MonkeyPatc
     worker = Slow()
     worker.go_on.set()
     worker.request("fault")
-    until(lambda: not worker.busy)
+    assert all_of(worker) == []
     worker.request("a")
-    until(lambda: not worker.busy)
-    assert worker.take() == ["a"]
+    assert all_of(worker) == ["a"]
     # Neither what waited during the fault.
     worker.go_on.clear()
     worker.request("fault")
     until(lambda: len(worker.begun) == 3)
     worker.request("b")
     worker.go_on.set()
-    until(lambda: not worker.busy)
-    assert worker.take() == ["b"]
+    assert all_of(worker) == ["b"]
     until(lambda: len(faults) == 2)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,15 +18,9 @@ def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Pat
     with Robot(tmp_path, (), (1280, 720)) as robot:
         first = robot.whole()
 
-        def settled(after: float) -> float:
-            """Until nothing has been relit for a while."""
-            robot.wait_for(lambda row: row["stage"] == "relight", after)
-            while robot.now() - robot.rows()[-1]["t"] < 0.4:
-                time.sleep(0.1)
-            return robot.now()
-
         def click(name: str) -> None:
-            robot.do("mousemove", *robot.middle(name), "sleep", "0.2", "click", "1", "sleep", "0.3")
+            robot.rest()
+            robot.click(name)
 
         # The first state, as the scene has it.
         click("tab States")
@@ -36,40 +29,35 @@ def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Pat
 
         # A spectrum, drawn in one stroke.
         click("tab Spectrum")
+        robot.rest()
         x, y, width, height = robot.area("spectrum")
-        before = robot.now()
         waves = [
             (x + width * i / 30, y + height * (0.5 + 0.4 * math.cos(i / 3))) for i in range(2, 29)
         ]
         robot.drag(waves)
-        settled(before)
         drawn = picture(robot, tmp_path)
         assert np.abs(drawn - plain).max() > 8
 
         # Lux: an eye adapted to little light sees the picture otherwise.
         click("tab Light")
         click("lux given")
+        robot.rest()
         x, y, width, height = robot.area("lux")
-        before = robot.now()
         robot.drag([(x + width * 0.5, y + height / 2), (x + width * 0.2, y + height / 2)])
-        settled(before)
         dim = picture(robot, tmp_path)
         assert np.abs(dim - drawn).max() > 5
 
         # The second state, and back to the first in a fade.
         robot.key("alt+s")
-        time.sleep(0.3)
-        before = robot.now()
+        before = robot.rest()
         robot.key("alt+1")
-        settled(before)
+        robot.rest()
         fade = [row for row in robot.since(before) if row["stage"] == "relight"]
         # 1.5 s; a slow machine draws few frames of it, one would be a cut.
         assert len(fade) > 1 and fade[-1]["whole"]
         assert np.abs(picture(robot, tmp_path) - plain).max() <= 1
         # Undo is one step, and has the lights that were before the fade.
-        before = robot.now()
         robot.key("ctrl+z")
-        settled(before)
         assert np.abs(picture(robot, tmp_path) - dim).max() <= 1
 
         assert [row for row in robot.since(first["t"]) if row["stage"] == "cast"] == []
@@ -77,9 +65,10 @@ def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Pat
 
 
 def picture(robot: Robot, folder: Path) -> NDArray[np.int16]:
-    """What of the picture nothing stands over."""
+    """What of the picture nothing stands over, once it is whole."""
     from PIL import Image
 
+    robot.rest()
     robot.grab(folder / "screen.png")
     x, y, width, height = robot.area("picture")
     screen = np.asarray(Image.open(folder / "screen.png").convert("RGB"), dtype=np.int16)

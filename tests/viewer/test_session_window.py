@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +26,11 @@ def event(robot: Robot, name: str, after: float = -1.0) -> Row:
 
 
 def typed(robot: Robot, text: str) -> None:
-    """Slowly enough for software GL."""
-    time.sleep(0.3)
-    robot.do("type", "--delay", "20", text)
-    time.sleep(0.4)
+    """Into what a key has opened."""
+    robot.rest()
+    robot.type(text)
     robot.key("Return")
+    robot.rest()
 
 
 def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> None:
@@ -39,22 +38,18 @@ def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> Non
 
     with Robot(tmp_path, ["--screenshot", "160x120"], (900, 600)) as robot:
         robot.whole()
+        robot.rest()
         # A command by a few letters, and a light in the list by name.
-        before = robot.now()
-        robot.key("ctrl+p")
-        typed(robot, "hp1 alo")
-        robot.whole(before)
-        before = robot.now()
-        robot.key("ctrl+p")
-        typed(robot, "view right")
-        robot.whole(before)
+        for words in ("hp1 alo", "view right"):
+            robot.key("ctrl+p")
+            typed(robot, words)
 
         # As a scene, by a path that Tab completes.
         (tmp_path / "folder").mkdir()
         robot.key("ctrl+s")
-        time.sleep(0.3)
-        robot.do("type", "--delay", "20", "fol")
-        time.sleep(0.2)
+        robot.rest()
+        robot.type("fol")
+        robot.rest()
         robot.key("Tab")
         typed(robot, "mine")
         saved = event(robot, "export-scene")
@@ -80,36 +75,33 @@ def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> Non
 
         # Plain keys belong to a panel while the keyboard is in it: Space does not change lights.
         robot.key("F6")
-        time.sleep(0.4)
-        before = robot.now()
+        before = robot.rest()
         robot.key("space")
-        time.sleep(0.5)
+        robot.rest()
         assert [row for row in robot.since(before) if row["event"] == "relight"] == []
         robot.key("Escape")
-        time.sleep(0.3)
-        before = robot.now()
-        robot.key("space")
-        robot.whole(before)
-        before = robot.now()
-        robot.key("ctrl+z")
-        robot.whole(before)
+        for key in ("space", "ctrl+z"):
+            before = robot.rest()
+            robot.key(key)
+            robot.rest()
+            assert any(row["event"] == "relight" for row in robot.since(before))
         robot.key("ctrl+q")
         assert robot.viewer.wait(20) == 0
     (tmp_path / "trace.jsonl").unlink()
 
     with Robot(tmp_path, ["--restore", "--screenshot", "160x120"], (900, 600)) as robot:
         robot.whole()
+        robot.rest()
         robot.key("s")
         second = tmp_path / event(robot, "screenshot")["path"]
         assert second != first
         np.testing.assert_array_equal(np.asarray(Image.open(first)), np.asarray(Image.open(second)))
         # Read again, the scene is as its file has it, seen from where one was.
-        before = robot.now()
+        before = robot.rest()
         robot.key("F5")
         event(robot, "open", before)
-        robot.whole(before)
         # What was restored is not lost by that.
-        before = robot.now()
+        before = robot.rest()
         robot.key("ctrl+shift+r")
         event(robot, "open", before)
         assert robot.viewer.poll() is None

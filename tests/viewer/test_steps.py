@@ -212,8 +212,10 @@ def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
     shutil.rmtree(tmp_path)
 
 
-def test_a_press_is_where_the_mouse_was_then(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A busy window hears of it late, when the mouse has gone on."""
+def test_a_frame_takes_one_gesture_where_a_busy_window_hears_of_several(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A press is where the mouse was then, and a key after a drag is no part of it."""
     module = pytest.importorskip("volspec.viewer.window.inputs")
     heard: dict[str, Any] = {}
     for name in [name for name in dir(module.glfw) if name.endswith("_callback")]:
@@ -221,13 +223,22 @@ def test_a_press_is_where_the_mouse_was_then(monkeypatch: pytest.MonkeyPatch) ->
             module.glfw, name, lambda _, listener, name=name: heard.update({name: listener})
         )
     monkeypatch.setattr(module.glfw, "get_cursor_pos", lambda _: (90.0, 90.0))
+    monkeypatch.setattr(module.glfw, "get_key", lambda *_: module.glfw.RELEASE)
     context = module.imgui.create_context()
     try:
-        inputs = module.Inputs(None, None)
+        inputs = module.Inputs(None, lambda *_: None)
         heard["set_mouse_button_callback"](None, 0, module.glfw.PRESS, 0)
         heard["set_cursor_pos_callback"](None, 3.0, 4.0)
         heard["set_mouse_button_callback"](None, 0, module.glfw.RELEASE, 0)
+        for _ in range(2):
+            heard["set_scroll_callback"](None, 0.0, 1.0)
+        for key in (module.glfw.KEY_UP, module.glfw.KEY_ENTER):
+            heard["set_key_callback"](None, key, 0, module.glfw.PRESS, 0)
     finally:
         module.imgui.destroy_context(context)
-    places = [(given.name, given.x, given.y) for given in inputs.take()]
-    assert places == [("press", 90.0, 90.0), ("move", 3.0, 4.0), ("release", 3.0, 4.0)]
+    drag = [(given.name, given.x, given.y) for given in inputs.take()]
+    assert drag == [("press", 90.0, 90.0), ("move", 3.0, 4.0), ("release", 3.0, 4.0)]
+    assert [given.name for given in inputs.take()] == ["wheel", "wheel"]
+    assert [given.key for given in inputs.take()] == ["up"] and inputs.waiting
+    assert [given.key for given in inputs.take()] == ["enter"] and not inputs.waiting
+    assert inputs.take() == []

@@ -33,26 +33,26 @@ def test_lights_are_renamed_and_chosen_and_a_crash_is_told_of(tmp_path: Path) ->
 
     with Robot(tmp_path, (), (1000, 640)) as robot:
         robot.whole()
+        robot.rest()
         # A name of one's own, for the light that Space has chosen.
         robot.key("space")
-        time.sleep(0.4)
+        robot.rest()
         robot.key("F2")
-        time.sleep(0.4)
-        robot.do("type", "--delay", "20", "my lamp")
-        time.sleep(0.4)
+        robot.rest()
+        robot.type("my lamp")
         robot.key("Return")
         first = state(robot)
         assert first["lights"][1]["name"] == "my lamp" and first["interface"]["light"] == 1
         # The wheel's three notches are one step, and the mix before them another.
         robot.key("k")
-        time.sleep(0.4)
+        robot.rest()
         x, y = robot.middle("picture")
         robot.do("mousemove", x, y, "click", "4", "sleep", "0.1", "click", "4", "sleep", "0.1")
         robot.do("click", "4")
         second = state(robot)
         assert second["interface"]["light"] == len(second["lights"]) - 1 == len(first["lights"])
         robot.key("ctrl+z")
-        time.sleep(0.3)
+        robot.rest()
         robot.key("ctrl+z")
         third = state(robot)
         assert third["view"] == first["view"] != second["view"]

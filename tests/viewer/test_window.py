@@ -20,15 +20,15 @@ def test_a_session_casts_for_views_only_and_refines_when_it_rests(tmp_path: Path
     from PIL import Image
 
     with Robot(tmp_path, ["--screenshot", "160x120"], (900, 600)) as robot:
-        first = robot.whole()
+        robot.whole()
+        first = robot.rest()
 
         # A light: relit at every step, nothing is cast.
         x, y, width, height = robot.area("weight 1")
         start, end = (x + 4, y + height / 2), (x + width - 4, y + height / 2)
         robot.drag(along(start, end, 1.0))
-        moved = robot.wait_for(lambda row: row["event"] == "release", first["t"])
-        time.sleep(0.3)
-        light = robot.since(first["t"])
+        moved = robot.rest()
+        light = robot.since(first)
         assert [row for row in light if row["stage"] == "cast"] == []
         relit = [row for row in light if row["stage"] == "relight"]
         assert len(relit) > 5 and relit[-1]["whole"]
@@ -36,29 +36,28 @@ def test_a_session_casts_for_views_only_and_refines_when_it_rests(tmp_path: Path
         # The dial: as well.
         x, y = robot.middle("dial")
         robot.drag([(x, y), (x + 5, y + 5), (x + 9, y + 9)])
-        time.sleep(0.3)
-        dial = robot.since(moved["t"])
+        before = robot.rest()
+        dial = robot.since(moved)
         assert [row for row in dial if row["stage"] == "cast"] == []
         assert any(row["stage"] == "relight" for row in dial)
 
         # An orbit: coarse pictures while it lasts, the whole one after.
         x, y = robot.middle("picture")
-        before = robot.now()
         robot.drag(along((x - 80, y), (x + 80, y + 30), 1.0))
         released = robot.wait_for(lambda row: row["event"] == "release", before)
         whole = robot.whole(released["t"])
+        robot.rest()
         casts = [row for row in robot.since(before) if row["event"] == "cast"]
         during = [row for row in casts if row["t"] < released["t"]]
         assert during and all(row["divisor"] > 1 for row in during)
         assert casts[-1]["divisor"] == 1 and whole["t"] > released["t"]
 
         # Keys: a view, undo, and a picture of the size that was asked for.
-        before = robot.now()
-        robot.key("9")
-        robot.whole(before)
-        before = robot.now()
-        robot.key("ctrl+z")
-        robot.whole(before)
+        for key in ("9", "ctrl+z"):
+            before = robot.rest()
+            robot.key(key)
+            robot.rest()
+            assert any(row["event"] == "relight" and row["whole"] for row in robot.since(before))
         robot.key("s")
         saved = robot.wait_for(lambda row: row["event"] == "screenshot")
         picture = np.asarray(Image.open(tmp_path / saved["path"]))
@@ -67,9 +66,8 @@ def test_a_session_casts_for_views_only_and_refines_when_it_rests(tmp_path: Path
 
         # A file that is not there is said, and what was open stays.
         robot.key("ctrl+o")
-        time.sleep(0.3)
-        robot.do("type", "nosuch.nrrd")
-        time.sleep(0.3)
+        robot.rest()
+        robot.type("nosuch.nrrd")
         robot.key("Return")
         error = robot.wait_for(lambda row: row["event"] == "error")
         assert "nosuch.nrrd: no such file" in error["message"]

@@ -86,7 +86,6 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
         If the text is no light but that of the scene, or near to one of those.
     """
     from volspec.export.compositing import Recipe
-    from volspec.spectra import light_names
 
     try:
         return read_setting(text, stored.groups, stored.basis.grid)
@@ -95,8 +94,8 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
             names = list(Recipe.load(image).lights)
         except ImageError:
             names = []
-        # What the library has, too, needs no scene.
-        own = [name for name in names if name not in light_names()]
+        # What can be read without the scene is suggested by the library.
+        own = [name for name in names if not _readable(name, stored.basis.grid)]
         meant = "" if text in names else nearest(text, own)
         if text not in names and not meant:
             raise
@@ -135,3 +134,11 @@ def _light(text: str, grid: SpectralGrid) -> Spectrum | None:
         if set(text) & {"=", ";"}:
             return None
         raise
+
+
+def _readable(name: str, grid: SpectralGrid) -> bool:
+    """Whether a name alone is a LIGHT."""
+    try:
+        return _light(name, grid) is not None
+    except SpectrumError:
+        return False

@@ -135,6 +135,7 @@ class _App:
         self._dark: bool | None = None
         self._settle = _SETTLE
         self._still: float | None = None  # when the mouse will have been still
+        self._rested = False
 
     def run(self) -> None:
         """Until the window closes."""
@@ -163,6 +164,7 @@ class _App:
                     moves = self._mouse.held or self._fader.running
                     self._chores.openings.tick(self._history.present, ended, moves)
                 self._meter.answered(began - asked - patience, time.perf_counter() - began)
+                self._rest()
         finally:
             # At the end, and where an error ends it.
             faulty = isinstance(sys.exception(), Exception)
@@ -178,6 +180,15 @@ class _App:
         if self._still is None:
             return longest
         return min(max(self._still - time.perf_counter(), 0.0), longest)
+
+    def _rest(self) -> None:
+        """Tell the trace when everything that was asked for is done and drawn."""
+        services = self._casting, self._designing, self._screen, self._chores
+        moves = self._settle > 0 or self._mouse.held or self._fader.running
+        rests = not moves and not any(service.busy for service in services)
+        if rests and not self._rested:
+            self._trace.note("rest")
+        self._rested = rests
 
     def _take(self) -> bool:
         """What threads have brought; whether there is anything new."""

@@ -85,6 +85,11 @@ class Chores:
             "say": lambda _, text: notice.say(text),
         }
 
+    @property
+    def busy(self) -> bool:
+        """Whether files or pictures are being read, cast or written."""
+        return self._tasks.busy
+
     def do(self, name: str, state: ViewState) -> None:
         """Begin what an action asks for; ``open PATH`` opens a file, ``say TEXT`` is a notice."""
         word, _, path = name.partition(" ")

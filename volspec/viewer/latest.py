@@ -41,9 +41,9 @@ class LatestWorker(ABC, Generic[Job, Done]):
 
     @property
     def busy(self) -> bool:
-        """Whether something is under way or waits."""
+        """Whether something is under way, waits, or has not been taken."""
         with self._changed:
-            return self._thread is not None
+            return self._thread is not None or bool(self._done)
 
     def request(self, job: Job) -> None:
         """Do this next, instead of what waits."""

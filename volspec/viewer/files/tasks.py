@@ -54,6 +54,11 @@ class Tasks:
         self._last: dict[str, _Runner] = {}
         self._writing: list[_Runner] = []
 
+    @property
+    def busy(self) -> bool:
+        """Whether something is under way, or has not been taken."""
+        return any(runner.busy for runner in self._last.values())
+
     def start(self, kind: str, task: Callable[[], Any], writes: bool = False) -> None:
         """Begin a task.
 
@@ -99,7 +104,7 @@ class _Runner(LatestWorker[Callable[[], Any], Outcome]):
         thread = self._thread
         if thread is not None:
             thread.join(patience_s)
-        if self.busy:
+        if thread is not None and thread.is_alive():
             return f"{self._kind}: not written when the window closed; the file is as it was"
         return next((outcome.error for outcome in self.take()), "")
 

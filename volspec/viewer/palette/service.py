@@ -77,6 +77,11 @@ class Designing:
         self._wizard = ""  # what the wizard that is asked for does
         self._wizard_waits = ""  # its name, until the designs under way have landed
 
+    @property
+    def busy(self) -> bool:
+        """Whether something is being designed, looked for, read or written."""
+        return bool(self._wizard_waits) or self._worker.busy or self._tasks.busy
+
     def follow(self, state: ViewState) -> None:
         """Ask for a design where the wishes have changed."""
         if state.document is not self._document:
@@ -109,12 +114,11 @@ class Designing:
 
     def taken(self, history: History) -> History:
         """The history with what threads have brought; itself where that is nothing."""
-        landed = not self._worker.busy  # before the last is taken
         for done in self._worker.take():
             history = self._designed(history, done)
         for outcome in self._tasks.take():
             history = self._finished(history, outcome)
-        if self._wizard_waits and landed:
+        if self._wizard_waits and not self._worker.busy:
             self._begin(history.present)
         return history
 

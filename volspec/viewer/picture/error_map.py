@@ -41,6 +41,11 @@ class Heat:
         self.image: CoefficientImage | None = None  # that `map` is of
         self.problem = ""
 
+    @property
+    def busy(self) -> bool:
+        """Whether a map is being made."""
+        return self._tasks.busy
+
     def want(self, image: CoefficientImage, lights: Rows, seen: RelightSpec) -> None:
         """Begin the map of a picture, unless it is there or under way."""
         key, rig = (image, lights, seen.mode, seen.backdrop), rig_of(lights)

@@ -62,6 +62,11 @@ class Screen:
         self._read_of: tuple[Any, ...] | None = None
         self._reading: Reading | None = None
 
+    @property
+    def busy(self) -> bool:
+        """Whether tables or an error map are being worked out."""
+        return self._tabling.busy or self._heat.busy
+
     def take(self, done: CastDone, state: ViewState | None) -> None:
         """A pass of a cast that has ended."""
         how = "cancel" if done.image is None else "cast"

@@ -5,8 +5,9 @@ glfw -> [inputs] -> Input -> mouse, app
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import glfw
@@ -97,10 +98,18 @@ class Inputs:
         for set_callback, listener in listeners:
             set_callback(window, listener)
 
+    @property
+    def waiting(self) -> bool:
+        """Whether something has happened that has not been taken."""
+        return bool(self._inputs)
+
     def take(self) -> list[Input]:
-        """What has happened since the last call."""
-        inputs, self._inputs = self._inputs, []
-        return inputs
+        """What has happened since the last call, but no more than one gesture of it."""
+        inputs = self._inputs
+        pairs = enumerate(itertools.pairwise(inputs), start=1)
+        end = next((i for i, pair in pairs if _parts(*pair)), len(inputs))
+        self._inputs = inputs[end:]
+        return inputs[:end]
 
     def _on_button(self, _: Any, button: int, action: int, modifiers: int) -> None:
         down = action == glfw.PRESS
@@ -153,6 +162,12 @@ class Inputs:
             self._inputs.append(Input("key", key=whole, repeated=repeated))
         else:  # imgui's: Tab, what is held or let go
             self._inputs.append(Input("typed"))
+
+
+def _parts(before: Input, given: Input) -> bool:
+    """Whether an input begins something else than the one before it belongs to."""
+    runs = replace(given, x=before.x, y=before.y, repeated=before.repeated) == before
+    return given.name in ("press", "wheel", "key") and not runs
 
 
 def _held(bits: int) -> str:

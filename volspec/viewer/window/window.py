@@ -164,8 +164,8 @@ class Window:
         return bool(glfw.window_should_close(self._window))
 
     def wait(self, seconds: float) -> list[Input]:
-        """Wait for input, but no longer than this; what the user did."""
-        if seconds > 0:
+        """Wait for input, but no longer than this; what the user did, a gesture at a time."""
+        if seconds > 0 and not self._inputs.waiting:
             glfw.wait_events_timeout(seconds)
         else:
             glfw.poll_events()
