@@ -14,34 +14,34 @@ from pathlib import Path
 
 from PIL import Image
 
-from benchmarks.robot import Robot
+from benchmarks.robot import Place, Robot
 
 ROOT = Path(__file__).resolve().parents[2]
 GALLERY = ROOT / "docs" / "gallery"
 VOLUMES = Path(os.environ.get("VOLSPEC_DATA", ROOT.parent / "shared" / "data"))
 SIZE = (1280, 760)
 # Of the tabs at the lower right, beside the first row of the one that is in front.
-TAB_Y, TABS_X = 395.0, {"Transfer": 1054.0, "Palette": 1140.0}
+TRANSFER, PALETTE = (1054.0, 395.0), (1140.0, 395.0)
 
 
-def click(robot: Robot, x: float, y: float, button: int = 1) -> None:
-    """As a hand does: there first, and then a press."""
-    robot.do("mousemove", x, y, "sleep", "0.2", "click", str(button), "sleep", "0.5")
+def click(robot: Robot, where: str | Place) -> None:
+    """Click, and see what comes of it."""
+    robot.click(where)
+    robot.rest()
 
 
-def press(robot: Robot, name: str) -> None:
-    """Click what was noted down under a name."""
-    click(robot, *robot.middle(name))
+def keys(robot: Robot, *names: str) -> None:
+    """Press keys, one after the other has been answered."""
+    for name in names:
+        robot.key(name)
+        robot.rest()
 
 
 def command(robot: Robot, words: str) -> None:
     """Find something in the command palette, and take it."""
-    robot.key("ctrl+p")
-    time.sleep(0.5)
-    robot.do("type", "--delay", "25", words)
-    time.sleep(0.5)
-    robot.key("Return")
-    time.sleep(0.6)
+    keys(robot, "ctrl+p")
+    robot.type(words)
+    keys(robot, "Return")
 
 
 def blended(robot: Robot) -> None:
@@ -54,16 +54,13 @@ def blended(robot: Robot) -> None:
 def compared(robot: Robot) -> None:
     """Daylight at the right of the divide, a sodium lamp at its left; the transfer function."""
     robot.do("mousemove", 410.0, 350.0)
-    robot.key("b")
-    for _ in range(3):
-        robot.key("space")
-        time.sleep(0.3)
-    click(robot, TABS_X["Transfer"], TAB_Y)
+    keys(robot, "b", "space", "space", "space")
+    click(robot, TRANSFER)
 
 
 def drawn(robot: Robot) -> None:
     """A light drawn with the mouse."""
-    press(robot, "tab Spectrum")
+    click(robot, "tab Spectrum")
     x, y, width, height = robot.area("spectrum")
     robot.drag([(x + s * width, y + height * (0.9 - 0.75 * abs(2 * s - 1) ** 2)) for s in SHARES])
     robot.do("mousemove", 480.0, 250.0)
@@ -74,58 +71,48 @@ SHARES = [i / 40 for i in range(1, 40)]
 
 def grouped(robot: Robot) -> None:
     """A lamp and a blue sky, part by part, in the light theme."""
-    robot.key("t")
-    press(robot, "tab Light")
+    keys(robot, "t")
+    click(robot, "tab Light")
     robot.do("mousemove", 420.0, 240.0)
 
 
 def wished(robot: Robot) -> None:
     """A colour wished for one material under one light."""
-    click(robot, TABS_X["Palette"], TAB_Y)
-    press(robot, "cell 6")  # the inserts under the tungsten lamp
+    click(robot, PALETTE)
+    click(robot, "cell 6")  # the inserts under the tungsten lamp
     x, y, width, height = robot.area("picker")
     robot.drag([(x + s * 0.7 * width, y + (0.6 - 0.4 * s) * height) for s in SHARES])
-    time.sleep(1.0)
 
 
 def regions(robot: Robot) -> None:
     """The foot, its boundaries told apart by value and gradient."""
-    click(robot, TABS_X["Transfer"], TAB_Y)
+    click(robot, TRANSFER)
     command(robot, "muscle bone")
-    for key in ("3", "4"):
-        robot.key(key)
-        time.sleep(0.5)
+    keys(robot, "3", "4")
     command(robot, "regions")
 
 
 def cropped(robot: Robot) -> None:
     """A head from the side, cut by a plane, with its slices."""
-    for key in ("7", "4", "4", "p", "o"):
-        robot.key(key)
-        time.sleep(0.6)
+    keys(robot, "7", "4", "4", "p", "o")
     x, y = robot.middle("picture")
     robot.drag([(x, y), (x + 20, y - 10), (x + 40, y - 20), (x + 55, y - 30)])
-    time.sleep(1.0)
 
 
 def erred(robot: Robot) -> None:
     """Where channels are off."""
-    for _ in range(3):
-        robot.key("space")
-        time.sleep(0.3)
-    robot.key("e")
+    keys(robot, "space", "space", "space", "e")
 
 
 def commanded(robot: Robot) -> None:
     """The command palette."""
-    robot.key("ctrl+p")
-    time.sleep(0.5)
-    robot.do("type", "--delay", "25", "light")
+    keys(robot, "ctrl+p")
+    robot.type("light")
 
 
 def keyed(robot: Robot) -> None:
     """The keys."""
-    robot.key("h")
+    keys(robot, "h")
 
 
 PICTURES: dict[str, tuple[Path, Callable[[Robot], None]]] = {
@@ -152,9 +139,12 @@ def main() -> None:
             shot = Path(folder) / "screen.png"
             with Robot(Path(folder), [str(file)], SIZE) as robot:
                 robot.whole()
-                time.sleep(0.8)
+                robot.rest()
                 use(robot)
+                robot.rest()
+                # What was said about a step is gone, and what the mouse is over is explained.
                 time.sleep(2.0)
+                robot.rest()
                 robot.grab(shot)
             # In full colour: of a palette's 256 the swatches would get none of their own.
             Image.open(shot).convert("RGB").save(GALLERY / f"{name}.png", optimize=True)

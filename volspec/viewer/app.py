@@ -25,6 +25,7 @@ from volspec.viewer.files.session import SUFFIX
 from volspec.viewer.files.tasks import Tasks
 from volspec.viewer.history import History, changed_in
 from volspec.viewer.lights.fader import Fader
+from volspec.viewer.memory import give_back_large
 from volspec.viewer.palette.service import Designing
 from volspec.viewer.panels.over import overlay
 from volspec.viewer.panels.widgets import in_line
@@ -88,6 +89,7 @@ def view(options: Options) -> None:
     VolspecError
         If no window can be opened, or what was asked for cannot be.
     """
+    give_back_large()
     with Trace(options.trace) as trace, _short_turns():
         tasks = Tasks(Window.wake)
         path = options.path
