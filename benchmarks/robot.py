@@ -1,6 +1,6 @@
 """Run the viewer in a display of its own and use it as a hand would; what happened is its trace.
 
-Needs Xvfb, xdotool and xprop.
+Needs Xvfb, xdotool and xprop; to drop files python-xlib.
 """
 
 from __future__ import annotations
@@ -218,6 +218,19 @@ class Robot:
         for x, y in places[1:]:
             words += ["sleep", f"{MOUSE_S:.4f}", "mousemove", float(x), float(y)]
         self.do(*words, "mouseup", str(button))
+
+    def drop(self, *uris: str) -> None:
+        """Drag files from another program onto the picture, let go, and wait until it has them.
+
+        Parameters
+        ----------
+        *uris : str
+            As ``file:///a/b%20c.npy``.
+        """
+        from benchmarks.dropping import drop
+
+        x, y = self.middle("picture")
+        drop(self.environment["DISPLAY"], int(self.find()), uris, (round(x), round(y)))
 
     def grab(self, path: Path) -> None:
         """A picture of the whole screen."""

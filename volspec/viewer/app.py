@@ -136,6 +136,7 @@ class _App:
         self._shown: ViewState | None = None  # what casts and relights were last asked for
         self._dark: bool | None = None
         self._settle = _SETTLE
+        self._early: list[Input] = []  # dropped while nothing is open yet
         self._still: float | None = None  # when the mouse will have been still
         self._rested = False
 
@@ -229,7 +230,8 @@ class _App:
             state = self._docks.bars(state, self._desk)
         area = self._docks.picture(self._desk, state is not None)
         if state is not None and self._history is not None:
-            state = self._next(state, inputs, area)
+            state = self._next(state, [*self._early, *inputs], area)
+            self._early = []
             assert kept is not None and shown is not None
             state = self._fader.to_keep(kept, shown, state)
             self._history = self._history.then(state, self._mouse.gesture)
@@ -241,6 +243,7 @@ class _App:
                 self._settle = max(self._settle, _SETTLE)
         else:
             self._mouse.take(inputs)
+            self._early += [given for given in inputs if given.name == "drop"]
         painted = self._screen.painted(area, self._shown)
         if self._notice.text:
             overlay.message(self._notice.text, self._desk)

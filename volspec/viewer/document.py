@@ -22,6 +22,7 @@ from volspec.scene.file import SceneFile
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import SpectralGrid, reflectance_names
 from volspec.transfer import Transfer
+from volspec.viewer.files.paths import check_name
 from volspec.viewer.lights.lighting import Rows, rows_of
 from volspec.viewer.picture.priority import yielding
 from volspec.viewer.transfer import preset_table, presets
@@ -119,6 +120,8 @@ def opened(path: str | None, device: str | None = None) -> Document:
         If it cannot be read, or there is no device to cast on.
     """
     view = None
+    if path is not None:
+        check_name(path)
     if path is None:
         scene = Scene.load(demo())
         volume = scene.volume()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from volspec.errors import InputError, VolspecError
 from volspec.viewer.document import Document, opened
-from volspec.viewer.files.paths import dropped
+from volspec.viewer.files.paths import check_name, dropped
 from volspec.viewer.files.recent import RecentFiles, state_folder
 from volspec.viewer.files.session import SUFFIX, BrokenSession, resumed
 from volspec.viewer.files.session_store import SessionStore
@@ -107,7 +107,7 @@ class Openings:
         try:
             self.open(dropped(paths))
         except InputError as error:
-            self._notice.say(str(error))
+            self._say_error(str(error))
 
     def resume(self, path: str | None, last: bool) -> None:
         """Go on from the last session, or from the one in a file.
@@ -218,6 +218,7 @@ class Openings:
         self._tasks.start("open", lambda: self._resumed(path))
 
     def _resumed(self, path: Path) -> Opened:
+        check_name(path)
         session = self._store.read(path)
         try:
             state = resumed(session, self._device)

@@ -40,6 +40,29 @@ def dropped(paths: Sequence[str]) -> str:
     raise InputError(f"{len(paths)} files were dropped; drop one scene or volume{remedy}")
 
 
+def check_name(path: str | os.PathLike[str]) -> None:
+    """Refuse what Linux takes for a name and no text can hold.
+
+    Raises
+    ------
+    InputError
+        If it, or a folder above it, is not UTF-8.
+    """
+    whole = os.path.abspath(path)
+    if not _is_text(whole):
+        raise InputError(
+            f"{whole}: this name is not UTF-8, no scene or session could hold it; rename it"
+        )
+
+
+def _is_text(name: str) -> bool:
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 @dataclass(frozen=True, slots=True)
 class Listing:
     """What is in a folder, for a path that is being typed.
@@ -62,6 +85,8 @@ class Listing:
 def listing(text: str, suffixes: Sequence[str] = ()) -> Listing:
     """Folders, and files with one of the endings, that go on as a path does.
 
+    Names that are not UTF-8 are left out, as `check_name` refuses them.
+
     Parameters
     ----------
     text : str
@@ -79,6 +104,7 @@ def listing(text: str, suffixes: Sequence[str] = ()) -> Listing:
             for entry in entries:
                 name = entry.name
                 hidden = name.startswith(".") and not typed.startswith(".")
+                hidden |= not _is_text(name)
                 if hidden or not name.casefold().startswith(typed.casefold()):
                     continue
                 if entry.is_dir():

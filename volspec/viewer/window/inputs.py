@@ -6,7 +6,7 @@ glfw -> [inputs] -> Input -> mouse, app
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -90,7 +90,7 @@ class Inputs:
             (glfw.set_scroll_callback, self._on_wheel),
             (glfw.set_key_callback, self._on_key),
             (glfw.set_char_callback, lambda _, char: imgui.get_io().add_input_character(char)),
-            (glfw.set_drop_callback, self._on_drop),
+            (glfw.set_drop_callback, lambda _, paths: self.drop(paths)),
             (glfw.set_cursor_enter_callback, self._on_enter),
             (glfw.set_framebuffer_size_callback, self._on_change),
             (glfw.set_window_refresh_callback, self._on_change),
@@ -110,6 +110,10 @@ class Inputs:
         end = next((i for i, pair in pairs if _parts(*pair)), len(inputs))
         self._inputs = inputs[end:]
         return inputs[:end]
+
+    def drop(self, paths: Sequence[str]) -> None:
+        """Files have been dropped."""
+        self._inputs.append(Input("drop", paths=tuple(paths)))
 
     def _on_button(self, _: Any, button: int, action: int, modifiers: int) -> None:
         down = action == glfw.PRESS
@@ -141,9 +145,6 @@ class Inputs:
 
     def _on_change(self, *_: Any) -> None:
         self._inputs.append(Input("resize"))
-
-    def _on_drop(self, _: Any, paths: list[str]) -> None:
-        self._inputs.append(Input("drop", paths=tuple(paths)))
 
     def _on_key(self, window: Any, key: int, code: int, action: int, modifiers: int) -> None:
         # Before the key, which imgui takes in order; an event's own bits lag behind on X11.

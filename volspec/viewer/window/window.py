@@ -5,6 +5,7 @@ glfw -> [window] -> inputs -> app
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass
 
@@ -165,10 +166,14 @@ class Window:
 
     def wait(self, seconds: float) -> list[Input]:
         """Wait for input, but no longer than this; what the user did, a gesture at a time."""
-        if seconds > 0 and not self._inputs.waiting:
-            glfw.wait_events_timeout(seconds)
-        else:
-            glfw.poll_events()
+        try:
+            if seconds > 0 and not self._inputs.waiting:
+                glfw.wait_events_timeout(seconds)
+            else:
+                glfw.poll_events()
+        except UnicodeDecodeError as error:
+            # glfw takes the names of dropped files for UTF-8; who opens this one refuses it.
+            self._inputs.drop([os.fsdecode(error.object)])
         return self._inputs.take()
 
     @staticmethod

@@ -1,0 +1,120 @@
+"""Drag files from another program onto a window and let go: the source's side of XDND [1].
+
+    robot -> [dropping] -> X server -> window
+
+References
+----------
+[1] Lindal, "Drag-and-Drop Protocol for the X Window System", version 5.
+    https://www.freedesktop.org/wiki/Specifications/XDND/
+"""
+
+from __future__ import annotations
+
+import select
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from typing import Any
+
+from Xlib import X, Xatom
+from Xlib.display import Display
+from Xlib.protocol.event import ClientMessage, SelectionNotify
+
+_VERSION = 5
+_STEPS = 4  # of the mouse, from the corner of the screen to where it lets go
+_PATIENCE_S = 10.0
+
+
+class DropError(Exception):
+    """A window does not take what is dragged onto it, or does not answer."""
+
+
+def drop(display: str, window: int, uris: Sequence[str], place: tuple[int, int]) -> None:
+    """Drag files onto a window, let go, and wait until it has taken them.
+
+    Parameters
+    ----------
+    display : str
+        As in ``DISPLAY``.
+    window : int
+        Its number.
+    uris : sequence of str
+        What is dragged, as ``file:///a/b%20c.npy``.
+    place : (x, y)
+        Where on the screen it is let go.
+
+    Raises
+    ------
+    DropError
+        If the window does not take it, or does not answer.
+    """
+    with closing(Display(display)) as server:
+        source = _Source(server, window, uris)
+        source.drag(place)
+        source.let_go()
+
+
+class _Source:
+    """A program from which files are dragged: it owns the selection and is asked for it."""
+
+    def __init__(self, server: Display, window: int, uris: Sequence[str]) -> None:
+        self._server, self._atom = server, server.intern_atom
+        self._root = server.screen().root
+        self._target = server.create_resource_object("window", window)
+        self._own = self._root.create_window(0, 0, 1, 1, 0, X.CopyFromParent)
+        # Each line ends so, the last one, too (RFC 2483).
+        self._list = "".join(f"{uri}\r\n" for uri in uris).encode("ascii")
+
+    def drag(self, place: tuple[int, int]) -> None:
+        """Enter the window and go to a place; the mouse is the source's until it lets go."""
+        aware = self._target.get_full_property(self._atom("XdndAware"), Xatom.ATOM)
+        if aware is None or aware.value[0] < _VERSION:
+            raise DropError(f"window {self._target.id}: takes no drops of XDND {_VERSION}")
+        self._own.set_selection_owner(self._atom("XdndSelection"), X.CurrentTime)
+        how = X.ButtonReleaseMask, X.GrabModeAsync, X.GrabModeAsync, X.NONE, X.NONE, X.CurrentTime
+        self._root.grab_pointer(False, *how)
+        self._tell("XdndEnter", _VERSION << 24, self._atom("text/uri-list"))
+        copy = self._atom("XdndActionCopy")
+        for step in range(1, _STEPS + 1):
+            x, y = (round(side * step / _STEPS) for side in place)
+            self._root.warp_pointer(x, y)
+            self._tell("XdndPosition", 0, x << 16 | y, X.CurrentTime, copy)
+            takes = self._answer("XdndStatus")[1] & 1
+        if not takes:
+            self._tell("XdndLeave")
+            raise DropError(f"window {self._target.id}: takes no files at {place}")
+
+    def let_go(self) -> None:
+        """Drop what was dragged, give it to the window, and wait until that has it."""
+        self._server.ungrab_pointer(X.CurrentTime)
+        self._tell("XdndDrop", 0, X.CurrentTime)
+        # GLFW 3.4 gives the count of bytes for the one bit that says whether it has them.
+        if not self._answer("XdndFinished")[1]:
+            raise DropError(f"window {self._target.id}: did not take what was dropped")
+
+    def _tell(self, name: str, *values: int) -> None:
+        data = 32, [self._own.id, *values, 0, 0, 0, 0][:5]
+        message = ClientMessage(window=self._target, client_type=self._atom(name), data=data)
+        self._target.send_event(message)
+        self._server.flush()
+
+    def _answer(self, name: str) -> Sequence[int]:
+        """What the window says to a message; it may ask for the files before."""
+        end = time.monotonic() + _PATIENCE_S
+        while (left := end - time.monotonic()) > 0:
+            if not self._server.pending_events():
+                select.select([self._server.fileno()], [], [], left)
+                continue
+            event = self._server.next_event()
+            if event.type == X.SelectionRequest:
+                self._give(event)
+            elif event.type == X.ClientMessage and event.client_type == self._atom(name):
+                return event.data[1]
+        raise DropError(f"window {self._target.id}: no {name} within {_PATIENCE_S:g} s")
+
+    def _give(self, request: Any) -> None:
+        """Write the files' names where the window asks for them."""
+        request.requestor.change_property(request.property, request.target, 8, self._list)
+        names = "time", "requestor", "selection", "target", "property"
+        request.requestor.send_event(SelectionNotify(**{n: getattr(request, n) for n in names}))
+        self._server.flush()
