@@ -23,6 +23,8 @@ $(BIN)/python:
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 INSTALL = { $(PIP) uv && $(BIN)/uv pip install --quiet --python $(BIN)/python --editable '$(1)'; } || \
 	$(PIP) --editable '$(1)'
+# What is imported is compiled once: tests start some hundred programs.
+unexport PYTHONDONTWRITEBYTECODE
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	@$(call INSTALL,.)

@@ -253,6 +253,9 @@ class _App:
         if said := self._window.error:
             self._trace.note("gl-error", message=said)
         self._meter.frame(started)
+        if self._shown is not None:
+            # Where a CPU draws it, it does so while the next frame's panels are made.
+            self._relight(self._shown)
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
         """What input and panels make of a state."""
@@ -313,7 +316,12 @@ class _App:
             self._desk.whole = False
         if stage in ("cast", "relight"):
             self._screen.stale()
-        self._screen.relight(state, held)
+
+    def _relight(self, state: ViewState) -> None:
+        """Have the picture of a state drawn for the next frame."""
+        held = self._mouse.held or self._fader.running
+        if self._screen.relight(state, held):
+            self._settle = max(self._settle, 1)
         self._desk.under_mouse = self._screen.probe(state, self._mouse.over_picture, held)
 
     def _set_theme(self) -> None:

@@ -36,17 +36,13 @@ class Meter:
         self._desk, self._trace = desk, trace
         self._last = 0.0
         self.slow = False
-        self._new: tuple[Relit, bool] | None = None
         self._under_way: tuple[Relit, bool] | None = None
         self._areas: dict[str, tuple[int, int, int, int]] = {}
 
     def relights(self, relit: Relit | None, whole: bool) -> None:
-        """A picture is being relit in this frame.
-
-        Its time is asked for a frame later: to wait for it would keep the next frame waiting.
-        """
+        """A picture is being relit, to be shown in the next frame; then its time is known."""
         if relit is not None:
-            self._new = relit, whole
+            self._under_way = relit, whole
 
     def answered(self, late_s: float, busy_s: float) -> None:
         """A turn of the loop is over.
@@ -69,7 +65,7 @@ class Meter:
                 self.slow = relit.ms > SLOW_MS
             self._desk.ms["relight"] = relit.ms
             self._trace.note("relight", "relight", relit.ms, whole=whole)
-        self._under_way, self._new = self._new, None
+        self._under_way = None
         now = time.perf_counter()
         self._desk.ms["frame"] = 1e3 * (now - began)
         self._trace.note("frame", "frame", self._desk.ms["frame"])

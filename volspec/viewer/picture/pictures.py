@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from OpenGL import GL
 
 from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Relighter
@@ -128,7 +129,9 @@ class Pictures:
         relighter = self._relighters.pop(key, None)
         if relighter is None:
             while len(self._relighters) >= MOST_SIZES:
-                self._release(next(iter(self._relighters)))
+                # What is shown stays until another is drawn.
+                known = self._relighters.items()
+                self._release(next(key for key, each in known if each is not self._frame_of))
             relighter = Relighter(image, "gl", self._context, tables=self.tables, packed=packed)
         else:
             relighter.update(image, packed)
@@ -136,10 +139,7 @@ class Pictures:
         return relighter
 
     def _release(self, key: tuple[int, ...]) -> None:
-        relighter = self._relighters.pop(key)
-        if self._frame_of is relighter:
-            self._frame = None
-        relighter.close()
+        self._relighters.pop(key).close()
 
     def missing(
         self, rig: LightRig | None, seen: RelightSpec, other: LightRig | None = None
@@ -175,7 +175,7 @@ class Pictures:
         divide: float = 1.0,
         coarse: bool = False,
     ) -> Relit | None:
-        """Draw the picture under lights; nothing without.
+        """Have the picture drawn under lights, without waiting for it; nothing without.
 
         Parameters
         ----------
@@ -211,6 +211,7 @@ class Pictures:
                     shown.draw(other, *how)
                 finally:
                     self._frame.scissor = None
+        GL.glFlush()
         return Relit(self._queries[0], 1e3 * (time.perf_counter() - started))
 
     def code(self, x: int, y: int) -> tuple[int, int, int]:

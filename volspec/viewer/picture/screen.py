@@ -56,7 +56,7 @@ class Screen:
         self._slices = desk.slices = SlicePictures(context)
         self._desk, self._meter, self._trace, self._notice = desk, meter, trace, notice
         self._cast: CastDone | None = None
-        self._relit = self._coarse = False
+        self._relit = self._coarse = self._drawing = False
         self._working_out = ""
         self._heat = Heat(context, Window.wake)
         self._read_of: tuple[Any, ...] | None = None
@@ -93,19 +93,27 @@ class Screen:
         """The picture no longer shows the state's light."""
         self._relit = False
 
-    def relight(self, state: ViewState, held: bool) -> None:
-        """Draw the picture under the state's lights, where it does not show them yet.
+    def relight(self, state: ViewState, held: bool) -> bool:
+        """Begin to draw the picture under the state's lights, where it does not show them yet.
+
+        What follows waits for what is drawn: panels are best made meanwhile.
 
         Parameters
         ----------
         state : ViewState
         held : bool
             Whether a mouse button is down: then few pixels are drawn where many take long.
+
+        Returns
+        -------
+        bool
+            Whether the next frame shows another picture.
         """
+        self._drawing = False
         if self._coarse and not held:
             self._relit = False
         if self._relit or self.pictures.image is None:
-            return
+            return False
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
         self._desk.image = self.pictures.image
@@ -115,12 +123,14 @@ class Screen:
         rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
         try:
             if self._tables_missing(rig, state.seen, other):
-                return
+                return False
             relit = self.pictures.relight(rig, state.seen, other, state.divide, self._coarse)
         except VolspecError as error:
             self._notice.say(one_line(error))
-        else:
-            self._meter.relights(relit, self._desk.whole and not self._coarse)
+            return False
+        self._meter.relights(relit, self._desk.whole and not self._coarse)
+        self._drawing = relit is not None
+        return True
 
     def _tables_missing(
         self, rig: LightRig | None, seen: RelightSpec, other: LightRig | None
@@ -151,7 +161,10 @@ class Screen:
     def probe(
         self, state: ViewState, place: tuple[float, float] | None, held: bool
     ) -> Reading | None:
-        """What is under the mouse; None where nothing is, or where a button is down."""
+        """What is under the mouse; None where nothing is, or where a button is down.
+
+        Of a picture that is being drawn it is what was there before, as to read waits for it.
+        """
         right = state.other is not None and place is not None and place[0] > state.divide
         lights = state.other if right and state.other else state.lights
         rig = rig_of(lights)
@@ -160,6 +173,8 @@ class Screen:
             return None
         if held or not self.pictures.framebuffer or not self.pictures.current:
             return None
+        if self._drawing:
+            return self._reading
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
         key = image, lights, state.seen, pixel
