@@ -177,6 +177,26 @@ def test_other_views_are_turned_to(
     assert any(apart(picture, wanted[:, ::-1]) <= 0.4 for picture in pictures)
 
 
+def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
+    opened: Callable[..., Opened], files: Path, tmp_path: Path
+) -> None:
+    text = (files / "turn.html").read_text(encoding="utf-8")
+    cut, count = re.subn(r'(id="view-1"[^>]*>[^<]{1000})[^<]*', r"\1", text)
+    assert count == 1
+    (tmp_path / "cut.html").write_text(cut, encoding="utf-8")
+    page = opened(tmp_path / "cut.html")
+    before = page.picture()
+    page.page.focus("#port")
+    page.page.keyboard.press("PageDown")
+    page.until("!document.getElementById('notice').hidden")
+    assert page.page.text_content("#notice").startswith("This view cannot be unpacked: ")
+    page.until("document.getElementById('view-read').textContent === '0\u00b0'")
+    assert apart(page.picture(), before) == 0
+    # And it can still be relit.
+    page.page.click("#light-list li:nth-child(2) .light-name")
+    assert apart(page.picture(), before) > 1
+
+
 def test_a_page_asks_the_network_for_nothing(engine_page: Opened) -> None:
     outside = [
         url for url in engine_page.requests if not url.startswith(("file:", "data:", "blob:"))

@@ -79,15 +79,26 @@ class App {
     if (view !== this.state.view) this.put({ view });
     if (this.turning) return;
     this.turning = true;
-    while (this.shown !== this.state.view) {
-      const next = this.state.view;
-      this.texels = await this.decode(next);
-      this.shown = next;
-      this.refresh();
+    try {
+      while (this.shown !== this.state.view) {
+        const next = this.state.view;
+        this.texels = await this.decode(next);
+        this.shown = next;
+        this.refresh();
+      }
+    } catch (error) {
+      if (this.shown < 0) throw error;
+      tell(`This view cannot be unpacked: ${error.message}. You see the one before.`);
+      this.put({ view: this.shown });
+      return;
+    } finally {
+      this.turning = false;
     }
-    this.turning = false;
     const count = this.page.views.length;
-    for (const by of count > 2 ? [1, count - 1] : []) this.decode((this.shown + by) % count);
+    // What is wrong with one is told when it is turned to.
+    for (const by of count > 2 ? [1, count - 1] : []) {
+      this.decode((this.shown + by) % count).catch(() => {});
+    }
   }
 
   // A view's texels, decoded once while there is room.
@@ -262,12 +273,16 @@ function turning(app) {
   });
 }
 
+function tell(words) {
+  byId('notice').textContent = words;
+  byId('notice').hidden = false;
+}
+
 // The still picture stays, with the reason beside it.
 function refuse(error) {
   const reason = error instanceof Refused
     ? error.message : `The picture cannot be relit: ${error.message}.`;
-  byId('notice').textContent = `${reason} You see a still picture.`;
-  byId('notice').hidden = false;
+  tell(`${reason} You see a still picture.`);
   byId('controls').disabled = true;
   for (const name of [...Object.keys(HEARS_KEYS), 'aria-label']) byId('port').removeAttribute(name);
   document.documentElement.classList.remove('ready');
