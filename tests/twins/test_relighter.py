@@ -284,6 +284,22 @@ def test_given_context_is_drawn_in_and_left_alive():
     context.release()
 
 
+@pytest.mark.parametrize("table", [False, True])
+def test_pixels_outside_of_a_box_stay_as_they_were(context, table):
+    image, day, lamp = cast(), light("D65"), light("A")
+    with Relighter(image, context=context, table=table) as relighter:
+        wanted, whole = relighter.frame(day), relighter.frame(lamp)
+        wanted[1:4, 2:4] = whole[1:4, 2:4]
+        relighter.draw(day)
+        target = relighter.draw(lamp, within=(2, 1, 2, 3))
+        with context:
+            drawn = np.frombuffer(target.read(components=3, alignment=1), np.uint8)
+        # A box may be drawn by a table where the whole is not, as a colour elsewhere is not in it.
+        np.testing.assert_allclose(drawn.reshape(wanted.shape), wanted, rtol=0, atol=int(table))
+        # What is drawn next is whole again.
+        np.testing.assert_array_equal(relighter.frame(lamp), whole)
+
+
 def test_without_a_gl_context_numpy_draws_and_one_warning_says_why(monkeypatch):
     def refuse() -> None:
         raise OpenGLError("OpenGL: no headless context (test)")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,8 @@ from volspec.relight.uniforms import (
 if TYPE_CHECKING:
     import moderngl
 
+# x, y, width and height of pixels, from the picture's first row.
+Box = tuple[int, int, int, int]
 # Components of textures.
 _COMPONENTS: dict[type, str] = {np.uint8: "f1", np.float32: "f4"}
 # Renderers that draw on the CPU.
@@ -234,8 +236,11 @@ class GLEngine:
         viewing: Viewing,
         dtype: type[np.uint8] | type[np.float32],
         field: PassageField | None = None,
+        within: Box | None = None,
     ) -> moderngl.Framebuffer:
         """Draw a frame, which stays on the device; in its context.
+
+        Pixels that are not within a box stay as they were.
 
         Raises
         ------
@@ -245,7 +250,7 @@ class GLEngine:
             If another library ended the context.
         """
         with self._current():
-            return self._framed(light, viewing, dtype, field)
+            return self._framed(light, viewing, dtype, field, within)
 
     def _framed(
         self,
@@ -253,6 +258,7 @@ class GLEngine:
         viewing: Viewing,
         dtype: type[np.uint8] | type[np.float32],
         field: PassageField | None,
+        within: Box | None = None,
     ) -> moderngl.Framebuffer:
         channels = light.XYZ_from_channels.shape[1]
         if channels != self._channels:
@@ -267,19 +273,23 @@ class GLEngine:
         else:
             drawn = field
             self._lookups.load(field)
-        target = self._target(_COMPONENTS[dtype])
+        # By moderngl's stubs a scissor cannot be taken off again.
+        target: Any = self._target(_COMPONENTS[dtype])
+        target.scissor = within
         target.use()
         self._texture.use(UNITS["coefficients"])
+        width, height = within[2:] if within else target.size
         if isinstance(drawn, Tabled) and drawn.behind is not None:
             with self._counted:
                 self._relight(light, drawn, screen)
-            if self._counted.samples == self._height * self._width:
-                return target
-            # Some pixel's colour is not in the table: this picture is not one for it.
-            self._doubted = TableKey.of(light, viewing).viewing
-            drawn = self._closed
-        self._relight(light, drawn, screen)
-        return target
+            if self._counted.samples != width * height:
+                # Some pixel's colour is not in the table: this picture is not one for it.
+                self._doubted = TableKey.of(light, viewing).viewing
+                self._relight(light, self._closed, screen)
+        else:
+            self._relight(light, drawn, screen)
+        target.scissor = None
+        return cast("moderngl.Framebuffer", target)
 
     @property
     def _closed(self) -> Closed:

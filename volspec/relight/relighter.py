@@ -131,6 +131,12 @@ class Relighter:
         """What draws: the GL device's name, or ``"numpy"``."""
         return self._engine.name
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the picture."""
+        height, width = self._image.alpha.shape
+        return width, height
+
     def place(self, shape: Shape, groups: Sized, sharing: Sharing | None) -> SharedLayers | None:
         """Where a cast that is about to begin may put its picture, for `update` to take.
 
@@ -253,6 +259,7 @@ class Relighter:
         mode: str = "componentwise",
         backdrop: float | Spectrum = 0.2,
         level: str = "relative",
+        within: tuple[int, int, int, int] | None = None,
     ) -> Any:
         """The picture of `frame` left on the device, for whoever lent the context.
 
@@ -260,6 +267,8 @@ class Relighter:
         ----------
         light, viewing, mode, backdrop, level
             As `frame`.
+        within : (x, y, width, height), optional
+            The pixels to draw, y from the picture's first row; the others stay as they were.
 
         Returns
         -------
@@ -279,7 +288,7 @@ class Relighter:
         lit, seen, field = self._lit(
             light, RelightSpec(viewing or Viewing(), mode, backdrop, level)
         )
-        return self._engine.draw(lit, seen, np.uint8, field)
+        return self._engine.draw(lit, seen, np.uint8, field, within)
 
     def missing_table(
         self,

@@ -292,6 +292,8 @@ class _App:
             elif name == "menu":
                 self._desk.menu = True
                 self._focus.enter(menu=True)
+            elif name == "copy-picture" and not self._screen.ready:
+                self._desk.asked.append(name)  # until it is
             else:
                 self._chores.do(name, self._history.present)
 

@@ -21,6 +21,7 @@ from volspec.relight.packed import PackedLayers
 from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.viewer.palette.spectra import same_channels
 
+WHOLE = (0.0, 1.0)
 # Sizes kept: the whole picture, two coarser, and those of a window before it was resized.
 MOST_SIZES = 5
 
@@ -174,8 +175,11 @@ class Pictures:
         other: LightRig | None = None,
         divide: float = 1.0,
         coarse: bool = False,
+        band: tuple[float, float] = WHOLE,
     ) -> Relit | None:
         """Have the picture drawn under lights, without waiting for it; nothing without.
+
+        What is shown stays until the last band of a picture of another size has been drawn.
 
         Parameters
         ----------
@@ -187,6 +191,8 @@ class Pictures:
             0 to 1 of the width.
         coarse : bool
             Draw every second row and column only.
+        band : (top, bottom)
+            The rows to draw, 0 to 1 of the height.
 
         Returns
         -------
@@ -201,17 +207,18 @@ class Pictures:
         self._paint(shown)
         how = seen.viewing, seen.mode, seen.backdrop, seen.level
         self._queries.reverse()
+        width, height = shown.size
+        top, bottom = (round(share * height) for share in band)
+        left = width if other is None else round(divide * width)
         with self._queries[0]:
-            self._frame, self._frame_of, self.current = shown.draw(rig, *how), shown, True
-            if other is not None:
-                width, height = self._frame.size
-                left = round(divide * width)
-                self._frame.scissor = left, 0, width - left, height
-                try:
-                    shown.draw(other, *how)
-                finally:
-                    self._frame.scissor = None
+            for lights, start, end in ((rig, 0, left), (other, left, width)):
+                if lights is not None and start < end:
+                    within = start, top, end - start, bottom - top
+                    frame = shown.draw(lights, *how, within=within)
         GL.glFlush()
+        self.current = bottom == height
+        if self.current:
+            self._frame, self._frame_of = frame, shown
         return Relit(self._queries[0], 1e3 * (time.perf_counter() - started))
 
     def code(self, x: int, y: int) -> tuple[int, int, int]:

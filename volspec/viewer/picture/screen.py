@@ -57,6 +57,7 @@ class Screen:
         self._desk, self._meter, self._trace, self._notice = desk, meter, trace, notice
         self._cast: CastDone | None = None
         self._relit = self._coarse = self._drawing = False
+        self._band = 0  # that is drawn next
         self._working_out = ""
         self._heat = Heat(context, Window.wake)
         self._read_of: tuple[Any, ...] | None = None
@@ -66,6 +67,11 @@ class Screen:
     def busy(self) -> bool:
         """Whether tables or an error map are being worked out."""
         return self._tabling.busy or self._heat.busy
+
+    @property
+    def ready(self) -> bool:
+        """Whether all that shall be drawn of the picture is drawn."""
+        return self._relit or self.pictures.image is None
 
     def take(self, done: CastDone, state: ViewState | None) -> None:
         """A pass of a cast that has ended."""
@@ -85,18 +91,20 @@ class Screen:
         if done.divisor == 1 and not done.image.alpha.any():
             self._notice.say(_NOTHING)
         # Its texture holds what was packed.
-        self._cast, self._relit = replace(done, packed=None), False
+        self._cast = replace(done, packed=None)
+        self.stale()
         self._desk.image, self._desk.whole = done.image, done.divisor == 1
         self._desk.ms["cast"] = done.ms
 
     def stale(self) -> None:
         """The picture no longer shows the state's light."""
-        self._relit = False
+        self._relit, self._band = False, 0
 
     def relight(self, state: ViewState, held: bool) -> bool:
         """Begin to draw the picture under the state's lights, where it does not show them yet.
 
-        What follows waits for what is drawn: panels are best made meanwhile.
+        What follows waits for what is drawn: panels are best made meanwhile, and of what takes
+        long only a band is drawn in each frame.
 
         Parameters
         ----------
@@ -107,11 +115,11 @@ class Screen:
         Returns
         -------
         bool
-            Whether the next frame shows another picture.
+            Whether anything is drawn, for the next frame to show or to go on with.
         """
         self._drawing = False
         if self._coarse and not held:
-            self._relit = False
+            self.stale()
         if self._relit or self.pictures.image is None:
             return False
         self._relit = True
@@ -120,16 +128,22 @@ class Screen:
         # What is measured in fewer pixels would want tables of its own.
         few = self._desk.whole and self._meter.slow and not is_tabled(state.seen.viewing.model)
         self._coarse = held and few
+        whole = self._desk.whole and not self._coarse
+        bands = self._meter.bands if whole and not held else 1
+        first, self._band = self._band % bands, 0
         rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
         try:
             if self._tables_missing(rig, state.seen, other):
                 return False
-            relit = self.pictures.relight(rig, state.seen, other, state.divide, self._coarse)
+            band = first / bands, (first + 1) / bands
+            relit = self.pictures.relight(rig, state.seen, other, state.divide, self._coarse, band)
         except VolspecError as error:
             self._notice.say(one_line(error))
             return False
-        self._meter.relights(relit, self._desk.whole and not self._coarse)
         self._drawing = relit is not None
+        self._relit = not self._drawing or first + 1 == bands
+        self._band = 0 if self._relit else first + 1
+        self._meter.relights(relit, first == 0, self._relit, whole)
         return True
 
     def _tables_missing(
