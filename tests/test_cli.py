@@ -198,6 +198,7 @@ def test_doctor_names_what_brings_films_and_notebooks(
         "films": "not here: pip install 'volspec[video]'",
         "notebooks": "not here: pip install 'volspec[notebook]'",
         "several machines": "dask 1.2, zarr 1.2",
+        "OME-Zarr": "zarr 1.2",
     }
     monkeypatch.undo()
     pytest.importorskip("imageio_ffmpeg")

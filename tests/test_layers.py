@@ -64,7 +64,9 @@ def test_modules_import_only_from_their_left(path: Path) -> None:
             "pyvista",
             ("volume/adapt.py", "volume/model.py", "raycast/adapt.py", "relight/adapt.py"),
         ),
-        ("SimpleITK", ("volume/load.py",)),
+        ("SimpleITK", ("volume/files/",)),
+        ("tifffile", ("volume/files/",)),
+        ("zarr", ("volume/files/omezarr.py",)),
         ("OpenEXR", ("_exr.py",)),
         ("matplotlib", ("basis/figure/", "palette/figure.py", "relight/error_map.py")),
     ],
@@ -88,7 +90,10 @@ def test_colour_science_is_used_by_spectra_appearance_references_and_reports_onl
 
 @pytest.mark.parametrize(
     "heavy",
-    ["colour", "pyopencl", "moderngl", "pyvista", "SimpleITK", "OpenEXR", "scipy.optimize"],
+    [
+        *("colour", "pyopencl", "moderngl", "pyvista", "SimpleITK", "OpenEXR", "scipy.optimize"),
+        *("tifffile", "zarr"),
+    ],
 )
 def test_heavy_packages_are_imported_inside_functions(heavy: str) -> None:
     for path in ROOT.rglob("*.py"):

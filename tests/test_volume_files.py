@@ -189,3 +189,9 @@ def test_summary_counts_every_voxel() -> None:
 def test_what_is_no_path_is_refused() -> None:
     with pytest.raises(VolumeError, match="volume: 3 is no path; give text"):
         load_volume(3)
+
+
+def test_a_question_mark_may_be_a_part_of_the_name(tmp_path: Path) -> None:
+    path = tmp_path / "what?spacing=2.npy"
+    np.save(path, VALUES)
+    assert load_volume(path).values.shape == VALUES.shape

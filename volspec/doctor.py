@@ -28,6 +28,7 @@ _NOT_HERE = "not here"
 _EXTRAS = {
     "notebooks": ("notebook", ("anywidget",)),
     "several machines": ("distributed", ("dask", "zarr")),
+    "OME-Zarr": ("zarr", ("zarr",)),
 }
 
 

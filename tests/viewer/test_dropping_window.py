@@ -92,7 +92,7 @@ def test_what_is_dropped_is_opened_or_refused_in_a_line_and_what_was_open_stays(
         assert opened(robot, before) == ["Dropped"]
 
         assert refusal(robot, plain.as_uri(), odd.as_uri()) == (
-            "2 files were dropped; drop one scene or volume"
+            "2 files were dropped; drop one scene or volume, or the folder of its slices"
         )
         assert refusal(robot, notes.as_uri()).startswith(f"{notes}: unknown format; known are")
         plain.unlink()

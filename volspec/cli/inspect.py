@@ -36,10 +36,15 @@ def info(volume: str, /, *, json: Json = False) -> None:
 
     Example: `volspec info engine.nrrd`
 
+    Example: `volspec info 'patient?series=3'`
+
     Parameters
     ----------
     volume
-        A volume file, or `FILE.raw?shape=256x256x110&dtype=uint8&spacing=1,1,1`.
+        A volume file (NRRD, MHD/MHA, NIfTI, VTI/VTK, `.npy`, TIFF), a folder (DICOM, TIFF or PNG
+        slices, OME-Zarr), or `FILE.raw?shape=256x256x110&dtype=uint8&spacing=1,1,1`. What a name
+        leaves open follows a question mark: `FOLDER?series=3`, `FILE.tif?spacing=0.65,0.65,2`,
+        `channel=`, `time=`, `level=`.
     """
     from volspec.volume import load_volume
     from volspec.volume.summary import summarize

@@ -35,7 +35,7 @@ def view(
     Parameters
     ----------
     file
-        A scene file, a volume or a session; the bundled engine when left out.
+        A scene file, a volume (file or folder) or a session; the bundled engine when left out.
     size
         WIDTHxHEIGHT of the window.
     screenshot

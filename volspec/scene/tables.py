@@ -26,7 +26,8 @@ class VolumeTable(Table):
     """``[volume]``: the file, and what is changed of it."""
 
     file: Annotated[str, Field(examples=["volume.nrrd"])]
-    """NRRD, MHD/MHA, NIfTI, VTI/VTK, .npy, or FILE.raw?shape=256x256x110&dtype=uint8."""
+    """NRRD, MHD/MHA, NIfTI, VTI/VTK, TIFF, .npy, FILE.raw?shape=256x256x110&dtype=uint8, or a
+    folder: DICOM (?series=3 names one of several), TIFF or PNG slices, OME-Zarr."""
     spacing_mm: Vector | None = None
     """x, y, z in place of the file's."""
     downsample: int = 1

@@ -19,7 +19,7 @@ from volspec.viewer.panels.dialogs import PathDialog
 
 _FILES = (
     *(".toml", SUFFIX, ".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk"),
-    ".npy",
+    *(".npy", ".tif", ".tiff", ".dcm", ".dicom", ".ima"),
 )
 REQUESTS = {
     "open": PathRequest("open", "Open a scene or a volume", suffixes=_FILES),

@@ -17,7 +17,9 @@ from typing import Any
 from volspec.errors import InputError
 
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
-_SLICES = (".tif", ".tiff", ".dcm", ".ima")
+# Slices: of DICOM one file stands for its series, of pictures their folder for all.
+_DICOM = (".dcm", ".dicom", ".ima")
+_PICTURES = ((".tif", ".tiff"), (".png",))
 MOST_ROWS = 200
 
 
@@ -35,9 +37,18 @@ def dropped(paths: Sequence[str]) -> str:
     headers = [path for path in paths if path.lower().endswith((".nhdr", ".mhd", ".toml"))]
     if len(headers) == 1:
         return headers[0]
-    slices = all(path.lower().endswith(_SLICES) for path in paths)
-    remedy = "; slices must be made one first, such as .nrrd or .nii.gz" if slices else ""
-    raise InputError(f"{len(paths)} files were dropped; drop one scene or volume{remedy}")
+    if len({os.path.dirname(path) for path in paths}) == 1:
+        if _all_end(paths, _DICOM):
+            return paths[0]
+        if any(_all_end(paths, endings) for endings in _PICTURES):
+            return os.path.dirname(paths[0])
+    raise InputError(
+        f"{len(paths)} files were dropped; drop one scene or volume, or the folder of its slices"
+    )
+
+
+def _all_end(paths: Sequence[str], endings: tuple[str, ...]) -> bool:
+    return all(path.lower().endswith(endings) for path in paths)
 
 
 def check_name(path: str | os.PathLike[str]) -> None:

@@ -1,0 +1,291 @@
+"""DICOM series: which slices are one volume, where they lie, and what is refused."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import SimpleITK as sitk
+
+from volspec.errors import VolspecWarning, VolumeError
+from volspec.volume import Volume, load_volume
+
+VALUES = (np.arange(4 * 3 * 5, dtype=np.int16).reshape(4, 3, 5) * 7).astype(np.int16)
+SPACING = (0.5, 0.75)
+STEP = 2.5
+
+
+def write_slice(path: Path, values: np.ndarray, **tags: str) -> None:
+    """One DICOM file; tags by their number, as ``x0020_0013="4"``."""
+    image = sitk.GetImageFromArray(values, isVector=values.ndim == 3)
+    image.SetSpacing(SPACING)
+    for tag, text in tags.items():
+        image.SetMetaData(tag[1:].replace("_", "|"), text)
+    writer = sitk.ImageFileWriter()
+    writer.SetImageIO("GDCMImageIO")
+    writer.KeepOriginalImageUIDOn()
+    writer.SetUseCompression("compressed" in tags)
+    writer.SetFileName(str(path))
+    writer.Execute(image)
+
+
+def plane(
+    z: float, number: int, series: int = 3, across: float = 0.0, name: str = "Head"
+) -> dict[str, str]:
+    """What places a slice: axial, the patient's x and y along its rows and columns."""
+    return {
+        "x0008_0060": "CT",
+        "x0008_103e": name,
+        "x0020_000e": f"1.2.{series}",
+        "x0020_0011": str(series),
+        "x0020_0013": str(number),
+        "x0020_0032": f"-10\\{across - 20}\\{z}",
+        "x0020_0037": "1\\0\\0\\0\\1\\0",
+    }
+
+
+def write_series(folder: Path, values: np.ndarray = VALUES, **more: Any) -> Path:
+    """A series whose files, numbers and places run in three different orders."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for k, slice_ in enumerate(values):
+        name = f"{k * 7 % 11}{more.get('series', 3)}.dcm"
+        write_slice(folder / name, slice_, **plane(k * STEP, len(values) - k, **more))
+    return folder
+
+
+def load_silently(path: Path | str) -> Volume:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return load_volume(path)
+
+
+def test_slices_are_put_where_they_lie_in_the_patient(tmp_path: Path) -> None:
+    folder = write_series(tmp_path / "head")
+    (folder / "notes.txt").write_text("by hand")
+    (folder / ".hidden.dcm").write_text("of the system")
+    for named in (folder, folder / "03.dcm"):
+        volume = load_silently(named)
+        assert volume.values.dtype == np.int16 and np.array_equal(volume.values, VALUES)
+        assert volume.spacing_mm == (*SPACING, STEP) and volume.name == str(named)
+        assert volume.world_from_index[:3, 3].tolist() == [-10, -20, 0]
+
+
+def test_files_without_an_ending_are_known_by_their_first_bytes(tmp_path: Path) -> None:
+    for file in write_series(tmp_path).iterdir():
+        file.rename(file.with_name(f"IM{file.stem}"))
+    assert np.array_equal(load_silently(tmp_path).values, VALUES)
+    assert np.array_equal(load_silently(tmp_path / "IM03").values, VALUES)
+
+
+def test_an_oblique_series_keeps_its_directions(tmp_path: Path) -> None:
+    """Sagittal: columns along the patient's y, rows downwards, slices along -x."""
+    for k, values in enumerate(VALUES):
+        place = {"x0020_0032": f"{-k * STEP}\\1\\2", "x0020_0037": "0\\1\\0\\0\\0\\-1"}
+        write_slice(tmp_path / f"{k}.dcm", values, **{**plane(0, k), **place})
+    volume = load_silently(tmp_path)
+    expected = [[0, 0, -STEP, 0], [SPACING[0], 0, 0, 1], [0, -SPACING[1], 0, 2], [0, 0, 0, 1]]
+    assert np.allclose(volume.world_from_index, expected)
+    assert np.array_equal(volume.values, VALUES)
+
+
+def test_a_tilted_gantry_s_slices_stay_where_they_were_taken(tmp_path: Path) -> None:
+    """A reader that gives all stacks right angles puts the last slice 3 mm too far up."""
+    for k, values in enumerate(VALUES):
+        write_slice(tmp_path / f"{k}.dcm", values, **plane(k * STEP, k, across=1.0 * k))
+    volume = load_silently(tmp_path)
+    assert volume.corners_mm[4].tolist() == [-10, -17, 3 * STEP]
+    assert np.array_equal(volume.values, VALUES)
+
+
+def test_rescale_slope_and_intercept_are_applied_slice_by_slice(tmp_path: Path) -> None:
+    """As PET has them. They are changed in the file: ITK's writer would divide by them."""
+    for k, values in enumerate(VALUES):
+        path = tmp_path / f"{k}.dcm"
+        write_slice(path, values, **plane(k, k), x0028_1052="0", x0028_1053="1")
+        if k:
+            intercept, slope = b"\x28\0\x52\x10\2\0\0\0", b"\x28\0\x53\x10\2\0\0\0"
+            data = path.read_bytes().replace(intercept + b"0 ", intercept + b"-7")
+            path.write_bytes(data.replace(slope + b"1 ", slope + (b".5" if k > 1 else b"2 ")))
+    values = load_silently(tmp_path).values
+    assert values.dtype == np.float32
+    assert np.array_equal(values[0], VALUES[0])
+    assert np.array_equal(values[1], VALUES[1] * 2 - 7)
+    assert np.array_equal(values[2:], VALUES[2:] * 0.5 - 7)
+
+
+def test_compressed_slices_are_read(tmp_path: Path) -> None:
+    values = np.tile(np.arange(64, dtype=np.int16), (3, 32, 1))
+    for k, slice_ in enumerate(values):
+        write_slice(tmp_path / f"{k}.dcm", slice_ + k, compressed="", **plane(k, k))
+    assert (tmp_path / "0.dcm").stat().st_size < values[0].nbytes
+    assert np.array_equal(load_silently(tmp_path).values, values + np.arange(3)[:, None, None])
+
+
+def test_of_several_series_one_is_named(tmp_path: Path) -> None:
+    write_series(tmp_path, series=3, name="Head 2.5")
+    write_series(tmp_path, VALUES[:3] + 1, series=12, name="Soft")
+    with pytest.raises(VolumeError) as caught:
+        load_volume(tmp_path)
+    assert str(caught.value) == (
+        f"{tmp_path}: holds 2 series; name one as {tmp_path.name}?series=3: "
+        "3 'Head 2.5' (4 slices of 5x3), 12 'Soft' (3 slices of 5x3)"
+    )
+    for name in ("?series=12", "?series=1.2.12", "/012.dcm"):
+        assert np.array_equal(load_silently(f"{tmp_path}{name}").values, VALUES[:3] + 1)
+    with pytest.raises(VolumeError, match="series=7 names none of them; name one as"):
+        load_volume(f"{tmp_path}?series=7")
+
+
+def test_a_folder_without_slices_stands_for_those_below(tmp_path: Path) -> None:
+    series = write_series(tmp_path / "patient" / "study" / "series")
+    (tmp_path / "viewer.exe").write_bytes(b"as on a CD")
+    assert np.array_equal(load_silently(tmp_path).values, VALUES)
+    write_series(tmp_path / "patient" / "study" / "other", series=4)
+    with pytest.raises(VolumeError, match="holds 2 series"):
+        load_volume(tmp_path / "patient")
+    assert np.array_equal(load_silently(series).values, VALUES)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(VolumeError, match=r"a folder without slices .*; give the folder"):
+        load_volume(tmp_path / "empty")
+
+
+def test_files_without_a_picture_are_left_out_and_damaged_ones_named(tmp_path: Path) -> None:
+    folder = write_series(tmp_path / "head")
+    whole = (folder / "03.dcm").read_bytes()
+    report = whole.replace(b"1.2.840.10008.5.1.4.1.1.2\0", b"1.2.840.10008.5.1.4.1.1.88.11\0")
+    at = whole.index(bytes.fromhex("02000200") + b"UI")
+    name = b"1.2.840.10008.5.1.4.1.1.88.11\0"
+    report = whole[: at + 6] + len(name).to_bytes(2, "little") + name
+    (folder / "SR1").write_bytes(report)
+    assert np.array_equal(load_silently(folder).values, VALUES)
+    for cut in (1, 40, len(whole) - 200):
+        (folder / "73.dcm").write_bytes(whole[:-cut])
+        with pytest.raises(VolumeError, match=r"73\.dcm: cannot be read as a DICOM picture; dam"):
+            load_volume(folder)
+
+
+def test_missing_slices_are_refused_unless_a_spacing_is_given(tmp_path: Path) -> None:
+    folder = write_series(tmp_path / "head", np.concatenate([VALUES, VALUES + 1]))
+    missing = next(p for p in folder.iterdir() if "\\7.5 " in p.read_bytes().decode("latin-1"))
+    missing.unlink()
+    with pytest.raises(VolumeError, match=r"lie 5 mm apart, others 2\.5 mm: slices are missing"):
+        load_volume(folder)
+    taken = load_silently(f"{folder}?spacing=1,1,2")
+    assert taken.spacing_mm == (1, 1, 2) and taken.shape_xyz == (5, 3, 7)
+
+
+def test_slices_off_their_places_are_told(tmp_path: Path) -> None:
+    for k, z in enumerate((0, 2.5, 5.4, 7.5)):
+        write_slice(tmp_path / f"{k}.dcm", VALUES[k], **plane(z, k))
+    with pytest.warns(VolspecWarning, match=r"up to 0\.4 mm off even places 2\.5 mm") as caught:
+        assert load_volume(tmp_path).spacing_mm[2] == 2.5
+    assert caught[0].filename == __file__
+
+
+def test_of_several_times_at_every_place_one_is_chosen(tmp_path: Path) -> None:
+    for k in range(8):
+        write_slice(tmp_path / f"{k}.dcm", VALUES[k // 2] + k % 2, **plane(k // 2, k))
+    with pytest.raises(VolumeError, match=r"holds 2 time steps.*\?time=0 … 1"):
+        load_volume(tmp_path)
+    assert np.array_equal(load_silently(f"{tmp_path}?time=1").values, VALUES + 1)
+    (tmp_path / "5.dcm").unlink()
+    with pytest.raises(VolumeError, match=r"0\.dcm and 1\.dcm lie at the same place"):
+        load_volume(tmp_path)
+
+
+def test_copies_of_a_file_count_once(tmp_path: Path) -> None:
+    for file in list(write_series(tmp_path).iterdir()):
+        (tmp_path / f"copy of {file.name}").write_bytes(file.read_bytes())
+    assert np.array_equal(load_silently(tmp_path).values, VALUES)
+
+
+def test_a_scout_is_left_out_and_two_stacks_are_refused(tmp_path: Path) -> None:
+    folder = write_series(tmp_path / "head")
+    sagittal = {"x0020_0037": "0\\1\\0\\0\\0\\-1"}
+    write_slice(folder / "scout.dcm", VALUES[0], **(plane(0, 9) | sagittal))
+    with pytest.warns(VolspecWarning, match=r"1 of 5 files left out, .*such as scout\.dcm"):
+        assert load_volume(folder).shape_xyz == (5, 3, 4)
+    write_slice(folder / "second.dcm", VALUES[0], **(plane(1, 9) | sagittal))
+    with pytest.raises(VolumeError, match="slices of 2 sizes or orientations in one series"):
+        load_volume(folder)
+
+
+def test_slices_without_places_follow_their_numbers(tmp_path: Path) -> None:
+    for k, values in enumerate(VALUES):
+        path = tmp_path / f"{9 - k}.dcm"
+        write_slice(path, values, **plane(0, k), x0018_0088="4")
+        # ITK's writer always writes a place, under another tag it is none; and its own distance.
+        data = path.read_bytes().replace(b"\x20\0\x32\0", b"\x20\0\x33\0")
+        path.write_bytes(re.sub(rb"(\x18\0\x88\0\x02\0\0\0)..", rb"\g<1>4 ", data))
+    with pytest.warns(VolspecWarning, match="in the order of their numbers, 4 mm apart; give"):
+        volume = load_volume(tmp_path)
+    assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (*SPACING, 4)
+
+
+def test_a_file_of_many_frames_is_a_volume(tmp_path: Path) -> None:
+    image = sitk.GetImageFromArray((VALUES // 2).astype(np.uint8))
+    image.SetSpacing((1, 2, 3))
+    sitk.WriteImage(image, str(tmp_path / "film.dcm"))
+    with pytest.warns(VolspecWarning, match="its 4 frames are taken for slices"):
+        assert np.array_equal(load_volume(tmp_path).values, VALUES // 2)
+    assert load_volume(f"{tmp_path}/film.dcm?spacing=1,1,4").spacing_mm == (1, 1, 4)
+
+
+def single(folder: Path) -> None:
+    write_slice(folder / "a.dcm", VALUES[0], **plane(0, 0))
+
+
+def coloured(folder: Path) -> None:
+    for k in range(2):
+        write_slice(folder / f"{k}.dcm", np.zeros((4, 5, 3), np.uint8), **plane(k, k))
+
+
+def all_at_one_place(folder: Path) -> None:
+    for k in range(2):
+        write_slice(folder / f"{k}.dcm", VALUES[k], **plane(1, k))
+
+
+def without_pixels(folder: Path) -> None:
+    (folder / "junk.dcm").write_bytes(b"hello" * 99)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (single, r"a single slice \(5x3\) is no volume; give the folder"),
+        (coloured, r"0\.dcm: holds 3 components a pixel \(colour\)"),
+        (all_at_one_place, "all 2 slices lie at the same place"),
+        (without_pixels, r"junk\.dcm: cannot be read as a DICOM picture"),
+    ],
+)
+def test_folders_that_are_no_volume_are_refused_in_one_line(
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    make: Callable[[Path], None],
+    message: str,
+) -> None:
+    make(tmp_path)
+    with pytest.raises(VolumeError, match=message) as caught:
+        load_volume(tmp_path)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr().err == "", "a reader printed to stderr"
+
+
+@pytest.mark.parametrize(
+    ("query", "message"),
+    [
+        ("?slices=3", "unknown option 'slices'; known are series, time, spacing"),
+        ("?spacing=1,2", r"spacing=1,2 cannot be read; write millimetres"),
+        ("?spacing=1,1,-1", "must be positive"),
+        ("?time=1", "time=1, but there is one only; leave it out"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(tmp_path: Path, query: str, message: str) -> None:
+    write_series(tmp_path)
+    with pytest.raises(VolumeError, match=message):
+        load_volume(f"{tmp_path}{query}")

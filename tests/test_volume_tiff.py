@@ -1,0 +1,223 @@
+"""TIFF files of several pages and folders of pictures: values, spacing, and what is refused."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from PIL import Image
+from tifffile import TiffWriter, imwrite
+
+from tests.test_volume_series import load_silently
+from volspec.errors import VolspecWarning, VolumeError
+from volspec.volume import load_volume
+
+VALUES = np.arange(5 * 6 * 7, dtype=np.uint16).reshape(5, 6, 7) * 300
+TWO = np.stack([VALUES, VALUES + 1])
+MICRONS = {"unit": "um", "spacing": 2.0}
+SIZES = {"PhysicalSizeX": 0.5, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2}
+
+
+def write_lzw(path: Path, values: np.ndarray) -> None:
+    first, *others = [Image.fromarray(page) for page in values]
+    first.save(path, save_all=True, append_images=others, compression="tiff_lzw")
+
+
+def write_imagej(path: Path, values: np.ndarray, axes: str) -> None:
+    imwrite(path, values, imagej=True, resolution=(2, 2), metadata={**MICRONS, "axes": axes})
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("imagej.tif", lambda path: write_imagej(path, VALUES, "ZYX")),
+        ("x.ome.tif", lambda path: imwrite(path, VALUES, metadata={"axes": "ZYX", **SIZES})),
+        (
+            "packed.ome.tiff",
+            lambda path: imwrite(
+                path, VALUES, compression="zlib", metadata={"axes": "ZYX", **SIZES}
+            ),
+        ),
+    ],
+)
+def test_spacing_is_what_imagej_and_ome_state(
+    tmp_path: Path, name: str, write: Callable[[Path], None]
+) -> None:
+    """In micrometres, where OME-XML names no unit."""
+    write(tmp_path / name)
+    volume = load_silently(tmp_path / name)
+    assert volume.values.dtype == np.uint16 and np.array_equal(volume.values, VALUES)
+    assert volume.spacing_mm == pytest.approx((0.0005, 0.0005, 0.002))
+    given = load_silently(f"{tmp_path / name}?spacing=1,2,3")
+    assert given.spacing_mm == (1, 2, 3)
+
+
+def test_pages_that_state_nothing_are_1_mm_apart_which_is_told(tmp_path: Path) -> None:
+    """Of 300 dots an inch nothing is believed: it is said of all kinds of pictures."""
+    for name, dots in (("a.tif", 1), ("b.tif", 300)):
+        resolution = {"resolution": (dots, dots), "resolutionunit": "INCH"}
+        imwrite(tmp_path / name, VALUES, photometric="minisblack", **resolution)
+        with pytest.warns(VolspecWarning, match=rf"voxels are taken for 1 mm; give {name}\?spac"):
+            volume = load_volume(tmp_path / name)
+        assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (1, 1, 1)
+
+
+def test_of_a_resolution_in_the_plane_the_distance_of_slices_is_taken(tmp_path: Path) -> None:
+    imwrite(tmp_path / "ct.tif", VALUES, resolution=(500, 500), resolutionunit="CENTIMETER")
+    with pytest.warns(VolspecWarning, match=r"states 0\.02 × 0\.02 mm .* no distance") as caught:
+        assert load_volume(tmp_path / "ct.tif").spacing_mm == (0.02, 0.02, 0.02)
+    assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize("values", [VALUES.astype(np.float32), VALUES.astype(np.uint8), VALUES])
+def test_lzw_pages_are_read(tmp_path: Path, values: np.ndarray) -> None:
+    """As many programs write; tifffile alone cannot read them."""
+    pages = [Image.fromarray(page) for page in values]
+    pages[0].save(
+        tmp_path / "v.tif", save_all=True, append_images=pages[1:], compression="tiff_lzw"
+    )
+    volume = load_silently(f"{tmp_path}/v.tif?spacing=1,1,1")
+    assert volume.values.dtype == values.dtype and np.array_equal(volume.values, values)
+
+
+@pytest.mark.parametrize("packed", [None, "zlib"])
+def test_a_channel_and_a_time_are_chosen(tmp_path: Path, packed: str | None) -> None:
+    stacks = np.stack([TWO, TWO + 7]).transpose(0, 2, 1, 3, 4)  # T Z C Y X
+    path = tmp_path / "cells.ome.tif"
+    imwrite(path, stacks, compression=packed, metadata={"axes": "TZCYX", **SIZES})
+    with pytest.raises(VolumeError, match=r"holds 2 time steps.*cells\.ome\.tif\?time=0 … 1"):
+        load_volume(path)
+    with pytest.raises(VolumeError, match=r"holds 2 channels.*\?channel=0 … 1"):
+        load_volume(f"{path}?time=1")
+    assert np.array_equal(load_silently(f"{path}?time=1&channel=1").values, VALUES + 8)
+    with pytest.raises(VolumeError, match="channel=2 is none of them"):
+        load_volume(f"{path}?time=1&channel=2")
+
+
+def test_one_colour_of_rgb_pages_is_chosen(tmp_path: Path) -> None:
+    colours = np.stack([VALUES % 251, VALUES % 13, VALUES % 7], axis=-1).astype(np.uint8)
+    imwrite(tmp_path / "v.tif", colours, photometric="rgb", compression="zlib")
+    (tmp_path / "folder").mkdir()
+    for k, page in enumerate(colours):
+        iio.imwrite(tmp_path / "folder" / f"{k}.png", page)
+    for name in ("v.tif", "folder"):
+        with pytest.raises(VolumeError, match="holds 3 channels"):
+            load_volume(f"{tmp_path}/{name}?spacing=1,1,1")
+        volume = load_silently(f"{tmp_path}/{name}?spacing=1,1,1&channel=1")
+        assert np.array_equal(volume.values, VALUES % 13)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_a_folder_of_pictures_is_read_in_the_order_of_its_numbers(
+    tmp_path: Path, suffix: str
+) -> None:
+    for k, page in enumerate(VALUES, 8):
+        iio.imwrite(tmp_path / f"Slice {k}{suffix}", page)
+    (tmp_path / "log.txt").write_text("written by the scanner")
+    (tmp_path / "._Slice 8.tif").write_text("by the system")
+    volume = load_silently(f"{tmp_path}?spacing=0.5,0.5,2")
+    assert volume.values.dtype == np.uint16 and np.array_equal(volume.values, VALUES)
+    assert volume.spacing_mm == (0.5, 0.5, 2)
+    with pytest.warns(VolspecWarning, match="states no spacing"):
+        load_volume(tmp_path)
+
+
+def test_a_preview_beside_tiffs_is_no_slice(tmp_path: Path) -> None:
+    for k, page in enumerate(VALUES):
+        imwrite(tmp_path / f"{k}.tif", page)
+    iio.imwrite(tmp_path / "preview.png", np.zeros((9, 9), np.uint8))
+    assert np.array_equal(load_silently(f"{tmp_path}?spacing=1,1,1").values, VALUES)
+
+
+def one_page(folder: Path) -> Path:
+    imwrite(folder / "a.tif", VALUES[0])
+    return folder / "a.tif"
+
+
+def one_picture(folder: Path) -> Path:
+    return one_page(folder).parent
+
+
+def two_sizes(folder: Path) -> Path:
+    one_page(folder)
+    imwrite(folder / "b.tif", VALUES[0, :3])
+    return folder
+
+
+def pages_of_two_sizes(folder: Path) -> Path:
+    with TiffWriter(folder / "v.tif") as file:
+        file.write(VALUES[0])
+        file.write(VALUES[0, :3])
+    return folder / "v.tif"
+
+
+def pages_beside_a_page(folder: Path) -> Path:
+    one_page(folder)
+    imwrite(folder / "b.tif", VALUES, photometric="minisblack")
+    return folder
+
+
+def cut(folder: Path, packed: str | None = None) -> Path:
+    path = folder / "v.tif"
+    imwrite(path, VALUES, photometric="minisblack", compression=packed)
+    path.write_bytes(path.read_bytes()[:-300])
+    return path
+
+
+def cut_and_packed(folder: Path) -> Path:
+    return cut(folder, "zlib")
+
+
+def damaged_lzw(folder: Path) -> Path:
+    write_lzw(folder / "v.tif", VALUES)
+    data = bytearray((folder / "v.tif").read_bytes())
+    data[8:40] = bytes(32)  # of the first page's pixels
+    (folder / "v.tif").write_bytes(data)
+    return folder / "v.tif"
+
+
+def cut_png(folder: Path) -> Path:
+    for k in range(2):
+        iio.imwrite(folder / f"{k}.png", VALUES[k])
+    (folder / "1.png").write_bytes((folder / "1.png").read_bytes()[:-40])
+    return folder
+
+
+def junk(folder: Path) -> Path:
+    (folder / "v.tif").write_bytes(b"hello" * 99)
+    return folder / "v.tif"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (one_page, r"a\.tif: is a single picture \(7x6\), .*; give the folder that holds them, /"),
+        (one_picture, r"holds one picture, .*; give a\.tif itself"),
+        (two_sizes, r"b\.tif: is 7x3, the first slice 7x6"),
+        (pages_of_two_sizes, r"v\.tif: holds pictures of several sizes \(7x6, 7x3\)"),
+        (pages_beside_a_page, r"b\.tif: holds 5 pages beside other files"),
+        (cut, r"v\.tif: cannot be read \(.*\); is it complete"),
+        (cut_and_packed, r"v\.tif: cannot be read \(.*\); is it complete"),
+        (damaged_lzw, r"v\.tif: cannot be read \(.*\); is it complete"),
+        (cut_png, r"1\.png: cannot be read \(.*\); is it complete"),
+        (junk, r"v\.tif: cannot be read \(not a TIFF file.*\); is it complete"),
+    ],
+)
+def test_pictures_that_are_no_volume_are_refused_in_one_line(
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    make: Callable[[Path], Path],
+    message: str,
+) -> None:
+    path = make(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with pytest.raises(VolumeError, match=message) as caught:
+            load_volume(path)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr().err == "" and not caplog.records, "a reader complained by itself"

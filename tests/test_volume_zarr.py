@@ -1,0 +1,135 @@
+"""OME-Zarr folders: levels, channels, scales in millimetres, and what is refused."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+
+from tests.test_volume_series import load_silently
+from volspec.errors import DeviceError, VolspecWarning, VolumeError
+from volspec.volume import load_volume
+from volspec.volume.files import omezarr
+
+VALUES = np.arange(4 * 6 * 8, dtype=np.uint16).reshape(4, 6, 8)
+SPACE = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
+CHANNEL = {"name": "c", "type": "channel"}
+TIME = {"name": "t", "type": "time", "unit": "second"}
+
+
+def write(
+    path: Path,
+    values: np.ndarray = VALUES,
+    axes: list[dict[str, str]] = SPACE,
+    version: str = "0.5",
+    whole: list[dict[str, Any]] | None = None,
+) -> Path:
+    """Two levels, the second of every other voxel; x and y 0.5, z 2 of the unit apart."""
+    form = 2 if version == "0.4" else 3
+    group = zarr.open_group(str(path), mode="w", zarr_format=form)
+    names = [axis["name"] for axis in axes]
+    datasets = []
+    for level in (0, 1):
+        step = 2**level
+        every = tuple(slice(None, None, step if name in "zyx" else 1) for name in names)
+        part = values[every]
+        array = group.create_array(
+            str(level), shape=part.shape, dtype=part.dtype, chunks=part.shape
+        )
+        array[...] = part
+        scale = [{"z": 2.0, "y": 0.5, "x": 0.5}.get(name, 1.0) for name in names]
+        wide = [s * step if name in "zyx" else s for s, name in zip(scale, names, strict=True)]
+        datasets.append(
+            {"path": str(level), "coordinateTransformations": [{"type": "scale", "scale": wide}]}
+        )
+    picture = {"axes": axes, "datasets": datasets, "name": "cells"}
+    if whole:
+        picture["coordinateTransformations"] = whole
+    stated = {"multiscales": [picture]}
+    group.attrs.update(stated if version == "0.4" else {"ome": {"version": version, **stated}})
+    return path
+
+
+@pytest.mark.parametrize("version", ["0.4", "0.5"])
+def test_micrometres_become_millimetres(tmp_path: Path, version: str) -> None:
+    shift = [{"type": "translation", "translation": [10.0, 20.0, 30.0]}]
+    volume = load_silently(write(tmp_path / "v.zarr", version=version, whole=shift))
+    assert volume.values.dtype == np.uint16 and np.array_equal(volume.values, VALUES)
+    assert volume.spacing_mm == pytest.approx((0.0005, 0.0005, 0.002))
+    assert volume.world_from_index[:3, 3] == pytest.approx([0.03, 0.02, 0.01])
+
+
+def test_a_level_is_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "v.zarr")
+    coarse = load_silently(f"{path}?level=1")
+    assert np.array_equal(coarse.values, VALUES[::2, ::2, ::2])
+    assert coarse.spacing_mm == pytest.approx((0.001, 0.001, 0.004))
+    with pytest.raises(VolumeError, match=r"holds 2 levels and level=2 is none of them"):
+        load_volume(f"{path}?level=2")
+    monkeypatch.setattr(omezarr, "_MOST_BYTES", VALUES.nbytes - 1)
+    with pytest.warns(VolspecWarning, match=r"level 1 is read; .*v\.zarr\?level=0") as caught:
+        assert load_volume(path).shape_xyz == coarse.shape_xyz
+    assert caught[0].filename == __file__
+    assert load_silently(f"{path}?level=0").shape_xyz == (8, 6, 4)
+
+
+def test_a_channel_and_a_time_are_chosen_and_single_ones_dropped(tmp_path: Path) -> None:
+    both = np.stack([VALUES, VALUES + 1])[None]
+    path = write(tmp_path / "v.zarr", both, [TIME, CHANNEL, *SPACE])
+    with pytest.raises(VolumeError, match=r"holds 2 channels, .*v\.zarr\?channel=0 … 1"):
+        load_volume(path)
+    assert np.array_equal(load_silently(f"{path}?channel=1").values, VALUES + 1)
+
+
+def test_axes_in_another_order_are_turned(tmp_path: Path) -> None:
+    volume = load_silently(write(tmp_path / "v.zarr", VALUES.transpose(2, 1, 0), SPACE[::-1]))
+    assert np.array_equal(volume.values, VALUES)
+    assert volume.spacing_mm == pytest.approx((0.0005, 0.0005, 0.002))
+
+
+def test_a_scale_without_a_unit_is_told(tmp_path: Path) -> None:
+    path = write(tmp_path / "v.zarr", axes=[{"name": n, "type": "space"} for n in "zyx"])
+    with pytest.warns(VolspecWarning, match="unit of its scale is none, it is taken for milli"):
+        assert load_volume(path).spacing_mm == (0.5, 0.5, 2)
+    assert load_silently(f"{path}?spacing=1,1,4").spacing_mm == (1, 1, 4)
+
+
+def test_what_is_no_picture_is_refused_in_one_line(tmp_path: Path) -> None:
+    plate = tmp_path / "plate.zarr"
+    zarr.open_group(str(plate), mode="w")
+    with pytest.raises(VolumeError, match="without an OME-Zarr picture of its own"):
+        load_volume(plate)
+    write(plate / "0")
+    with pytest.raises(VolumeError, match=r"give one inside it, such as .*plate\.zarr/0"):
+        load_volume(plate)
+    flat = write(tmp_path / "flat.zarr", VALUES[0], SPACE[1:])
+    with pytest.raises(VolumeError, match=r"has no axis z \(its axes are y, x\)"):
+        load_volume(flat)
+    odd = write(tmp_path / "odd.zarr", np.stack([VALUES] * 2), [{"name": "angle"}, *SPACE])
+    with pytest.raises(VolumeError, match="has 2 values along an axis 'angle'"):
+        load_volume(odd)
+
+
+def test_damage_is_told_in_one_line(tmp_path: Path) -> None:
+    path = write(tmp_path / "v.zarr")
+    chunk = path / "0" / "c" / "0" / "0" / "0"
+    chunk.write_bytes(chunk.read_bytes()[:-20])
+    with pytest.raises(VolumeError, match=r"v\.zarr: a chunk cannot be read") as caught:
+        load_volume(path)
+    assert "\n" not in str(caught.value)
+    (path / "zarr.json").write_text("{")
+    with pytest.raises(VolumeError, match="metadata cannot be read"):
+        load_volume(path)
+
+
+def test_without_zarr_the_command_that_brings_it_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(tmp_path / "v.zarr")
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(DeviceError, match=r'needs zarr; pip install "volspec\[zarr\]"'):
+        load_volume(path)

@@ -1,0 +1,171 @@
+"""Headers of DICOM files, as GDCM reads them: whose series, which size, where in the patient.
+
+    files -> [dicom_headers] -> Slice -> dicom
+
+References
+----------
+[1] DICOM PS3.6, tags; PS3.4 B.5, SOP classes; PS3.10, 7.1: the file's first bytes.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._files import captured_output
+from volspec.errors import VolumeError
+
+SUFFIXES = (".dcm", ".dicom", ".ima")
+_PREAMBLE = 128
+# What stands beside pictures: DICOMDIR; waveforms, presentation states, raw data, reports,
+# documents, radiotherapy's structures and plans.
+_NO_PICTURES = re.compile(
+    r"1\.2\.840\.10008\.(1\.3\.10|5\.1\.4\.(34\..*|1\.1\.((9|11|67|88|104)\..*|66(\.[1235])?"
+    r"|481\.([3-9]|\d\d))))"
+)
+_CLASS = re.compile(rb"\x02\x00\x02\x00UI..([0-9.]+)", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Which series a file is of: its UID, and what people call it."""
+
+    uid: str
+    number: str
+    description: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slice:
+    """What one file states.
+
+    Parameters
+    ----------
+    path : Path
+    uid : str
+        Of the instance; copies of a file share it.
+    series : Series
+    number : int
+        Of the instance in its series.
+    size : (columns, rows, frames)
+    components : int
+        Values a pixel.
+    spacing_mm : (x, y, z)
+        The last is of frames.
+    directions : (3, 3) float64
+        Columns are the directions of columns, rows and frames.
+    origin_mm : (3,) float64
+        Of the first pixel's centre.
+    placed : bool
+        Whether a position is stated for the file as a whole.
+    thickness_mm : float, optional
+        Distance of slices where it is stated, else their thickness.
+    """
+
+    path: Path
+    uid: str
+    series: Series
+    number: int
+    size: tuple[int, int, int]
+    components: int
+    spacing_mm: tuple[float, float, float]
+    directions: NDArray[np.float64]
+    origin_mm: NDArray[np.float64]
+    placed: bool
+    thickness_mm: float | None
+
+    def lies_like(self, other: Slice) -> bool:
+        """Whether both could be of one stack."""
+        return (
+            (self.size, self.components) == (other.size, other.components)
+            and np.allclose(self.spacing_mm[:2], other.spacing_mm[:2], rtol=1e-3)
+            and np.allclose(self.directions, other.directions, atol=2e-3)
+        )
+
+
+def is_dicom(path: Path) -> bool:
+    """Whether a file begins as DICOM files do."""
+    try:
+        with path.open("rb") as file:
+            return file.read(_PREAMBLE + 4)[_PREAMBLE:] == b"DICM"
+    except OSError:
+        return False
+
+
+def dicom_files(folder: Path) -> list[Path]:
+    """A folder's DICOM files, by ending or by their first bytes; hidden ones are left out."""
+    return sorted(
+        path
+        for path in folder.iterdir()
+        if not path.name.startswith(".")
+        and path.is_file()
+        and (path.name.lower().endswith(SUFFIXES) or is_dicom(path))
+    )
+
+
+def headers(paths: Sequence[Path]) -> list[Slice]:
+    """What files state, those left out that are of a kind without a picture.
+
+    Raises
+    ------
+    VolumeError
+        If one is damaged.
+    """
+    with captured_output([]):
+        found = [_header(path) for path in paths]
+    return [each for each in found if each is not None]
+
+
+def _header(path: Path) -> Slice | None:
+    import SimpleITK as sitk
+
+    reader = sitk.ImageFileReader()
+    reader.SetImageIO("GDCMImageIO")
+    reader.SetFileName(os.fspath(path))
+    try:
+        reader.ReadImageInformation()
+    except RuntimeError as error:
+        with path.open("rb") as file:
+            named = _CLASS.search(file.read(1024))
+        if named is not None and _NO_PICTURES.fullmatch(named[1].decode()):
+            return None
+        raise VolumeError(
+            f"{path}: cannot be read as a DICOM picture; damaged or truncated, copy it again or "
+            "take it out of the folder"
+        ) from error
+    columns, rows, *frames = reader.GetSize()
+    x, y, *z = reader.GetSpacing()
+    return Slice(
+        path=path,
+        uid=_text(reader, "0008|0018"),
+        series=Series(*(_text(reader, tag) for tag in ("0020|000e", "0020|0011", "0008|103e"))),
+        number=int(_number(reader, "0020|0013") or 0),
+        size=(columns, rows, frames[0] if frames else 1),
+        components=reader.GetNumberOfComponents(),
+        spacing_mm=(x, y, z[0] if z else 1.0),
+        directions=np.reshape(reader.GetDirection(), (3, 3)),
+        origin_mm=np.array(reader.GetOrigin()),
+        placed=bool(_text(reader, "0020|0032")),
+        thickness_mm=_number(reader, "0018|0088") or _number(reader, "0018|0050"),
+    )
+
+
+def _text(reader: Any, tag: str) -> str:
+    if not reader.HasMetaDataKey(tag):
+        return ""
+    # Padded to an even length by a space or a zero.
+    return str(reader.GetMetaData(tag)).strip(" \0\n")
+
+
+def _number(reader: Any, tag: str) -> float | None:
+    try:
+        return float(_text(reader, tag))
+    except ValueError:
+        return None

@@ -1,0 +1,206 @@
+"""OME-Zarr folders (versions 0.4 and 0.5) through the zarr library.
+
+    folder -> multiscales: axes, levels, scale -> [omezarr] -> Volume
+
+References
+----------
+[1] Moore et al. (2023), "OME-Zarr: a cloud-optimized bioimaging file format", Histochem Cell Biol
+    160, 223-251. doi:10.1007/s00418-023-02209-1; ngff.openmicroscopy.org/0.5
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import DeviceError, VolumeError, one_line
+from volspec.volume.files.lattice import affine
+from volspec.volume.files.query import Query, tell
+from volspec.volume.files.units import mm_per
+from volspec.volume.model import Volume
+
+_MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
+# What a level may take where none is asked for.
+_MOST_BYTES = 2**31
+_SPACE = ("z", "y", "x")
+_DAMAGE = (KeyError, TypeError, ValueError, IndexError, OSError, RuntimeError, AttributeError)
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """One resolution of a picture.
+
+    Parameters
+    ----------
+    array : zarr.Array
+    scale, shift : tuple of float
+        Per axis of the array, in the axes' units.
+    """
+
+    array: Any
+    scale: tuple[float, ...]
+    shift: tuple[float, ...]
+
+
+def is_zarr(folder: Path) -> bool:
+    """Whether a folder is a Zarr group or array."""
+    return any((folder / mark).is_file() for mark in _MARKS)
+
+
+def read_ome_zarr(query: Query) -> Volume:
+    """Read a level of a picture; of several channels or times the one asked for.
+
+    Raises
+    ------
+    VolumeError
+        If it is no picture, or a chunk is damaged.
+    DeviceError
+        If zarr is not installed.
+    """
+    path = query.path
+    query.allow("level", "channel", "time", "spacing")
+    try:
+        import zarr
+    except ImportError as error:
+        raise DeviceError(
+            f'{path}: is an OME-Zarr, which needs zarr; pip install "volspec[zarr]"'
+        ) from error
+    remarks: list[str] = []
+    try:
+        group = zarr.open(str(path), mode="r")
+        axes, levels = _multiscale(group, query)
+    except VolumeError:
+        raise
+    except _DAMAGE as error:
+        raise VolumeError(
+            f"{path}: its OME-Zarr metadata cannot be read ({one_line(error)[:120]}); is the "
+            "folder complete?"
+        ) from error
+    names = [str(axis["name"]).lower() for axis in axes]
+    level = levels[_level(levels, names, query, remarks)]
+    world = _world(level, axes, query, remarks)
+    volume = Volume(
+        _values(level, names, query),
+        world_from_index=world,
+        name=str(path),
+    )
+    if query.spacing_mm is not None:
+        volume = volume.with_spacing(query.spacing_mm)
+    tell(remarks)
+    return volume
+
+
+def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:
+    """Axes and levels, the finest first, of a group's first picture."""
+    attributes = dict(group.attrs)
+    stated = attributes.get("ome", attributes)
+    if "multiscales" not in stated:
+        inside = sorted(each.name for each in query.path.iterdir() if is_zarr(each))
+        remedy = f"give one inside it, such as {query.path / inside[0]}" if inside else ""
+        raise VolumeError(
+            f"{query.path}: is a Zarr folder without an OME-Zarr picture of its own (multiscales); "
+            f"{remedy or 'give vs.Volume(zarr.open(…)) an array of another kind'}"
+        )
+    picture = stated["multiscales"][0]
+    # Version 0.3 names axes and no more.
+    axes = [axis if isinstance(axis, dict) else {"name": axis} for axis in picture["axes"]]
+    whole = picture.get("coordinateTransformations", [])
+    levels = []
+    for each in picture["datasets"]:
+        steps = [*each.get("coordinateTransformations", []), *whole]
+        levels.append(Level(group[each["path"]], *_scale_and_shift(steps, len(axes))))
+    if not levels:
+        raise ValueError("no datasets")
+    return axes, levels
+
+
+def _scale_and_shift(
+    steps: Sequence[dict[str, Any]], count: int
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Transformations one after the other, as one.
+
+    >>> _scale_and_shift([{"type": "scale", "scale": [2]}, {"type": "translation",
+    ... "translation": [3]}, {"type": "scale", "scale": [10]}], 1)
+    ((20.0,), (30.0,))
+    """
+    scale, shift = np.ones(count), np.zeros(count)
+    for step in steps:
+        if step["type"] == "scale":
+            factor = np.array(step["scale"], float)
+            scale, shift = scale * factor, shift * factor
+        elif step["type"] == "translation":
+            shift = shift + np.array(step["translation"], float)
+    return tuple(scale.tolist()), tuple(shift.tolist())
+
+
+def _level(levels: list[Level], names: list[str], query: Query, remarks: list[str]) -> int:
+    """The level asked for, else the finest that does not take too much memory."""
+    if "level" in query.options:
+        return query.index("level", len(levels), "levels")
+    taken = []
+    for level in levels:
+        sides = [n for n, name in zip(level.array.shape, names, strict=True) if name in _SPACE]
+        taken.append(math.prod(sides) * level.array.dtype.itemsize)
+    chosen = next((k for k, size in enumerate(taken) if size <= _MOST_BYTES), len(levels) - 1)
+    if chosen:
+        remarks.append(
+            f"{query.path}: level 0 takes {taken[0] / 1e9:.3g} GB, level {chosen} is read; ask for "
+            f"another as {query.path.name}?level=0"
+        )
+    return chosen
+
+
+def _world(
+    level: Level, axes: list[dict[str, Any]], query: Query, remarks: list[str]
+) -> NDArray[np.float64]:
+    places = {str(axis["name"]).lower(): k for k, axis in enumerate(axes)}
+    if missing := [name for name in _SPACE if name not in places]:
+        raise VolumeError(
+            f"{query.path}: has no axis {missing[0]} (its axes are {', '.join(places)}); a volume "
+            "has x, y and z"
+        )
+    scale, shift, unknown = [], [], []
+    for name in reversed(_SPACE):
+        unit = axes[places[name]].get("unit")
+        mm = mm_per(unit)
+        if mm is None:
+            unknown.append(str(unit or "none"))
+        scale.append(level.scale[places[name]] * (mm or 1.0))
+        shift.append(level.shift[places[name]] * (mm or 1.0))
+    if unknown and query.spacing_mm is None:
+        remarks.append(
+            f"{query.path}: the unit of its scale is {unknown[0]}, it is taken for millimetres; "
+            f"give {query.path.name}?spacing=x,y,z where that is wrong"
+        )
+    return affine(np.diag(scale), shift)
+
+
+def _values(level: Level, names: list[str], query: Query) -> NDArray[Any]:
+    """(Z, Y, X) of the channel and the time asked for."""
+    options = {"c": ("channel", "channels"), "t": ("time", "time steps")}
+    index: list[int | slice] = []
+    for name, count in zip(names, level.array.shape, strict=True):
+        if name in _SPACE:
+            index.append(slice(None))
+            continue
+        key, what = options.get(name, ("", ""))
+        if not key and count > 1:
+            raise VolumeError(
+                f"{query.path}: has {count} values along an axis {name!r}; a volume has x, y, z, "
+                "save one of them"
+            )
+        index.append(query.index(key, count, what))
+    try:
+        values = np.asarray(level.array[tuple(index)])
+    except _DAMAGE as error:
+        raise VolumeError(
+            f"{query.path}: a chunk cannot be read ({one_line(error)[:120]}); copy the folder again"
+        ) from error
+    order = [name for name in names if name in _SPACE]
+    return values.transpose([order.index(name) for name in _SPACE])

@@ -1,0 +1,104 @@
+"""Folders of pictures, one a slice: TIFF or PNG.
+
+folder -> names in order -> [stack] -> Volume
+"""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from volspec.errors import VolumeError
+from volspec.volume.files.pages import page_values, png_values, readable
+from volspec.volume.files.query import Query, tell
+from volspec.volume.files.stacking import stacked
+from volspec.volume.files.tiff import SUFFIXES
+from volspec.volume.files.tiff_spacing import spacing_of, stated_mm
+from volspec.volume.model import Volume
+
+_PNG = ".png"
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """A folder's TIFF files, or where there are none its PNG files; ``z2`` before ``z10``."""
+    files = [p for p in folder.iterdir() if not p.name.startswith(".") and p.is_file()]
+    for endings in (SUFFIXES, (_PNG,)):
+        if found := [path for path in files if path.name.lower().endswith(endings)]:
+            return sorted(found, key=lambda path: _in_order(path.name))
+    return []
+
+
+def _in_order(name: str) -> list[tuple[int, str]]:
+    """Numbers by their value, letters in between; equal numbers by how they are written.
+
+    >>> sorted(["z10.tif", "z2.tif", "Z01.tif"], key=_in_order)
+    ['Z01.tif', 'z2.tif', 'z10.tif']
+    """
+    parts = re.split(r"(\d+)", name.casefold())
+    return [(int(part) if part.isdecimal() else 0, part) for part in parts]
+
+
+def read_stack(query: Query) -> Volume:
+    """Read a folder of pictures.
+
+    Raises
+    ------
+    VolumeError
+        If one is damaged, or of another size than the first, or all are in colour and no
+        channel is chosen.
+    """
+    query.allow("spacing", "channel")
+    files = pictures_in(query.path)
+    if len(files) == 1:
+        raise VolumeError(
+            f"{query.path}: holds one picture, a volume has several slices; give "
+            f"{files[0].name} itself if it has several pages"
+        )
+    remarks: list[str] = []
+    first, stated = _picture(files[0])
+    spacing = spacing_of(stated, query, remarks)
+    values = stacked(files, partial(_slice, shape=first.shape, query=query))
+    volume = Volume(values, spacing_mm=spacing, name=str(query.path))
+    tell(remarks)
+    return volume
+
+
+def _slice(path: Path, shape: tuple[int, ...], query: Query) -> NDArray[Any]:
+    """(Y, X) of one file, which is as large as the first."""
+    values, _ = _picture(path)
+    if values.shape != shape:
+        raise VolumeError(
+            f"{path}: is {_size(values.shape)}, the first slice {_size(shape)}; take out what is "
+            "no slice, or make all of one size"
+        )
+    if values.ndim == 2:
+        query.index("channel", 1, "channels")
+        return values
+    chosen: NDArray[Any] = values[..., query.index("channel", shape[2], "channels")]
+    return chosen
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    channels = f" of {shape[2]} channels" if len(shape) > 2 else ""
+    return f"{shape[1]}x{shape[0]}{channels}"
+
+
+def _picture(path: Path) -> tuple[NDArray[Any], tuple[float | None, ...]]:
+    """(Y, X) or (Y, X, S) of one file, and the spacing that it states."""
+    with readable(path):
+        if path.suffix.lower() == _PNG:
+            return png_values(path), (None, None, None)
+        from tifffile import TiffFile
+
+        with TiffFile(path) as tiff:
+            if len(tiff.pages) > 1:
+                raise VolumeError(
+                    f"{path}: holds {len(tiff.pages)} pages beside other files; give a file of "
+                    "several pages itself, or a folder of single ones"
+                )
+            page = tiff.pages[0]
+            return page_values(page), stated_mm(tiff, page)

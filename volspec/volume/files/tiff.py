@@ -1,0 +1,119 @@
+"""TIFF files of several pages: plain, ImageJ's, OME-TIFF.
+
+file -> tifffile: axes and pages -> [tiff] -> Volume
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import VolumeError
+from volspec.volume.files.pages import page_values, readable
+from volspec.volume.files.query import Query, tell
+from volspec.volume.files.stacking import stacked
+from volspec.volume.files.tiff_spacing import spacing_of, stated_mm
+from volspec.volume.model import Volume
+
+SUFFIXES = (".tif", ".tiff")
+# tifffile's letters: channels and the samples of a pixel, time.
+_CHANNELS, _TIME = "CS", "T"
+
+
+def read_tiff(query: Query) -> Volume:
+    """Read the stack that a TIFF file holds; of several channels or times the one asked for.
+
+    Raises
+    ------
+    VolumeError
+        If it holds a single picture, pictures of several sizes, or more than a stack.
+    """
+    from tifffile import TiffFile
+
+    path = query.path
+    query.allow("spacing", "channel", "time")
+    remarks: list[str] = []
+    with readable(path), TiffFile(path) as tiff:
+        series = _only_series(tiff, query)
+        through = _slice_axis(series, query)
+        at = {
+            axis: query.index(*_names(axis, count))
+            for axis, count in zip(series.axes, series.shape, strict=True)
+            if axis not in (through, "Y", "X")
+        }
+        if through == _TIME:
+            remarks.append(f"{path}: its pages are points in time, and are taken for slices")
+        spacing = spacing_of(stated_mm(tiff, series.keyframe), query, remarks)
+        values = _values(tiff, series, through, at)
+    volume = Volume(values, spacing_mm=spacing, name=str(path))
+    tell(remarks)
+    return volume
+
+
+def _only_series(tiff: Any, query: Query) -> Any:
+    """The series of a file, or the one stack among single pictures (labels, previews)."""
+    if len(tiff.series) == 1:
+        return tiff.series[0]
+    stacks = [series for series in tiff.series if len(series.pages) > 1]
+    if len(stacks) == 1:
+        return stacks[0]
+    sizes = ", ".join("x".join(map(str, series.shape[::-1])) for series in tiff.series[:8])
+    raise VolumeError(
+        f"{query.path}: holds pictures of several sizes ({sizes}); a volume's slices have one, "
+        "save the stack alone"
+    )
+
+
+def _slice_axis(series: Any, query: Query) -> str:
+    """The axis that runs through the slices."""
+    others = [axis for axis in series.axes if axis not in ("Y", "X", *_CHANNELS)]
+    if "Z" in others:
+        others = [axis for axis in others if axis not in ("Z", _TIME)]
+        if not others:
+            return "Z"
+    elif len(others) == 1:
+        return str(others[0])
+    counts = "x".join(map(str, series.shape[::-1]))
+    if not others:
+        raise VolumeError(
+            f"{query.path}: is a single picture ({counts}), a volume has several slices; give the "
+            f"folder that holds them, {query.path.absolute().parent}"
+        )
+    raise VolumeError(
+        f"{query.path}: holds {counts} values along {series.axes[::-1]}, of which no stack of "
+        "slices can be told; save one stack"
+    )
+
+
+def _names(axis: str, count: int) -> tuple[str, int, str]:
+    """The option that chooses along an axis, how many there are, and what they are."""
+    if axis == _TIME:
+        return "time", count, "time steps"
+    return "channel", count, "channels"
+
+
+def _values(tiff: Any, series: Any, through: str, at: dict[str, int]) -> NDArray[Any]:
+    """(Z, Y, X), read without the other channels and times."""
+    index = tuple(at.get(axis, slice(None)) for axis in series.axes)
+    if series.dataoffset is not None:  # one block of bytes, also where ImageJ lists one page only
+        from tifffile import memmap
+
+        which = next(k for k, each in enumerate(tiff.series) if each is series)
+        whole = memmap(tiff.filehandle.path, series=which, mode="r")
+        # A copy: the file may change while the volume is in use.
+        return np.array(whole[index])
+    own = series.keyframe.axes
+    leading = series.axes[: len(series.axes) - len(own)]
+    counts = series.shape[: len(leading)]
+    if through not in leading or len(series.pages) != math.prod(counts):
+        return np.array(series.asarray()[index])
+    within = tuple(at.get(axis, slice(None)) for axis in own)
+
+    def page(k: int) -> NDArray[Any]:
+        place = [k if axis == through else at[axis] for axis in leading]
+        return page_values(series.pages[int(np.ravel_multi_index(place, counts))])[within]
+
+    return stacked(range(series.shape[leading.index(through)]), page)
