@@ -113,8 +113,8 @@ def test_names_are_listed_for_people_and_programs(
         (("lamp:candle-1900", "--power-W", "5"), "no lumens per watt for candle flame"),
         ((LAMP, "--distance-m", "2"), "--distance-m 2 without --power-W"),
         ((LAMP, "--power-W", "5", "--beam-deg", "60"), "--beam-deg 60 without --distance-m"),
-        ((LAMP, "--power-W", "-1"), "power_W is -1.0"),
-        ((LAMP, "--power-W", "1", "--distance-m", "0"), "distance_m is 0.0"),
+        ((LAMP, "--power-W", "-1"), "--power-W is -1.0"),
+        ((LAMP, "--power-W", "1", "--distance-m", "0"), "--distance-m is 0.0"),
         ((LAMP, "--power-W", "1", "--distance-m", "1e-200"), "at 1e-200 m is no finite"),
     ],
 )

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 
 from volspec import cli
+from volspec.appearance import Viewing
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.export import read_frame_text
+from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage
-from volspec.relight import ErrorMap, LightRig, error_map, relight
+from volspec.relight import ErrorMap, LightRig, RelightSpec, error_map, relight
 from volspec.spectra import DEFAULT_GRID, SpectralImage, light, reflectance, reflectance_set
 
 GENERAL = SpectralBasis.load("general-7")
@@ -313,3 +315,57 @@ def test_a_warning_tells_when_one_pixel_in_twenty_is_off_by_three(
         assert f"{values[-1]:.1f}" in err
     else:
         assert err == ""
+
+
+@pytest.mark.parametrize("level", ["relative", "absolute"])
+def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(
+    level: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What the note says to add gives the picture that an export has."""
+    image = CoefficientImage.load(stored(tmp_path / "chart.exr"))
+    noted = replace(image, notes={"viewing": f'{{"level": "{level}", "exposure": 0.8}}'})
+    rig = LightRig((light("A"),), illuminance_lux=(500.0,))
+    spec = RelightSpec(Viewing(exposure=0.8), level=level)
+    recipe = Recipe.of(GENERAL, image.groups, {"lamp": rig}, spec)
+    save_for_compositors(noted, tmp_path / "chart.exr", recipe)
+    words = (tmp_path / "chart.exr", "--light", "A", "-o", tmp_path / "F.png")
+    assert call(*words) == 0
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and told.startswith("volspec: note: ")
+    more = ["--lux", "500"]
+    if level == "absolute":
+        more += ["--exposure", "0.4"]
+        assert "volspec export SCENE.toml --light NAME -o FOLDER" in told
+    else:
+        assert "(lamp 500)" in told
+    assert " ".join(more) in told or level == "relative"
+    assert call(*words, *more) == 0
+    assert capsys.readouterr().err == ""
+    frame = iio.imread(tmp_path / "F.png")
+    assert np.array_equal(frame, relight(image, rig, spec.viewing, level=level))
+
+
+@pytest.mark.parametrize(
+    ("exposure", "said"), [("1e-6", "all black under A"), ("1e6", "clipped all over under A")]
+)
+def test_a_frame_that_shows_nothing_is_told(
+    exposure: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chart = stored(tmp_path / "chart.exr")
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        words = ("--light", "A", "-o", tmp_path / "F.png", "--model", "none")
+        assert call(chart, *words, "--exposure", exposure) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("volspec: warning: ") and f"F.png is {said}" in line
+    assert line.endswith("--exposure")
+
+
+def test_a_group_that_gave_no_light_is_told_by_its_option(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    image = CoefficientImage.load(grouped(tmp_path / "chart.exr"))
+    replace(image, groups={"key": 1.0, "fill": 0.0}).save(tmp_path / "chart.exr")
+    words = ("--light", "fill=A", "-o", tmp_path / "F.png")
+    assert call(tmp_path / "chart.exr", *words) == 1
+    assert "--light 'fill=A': there is no light, as group 'fill' gave none" in said(capsys)

@@ -98,6 +98,80 @@ def test_a_light_without_the_lux_that_the_level_needs_is_an_error(
     assert line.startswith(f"{good}: [[light]] day: has no illuminance_lux, which [viewing] level")
 
 
+def test_all_that_keyframes_cannot_be_is_told_with_its_time(
+    good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = "[[keyframe]]\ntime_s = {}\n{}\n".format
+    shaded = '{ value = 0.1, opacity = 5.0, material = "core" }'
+    written(
+        good,
+        TEXT
+        + key(0, "")
+        + key(1, "camera = { zoom = 1e-300 }")
+        + key(2.5, "viewing = { exposure = 1e9, D = 1 }")
+        + key(4, "viewing = { exposure = 1, Y_b = 1e9 }")
+        + key(6, f"transfer = {{ points = [{shaded}, {shaded}] }}"),
+    )
+    assert call("check", good) == 1
+    lines = capsys.readouterr().out.splitlines()
+    for line, part in zip(
+        lines,
+        [
+            "camera: at 1 s: position_mm to target_mm is ",
+            "viewing: at 2.5 s: exposure is 1000000000.0; expected a factor of ",
+            "viewing: at 4 s: Y_b is 1000000000.0; expected 0 to 2000",
+            "transfer: at 6 s: transfer function: point 1 (value 0.1) has opacity 5; give 0…1",
+        ],
+        strict=True,
+    ):
+        assert line.startswith(f"{good}: [[keyframe]] {part}"), line
+
+
+def test_what_lies_between_keyframes_is_checked_too(
+    good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = "[[keyframe]]\ntime_s = {}\nlights = {{ {} }}\n".format
+    lit = '[[light]]\nname = "lit"\nspectrum = "A"\nilluminance_lux = 9\n'
+    written(good, TEXT + lit + key(0, "day = 1") + key(1, "lit = 1") + "[export]\nfps = 2\n")
+    assert call("check", good) == 1
+    absolute = TEXT.replace('"D65"', '"D65"\nilluminance_lux = 9') + lit
+    absolute += '[viewing]\nlevel = "absolute"\n'
+    written(good, absolute + key(0, "day = 1") + key(1, "lit = 1e300"))
+    assert call("check", good) == 1
+    mixed, bright = capsys.readouterr().out.splitlines()
+    assert mixed.startswith(f"{good}: [[keyframe]] lights: at 0.5 s: day 0.5, lit 0.5: some of")
+    assert bright.startswith(f"{good}: [[light]] lit 1e+300 at 1 s: ")
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("illuminance_lux = -5.0\n", "light.1.illuminance_lux: Input should be greater than or"),
+        ("illuminance_lux = 0.0\n", "[[light]] day: the lights give 0 lux together; raise one"),
+        ("weight = nan\n", "light.1.weight: Input should be a finite number (it is nan)"),
+        (
+            "[viewing]\nD = 3.0\n",
+            "[viewing] D is 3.0; expected 0 (no adaptation) to 1 (complete), ",
+        ),
+        (
+            "[viewing]\nL_A = -1.0\n",
+            "[viewing] L_A is -1.0; expected a finite number, 0 or above (",
+        ),
+        ('[viewing]\nmode = "x"\n', "[viewing] mode is 'x'; known: componentwise, exact, linear"),
+        ('[viewing.display]\ngamut = "x"\n', "[viewing] display.gamut is 'x'; known: clip, reduce"),
+        ("[camera]\nzoom = 1e-300\n", "camera: position_mm to target_mm is "),
+        ("[export]\nsweep = {}\n", "export.sweep: there is one light; a sweep needs two"),
+    ],
+)
+def test_errors_name_keys_and_no_class_of_python(
+    more: str, said: str, good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written(good, TEXT + more)
+    assert call("check", good) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith(f"{good}: {said}") and "None" not in line
+
+
 def test_names_are_shown_and_never_obeyed(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     name = "a\x1b[31m\u202e\nb größer 骨"
     group = f'[[group]]\nname = {json.dumps(name)}\nsources = [{{ kind = "headlight" }}]\n'

@@ -108,21 +108,21 @@ def test_flags_of_the_scene_can_be_taken_back(chart: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("words", "message", "code"),
+    ("words", "message"),
     [
-        (("--preset", "cinma"), "did you mean 'cinema'", 1),
-        (("--space", "Display P4"), "did you mean 'Display P3'", 1),
-        (("--gamut", "reduc"), "did you mean 'reduce'", 1),
-        (("--D", "0.5", "--discount"), "which is D = 1", 1),
-        (("--D", "2"), "Viewing.D is 2.0", 1),
-        (("--surround", "2"), "surround is 2.0", 1),
-        (("--surround", "bright"), "or a ratio to white from 0 (dark) to 1", 1),
-        (("--exposure", "0"), "exposure is 0.0", 1),
-        (("--exposure", "1e30"), "Viewing.exposure is 1e+30; expected", 1),
-        (("--lux", "0"), "Viewing.illuminance_lux is 0.0", 1),
-        (("--fov-deg", "30"), "--fov-deg 30: nothing is measured in the picture", 1),
-        (("--fov-deg", "1e-300", "--adapting", "picture"), "Viewing.fov_deg is 1e-300", 1),
-        (("--exposure", "none"), "'none' is no number", 2),
+        (("--preset", "cinma"), "did you mean 'cinema'"),
+        (("--space", "Display P4"), "did you mean 'Display P3'"),
+        (("--gamut", "reduc"), "did you mean 'reduce'"),
+        (("--D", "0.5", "--discount"), "which is D = 1"),
+        (("--D", "2"), "--D is 2.0"),
+        (("--surround", "2"), "surround is 2.0"),
+        (("--surround", "bright"), "or a ratio to white from 0 (dark) to 1"),
+        (("--exposure", "0"), "exposure is 0.0"),
+        (("--exposure", "1e30"), "--exposure is 1e+30; expected"),
+        (("--lux", "0"), "--lux is 0.0"),
+        (("--fov-deg", "30"), "--fov-deg 30: nothing is measured in the picture"),
+        (("--fov-deg", "1e-300", "--adapting", "picture"), "--fov-deg is 1e-300"),
+        (("--exposure", "none"), "'none' is no number"),
     ],
 )
 def test_a_viewing_that_cannot_be_is_refused_in_one_line(
@@ -130,10 +130,9 @@ def test_a_viewing_that_cannot_be_is_refused_in_one_line(
     tmp_path: Path,
     words: tuple[str, ...],
     message: str,
-    code: int,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert call(chart, "--light", "A", *words, "-o", tmp_path / "f.png") == code
+    assert call(chart, "--light", "A", *words, "-o", tmp_path / "f.png") == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("volspec: ") and message in line
     assert not (tmp_path / "f.png").exists()

@@ -226,7 +226,7 @@ CHANGES = {
         "[camera]\nzoom = 2\nposition_mm = [0, 9, 0]\n[output]",
         "position_mm or zoom",
     ),
-    "negative weight": ('"D65"', '"D65"\nweight = -1', r"\[\[light\]\].*-1"),
+    "negative weight": ('"D65"', '"D65"\nweight = -1', r"light.1.weight: .* equal to 0 .it is -1"),
     "size of a shipped basis": (
         "[output]",
         '[basis]\nname = "general-5"\nsize = 5\n[output]',

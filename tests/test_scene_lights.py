@@ -211,7 +211,7 @@ WRONG = {
     ),
     "no light": (
         GROUPS + row("x", "A", "key", "weight = 0"),
-        r"\[\[light\]\] x: LightRig: every weight is 0",
+        r"\[\[light\]\] x: every weight is 0",
     ),
     "a group that is off": (
         group('{ kind = "headlight", intensity = 0 }', "off") + GROUPS + row("x", "A", "off"),

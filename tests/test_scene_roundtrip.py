@@ -19,6 +19,7 @@ SHIPPED = sorted((Path(__file__).resolve().parent.parent / "data" / "scenes").gl
 
 # Numbers that TOML and Python write apart, and texts that need quotes.
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False) | st.sampled_from([0.0, 1e-9, 1e300, 30.0, 0.2])
+POSITIVE = NUMBERS.map(abs)
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="=;"), min_size=1, max_size=12)
 NAMES = TEXTS.filter(lambda text: bool(text.strip()))
 VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
@@ -134,9 +135,9 @@ def scene_files(draw: st.DrawFn) -> SceneFile:
             for name in groups
         ],
         "light": [
-            {"name": name, "spectrum": draw(TEXTS | SPECTRA), "weight": draw(NUMBERS)}
+            {"name": name, "spectrum": draw(TEXTS | SPECTRA), "weight": draw(POSITIVE)}
             | ({"group": group} if group else {})
-            | ({"illuminance_lux": draw(NUMBERS)} if lit else {"label": draw(TEXTS)})
+            | ({"illuminance_lux": draw(POSITIVE)} if lit else {"label": draw(TEXTS)})
             for name, group in lights
         ],
         "viewing": draw(VIEWINGS),

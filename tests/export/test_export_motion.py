@@ -9,6 +9,7 @@ import pytest
 
 from tests.export.conftest import Make
 from volspec.errors import SceneError, ViewingError
+from volspec.export.keyed import times_s
 from volspec.export.motion import between_keys, ratios_between_keys, short_way
 from volspec.export.plan import Plan, mix_of, plan_export, sweep_weights
 from volspec.raycast import Camera
@@ -240,6 +241,32 @@ def test_keyframes_move_light_look_and_transfer_function(scene: Make) -> None:
     assert len(plan(made).casts()) == 5
 
 
+@pytest.mark.parametrize(
+    ("last_s", "fps", "times"),
+    [
+        (1.2, 2, [0, 0.5, 1, 1.2]),
+        (1.3, 2, [0, 0.5, 1, 1.3]),
+        (0.1, 2, [0, 0.1]),
+        (1.0, 3, [0, 1 / 3, 2 / 3, 1]),
+    ],
+)
+def test_the_last_frame_is_the_last_keyframe_s(
+    scene: Make, last_s: float, fps: float, times: list[float]
+) -> None:
+    key = "[[keyframe]]\ntime_s = {}\ncamera = {{ azimuth_deg = {} }}\n".format
+    made = scene(key(0, 10) + key(last_s, 50))
+    assert times_s(made.file.keyframe, fps).tolist() == pytest.approx(times)
+    orbit = Camera.orbit(made.volume(), azimuth_deg=50, elevation_deg=20)
+    assert plan(made, fps=fps, lights=["day"]).shots[-1].camera == orbit
+    assert len(times_s(scene(key(0, 0) + key(2, 1)).file.keyframe, 24)) == 49
+
+
+def test_a_film_of_one_keyframe_is_one_frame(scene: Make) -> None:
+    made = scene("[[keyframe]]\ntime_s = 3\nviewing = { exposure = 2 }\n")
+    (shot,) = plan(made, lights=["day"]).shots
+    assert shot.spec.viewing.exposure == 2
+
+
 def test_points_move_with_opacity_and_material(scene: Make) -> None:
     key = """
 [[keyframe]]
@@ -380,7 +407,7 @@ def test_what_keyframes_cannot_move_is_said(scene: Make) -> None:
     turned = key(0, "up", [0, 0, 1]) + key(2, "up", [0, 0, -3])
     with pytest.raises(SceneError, match="up at 2 s is opposite to that at 0 s; give a keyframe"):
         plan(scene(turned))
-    with pytest.raises(SceneError, match=r"Viewing\.D is 0\.5 and discount True"):
+    with pytest.raises(SceneError, match=r"viewing: at 0 s: D is 0\.5 and discount True"):
         plan(scene("[viewing]\ndiscount = true\n[[keyframe]]\ntime_s = 0\nviewing = { D = 0.5 }"))
 
 
@@ -391,7 +418,7 @@ def test_an_eye_that_cannot_be_is_told_with_its_keyframe_s_time(
     """Frames on the way to it are out of range, too, but nobody wrote those."""
     key = "[[keyframe]]\ntime_s = {}\nviewing = {{ exposure = {:g} }}\n".format
     keys = "".join(key(at, 1e9 if at == keyframe_s else 1) for at in (0, 2, 4))
-    said = rf"\[\[keyframe\]\] viewing: at {keyframe_s} s: Viewing.exposure is 1000000000.0;.*[^n]$"
+    said = rf"\[\[keyframe\]\] viewing: at {keyframe_s} s: exposure is 1000000000.0;.*[^n]$"
     with pytest.raises(SceneError, match=said):
         plan(scene(keys))
 

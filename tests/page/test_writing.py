@@ -56,8 +56,8 @@ def test_a_page_is_one_file_of_the_size_asked_for(
     ("words", "code", "said"),
     [
         (["-o", "page.txt"], 1, "name it .html"),
-        (["-o", "p.html", "--bits", "7"], 2, "7 bits; give 8 to 12"),
-        (["-o", "p.html", "--views", "0"], 2, "0 views; give 1 to 360"),
+        (["-o", "p.html", "--bits", "7"], 1, "7 bits; give 8 to 12"),
+        (["-o", "p.html", "--views", "0"], 1, "0 views; give 1 to 360"),
     ],
 )
 def test_what_no_page_can_be_is_refused_in_a_line(

@@ -15,7 +15,7 @@ from volspec.cli.comparison import write_comparison
 from volspec.cli.rows import Row, show_rows, tell_undefined
 from volspec.cli.shell import Json, app
 from volspec.cli.triples import read_triples
-from volspec.cli.viewing import PictureOptions, SceneOptions
+from volspec.cli.viewing import PictureOptions, SceneOptions, in_options
 from volspec.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,7 +75,8 @@ def adapt(
     _require_kind(
         method, ADAPTATIONS, MODELS, "an appearance model; use volspec appearance --model"
     )
-    passage = adaptation(method)(viewing.conditions(source), viewing.conditions(target))
+    with in_options():
+        passage = adaptation(method)(viewing.conditions(source), viewing.conditions(target))
     colours = read_triples(values or (), table, XYZ)
     adapted = passage.apply(colours)
     defined = ~outside(colours, passage) & np.isfinite(adapted).all(axis=-1)
@@ -152,7 +153,8 @@ def appearance(
     if output is not None:
         raise InputError(f"{output}: only --image makes a picture; numbers are printed")
     viewing.require_no_picture()
-    seen = viewing.conditions(white)
+    with in_options():
+        seen = viewing.conditions(white)
     asked = list(MODELS) if model == ["all"] else model or ["CIECAM02"]
     for name in asked:
         _require_kind(name, MODELS, ADAPTATIONS, "an adaptation; use volspec adapt --method")

@@ -1,49 +1,18 @@
-"""``volspec render`` and ``volspec relight``: cast once, relight for ever."""
+"""``volspec render``: cast once, relight for ever."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from volspec import __version__
 from volspec._files import require_writable
-from volspec.cli.setting import read_image_setting
+from volspec.cli.kinds import RELIGHT, require_scene
 from volspec.cli.shell import Device, app, bar, say
-from volspec.cli.viewing import PictureOptions
-from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning
-
-if TYPE_CHECKING:
-    from volspec.raycast import CoefficientImage
-    from volspec.relight import LightRig, RelightSpec
-    from volspec.spectra import SpectralGrid, Spectrum
-
-# CIEDE2000 that an eye notices at a glance: worth a warning.
-AT_A_GLANCE = 3.0
-# Rows and columns of a picture that are looked at for that warning, at least.
-_SAMPLED = 64
-_VIEWING = PictureOptions()
-
-
-def _pixels(size: str) -> tuple[int, int]:
-    """WIDTHxHEIGHT as numbers."""
-    width, by, height = size.lower().partition("x")
-    if not (by and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-        raise ValueError(f"{size!r} is no WIDTHxHEIGHT, such as 1024x768")
-    return int(width), int(height)
-
-
-def _check_size(_: Any, size: str | None) -> None:
-    """A cyclopts validator: what is no size is a usage error."""
-    if size is not None:
-        _pixels(size)
-
-
-Size = Annotated[str | None, Parameter(validator=_check_size, allow_leading_hyphen=True)]
+from volspec.cli.size import Size, sides
+from volspec.errors import ImageError
 
 
 @app.command
@@ -81,6 +50,7 @@ def render(
 
     if output.suffix.lower() != ".exr":
         raise ImageError(f"{output}: coefficient images are OpenEXR; name it .exr")
+    require_scene(scene, f"it is cast already; {RELIGHT}")
     require_writable(output)
     with bar() as tell:
         tell("load the scene", 0)
@@ -89,7 +59,7 @@ def render(
         spec = replace(loaded.raycast, half=half or loaded.raycast.half)
         recipe = scene_recipe(loaded, loaded.lights, loaded.relight)
         image = loaded.render(
-            size=_pixels(size) if size else None,
+            size=sides(size) if size else None,
             spec=spec,
             device=device,
             progress=lambda share: tell("cast", share),
@@ -98,198 +68,3 @@ def render(
     groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
     said = f"{output}: {image.size[0]}×{image.size[1]}, {image.basis.size} channels{groups}"
     say(said)
-
-
-@app.command
-def relight(
-    image: Path,
-    /,
-    *,
-    light: Annotated[
-        list[str],
-        Parameter(
-            negative="",
-            help=r"D65, planck:3200, D65\*0.7+A\*0.3, FILE.csv, FILE.spdx, FILE.exr, "
-            r"PALETTE.toml#name; or a light for each group, 'key=D65; fill=A\*0.3'; repeatable.",
-        ),
-    ],
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    model: str | None = None,
-    viewing: PictureOptions = _VIEWING,
-    mode: str | None = None,
-    backdrop: float | None = None,
-    errors: Annotated[bool, Parameter(negative="")] = False,
-    reflectance: Annotated[list[str] | None, Parameter(negative="")] = None,
-    basis: str | None = None,
-    taken_under: str | None = None,
-    spectral: Annotated[bool, Parameter(negative="")] = False,
-) -> None:
-    """Relight a stored coefficient image, or a measured spectral picture.
-
-    Viewing and picture are as in the scene where they are left out. `--L_A`, `--Y_b` and
-    `--surround` are those of the scene; `--preset` is the room of the display. White is as bright
-    under each light.
-
-    Example: `volspec relight engine.exr --light A --light FL2 -o engine.png`
-
-    Example: `volspec relight engine.exr --light "key=A; sky=D65*0.3" -o engine.png`
-
-    Example: `volspec relight engine.exr --light A --space "Display P3" --gamut reduce -o p3.png`
-
-    Example: `volspec relight painting.exr --basis general-9 --light A -o painting.png`
-
-    Example: `volspec relight engine.exr --light FL2 --spectral -o spectra.exr`
-
-    Parameters
-    ----------
-    image
-        A coefficient image that `volspec render` or `volspec demo` wrote; or, with `--basis`, an
-        OpenEXR picture with a spectrum in every pixel (`T.550,000000nm`, …).
-    output
-        The PNG file, with `--spectral` OpenEXR; with several lights the name gets the light's:
-        `engine-A.png`.
-    errors
-        Write a map of the colours' errors beside each frame: `engine-errors.png`.
-    reflectance
-        MATERIAL=REFLECTANCE: show a material with another reflectance, such as
-        `inserts=copper`; the image must be cast with `method = "materials"`. Repeatable.
-    basis
-        The basis that analyses a spectral picture: a shipped name or a JSON file.
-    taken_under
-        The light of a spectral picture of radiances (`S0.550,000000nm`, …).
-    model
-        What the eye makes of it: CIECAM02, CAM16, RLAB, Hunt, CAT02, none, … As in the scene when
-        left out.
-    mode
-        componentwise, exact (the light matrix) or linear-model. As in the scene when left out;
-        exact with `--spectral`.
-    backdrop
-        Reflectance of the diffuser behind, 0 to 1. As in the scene when left out.
-    spectral
-        Write what reaches the eye as a spectrum in every pixel: 31 half-float channels
-        `S0.400,000000nm`, …, and red, green, blue to look at. No eye is asked, so that of the
-        viewing `--exposure` and `--lux` alone count.
-    """
-    from volspec.export.frames import file_stem, write_frame
-    from volspec.pipeline import Relighter
-    from volspec.scene import viewing_of
-
-    _check_kind(output, spectral, viewing, model, errors)
-    stems = [f"-{file_stem(text)}" if len(light) > 1 else "" for text in light]
-    paths = [output.with_name(f"{output.stem}{stem}{output.suffix}") for stem in stems]
-    if len({str(path).lower() for path in paths}) < len(paths):
-        raise ImageError(f"{output}: two lights would be written to one file; give one at a time")
-    maps = [path.with_name(f"{path.stem}-errors.png") for path in paths]
-    for path in [*paths, *(maps if errors else [])]:
-        require_writable(path)
-        if path.resolve() == image.resolve():
-            raise ImageError(f"{path}: is the image that is relit; name another file")
-    stored = _picture(image, basis, taken_under)
-    given = {"model": model, "mode": mode, "backdrop": backdrop}
-    table = viewing.onto(viewing_of(stored))
-    table = table.model_copy(update={k: v for k, v in given.items() if v is not None})
-    lamps = [read_image_setting(image, text, stored) for text in light]
-    spec = table.spec().for_lights(lamps)
-    changes = _reflectances(reflectance or (), stored.basis.grid)
-    if spectral:
-        stored = stored.with_reflectances(changes) if changes else stored
-        named = dict(zip(light, lamps, strict=True))
-        _write_spectra(stored, named, replace(spec, mode=mode or "exact"), paths)
-        return
-    with Relighter(stored) as relighter:
-        if changes:
-            relighter.set_reflectances(changes)
-        for text, lamp, path, beside in zip(light, lamps, paths, maps, strict=True):
-            frame = relighter.frame(lamp, spec.viewing, spec.mode, spec.backdrop, spec.level)
-            notes = {"light": text, "Software": f"volspec {__version__}"}
-            write_frame(path, frame, notes, spec.viewing.display.space)
-            say(path)
-            # For the warning alone some of a large picture's pixels are enough.
-            every = 1 if errors else max(1, min(stored.size) // _SAMPLED)
-            off = relighter.error_map(lamp, spec.mode, spec.backdrop, every)
-            if errors:
-                write_frame(beside, off.image(), {"light": text, "shows": str(off)})
-                say(f"{beside}: {off}")
-            if off.p95 > AT_A_GLANCE:
-                warnings.warn(
-                    f"{text}: {off.p95:.1f} ΔE00 lie between the {spec.mode} colours and those of "
-                    f"the exact light matrix, for which the image's basis {stored.basis.name!r} "
-                    "was not trained; use --mode exact",
-                    VolspecWarning,
-                    stacklevel=1,
-                )
-
-
-def _write_spectra(
-    image: CoefficientImage,
-    lights: Mapping[str, Spectrum | LightRig],
-    spec: RelightSpec,
-    paths: Sequence[Path],
-) -> None:
-    """A spectral frame for each light."""
-    from volspec.export.spectral import write_spectral_frame
-
-    for (text, lamp), path in zip(lights.items(), paths, strict=True):
-        notes = {"light": text, "mode": spec.mode, "Software": f"volspec {__version__}"}
-        write_spectral_frame(path, image, lamp, spec, notes)
-        say(path)
-
-
-def _check_kind(
-    output: Path, spectral: bool, viewing: PictureOptions, model: str | None, errors: bool
-) -> None:
-    """Refuse an output of another kind than is asked for, and options that it has no use for."""
-    from volspec.export.frames import require_png
-
-    suffix = output.suffix.lower()
-    if not spectral:
-        if suffix == ".exr":
-            raise ImageError(
-                f"{output}: frames are PNG files; name it .png, or add --spectral for a spectrum "
-                "in every pixel"
-            )
-        require_png(output)
-        return
-    if suffix != ".exr":
-        raise ImageError(f"{output}: spectral pictures are OpenEXR; name it .exr")
-    given = {"model": model, "errors": errors or None, **asdict(viewing)}
-    for name, value in given.items():
-        if value is not None and name not in ("exposure", "lux"):
-            option = name if name[0].isupper() else name.replace("_", "-")
-            raise InputError(f"--{option} with --spectral: no eye looks at spectra; leave it out")
-
-
-def _picture(path: Path, basis: str | None, taken_under: str | None) -> CoefficientImage:
-    """A coefficient image, or a spectral picture put into a basis."""
-    from volspec.basis import SpectralBasis
-    from volspec.raycast import CoefficientImage
-    from volspec.spectra import SpectralImage, light
-
-    if basis is None:
-        if taken_under is not None:
-            raise ImageError(f"{path}: --taken-under is for spectral pictures; add --basis")
-        return CoefficientImage.load(path)
-    model = SpectralBasis.load(basis)
-    lamp = None if taken_under is None else light(taken_under, model.grid)
-    picture = SpectralImage.load(path, None if lamp is None else "emissive")
-    if picture.kind == "emissive" and lamp is None:
-        raise ImageError(f"{path}: holds radiances; say --taken-under which light, such as A")
-    try:
-        return CoefficientImage.from_spectral_image(picture, model, lamp)
-    except VolspecError as error:
-        raise ImageError(f"{path}: {error}") from error
-
-
-def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectrum]:
-    """MATERIAL=REFLECTANCE words as spectra."""
-    from volspec.spectra import reflectance
-
-    changes = {}
-    for word in words:
-        material, equals, text = word.partition("=")
-        if not (material.strip() and equals and text.strip()):
-            raise InputError(f"--reflectance {word!r}: write MATERIAL=REFLECTANCE, as rotor=copper")
-        if material.strip() in changes:
-            raise InputError(f"--reflectance: {material.strip()!r} is given twice; give it once")
-        changes[material.strip()] = reflectance(text.strip(), grid)
-    return changes

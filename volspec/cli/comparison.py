@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from volspec.cli.kinds import require_image
 from volspec.cli.shell import say
-from volspec.cli.viewing import PictureOptions, white_triple
+from volspec.cli.viewing import PictureOptions, in_options, white_triple
 from volspec.errors import InputError
 
 
@@ -43,6 +44,7 @@ def write_comparison(
     from volspec.scene.tables import ViewingTable
     from volspec.spectra import light
 
+    require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
     require_writable(output)
     if output.suffix.lower() != ".png":
         raise InputError(f"{output}: the picture is a PNG file; name it .png")
@@ -52,7 +54,9 @@ def write_comparison(
             "as A, planck:3200 or FILE.csv"
         )
     table = options.onto(ViewingTable())
-    looks = [table.model_copy(update={"model": name}).spec().viewing for name in models or MODELS]
+    named = [table.model_copy(update={"model": name}) for name in models or MODELS]
+    with in_options():
+        looks = [each.spec().viewing for each in named]
     stored = CoefficientImage.load(image)
     lamp = light(white, stored.basis.grid)
     with Relighter(stored) as relighter:

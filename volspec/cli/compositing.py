@@ -8,8 +8,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from volspec._files import require_writable
+from volspec.cli.kinds import require_image
 from volspec.cli.setting import read_image_setting
 from volspec.cli.shell import app, say
+from volspec.cli.viewing import in_options
 from volspec.errors import ImageError, InputError
 
 
@@ -53,6 +55,7 @@ def compositing(
     from volspec.raycast import CoefficientImage
     from volspec.scene import viewing_of
 
+    require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
     suffix = output.suffix.lower()
     if suffix not in (*SUFFIXES, ".exr"):
         raise ImageError(
@@ -73,7 +76,8 @@ def compositing(
             raise InputError(f"--light: {twice[0]!r} is given twice; give it once")
         stored = CoefficientImage.load(image)
         spec = viewing_of(stored).spec()
-        spec = spec if mode is None else replace(spec, mode=mode)
+        with in_options():
+            spec = spec if mode is None else replace(spec, mode=mode)
         lamps = {text: read_image_setting(image, text, stored) for text in light}
         recipe = Recipe.of(stored.basis, stored.groups, lamps, spec)
         save_for_compositors(stored, output, recipe)

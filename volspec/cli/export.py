@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Container, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from volspec.cli.cast import Size, _pixels
+from volspec.cli.kinds import require_scene
 from volspec.cli.shell import Device, Json, app, as_written, bar, print_json, say
+from volspec.cli.size import Size, sides
+from volspec.errors import InputError, SceneError
 
-_Whole = Annotated[int | None, Parameter(converter=lambda _, tokens: as_written(int, tokens))]
-_Number = Annotated[float | None, Parameter(converter=lambda _, tokens: as_written(float, tokens))]
+_Strict = Parameter(converter=as_written)
+_Whole = Annotated[int | None, _Strict]
+_Number = Annotated[float | None, _Strict]
 
 
 @app.command
@@ -26,7 +32,7 @@ def export(
     size: Size = None,
     samples: _Whole = None,
     bits: _Whole = None,
-    format: Literal["png", "exr", "coefficients"] | None = None,
+    format: Annotated[Literal["png", "exr", "coefficients"] | None, _Strict] = None,
     spectral: Annotated[bool, Parameter(negative="")] = False,
     transparent: Annotated[bool, Parameter(negative="")] = False,
     fps: _Number = None,
@@ -79,6 +85,7 @@ def export(
     """
     from volspec.scene import Scene
 
+    require_scene(scene)
     changes: dict[str, Any] = {
         "lights": light,
         "samples": samples,
@@ -100,11 +107,12 @@ def export(
                 kept = {} if table is None else table.model_dump(exclude_unset=True)
                 changes[key] = kept | {"frames": frames}
         given = {key: value for key, value in changes.items() if value is not None}
-        loaded = loaded.exporting(**given)
+        with _told_by_option(scene, given):
+            loaded = loaded.exporting(**given)
         tell("load the scene", 1)
         made = loaded.export(
             output,
-            size=_pixels(size) if size else None,
+            size=sides(size) if size else None,
             overwrite=overwrite,
             device=device,
             tell=tell,
@@ -127,6 +135,19 @@ def export(
         f"{_count(made.casts, 'cast')}{rest}"
     )
     say(said)
+
+
+@contextmanager
+def _told_by_option(scene: Path, given: Container[str]) -> Iterator[None]:
+    """Name the option in place of the key of ``[export]`` that it has changed."""
+    try:
+        yield
+    except SceneError as error:
+        found = re.fullmatch(rf"{re.escape(str(scene))}: export\.(\w+)[\w.]*: (.*)", str(error))
+        if found is None or found[1] not in given:
+            raise
+        key, said = found.groups()
+        raise InputError(f"--{'light' if key == 'lights' else key}: {said}") from error
 
 
 def _count(number: int, what: str) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from volspec.cli.kinds import RELIGHT, require_image, require_scene
 from volspec.cli.shell import Json, Terminal, app, print_json
 
 if TYPE_CHECKING:
@@ -49,6 +51,9 @@ def info(volume: str, /, *, json: Json = False) -> None:
     from volspec.volume import load_volume
     from volspec.volume.summary import summarize
 
+    path = Path(volume)
+    require_scene(path, f"and no volume; {RELIGHT}")
+    require_image(path, "give the file that its [volume] names, or volspec scene check {file}")
     loaded = load_volume(volume)
     summary, labels = summarize(loaded), _labels(loaded)
     if json:

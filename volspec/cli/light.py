@@ -10,6 +10,7 @@ from rich.table import Table
 from volspec.cli.names import show_names
 from volspec.cli.rows import Row
 from volspec.cli.shell import Json, app, as_written, print_json, print_table
+from volspec.cli.viewing import in_options
 from volspec.errors import InputError
 
 # nm; as lights are counted, and as far as most lamps are measured.
@@ -93,11 +94,12 @@ def light(
         "radiation_lm_per_W": lumens_per_watt(found),
         "lamp_lm_per_W": lamp and lamp.efficacy_lm_per_W,
     }
-    if power_W is not None:
-        row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_of(spectrum), power_W)}
-    if power_W is not None and distance_m is not None:
-        lux = lamp_illuminance_lux(lamp_of(spectrum), power_W, distance_m, beam_deg)
-        row |= {"distance_m": distance_m, "beam_deg": beam_deg, "illuminance_lux": lux}
+    with in_options():
+        if power_W is not None:
+            row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_of(spectrum), power_W)}
+        if power_W is not None and distance_m is not None:
+            lux = lamp_illuminance_lux(lamp_of(spectrum), power_W, distance_m, beam_deg)
+            row |= {"distance_m": distance_m, "beam_deg": beam_deg, "illuminance_lux": lux}
     if json:
         print_json(row)
     else:

@@ -8,9 +8,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from volspec._files import require_writable
-from volspec.cli.cast import Size, _pixels
+from volspec.cli.kinds import RELIGHT, require_scene
 from volspec.cli.setting import read_setting
 from volspec.cli.shell import Device, app, as_written, bar, say
+from volspec.cli.size import Size, sides
 from volspec.errors import ImageError, InputError
 
 
@@ -77,12 +78,15 @@ def page(
     from volspec.export.page import PageSpec, scene_views, write_page
     from volspec.relight import LightRig
     from volspec.scene import Scene
-    from volspec.scene.checking import require_lux
     from volspec.scene.lights import NamedLight
+    from volspec.scene.lux import require_lux
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise ImageError(f"{output}: pages are HTML files; name it .html")
     require_writable(output)
+    require_scene(
+        scene, "a page is made of its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
+    )
     with bar() as tell:
         tell("load the scene", 0)
         loaded = Scene.load(scene)
@@ -103,7 +107,7 @@ def page(
         cast = scene_views(
             loaded,
             views,
-            size=_pixels(size) if size else None,
+            size=sides(size) if size else None,
             device=device,
             progress=lambda share: tell("cast", share),
         )

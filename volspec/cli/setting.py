@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from volspec.errors import ImageError, InputError, SpectrumError, nearest
+from volspec.errors import ImageError, InputError, SpectrumError, ViewingError, nearest
 
 if TYPE_CHECKING:
     from volspec.raycast import CoefficientImage
@@ -35,7 +35,7 @@ def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> 
     Raises
     ------
     InputError
-        If a group is unknown or given twice, or a light is missing.
+        If a group is unknown, given twice or without light in the cast, or a light is missing.
     SpectrumError
         If a light is unknown.
 
@@ -65,7 +65,12 @@ def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> 
             twice = f"group {group!r} has" if group else "all groups have"
             raise InputError(f"--light {text!r}: {twice} two lights; mix them, as D65*0.7+A*0.3")
         lights[group] = spectrum
-    return LightRig(tuple(lights.values()), groups=tuple(lights))
+    rig = LightRig(tuple(lights.values()), groups=tuple(lights))
+    try:
+        rig.facing(groups)
+    except ViewingError as error:
+        raise InputError(f"--light {text!r}: {str(error).removeprefix('LightRig: ')}") from error
+    return rig
 
 
 def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spectrum | LightRig:

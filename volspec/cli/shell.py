@@ -1,7 +1,8 @@
 """What every command shares: the app, its options, bars, JSON, exit codes.
 
-Exit codes: 0 done, 1 bad input or missing device (one line on stderr; ``--debug`` shows the
-traceback), 2 usage, 130 interrupted.
+Exit codes: 0 done; 1 bad input, an option's value among it, or missing device (one line on stderr;
+``--debug`` shows the traceback); 2 usage: an unknown command or option, or something left out; 130
+interrupted; 141 where the reader of a pipe has closed it, as `| head` does.
 """
 
 from __future__ import annotations
@@ -15,7 +16,15 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, get_args
 
-from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
+from cyclopts import (
+    App,
+    CoercionError,
+    CycloptsError,
+    MissingArgumentError,
+    Parameter,
+    Token,
+    ValidationError,
+)
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
@@ -41,6 +50,9 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
+# What a shell says of a command that the signal SIGPIPE has ended.
+_CLOSED_PIPE = 128 + 13
+
 Device = Annotated[str | None, Parameter(help="Part of an OpenCL device's name.")]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print figures as JSON.")]
 
@@ -56,7 +68,7 @@ def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
             return kind(word)
         except ValueError:
             what = "whole number" if kind is int else "number"
-            raise ValueError(f"{word!r} is no {what}") from None
+            raise ValueError(f"{word!r} is no {what}; give one") from None
     choices = {str(choice): choice for choice in get_args(kind)}
     if word not in choices:
         raise ValueError(f"{word!r} is none of {', '.join(choices)}")
@@ -76,7 +88,7 @@ class bar:
             TaskProgressColumn(),
             TimeElapsedColumn(),
             *((TextColumn("left"), TimeRemainingColumn()) if left else ()),
-            console=Console(stderr=True),
+            console=Terminal(stderr=True),
             disable=quiet,
         )
         self._tasks: dict[str, TaskID] = {}
@@ -99,7 +111,11 @@ class bar:
 
 
 class Terminal(Console):
-    """Standard output that shows the control characters in names, and obeys none of them."""
+    """A terminal that shows the control characters in names, and obeys none of them."""
+
+    def on_broken_pipe(self) -> None:
+        """Leave it to `main`, where rich would exit with 1."""
+        raise  # the BrokenPipeError that rich is handling
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
@@ -155,6 +171,24 @@ def _missing(error: CycloptsError) -> str:
     return f"{command}: {' or '.join(error.argument.names)} is missing"
 
 
+def _refused(error: CoercionError | ValidationError) -> str:
+    """What is wrong with a value, after the option's name: cyclopts begins with "Invalid value"."""
+    if isinstance(error, CoercionError) or error.argument is None:
+        return one_line(error).removeprefix("Invalid value for ").rstrip(".")
+    token = error.argument.tokens[0]
+    return f"{token.keyword or error.argument.name}: {one_line(error.exception_message)}"
+
+
+def _close_pipes() -> None:
+    """Let nothing more be written to whom nobody reads, at exit either."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        try:
+            stream.flush()
+        except BrokenPipeError:
+            os.dup2(nowhere, stream.fileno())
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the ``volspec`` command."""
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -163,7 +197,13 @@ def main(arguments: list[str] | None = None) -> None:
     words = [word for word in words if word != "--debug"]
     warnings.showwarning = _show_warning
     try:
-        app(words, exit_on_error=False, print_error=False)
+        try:
+            app(words, console=Terminal(), exit_on_error=False, print_error=False)
+        finally:
+            print(end="", flush=True)  # now, as at exit it is too late to tell of a closed pipe
+    except (CoercionError, ValidationError) as error:
+        print(f"volspec: {_refused(error)}", file=sys.stderr)
+        raise SystemExit(1) from error
     except CycloptsError as error:
         # Of many commands cyclopts lists the first, and ends in "info, ...".
         said = _missing(error) or one_line(error).replace(", ...", " and more").rstrip(".")
@@ -174,9 +214,9 @@ def main(arguments: list[str] | None = None) -> None:
             raise
         print(f"volspec: {one_line(error)}", file=sys.stderr)
         raise SystemExit(1) from error
-    except BrokenPipeError:
-        # The reader of a pipe closed early, as `| head` does.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError as error:
+        _close_pipes()
+        raise SystemExit(_CLOSED_PIPE) from error
     except OSError as error:
         if debug:
             raise

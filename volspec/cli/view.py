@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
 from volspec._files import require_writable
-from volspec.cli.cast import Size, _check_size, _pixels
+from volspec.cli.kinds import RELIGHT, require_scene
 from volspec.cli.shell import Device, app
+from volspec.cli.size import Size, Sized, sides
 from volspec.errors import InputError
 
 
@@ -18,7 +17,7 @@ def view(
     file: str | None = None,
     /,
     *,
-    size: Annotated[str, Parameter(validator=_check_size, allow_leading_hyphen=True)] = "1280x720",
+    size: Annotated[str, Sized] = "1280x720",
     screenshot: Size = None,
     restore: bool = False,
     trace: Path | None = None,
@@ -50,6 +49,10 @@ def view(
     # Before a window opens for nothing.
     if file is not None and not Path(file.partition("?")[0]).exists():
         raise InputError(f"{file.partition('?')[0]}: no such file; check the path")
+    if file is not None:
+        require_scene(
+            Path(file), "the viewer casts its scene itself: volspec view SCENE.toml; or " + RELIGHT
+        )
     from volspec.viewer.app import Options
     from volspec.viewer.app import view as open_window
 
@@ -61,7 +64,7 @@ def _sides(option: str, given: str) -> tuple[int, int]:
     """Width and height, as far as there are pictures."""
     from volspec.raycast.checks import MAX_SIDE
 
-    sides = _pixels(given)
-    if max(sides) > MAX_SIDE:
+    both = sides(given)
+    if max(both) > MAX_SIDE:
         raise InputError(f"{option} {given}: a side is too long; give at most {MAX_SIDE}")
-    return sides
+    return both

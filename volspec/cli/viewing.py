@@ -8,6 +8,8 @@ command takes either whole: its fields become options of their own. None is what
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,6 +26,18 @@ _EYE, _PICTURE = Group("Viewing", sort_key=2), Group("Picture", sort_key=3)
 # What models take where nothing is said, as `volspec.Viewing` has it.
 _LUX, _Y_b, _SURROUND = 1000.0, 20.0, "average"
 
+# What messages call the options, and who is none of their business.
+_OPTIONS = (
+    (r"(?<![\w'\".])(?:Viewing|ViewingConditions|Display)\.(?=\w)", "--"),
+    (r"^(?:surround|illuminance_lux) is", r"--\g<0>"),
+    (r"^relight: (?=mode|backdrop)", "--"),
+    (r"--illuminance_lux", "--lux"),
+    (r"--fov_deg", "--fov-deg"),
+    (r" or as a ColourSpace", ""),
+    (r"adapting='picture'", "--adapting picture"),
+    (r"--white_XYZ", "the white"),
+    (r"^lamp: (power|distance|beam)_(?=W|m|deg)", r"--\1-"),
+)
 # What of `[viewing.display]` a preset says.
 _ROOM = ("white_cd_m2", "L_A", "Y_b", "surround")
 
@@ -191,6 +205,23 @@ class PictureOptions(SceneOptions):
             if getattr(self, name) is not None:
                 option = name.replace("_", "-")
                 raise InputError(f"--{option}: only a picture has it; add --image, or leave it out")
+
+
+@contextmanager
+def in_options() -> Iterator[None]:
+    """Name options where models and displays name fields of theirs.
+
+    Raises
+    ------
+    InputError
+        As was raised inside.
+    """
+    from volspec.scene.wording import in_keys, reworded
+
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(in_keys(reworded(str(error), _OPTIONS))) from error
 
 
 def white_triple(white: str) -> tuple[float, float, float] | None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 from rich.table import Table
 
+from volspec.cli.kinds import require_scene
 from volspec.cli.shell import Json, Terminal, app, as_written, note, print_json, say
 
 if TYPE_CHECKING:
@@ -205,6 +206,7 @@ def _loaded(path: Path, output: Path) -> Scene:
     from volspec.scene import Scene
     from volspec.wizard import require_place
 
+    require_scene(path)
     scene = Scene.load(path)
     require_place(scene, output)
     return scene

@@ -57,11 +57,14 @@ class CompositorLight:
     numbers : {group: (M,) array}
         The lights' own channels e_g, ones for flat white light of as much luminance; of a basis of
         materials, which has none, empty.
+    illuminance_lux : float, optional
+        E_v on what faces every source; None where it carries none.
     """
 
     matrices: Mapping[str, Array]
     backdrop: Array
     numbers: Mapping[str, Array]
+    illuminance_lux: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +148,9 @@ class Recipe:
             parts = np.split(to_RGB @ lit.XYZ_from_channels, len(groups), axis=1)
             shining = {g: part for g, part in zip(groups, parts, strict=True) if part.any()}
             numbers = _numbers(basis, groups, rig, lit.gain)
-            rows[name] = CompositorLight(shining, to_RGB @ lit.backdrop_XYZ, numbers)
+            rows[name] = CompositorLight(
+                *(shining, to_RGB @ lit.backdrop_XYZ, numbers, lit.illuminance_lux)
+            )
         return cls(channels, MappingProxyType(rows), spec.mode)
 
     @classmethod
@@ -175,6 +180,7 @@ class Recipe:
                     _arrays(row["matrices"]),
                     np.array(row["backdrop"], np.float64),
                     _arrays(row["numbers"]),
+                    float(row["illuminance_lux"]) if "illuminance_lux" in row else None,
                 )
                 for light, row in data["lights"].items()
             }
@@ -199,6 +205,7 @@ class Recipe:
                     "matrices": {g: _rounded(M) for g, M in light.matrices.items()},
                     "backdrop": _rounded(light.backdrop),
                     "numbers": {g: _rounded(e) for g, e in light.numbers.items()},
+                    **_lux(light),
                 }
                 for name, light in self.lights.items()
             },
@@ -326,6 +333,11 @@ def _require_shape(who: str, array: Array, shape: tuple[int, ...]) -> None:
 
 def _arrays(data: Mapping[str, Any]) -> dict[str, Array]:
     return {group: np.array(numbers, np.float64) for group, numbers in data.items()}
+
+
+def _lux(light: CompositorLight) -> dict[str, float]:
+    given = light.illuminance_lux
+    return {} if given is None else {"illuminance_lux": float(f"{given:.{_DIGITS}g}")}
 
 
 def _rounded(values: Array) -> Any:

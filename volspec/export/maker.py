@@ -9,10 +9,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from volspec.export.blank import Blanks
 from volspec.export.exr import ExrWriter
 from volspec.export.framefiles import FrameFiles
 from volspec.export.lamps import Lamps
-from volspec.export.pixels import Pane, check_viewing, measured
+from volspec.export.pixels import Array, Pane, check_viewing, measured
 from volspec.export.plan import Plan, Shot
 from volspec.export.png import PngWriter
 from volspec.export.tiles import Canvas, Caster
@@ -24,6 +27,8 @@ Tell = Callable[[str, float], object]
 _FRAMES_A_CAST = 10
 # Files that may be open at once, while they grow strip by strip.
 _OPEN_FILES = 64
+# What sets how bright frames are.
+_BRIGHTNESS = "the light's illuminance_lux, or exposure in [viewing]"
 # Of the picture that an eye's adaptation is measured in where the whole is never in memory.
 _MEASURED_SIDE = 512
 
@@ -122,21 +127,24 @@ class Maker:
                 progress.done(1)
 
     def _relit(self, casts: list[list[Shot]], caster: Caster, progress: _Progress) -> None:
+        blanks = Blanks(_BRIGHTNESS)
         with Lamps() as lamps, self.files.encoders() as encoders:
             for unseen in casts:
                 shots = self._measured(unseen, caster)
                 seen = shots[0].transfer, shots[0].camera
                 images = caster.strips(*seen, self._canvas, progress.casting)
                 if self._parts > 1:
-                    self._in_strips(images, shots, lamps)
+                    self._in_strips(images, shots, lamps, blanks)
                     progress.done(_FRAMES_A_CAST + len(shots))
                     continue
                 panes = self._panes(next(images))
                 progress.done(_FRAMES_A_CAST)
                 for shot in shots:
-                    notes = panes[0].image.notes
-                    self.files.put(shot, lamps.row(panes, shot), notes, encoders)
+                    notes, pixels = panes[0].image.notes, lamps.row(panes, shot)
+                    self._look(shot, pixels, panes, blanks)
+                    self.files.put(shot, pixels, notes, encoders)
                     progress.done(1)
+        blanks.warn()
 
     def _measured(self, shots: list[Shot], caster: Caster) -> list[Shot]:
         """What ``adapting = "picture"`` measures, where frames do not hold what it looks at."""
@@ -150,7 +158,11 @@ class Maker:
         return [measured(shot, small) for shot in shots]
 
     def _in_strips(
-        self, images: Iterator[list[CoefficientImage]], shots: Sequence[Shot], lamps: Lamps
+        self,
+        images: Iterator[list[CoefficientImage]],
+        shots: Sequence[Shot],
+        lamps: Lamps,
+        blanks: Blanks,
     ) -> None:
         """Every light of a strip before the next is cast: only one is in memory."""
         with ExitStack() as stack:
@@ -161,7 +173,15 @@ class Maker:
                     notes = panes[0].image.notes
                     files = [stack.enter_context(self.files.opened(s, notes)) for s in shots]
                 for file, shot in zip(files, shots, strict=True):
-                    file.rows(lamps.row(panes, shot))
+                    pixels = lamps.row(panes, shot)
+                    self._look(shot, pixels, panes, blanks)
+                    file.rows(pixels)
+
+    def _look(self, shot: Shot, pixels: Array, panes: Sequence[Pane], blanks: Blanks) -> None:
+        """What no eye sees is for a compositor to brighten."""
+        if self.files.table.has_eye:
+            alpha = np.hstack([pane.alpha for pane in panes])
+            blanks.look(self.files.name(shot), shot.light, pixels, alpha, min(self.files.size))
 
     def _panes(self, images: Sequence[CoefficientImage]) -> list[Pane]:
         return [Pane.of(image, self.files.table) for image in images]

@@ -154,7 +154,8 @@ def at_each(
             # Numbers between good ones are good; a way between two places may not be.
             astray = isinstance(error, CameraError) and time not in times
             remedy = ", or give a keyframe between" if astray else ""
-            raise type(error)(f"at {time:g} s: {error}{remedy}") from error
+            said = str(error).removeprefix("camera: ")
+            raise type(error)(f"at {time:g} s: {said}{remedy}") from error
     return made
 
 

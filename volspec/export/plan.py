@@ -5,34 +5,29 @@ Scene, [export], [[keyframe]] -> [plan] -> run
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import InputError, SceneError
+from volspec.appearance.live import passage_of
+from volspec.errors import SceneError
 from volspec.export.frames import distinct_stems
-from volspec.export.motion import Way, between_keys, ratios_between_keys, rows_of, tracks_between
-from volspec.export.moved import at_each, moved_cameras, moved_transfers, turned
+from volspec.export.keyed import Moment, keyed, named, times_s
+from volspec.export.motion import between_keys
+from volspec.export.moved import turned
 from volspec.raycast import Camera
+from volspec.raycast.reach import check_reach
 from volspec.relight import LightRig, RelightSpec
+from volspec.relight.illumination import Illumination
 from volspec.scene import NamedLight, Scene
-from volspec.scene.checking import require_lux
-from volspec.scene.export import ExportTable, KeyframeTable
+from volspec.scene.export import ExportTable
 from volspec.scene.lights import mixed_rig
+from volspec.scene.lux import require_lux
 from volspec.transfer import Transfer
 from volspec.volume import Volume
 
-# How each number of the eye goes from key to key.
-_TONE: dict[str, Way] = {
-    "exposure": ratios_between_keys,
-    "L_A": ratios_between_keys,
-    "Y_b": between_keys,
-    "D": between_keys,
-}
 # What coefficient images are called, as frames are by their light.
 _CAST = "cast"
 # A fade of a sweep, where nothing else says how many frames it has.
@@ -94,13 +89,6 @@ class Plan:
         return list(found.values())
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Moment:
-    camera: Camera
-    transfer: Transfer
-    spec: RelightSpec
-
-
 def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
     """What ``[export]`` asks for.
 
@@ -115,7 +103,7 @@ def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
     Raises
     ------
     SceneError
-        If a camera, transfer function or viewing cannot be had; the message names the keyframe.
+        If a camera, transfer function, viewing or light cannot be had; the message names the time.
         If a light lacks the lux that the scene's level needs.
     """
     lights = lights_of(scene, table)
@@ -127,6 +115,7 @@ def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
     if mixes is not None:
         each = zip(numbers, moments, mixes, strict=True)
         shots = [_shot(stem, i, moment, *mix) for i, (stem, moment, mix) in enumerate(each)]
+        _require_shown(scene, table, shots)
         return Plan(tuple(shots), ())
     # Coefficients are without light: one row of files, shown under the first.
     cast_only = table.format == "coefficients"
@@ -137,10 +126,12 @@ def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
         for light, stem in zip(rows, stems, strict=True)
         for i, (number, moment) in enumerate(zip(numbers, moments, strict=True))
     ]
+    if not cast_only:
+        _require_shown(scene, table, shots)
     return Plan(tuple(shots), () if cast_only else tuple(lights))
 
 
-def _shot(stem: str, number: int, moment: _Moment, light: str, rig: LightRig) -> Shot:
+def _shot(stem: str, number: int, moment: Moment, light: str, rig: LightRig) -> Shot:
     return Shot(stem, number, moment.camera, moment.transfer, light, rig, moment.spec)
 
 
@@ -170,65 +161,23 @@ def _weights(scene: Scene) -> list[dict[str, float]] | None:
     return [key.lights or {} for key in keys]
 
 
-def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> list[_Moment]:
+def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> list[Moment]:
     # Of a spectrum all bands are kept: the factor model would smooth those of a lamp.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
-    still = _Moment(scene.camera(volume), scene.transfer, spec)
+    still = Moment(scene.camera(volume), scene.transfer, spec)
+    with named(scene):
+        check_reach(volume, still.camera, scene.raycast)
     if table.turntable is not None:
         cameras = turned(scene, volume, table.turntable)
         return [replace(still, camera=camera) for camera in cameras]
     keys = scene.file.keyframe
     if keys:
-        return _keyed(scene, volume, spec, _times_s(keys, table.fps))
+        return keyed(scene, volume, spec, times_s(keys, table.fps))
     if table.sweep is not None:
         fades = lights if table.sweep.closed else lights - 1
         frames = table.sweep.frames or _FRAMES_A_FADE * fades + (not table.sweep.closed)
         return [still] * frames
     return [still]
-
-
-def _times_s(keys: Sequence[KeyframeTable], fps: float) -> NDArray[np.float64]:
-    """When each frame of a film is, from the first key to the last."""
-    first, last = keys[0].time_s, keys[-1].time_s
-    # Rounded, so that 2 s at 24 a second are 49 whatever 1/24 is.
-    at = first + np.arange(round((last - first) * fps) + 1) / fps
-    return np.minimum(at, last)
-
-
-def _keyed(
-    scene: Scene, volume: Volume, spec: RelightSpec, at: NDArray[np.float64]
-) -> list[_Moment]:
-    """What holds at every time."""
-    keys = scene.file.keyframe
-    with _named("camera"):
-        cameras = moved_cameras(scene, volume, keys, at)
-    with _named("viewing"):
-        # The keys' own times first: of a number that grows too large none between is to blame.
-        _seen(spec, keys, np.array([key.time_s for key in keys]))
-        specs = _seen(spec, keys, at)
-    with _named("transfer"):
-        transfers = moved_transfers(scene, keys, at)
-    return [_Moment(*each) for each in zip(cameras, transfers, specs, strict=True)]
-
-
-def _seen(
-    spec: RelightSpec, keys: Sequence[KeyframeTable], at: NDArray[np.float64]
-) -> list[RelightSpec]:
-    """The eye at every time."""
-    tracks = tracks_between([(key.time_s, key.viewing) for key in keys], _TONE, at)
-
-    def seen(row: dict[str, Any]) -> RelightSpec:
-        return replace(spec, viewing=replace(spec.viewing, **row)) if row else spec
-
-    return at_each(at, keys, rows_of(tracks, len(at)), seen)
-
-
-@contextmanager
-def _named(what: str) -> Iterator[None]:
-    try:
-        yield
-    except InputError as error:
-        raise SceneError(f"[[keyframe]] {what}: {error}") from error
 
 
 def _mixes(
@@ -237,17 +186,39 @@ def _mixes(
     """The light of each moment, in words too; None where every light has its own frames."""
     if table.format == "coefficients":
         return None
-    if (keyed := _weights(scene)) is not None:
+    if (weighted := _weights(scene)) is not None:
         times = [key.time_s for key in scene.file.keyframe]
-        names = dict.fromkeys(name for weights in keyed for name in weights)
-        rows = [[weights.get(name, 0.0) for name in names] for weights in keyed]
+        names = dict.fromkeys(name for weights in weighted for name in weights)
+        rows = [[weights.get(name, 0.0) for name in names] for weights in weighted]
         by_name = {light.name: light for light in scene.lights}
         mixed = [by_name[name] for name in names]
-        at_s = _times_s(scene.file.keyframe, table.fps)
-        return [mix_of(mixed, weights) for weights in between_keys(times, rows, at_s)]
+        at_s = times_s(scene.file.keyframe, table.fps)
+        mixes = []
+        for time, row in zip(at_s.tolist(), between_keys(times, rows, at_s), strict=True):
+            with named(scene, f"[[keyframe]] lights: at {time:g} s"):
+                mixes.append(mix_of(mixed, row))
+        return mixes
     if table.sweep is None:
         return None
-    return [mix_of(lights, row) for row in sweep_weights(len(lights), count, table.sweep.closed)]
+    with named(scene, "[export] sweep"):
+        weights = sweep_weights(len(lights), count, table.sweep.closed)
+        return [mix_of(lights, row) for row in weights]
+
+
+def _require_shown(scene: Scene, table: ExportTable, shots: Sequence[Shot]) -> None:
+    """Refuse, before the cast, a light or an eye that no frame could be made with."""
+    keys, shares = scene.file.keyframe, scene.raycast.shares()
+    at_s = times_s(keys, table.fps) if keys else np.zeros(0)
+    # Numbers never leave the keys they lie between: the frames next to these are enough.
+    asked = {int(np.abs(at_s - key.time_s).argmin()) for key in keys}
+    # What holds still is one object.
+    shown = [shot for shot in shots if not keys or shot.moment in asked]
+    for shot in {(id(shot.rig), id(shot.spec)): shot for shot in reversed(shown)}.values():
+        when = f" at {at_s[shot.moment]:g} s" if keys else ""
+        with named(scene, f"[[light]] {shot.light}{when}"):
+            lit = Illumination.of(scene.basis, shot.rig, shot.spec, shares)
+            if table.has_eye and shot.spec.viewing.adapting == "given":
+                passage_of(lit.viewed(shot.spec.viewing), lit.white_XYZ)
 
 
 def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.float64]:
@@ -286,7 +257,7 @@ def mix_of(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[str,
     said = ", ".join(f"{light.name} {weight:.3g}" for light, weight in lit)
     if len({light.rig.illuminance_lux is None for light, _ in lit}) > 1:
         raise SceneError(
-            f"export: {said}: some of these lights have illuminance_lux and some have not; give it "
+            f"{said}: some of these lights have illuminance_lux and some have not; give it "
             "to all or to none"
         )
     return said, mixed_rig([light.rig for light, _ in lit], [weight for _, weight in lit])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from volspec._files import clear_temporaries, require_writable, require_writable_folder
 from volspec._tables.written import plain
-from volspec.errors import InputError, quoted
+from volspec.errors import InputError, ViewingError, quoted
 from volspec.export.film import SUFFIXES, check_film, write_film
 from volspec.export.framefiles import FrameFiles
 from volspec.export.maker import Maker, Tell
@@ -21,6 +21,7 @@ from volspec.export.plan import plan_export
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
 from volspec.scene.export import Exported
+from volspec.scene.wording import in_keys
 from volspec.volume import Volume
 
 # What nobody calls a folder: other films, and single pictures.
@@ -100,6 +101,9 @@ def export_scene(
         maker = Maker(FrameFiles(scene, folder, table, pixels))
         try:
             made, casts = maker.make(plan, lambda: caster or Raycaster(volume, device=device), tell)
+        except ViewingError as error:
+            said = in_keys(str(error).removeprefix("export: "))
+            raise ViewingError(f"{scene.path}: [viewing] {said}") from error
         finally:
             folder.keep_sizes()
         frames = [path / name for name in files[: len(plan.shots)]]

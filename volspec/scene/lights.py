@@ -20,6 +20,7 @@ from volspec._tables import Name, Table, Vector
 from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point
 from volspec.raycast.lights import Source
 from volspec.relight import LightRig
+from volspec.scene.keyparts import NotNegative
 from volspec.scene.spectra import Given, given_light
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.spectra.lamps import lamp_illuminance_lux, lamp_of
@@ -157,9 +158,9 @@ class LightTable(Table):
     """D65, planck:3200, FILE.csv, a mix D65*0.7+A*0.3, …, or a table of numbers."""
     group: Name | None = None
     """The group it shines from; left out, all of them."""
-    weight: float = 1.0
+    weight: NotNegative = 1.0
     """Times its power."""
-    illuminance_lux: float | None = None
+    illuminance_lux: NotNegative | None = None
     """What it gives a surface that faces every source; sets the eye's adaptation."""
     power_W: float | None = None
     """In its place, of lamp:NAME: what the lamp takes."""

@@ -42,6 +42,8 @@ def scene_text(path: str | os.PathLike[str]) -> str:
     except IsADirectoryError:
         raise SceneError(f"{name}: is a folder; give a scene file") from None
     except UnicodeDecodeError as error:
+        if 0 in error.object:
+            raise SceneError(f"{name}: is no text; give a scene file (.toml)") from None
         raise SceneError(f"{name}: not valid TOML: {error}; save it as UTF-8") from error
     except OSError as error:
         raise SceneError(

@@ -23,6 +23,7 @@ from volspec.scene.file import SceneFile
 from volspec.scene.lights import NamedLight, named_light, rows_by_name
 from volspec.scene.spectra import given_reflectance
 from volspec.scene.tables import ViewingTable
+from volspec.scene.wording import in_keys
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.volume import Volume, load_volume
 
@@ -58,7 +59,7 @@ class Resolver:
         except InputError as error:
             where = f"{self.path}: {table} " if table else f"{self.path}: "
             # "[raycast] raycast: shininess is …" would say it twice.
-            said = where + str(error).removeprefix(f"{table.strip('[]')}: ")
+            said = where + in_keys(str(error).removeprefix(f"{table.strip('[]')}: "))
             if self.faults is None:
                 raise SceneError(said) from error
             self.faults.append(said)

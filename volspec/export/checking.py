@@ -1,4 +1,4 @@
-"""Whether a scene would load and its lights be shown, and all that is wrong where not.
+"""Whether a scene would load, be shown and be exported, and all that is wrong where not.
 
 TOML -> [checking] -> volspec scene check
 """
@@ -6,15 +6,15 @@ TOML -> [checking] -> volspec scene check
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from volspec.errors import SceneError
-from volspec.relight import RelightSpec
+from volspec.export.keyed import keyframe_faults
+from volspec.export.plan import plan_export
 from volspec.scene.file import SceneFile
-from volspec.scene.lights import NamedLight
+from volspec.scene.lux import require_lux
 from volspec.scene.model import Scene
 from volspec.scene.reading import SceneFaults, scene_data, scene_file
 from volspec.scene.resolve import Resolver
@@ -53,7 +53,7 @@ class Checked:
 
 
 def check_scene(path: str | os.PathLike[str]) -> Checked:
-    """Look up all that a scene names, its volume too, without casting it.
+    """Look up all that a scene names, its volume too, and plan its export, without casting it.
 
     Where several things are wrong, all are told that can be: of a file whose tables are wrong
     nothing is looked up.
@@ -76,6 +76,9 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
             scene = Scene(file, path)
             scene.camera(volume)
             require_lux(scene.lights, scene.relight, path)
+            errors += keyframe_faults(scene, volume)
+            if not errors:
+                plan_export(scene, volume, scene.file.export)
         except SceneError as error:
             errors.append(str(error))
     if scene is None or volume is None or errors:
@@ -88,36 +91,6 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         basis=scene.basis.name,
         reason=scene.basis_reason,
     )
-
-
-def require_lux(
-    lights: Iterable[NamedLight], seen: RelightSpec, path: str | os.PathLike[str]
-) -> None:
-    """Refuse, before the cast, lights that cannot be held against each other.
-
-    A scene of such lights loads: it can be cast, and be seen at the other level.
-
-    Parameters
-    ----------
-    lights : iterable of NamedLight
-        Those that will shine.
-    seen : RelightSpec
-    path : path
-        The scene's, for the message.
-
-    Raises
-    ------
-    SceneError
-        If the level is absolute, and one of them has no lux.
-    """
-    if seen.level != "absolute":
-        return
-    for light in lights:
-        if light.rig.illuminance_lux is None:
-            raise SceneError(
-                f"{os.fspath(path)}: [[light]] {light.name}: has no illuminance_lux, which "
-                '[viewing] level = "absolute" asks of all lights; give it, or level = "relative"'
-            )
 
 
 def _lost(file: SceneFile, path: Path) -> list[str]:

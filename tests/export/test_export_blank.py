@@ -1,0 +1,85 @@
+"""Frames that show nothing: told once, and only where it is so."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.export.conftest import Make
+from volspec.errors import VolspecWarning
+from volspec.export import tiles
+from volspec.export.blank import Blanks
+
+LUX = """
+[viewing]
+level = "absolute"
+[[light]]
+name = "lit"
+spectrum = "E"
+illuminance_lux = {}
+"""
+
+
+@pytest.mark.parametrize("settings", [{}, {"bits": 16}, {"transparent": True}, {"format": "exr"}])
+@pytest.mark.parametrize(
+    ("lux", "said"),
+    [("1e-9", "all black under lit; too little"), ("1e12", "clipped all over under lit; too much")],
+)
+def test_absurd_lux_are_told_whatever_the_file(
+    lux: str, said: str, settings: dict[str, Any], scene: Make, tmp_path: Path
+) -> None:
+    made = scene(LUX.format(lux))
+    with pytest.warns(VolspecWarning, match=said):
+        made.export(tmp_path, lights=["lit"], sheet=False, **settings)
+
+
+def test_a_bright_picture_is_not_told(scene: Make, tmp_path: Path) -> None:
+    """Warnings are errors here; at 3000 lx, three times the viewing's, highlights are clipped."""
+    scene(LUX.format(3000)).export(tmp_path, lights=["lit"], sheet=False)
+
+
+def test_many_frames_and_their_strips_are_one_warning(
+    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tiles, "STRIP_SIDE", 64)
+    made = scene(LUX.format(1e-9))
+    with pytest.warns(VolspecWarning) as caught:
+        made.export(tmp_path, lights=["lit"], turntable={"frames": 3}, size=(90, 80), sheet=False)
+    (only,) = caught
+    assert "lit/0000.png is all black under lit, and 2 more; " in str(only.message)
+
+
+def told(pixels: np.ndarray, alpha: np.ndarray) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        blanks = Blanks("exposure")
+        blanks.look("f", "A", pixels, alpha.astype(np.float32))
+        blanks.warn()
+    return [str(each.message) for each in caught]
+
+
+def test_of_what_is_covered_all_but_a_thousandth_must_be_blank() -> None:
+    frame, opaque = np.zeros((100, 100, 3), np.uint8), np.ones((100, 100))
+    frame.reshape(-1, 3)[:10] = 9
+    assert told(frame, opaque) == [
+        "f is all black under A; too little light, or materials that reflect none of it: raise "
+        "exposure"
+    ]
+    frame.reshape(-1, 3)[10] = 9
+    assert told(frame, opaque) == []
+    frame[:50] = 77
+    assert len(told(frame, opaque * (np.arange(100) >= 50)[:, None])) == 1, "backdrop counts not"
+    assert told(frame, 0 * opaque) == [], "an empty picture is told by its cast"
+
+
+def test_a_saturated_colour_is_clipped_where_no_channel_has_a_shade_left() -> None:
+    opaque = np.ones((4, 4))
+    assert "clipped" in told(np.full((4, 4, 3), (255, 255, 0), np.uint8), opaque)[0]
+    assert told(np.full((4, 4, 3), (255, 200, 0), np.uint8), opaque) == []
+    half = np.full((4, 4, 4), 0.5, np.float32)
+    assert "clipped" in told(half, opaque / 2)[0], "white times its opacity"
+    assert told(half, opaque) == []

@@ -1,0 +1,144 @@
+"""Values of options that cannot be used: exit code 1 and one line that names the option."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.test_cli_scene import TEXT
+from volspec import cli
+from volspec.basis import SpectralBasis
+from volspec.raycast import CoefficientImage
+from volspec.volume import phantom
+
+
+def call(*words: object) -> int:
+    with pytest.raises(SystemExit) as caught:
+        cli.main([*map(str, words)])
+    return int(caught.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a scene, its volume and an image."""
+    folder = tmp_path_factory.mktemp("files")
+    np.save(folder / "ball.npy", phantom.ball(8).values)
+    (folder / "s.toml").write_text(TEXT, encoding="utf-8")
+    grey, opaque = np.full((2, 2, 7), 0.5, np.float32), np.ones((2, 2), np.float32)
+    CoefficientImage(grey, opaque, opaque, SpectralBasis.load("general-7")).save(folder / "i.exr")
+    return folder
+
+
+EXPORT = "export s.toml -o out"
+PAGE = "page s.toml -o out.html"
+RELIGHT = "relight i.exr --light A -o out.png"
+LAMP = "light lamp:tungsten-2850"
+VALUES = {
+    "--turntable": [(EXPORT, "0"), (EXPORT, "1.5"), (EXPORT, "many")],
+    "--sweep": [(EXPORT, "0"), (EXPORT, "3")],
+    "--samples": [(EXPORT, "9")],
+    "--bits": [(EXPORT, "12"), (PAGE, "3")],
+    "--format": [(EXPORT, "jpg")],
+    "--fps": [(EXPORT, "0"), (EXPORT, "fast")],
+    "--size": [
+        *((EXPORT, "0x3"), (PAGE, "wide"), ("render s.toml -o out.exr", "-5x5")),
+        *(("view", "0x0"), ("view", "99999x9"), ("basis", "2"), ("basis", "x")),
+    ],
+    "--screenshot": [("view", "7")],
+    "--light": [(EXPORT, "dya"), (RELIGHT, "kye=A")],
+    "--views": [(PAGE, "0"), (PAGE, "x")],
+    "--lights": [("basis", "foo")],
+    "--observer": [("basis", "3"), ("reflectance #fff", "3")],
+    "--mode": [(RELIGHT, "foo"), ("compositing i.exr --light A -o out.exr", "foo")],
+    "--backdrop": [(RELIGHT, "3"), (RELIGHT, "grey")],
+    "--model": [(RELIGHT, "CIECAM")],
+    "--lux": [(RELIGHT, "-5"), ("adapt 4 3 2 --from A", "0"), ("appearance 4 3 2", "x")],
+    "--L_A": [(RELIGHT, "-1"), ("appearance 4 3 2", "nan")],
+    "--Y_b": [(RELIGHT, "-1"), ("appearance 4 3 2", "1e9")],
+    "--D": [(RELIGHT, "3"), ("adapt 4 3 2 --from A", "3")],
+    "--surround": [(RELIGHT, "dimm"), ("appearance 4 3 2", "7")],
+    "--exposure": [(RELIGHT, "0"), ("appearance --image i.exr -o out.png", "0")],
+    "--gamut": [(RELIGHT, "shrink")],
+    "--adapting": [(RELIGHT, "eye")],
+    "--fov-deg": [(f"{RELIGHT} --adapting picture", "900")],
+    "--power-W": [(LAMP, "x"), (LAMP, "-1")],
+    "--distance-m": [(f"{LAMP} --power-W 5", "0")],
+    "--beam-deg": [(f"{LAMP} --power-W 5 --distance-m 1", "500")],
+}
+CASES = [(option, *case) for option, cases in VALUES.items() for case in cases]
+
+
+@pytest.mark.parametrize(("option", "words", "value"), CASES, ids=map(" ".join, CASES))
+def test_a_value_that_cannot_be_used_is_told_by_its_option(
+    option: str,
+    words: str,
+    value: str,
+    files: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(files)
+    before = sorted(files.iterdir())
+    assert call(*words.split(), option, value) == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("volspec:")]
+    assert len(lines) == 1 and option in lines[0], lines
+    assert "None" not in lines[0] and "Viewing" not in lines[0] and "Display." not in lines[0]
+    assert sorted(files.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "words", ["foo", "export s.toml", f"{EXPORT} --nope", f"{EXPORT} --sweep", "light D65 A"]
+)
+def test_words_that_are_no_command_are_a_usage_error(
+    words: str, files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(files)
+    assert call(*words.split()) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("; see volspec --help")
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("relight s.toml --light A -o out.png", "volspec export s.toml -o FOLDER"),
+        ("compositing s.toml -o out.py", "volspec render s.toml -o IMAGE.exr"),
+        ("appearance --image s.toml -o out.png", "volspec render s.toml -o IMAGE.exr"),
+        ("export i.exr -o out", "volspec relight i.exr --light LIGHT -o FRAME.png"),
+        ("render i.exr -o out.exr", "volspec relight i.exr --light LIGHT -o FRAME.png"),
+        ("page i.exr -o out.html", "volspec page SCENE.toml -o PAGE.html"),
+        ("view i.exr", "volspec view SCENE.toml"),
+        ("wizard keep i.exr ball -o out.toml", "volspec relight i.exr"),
+        ("info i.exr", "volspec relight i.exr"),
+        ("info s.toml", "volspec scene check s.toml"),
+        ("export ball.npy -o out", "is no text; give a scene file (.toml)"),
+    ],
+)
+def test_a_file_of_another_kind_is_told_the_command_that_takes_it(
+    words: str,
+    meant: str,
+    files: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(files)
+    assert call(*words.split()) == 1
+    (line,) = [s for s in capsys.readouterr().err.splitlines() if s.startswith("volspec: ")]
+    assert meant in line
+
+
+@pytest.mark.parametrize("words", ["light --list", "light --help", "light D65", "light D65 --json"])
+def test_a_pipe_that_nobody_reads_ends_the_command_quietly(
+    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ours, theirs = os.pipe()
+    os.close(ours)
+    with io.TextIOWrapper(os.fdopen(theirs, "wb")) as stdout:
+        monkeypatch.setattr("sys.stdout", stdout)
+        assert call(*words.split()) == 141
+        monkeypatch.undo()
+    assert capsys.readouterr().err == ""
