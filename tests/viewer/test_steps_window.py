@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +14,17 @@ pytestmark = pytest.mark.usefixtures("screen")
 
 
 def test_lights_are_renamed_and_chosen_and_a_crash_is_told_of(tmp_path: Path) -> None:
-    kept = tmp_path / "state" / "sessions"
-
-    def state(robot: Robot) -> dict[str, Any]:
-        """What is kept once nothing changes any more; 10 s are some times what that takes."""
-        newest = max((path.stat().st_mtime for path in kept.glob("*.json")), default=0.0)
-        end = time.time() + 10
-        while time.time() < end:
-            for path in kept.glob("*.json"):
-                if path.stat().st_mtime > newest:
-                    found = json.loads(path.read_text(encoding="utf-8"))["state"]
-                    assert isinstance(found, dict)
-                    return found
-            assert robot.viewer.poll() is None
-            time.sleep(0.1)
-        raise TimeoutError("no session is kept")
+    def state(robot: Robot, name: str) -> dict[str, Any]:
+        """What a session that is saved now holds."""
+        robot.rest()
+        robot.key("ctrl+shift+s")
+        robot.rest()
+        robot.type(name)
+        robot.key("Return")
+        robot.rest()
+        found = json.loads((tmp_path / f"{name}.volspec.json").read_text(encoding="utf-8"))
+        assert isinstance(found["state"], dict)
+        return dict(found["state"])
 
     with Robot(tmp_path, (), (1000, 640)) as robot:
         robot.whole()
@@ -41,22 +36,24 @@ def test_lights_are_renamed_and_chosen_and_a_crash_is_told_of(tmp_path: Path) ->
         robot.rest()
         robot.type("my lamp")
         robot.key("Return")
-        first = state(robot)
+        first = state(robot, "first")
         assert first["lights"][1]["name"] == "my lamp" and first["interface"]["light"] == 1
         # The wheel's three notches are one step, and the mix before them another.
         robot.key("k")
         robot.rest()
         x, y = robot.middle("picture")
-        robot.do("mousemove", x, y, "click", "4", "sleep", "0.1", "click", "4", "sleep", "0.1")
-        robot.do("click", "4")
-        second = state(robot)
+        robot.do("mousemove", x, y, "click", "--repeat", "3", "--delay", "100", "4")
+        second = state(robot, "second")
         assert second["interface"]["light"] == len(second["lights"]) - 1 == len(first["lights"])
         robot.key("ctrl+z")
         robot.rest()
         robot.key("ctrl+z")
-        third = state(robot)
+        third = state(robot, "third")
         assert third["view"] == first["view"] != second["view"]
         assert third["lights"] == first["lights"] and third["interface"]["light"] == 1
+        # What is kept by itself, which a crash leaves.
+        kept = tmp_path / "state" / "sessions"
+        assert robot.until(lambda: any(kept.glob("*.json")))
         robot.viewer.kill()
         robot.viewer.wait()
     (tmp_path / "trace.jsonl").unlink()

@@ -73,6 +73,9 @@ class Input:
 class Inputs:
     """Listens to a window.
 
+    imgui hears of a gesture when it is taken: what it makes of Enter, say, a dialog that closes,
+    must not come before the key is known to be the dialog's.
+
     Parameters
     ----------
     window : glfw window
@@ -82,14 +85,15 @@ class Inputs:
 
     def __init__(self, window: Any, to_imgui: Callable[..., None]) -> None:
         self._window, self._to_imgui = window, to_imgui
-        self._inputs: list[Input] = []
+        # What has happened, and what tells imgui of it.
+        self._heard: list[tuple[Input, Callable[[], object]]] = []
         self._at: tuple[float, float] | None = None
         listeners: tuple[tuple[Callable[..., Any], Callable[..., None]], ...] = (
             (glfw.set_mouse_button_callback, self._on_button),
             (glfw.set_cursor_pos_callback, self._on_move),
             (glfw.set_scroll_callback, self._on_wheel),
             (glfw.set_key_callback, self._on_key),
-            (glfw.set_char_callback, lambda _, char: imgui.get_io().add_input_character(char)),
+            (glfw.set_char_callback, self._on_char),
             (glfw.set_drop_callback, lambda _, paths: self.drop(paths)),
             (glfw.set_cursor_enter_callback, self._on_enter),
             (glfw.set_framebuffer_size_callback, self._on_change),
@@ -101,57 +105,74 @@ class Inputs:
     @property
     def waiting(self) -> bool:
         """Whether something has happened that has not been taken."""
-        return bool(self._inputs)
+        return bool(self._heard)
 
     def take(self) -> list[Input]:
         """What has happened since the last call, but no more than one gesture of it."""
-        inputs = self._inputs
+        inputs = [given for given, _ in self._heard]
         pairs = enumerate(itertools.pairwise(inputs), start=1)
         end = next((i for i, pair in pairs if _parts(*pair)), len(inputs))
-        self._inputs = inputs[end:]
+        for _, tell in self._heard[:end]:
+            tell()
+        self._heard = self._heard[end:]
         return inputs[:end]
 
     def drop(self, paths: Sequence[str]) -> None:
         """Files have been dropped."""
-        self._inputs.append(Input("drop", paths=tuple(paths)))
+        self._hear(Input("drop", paths=tuple(paths)))
+
+    def _hear(self, given: Input, tell: Callable[[], object] = lambda: None) -> None:
+        self._heard.append((given, tell))
 
     def _on_button(self, _: Any, button: int, action: int, modifiers: int) -> None:
         down = action == glfw.PRESS
         if button in BUTTONS:
             # Where it was then: glfw knows only where it is by now, which may be farther.
             x, y = self._at or glfw.get_cursor_pos(self._window)
-            imgui.get_io().add_mouse_button_event(button, down)
             name, held = "press" if down else "release", _held(modifiers)
-            self._inputs.append(Input(name, x, y, button=BUTTONS[button], modifiers=held))
+            self._hear(
+                Input(name, x, y, button=BUTTONS[button], modifiers=held),
+                lambda: imgui.get_io().add_mouse_button_event(button, down),
+            )
 
     def _on_move(self, _: Any, x: float, y: float) -> None:
-        imgui.get_io().add_mouse_pos_event(x, y)
         self._at = x, y
-        self._inputs.append(Input("move", x, y))
+        self._hear(Input("move", x, y), lambda: imgui.get_io().add_mouse_pos_event(x, y))
 
     def _on_enter(self, _: Any, entered: int) -> None:
         if not entered:
-            imgui.get_io().add_mouse_pos_event(-3.4e38, -3.4e38)
-            self._inputs.append(Input("move", -1.0, -1.0))
+            away = -3.4e38, -3.4e38
+            self._hear(Input("move", -1.0, -1.0), lambda: imgui.get_io().add_mouse_pos_event(*away))
 
     def _on_wheel(self, _: Any, x: float, y: float) -> None:
-        imgui.get_io().add_mouse_wheel_event(x, y)
         bits = sum(
             bit
             for bit, keys in _KEYS_OF_MODIFIERS.items()
             if any(glfw.get_key(self._window, key) == glfw.PRESS for key in keys)
         )
-        self._inputs.append(Input("wheel", x, y, modifiers=_held(bits)))
+        self._hear(
+            Input("wheel", x, y, modifiers=_held(bits)),
+            lambda: imgui.get_io().add_mouse_wheel_event(x, y),
+        )
+
+    def _on_char(self, _: Any, char: int) -> None:
+        self._hear(Input("typed"), lambda: imgui.get_io().add_input_character(char))
 
     def _on_change(self, *_: Any) -> None:
-        self._inputs.append(Input("resize"))
+        self._hear(Input("resize"))
 
     def _on_key(self, window: Any, key: int, code: int, action: int, modifiers: int) -> None:
-        # Before the key, which imgui takes in order; an event's own bits lag behind on X11.
-        for left, right, modifier in _MODIFIERS:
-            down = glfw.PRESS in (glfw.get_key(window, left), glfw.get_key(window, right))
-            imgui.get_io().add_key_event(modifier, down)
-        self._to_imgui(window, key, code, action, modifiers)
+        down = [
+            (modifier, glfw.PRESS in (glfw.get_key(window, left), glfw.get_key(window, right)))
+            for left, right, modifier in _MODIFIERS
+        ]
+
+        def tell() -> None:
+            # Before the key, which imgui takes in order; an event's own bits lag behind on X11.
+            for each in down:
+                imgui.get_io().add_key_event(*each)
+            self._to_imgui(window, key, code, action, modifiers)
+
         name = _key_name(key, code)
         repeated = action == glfw.REPEAT and name in STEPPING
         if name and (action == glfw.PRESS or repeated):
@@ -160,9 +181,9 @@ class Inputs:
             shift = "shift+" if (ctrl or key in _ARROWS) and modifiers & glfw.MOD_SHIFT else ""
             alt = "alt+" if modifiers & glfw.MOD_ALT else ""
             whole = f"{'ctrl+' if ctrl else ''}{alt}{shift}{name}"
-            self._inputs.append(Input("key", key=whole, repeated=repeated))
+            self._hear(Input("key", key=whole, repeated=repeated), tell)
         else:  # imgui's: Tab, what is held or let go
-            self._inputs.append(Input("typed"))
+            self._hear(Input("typed"), tell)
 
 
 def _parts(before: Input, given: Input) -> bool:
