@@ -42,9 +42,8 @@ def files(
     for bits in (8, 12):
         spec = PageSpec(BAD_TITLE, "A caption", bits)
         write_page(folder / f"{bits}.html", views, lights, seen, spec)
-    write_page(
-        folder / "turn.html", [*views, PageView(mirrored(engine_image), 180.0)], lights, seen
-    )
+    views += [PageView(mirrored(engine_image), 180.0), PageView(engine_image, 270.0)]
+    write_page(folder / "turn.html", views, lights, seen)
     return folder
 
 
@@ -195,6 +194,11 @@ def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
     # And it can still be relit.
     page.page.click("#light-list li:nth-child(2) .light-name")
     assert apart(page.picture(), before) > 1
+    # Another that can be unpacked is turned to, and what was said is gone.
+    page.page.focus("#port")
+    page.page.keyboard.press("PageUp")
+    page.until("document.getElementById('view-read').textContent === '270\u00b0'")
+    page.until("document.getElementById('notice').hidden")
 
 
 def test_a_page_asks_the_network_for_nothing(engine_page: Opened) -> None:

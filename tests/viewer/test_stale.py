@@ -16,7 +16,7 @@ from volspec.viewer.events import EVENTS, Event, reduced
 from volspec.viewer.history import MOST_STEPS, History
 from volspec.viewer.lights.states import Fade, LightState
 from volspec.viewer.palette.wishes import Board
-from volspec.viewer.stale import STAGES, stale_stage
+from volspec.viewer.stale import STAGES, lit_otherwise, stale_stage
 from volspec.viewer.state import Interface, ViewState
 
 
@@ -51,7 +51,15 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "thickness": 2.0,
         "thin": (state.transfer, 1.0, state.transfer),
     }
-    assert stale_stage(state, replace(state, **{name: others[name]})) == STAGES[name]
+    changed = replace(state, **{name: others[name]})
+    assert stale_stage(state, changed) == STAGES[name]
+    # The picture that is shown until the cast is there need not be drawn again.
+    assert lit_otherwise(state, changed) == (STAGES[name] == "relight")
+
+
+def test_other_reflectances_are_lit_anew(state: ViewState) -> None:
+    other = replace(state.transfer, basis=replace(state.transfer.basis))
+    assert lit_otherwise(state, replace(state, transfer=other)) and lit_otherwise(None, state)
 
 
 def test_the_first_of_several_stages_is_named(state: ViewState) -> None:

@@ -231,13 +231,14 @@ def test_a_frame_takes_one_gesture_where_a_busy_window_hears_of_several(
         heard["set_mouse_button_callback"](None, 0, module.glfw.PRESS, 0)
         heard["set_cursor_pos_callback"](None, 3.0, 4.0)
         heard["set_mouse_button_callback"](None, 0, module.glfw.RELEASE, 0)
-        for _ in range(2):
+        for x in (5.0, 6.0):  # the hand that turns it moves the mouse, too
             heard["set_scroll_callback"](None, 0.0, 1.0)
+            heard["set_cursor_pos_callback"](None, x, 4.0)
         for key in (module.glfw.KEY_UP, module.glfw.KEY_ENTER):
             heard["set_key_callback"](None, key, 0, module.glfw.PRESS, 0)
         drag = [(given.name, given.x, given.y) for given in inputs.take()]
         assert drag == [("press", 90.0, 90.0), ("move", 3.0, 4.0), ("release", 3.0, 4.0)]
-        assert [given.name for given in inputs.take()] == ["wheel", "wheel"]
+        assert [given.name for given in inputs.take()] == ["wheel", "move"] * 2
         assert [given.key for given in inputs.take()] == ["up"] and inputs.waiting
         # imgui hears of a key with it, not before.
         assert told == [module.glfw.KEY_UP]

@@ -32,7 +32,7 @@ from volspec.viewer.panels.widgets import in_line
 from volspec.viewer.picture.casting import Casting
 from volspec.viewer.picture.meter import Meter
 from volspec.viewer.picture.screen import Area, Screen
-from volspec.viewer.stale import stale_stage
+from volspec.viewer.stale import lit_otherwise, stale_stage
 from volspec.viewer.state import ViewState
 from volspec.viewer.window.focus import Focus
 from volspec.viewer.window.inputs import Input
@@ -310,13 +310,13 @@ class _App:
 
     def _update(self, state: ViewState, now: float) -> None:
         """Have done what a state needs."""
-        stage = stale_stage(self._shown, state)
+        stage, relights = stale_stage(self._shown, state), lit_otherwise(self._shown, state)
         self._shown = state
         held = self._mouse.held or self._fader.running
         if stage == "cast":
             self._casting.change(state, now, held)
             self._desk.whole = False
-        if stage in ("cast", "relight"):
+        if relights:
             self._screen.stale()
 
     def _relight(self, state: ViewState) -> None:

@@ -59,3 +59,12 @@ def stale_stage(old: ViewState | None, new: ViewState) -> Stage | None:
         found = {STAGES[name] for name in differ if name != "transfer"} | {"relight"}
     order: tuple[Stage, ...] = ("cast", "relight", "frame")
     return next((stage for stage in order if stage in found), None)
+
+
+def lit_otherwise(old: ViewState | None, new: ViewState) -> bool:
+    """Whether the picture that is shown must be lit anew, be another under way or not."""
+    if old is None:
+        return True
+    lighting = (name for name, stage in STAGES.items() if stage == "relight")
+    differs = any(getattr(old, name) != getattr(new, name) for name in lighting)
+    return differs or old.transfer.basis is not new.transfer.basis

@@ -56,7 +56,8 @@ class Screen:
         self._slices = desk.slices = SlicePictures(context)
         self._desk, self._meter, self._trace, self._notice = desk, meter, trace, notice
         self._cast: CastDone | None = None
-        self._relit = self._coarse = self._drawing = False
+        self._shape = (0, 0)  # of the cast whose picture is shown
+        self._relit = self._coarse = self._drawing = self._hurries = False
         self._band = 0  # that is drawn next
         self._working_out = ""
         self._heat = Heat(context, Window.wake)
@@ -98,13 +99,15 @@ class Screen:
 
     def stale(self) -> None:
         """The picture no longer shows the state's light."""
+        # Where light follows on light, as under a key held down, the last bands would never come.
+        self._hurries |= self._band > 0
         self._relit, self._band = False, 0
 
     def relight(self, state: ViewState, held: bool) -> bool:
         """Begin to draw the picture under the state's lights, where it does not show them yet.
 
         What follows waits for what is drawn: panels are best made meanwhile, and of what takes
-        long only a band is drawn in each frame.
+        long only a band is drawn in each frame, unless the light before was not drawn to its end.
 
         Parameters
         ----------
@@ -129,7 +132,7 @@ class Screen:
         few = self._desk.whole and self._meter.slow and not is_tabled(state.seen.viewing.model)
         self._coarse = held and few
         whole = self._desk.whole and not self._coarse
-        bands = self._meter.bands if whole and not held else 1
+        bands = 1 if held or self._hurries or not whole else self._meter.bands
         first, self._band = self._band % bands, 0
         rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
         try:
@@ -143,6 +146,10 @@ class Screen:
         self._drawing = relit is not None
         self._relit = not self._drawing or first + 1 == bands
         self._band = 0 if self._relit else first + 1
+        if self._relit:
+            self._hurries = False
+            if self._cast is not None:
+                self._shape = self._cast.job.size
         self._meter.relights(relit, first == 0, self._relit, whole)
         return True
 
@@ -177,7 +184,7 @@ class Screen:
     ) -> Reading | None:
         """What is under the mouse; None where nothing is, or where a button is down.
 
-        Of a picture that is being drawn it is what was there before, as to read waits for it.
+        While a picture is being drawn it is what was told before, as to read waits for it.
         """
         right = state.other is not None and place is not None and place[0] > state.divide
         lights = state.other if right and state.other else state.lights
@@ -185,10 +192,12 @@ class Screen:
         image, cast = self.pictures.image, self._cast
         if place is None or rig is None or image is None or cast is None:
             return None
-        if held or not self.pictures.framebuffer or not self.pictures.current:
+        if held or not self.pictures.framebuffer:
             return None
         if self._drawing:
-            return self._reading
+            return self._desk.under_mouse
+        if not self.pictures.current:
+            return None
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
         key = image, lights, state.seen, pixel
@@ -217,7 +226,7 @@ class Screen:
             dark = self._cast is not None and shown is not None and rig_of(shown.lights) is None
             _write("No light is on" if dark else "Opening …", area)
             return None
-        of, now = self._cast.job.size, shown.size
+        of, now = self._shape, shown.size
         wide = width if of == now else height * of[0] / of[1]
         left = x + (width - wide) / 2
         to = self._desk.shown_at = left, y, left + wide, y + height

@@ -5,7 +5,6 @@ glfw -> [inputs] -> Input -> mouse, app
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -110,8 +109,7 @@ class Inputs:
     def take(self) -> list[Input]:
         """What has happened since the last call, but no more than one gesture of it."""
         inputs = [given for given, _ in self._heard]
-        pairs = enumerate(itertools.pairwise(inputs), start=1)
-        end = next((i for i, pair in pairs if _parts(*pair)), len(inputs))
+        end = _gesture_end(inputs)
         for _, tell in self._heard[:end]:
             tell()
         self._heard = self._heard[end:]
@@ -184,6 +182,18 @@ class Inputs:
             self._hear(Input("key", key=whole, repeated=repeated), tell)
         else:  # imgui's: Tab, what is held or let go
             self._hear(Input("typed"), tell)
+
+
+def _gesture_end(inputs: Sequence[Input]) -> int:
+    """How many inputs there are before a second gesture begins."""
+    before = next(iter(inputs), None)
+    for i, given in enumerate(inputs):
+        if before is not None and _parts(before, given):
+            return i
+        # A hand that turns the wheel moves the mouse, too.
+        if given.name != "move":
+            before = given
+    return len(inputs)
 
 
 def _parts(before: Input, given: Input) -> bool:

@@ -80,17 +80,7 @@ class App {
     if (this.turning) return;
     this.turning = true;
     try {
-      while (this.shown !== this.state.view) {
-        const next = this.state.view;
-        this.texels = await this.decode(next);
-        this.shown = next;
-        this.refresh();
-      }
-    } catch (error) {
-      if (this.shown < 0) throw error;
-      tell(`This view cannot be unpacked: ${error.message}. You see the one before.`);
-      this.put({ view: this.shown });
-      return;
+      while (this.shown !== this.state.view) await this.unpack(this.state.view);
     } finally {
       this.turning = false;
     }
@@ -99,6 +89,23 @@ class App {
     for (const by of count > 2 ? [1, count - 1] : []) {
       this.decode((this.shown + by) % count).catch(() => {});
     }
+  }
+
+  // Show a view, or say why the one before stays.
+  async unpack(view) {
+    try {
+      this.texels = await this.decode(view);
+    } catch (error) {
+      if (this.shown < 0) throw error;
+      tell(`This view cannot be unpacked: ${error.message}. You see the one before.`);
+      // Another that was asked for meanwhile is still wanted.
+      if (this.state.view === view) this.put({ view: this.shown });
+      return;
+    }
+    this.shown = view;
+    // What was said of a view before; a refusal stays.
+    byId('notice').hidden = !byId('controls').disabled;
+    this.refresh();
   }
 
   // A view's texels, decoded once while there is room.
