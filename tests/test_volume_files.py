@@ -191,6 +191,11 @@ def test_what_is_no_path_is_refused() -> None:
         load_volume(3)
 
 
+def test_an_empty_name_is_not_the_folder_that_one_is_in() -> None:
+    with pytest.raises(VolumeError, match="the name is empty; give a file or a folder"):
+        load_volume("")
+
+
 def test_a_question_mark_may_be_a_part_of_the_name(tmp_path: Path) -> None:
     path = tmp_path / "what?spacing=2.npy"
     np.save(path, VALUES)

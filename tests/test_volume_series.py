@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import locale
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,14 @@ from volspec.volume import Volume, load_volume
 VALUES = (np.arange(4 * 3 * 5, dtype=np.int16).reshape(4, 3, 5) * 7).astype(np.int16)
 SPACING = (0.5, 0.75)
 STEP = 2.5
+
+
+@pytest.fixture(autouse=True)
+def _characters_stay() -> Iterator[None]:
+    """GDCM writes in the C locale and stays there: what Python opens next would be ASCII."""
+    before = locale.setlocale(locale.LC_CTYPE)
+    yield
+    locale.setlocale(locale.LC_CTYPE, before)
 
 
 def write_slice(path: Path, values: np.ndarray, **tags: str) -> None:
@@ -73,6 +82,13 @@ def test_slices_are_put_where_they_lie_in_the_patient(tmp_path: Path) -> None:
         assert volume.values.dtype == np.int16 and np.array_equal(volume.values, VALUES)
         assert volume.spacing_mm == (*SPACING, STEP) and volume.name == str(named)
         assert volume.world_from_index[:3, 3].tolist() == [-10, -20, 0]
+
+
+def test_reading_leaves_the_locale_alone(tmp_path: Path) -> None:
+    write_series(tmp_path)
+    locale.setlocale(locale.LC_CTYPE, "C.UTF-8")
+    load_volume(tmp_path)
+    assert locale.setlocale(locale.LC_CTYPE) == "C.UTF-8"
 
 
 def test_files_without_an_ending_are_known_by_their_first_bytes(tmp_path: Path) -> None:
@@ -234,6 +250,8 @@ def test_a_file_of_many_frames_is_a_volume(tmp_path: Path) -> None:
     with pytest.warns(VolspecWarning, match="its 4 frames are taken for slices"):
         assert np.array_equal(load_volume(tmp_path).values, VALUES // 2)
     assert load_volume(f"{tmp_path}/film.dcm?spacing=1,1,4").spacing_mm == (1, 1, 4)
+    with pytest.raises(VolumeError, match="time=1, but there is one only"):
+        load_volume(f"{tmp_path}/film.dcm?time=1")
 
 
 def single(folder: Path) -> None:
@@ -282,6 +300,7 @@ def test_folders_that_are_no_volume_are_refused_in_one_line(
         ("?slices=3", "unknown option 'slices'; known are series, time, spacing"),
         ("?spacing=1,2", r"spacing=1,2 cannot be read; write millimetres"),
         ("?spacing=1,1,-1", "must be positive"),
+        ("?spacing=1,1,1&spacing=2,2,2", "spacing= is given twice; give it once"),
         ("?time=1", "time=1, but there is one only; leave it out"),
     ],
 )

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import warnings
+import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
 import pytest
 from PIL import Image
-from tifffile import TiffWriter, imwrite
+from tifffile import TiffFile, TiffWriter, imwrite
 
 from tests.test_volume_series import load_silently
 from volspec.errors import VolspecWarning, VolumeError
@@ -84,6 +86,58 @@ def test_lzw_pages_are_read(tmp_path: Path, values: np.ndarray) -> None:
     assert volume.values.dtype == values.dtype and np.array_equal(volume.values, values)
 
 
+def write_any_lzw(path: Path, values: np.ndarray, **how: Any) -> None:
+    """Any type, which neither Pillow nor tifffile alone writes: nine bits for every byte."""
+
+    def packed(page: np.ndarray) -> bytes:
+        data = page.tobytes()
+        starts = range(0, len(data), 200)  # the table is cleared before codes grow longer
+        codes = [code for start in starts for code in (256, *data[start : start + 200])]
+        bits = "".join(f"{code:09b}" for code in [*codes, 257])
+        return int(bits.ljust(-(-len(bits) // 8) * 8, "0"), 2).to_bytes(-(-len(bits) // 8))
+
+    kind = {"shape": values.shape, "dtype": values.dtype, "compression": "zlib"}
+    imwrite(path, (packed(page) for page in values), **kind, **how)
+    with TiffFile(path, mode="r+") as file:
+        for page in file.pages:
+            page.tags["Compression"].overwrite(5)
+
+
+@pytest.mark.parametrize(
+    ("values", "how"),
+    [
+        ((VALUES - 100).astype(">i2"), {"byteorder": ">"}),
+        (VALUES.astype(">f4"), {"byteorder": ">"}),
+        ((VALUES // 300).astype(np.int8), {}),
+        (np.stack([VALUES] * 3, axis=-1), {"photometric": "rgb"}),
+    ],
+)
+def test_lzw_pages_that_pillow_would_change_are_refused(
+    tmp_path: Path, values: np.ndarray, how: dict[str, str]
+) -> None:
+    """It reads them without a word: bytes swapped, signs lost, 16-bit colours cut to 8."""
+    write_any_lzw(tmp_path / "v.tif", values, **how)
+    with pytest.raises(VolumeError, match=r"v\.tif: its pages are .*pip install imagecodecs"):
+        load_volume(f"{tmp_path}/v.tif?spacing=1,1,1&channel=0")
+
+
+def test_white_is_zero_or_not_the_values_are_those_stored(tmp_path: Path) -> None:
+    values = (VALUES // 300).astype(np.uint8)
+    imwrite(tmp_path / "plain.tif", values, photometric="miniswhite")
+    write_any_lzw(tmp_path / "lzw.tif", values, photometric="miniswhite")
+    for name in ("plain.tif", "lzw.tif"):
+        read = load_silently(f"{tmp_path / name}?spacing=1,1,1").values
+        assert np.array_equal(read, values), name
+
+
+def test_pages_written_one_by_one_are_a_stack(tmp_path: Path) -> None:
+    """tifffile describes each as a picture of its own."""
+    with TiffWriter(tmp_path / "v.tif") as file:
+        for page in VALUES:
+            file.write(page, photometric="minisblack", contiguous=False)
+    assert np.array_equal(load_silently(f"{tmp_path}/v.tif?spacing=1,1,1").values, VALUES)
+
+
 @pytest.mark.parametrize("packed", [None, "zlib"])
 def test_a_channel_and_a_time_are_chosen(tmp_path: Path, packed: str | None) -> None:
     stacks = np.stack([TWO, TWO + 7]).transpose(0, 2, 1, 3, 4)  # T Z C Y X
@@ -109,6 +163,20 @@ def test_one_colour_of_rgb_pages_is_chosen(tmp_path: Path) -> None:
             load_volume(f"{tmp_path}/{name}?spacing=1,1,1")
         volume = load_silently(f"{tmp_path}/{name}?spacing=1,1,1&channel=1")
         assert np.array_equal(volume.values, VALUES % 13)
+
+
+def test_colours_in_planes_of_their_own_are_channels(tmp_path: Path) -> None:
+    for k, page in enumerate(VALUES):
+        colours = np.stack([page, page + 1, page + 2])
+        imwrite(tmp_path / f"{k}.tif", colours, photometric="rgb", planarconfig="separate")
+    volume = load_silently(f"{tmp_path}?spacing=1,1,1&channel=2")
+    assert np.array_equal(volume.values, VALUES + 2)
+
+
+def test_imagej_may_measure_slices_in_another_unit(tmp_path: Path) -> None:
+    units = {"unit": "mm", "zunit": "um", "spacing": 500.0, "axes": "ZYX"}
+    imwrite(tmp_path / "v.tif", VALUES, imagej=True, resolution=(2, 2), metadata=units)
+    assert load_silently(tmp_path / "v.tif").spacing_mm == (0.5, 0.5, 0.5)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
@@ -187,6 +255,23 @@ def cut_png(folder: Path) -> Path:
     return folder
 
 
+def png_of_wide_colours(folder: Path) -> Path:
+    for k in range(2):
+        iio.imwrite(folder / f"{k}.png", np.zeros((6, 7, 3), np.uint8))
+        data = bytearray((folder / f"{k}.png").read_bytes())
+        header = bytes([*data[12:24], 16, *data[25:29]])
+        data[12:33] = header + zlib.crc32(header).to_bytes(4)
+        (folder / f"{k}.png").write_bytes(data)
+    return folder
+
+
+def many_slices_in_a_page(folder: Path) -> Path:
+    for k in range(2):
+        block = np.zeros((16, 16, 16), np.uint8)
+        imwrite(folder / f"{k}.tif", block, volumetric=True, tile=(16, 16, 16))
+    return folder
+
+
 def junk(folder: Path) -> Path:
     (folder / "v.tif").write_bytes(b"hello" * 99)
     return folder / "v.tif"
@@ -196,7 +281,9 @@ def junk(folder: Path) -> Path:
     ("make", "message"),
     [
         (one_page, r"a\.tif: is a single picture \(7x6\), .*; give the folder that holds them, /"),
-        (one_picture, r"holds one picture, .*; give a\.tif itself"),
+        (one_picture, r"holds one picture, a\.tif, .*; give all of them, or a TIFF file of"),
+        (png_of_wide_colours, r"0\.png: holds colours of 16 bits, .*; save it grey"),
+        (many_slices_in_a_page, r"0\.tif: holds 16 pages beside other files"),
         (two_sizes, r"b\.tif: is 7x3, the first slice 7x6"),
         (pages_of_two_sizes, r"v\.tif: holds pictures of several sizes \(7x6, 7x3\)"),
         (pages_beside_a_page, r"b\.tif: holds 5 pages beside other files"),

@@ -126,6 +126,32 @@ def test_damage_is_told_in_one_line(tmp_path: Path) -> None:
         load_volume(path)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"axes": [{"type": "space"}, *SPACE[1:]]}, "'name'"),
+        ({"axes": [{"name": "t"}, *SPACE]}, "4 axes of an array of 3"),
+        (
+            {"coordinateTransformations": [{"type": "scale", "scale": [2.0]}]},
+            "a scale of 1 numbers for 3 axes",
+        ),
+        (
+            {"coordinateTransformations": [{"type": "affine", "affine": []}]},
+            "a transformation of type affine",
+        ),
+    ],
+)
+def test_metadata_that_do_not_fit_are_told_in_one_line(
+    tmp_path: Path, change: dict[str, Any], message: str
+) -> None:
+    path = write(tmp_path / "v.zarr")
+    group = zarr.open_group(str(path))
+    ome = dict(group.attrs["ome"])
+    group.attrs["ome"] = ome | {"multiscales": [ome["multiscales"][0] | change]}
+    with pytest.raises(VolumeError, match=f"metadata cannot be read .*{message}"):
+        load_volume(path)
+
+
 def test_without_zarr_the_command_that_brings_it_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from volspec.cli.kinds import require_scene
-from volspec.cli.shell import Device, Json, app, as_written, bar, print_json, say
+from volspec.cli.shell import Device, Json, app, as_written, bar, counted, print_json, say
 from volspec.cli.size import Size, sides
 from volspec.errors import InputError, SceneError
 
@@ -131,8 +131,8 @@ def export(
     there = made.frames - made.made
     rest = f"; {there} were there" if there else ""
     said = (
-        f"{made.output}: {_count(made.frames, 'frame')}, {made.made} made from "
-        f"{_count(made.casts, 'cast')}{rest}"
+        f"{made.output}: {counted(made.frames, 'frame')}, {made.made} made from "
+        f"{counted(made.casts, 'cast')}{rest}"
     )
     say(said)
 
@@ -148,7 +148,3 @@ def _told_by_option(scene: Path, given: Container[str]) -> Iterator[None]:
             raise
         key, said = found.groups()
         raise InputError(f"--{'light' if key == 'lights' else key}: {said}") from error
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from volspec._files import require_writable
 from volspec.cli.kinds import RELIGHT, require_scene
 from volspec.cli.setting import read_setting
-from volspec.cli.shell import Device, app, as_written, bar, say
+from volspec.cli.shell import Device, app, as_written, bar, counted, say
 from volspec.cli.size import Size, sides
 from volspec.errors import ImageError, InputError
 
@@ -114,5 +114,5 @@ def page(
         name = title or loaded.file.title or scene.stem
         count = write_page(output, cast, lights, loaded.relight, PageSpec(name, caption, bits))
     many = f", {views} views" if views > 1 else ""
-    said = f"{output}: {count / 1e6:.2f} MB, {len(lights)} lights{many}; open it in a browser"
-    say(said)
+    lit = counted(len(lights), "light")
+    say(f"{output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser")

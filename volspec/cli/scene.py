@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from cyclopts import App
 
-from volspec.cli.shell import Json, app, print_json, say
+from volspec.cli.shell import Json, app, counted, print_json, say
 from volspec.errors import one_line
 
 if TYPE_CHECKING:
@@ -58,11 +58,7 @@ def schema() -> None:
 def _line(checked: Checked) -> str:
     size = " × ".join(map(str, checked.volume or ()))
     return (
-        f"{checked.path}: ok: {_count(checked.materials, 'material')}, "
-        f"{_count(checked.lights, 'light')}, volume {size}, basis {checked.basis} "
+        f"{checked.path}: ok: {counted(checked.materials, 'material')}, "
+        f"{counted(checked.lights, 'light')}, volume {size}, basis {checked.basis} "
         f"({checked.reason})"
     )
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -131,6 +131,15 @@ def say(text: object) -> None:
     Terminal().print(visible(str(text)), highlight=False, markup=False, soft_wrap=True)
 
 
+def counted(number: int, what: str) -> str:
+    """How many there are, in words.
+
+    >>> counted(1, "light"), counted(2, "light")
+    ('1 light', '2 lights')
+    """
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def print_json(data: dict[str, Any] | list[dict[str, Any]]) -> None:
     print(json.dumps(data, indent=2))
 

@@ -28,7 +28,6 @@ _LUX, _Y_b, _SURROUND = 1000.0, 20.0, "average"
 
 # What messages call the options, and who is none of their business.
 _OPTIONS = (
-    (r"(?<![\w'\".])(?:Viewing|ViewingConditions|Display)\.(?=\w)", "--"),
     (r"^(?:surround|illuminance_lux) is", r"--\g<0>"),
     (r"^relight: (?=mode|backdrop)", "--"),
     (r"--illuminance_lux", "--lux"),
@@ -216,12 +215,14 @@ def in_options() -> Iterator[None]:
     InputError
         As was raised inside.
     """
-    from volspec.scene.wording import in_keys, reworded
+    from volspec.scene.wording import before_field, in_keys, reworded
+
+    words = ((before_field("Viewing", "ViewingConditions", "Display"), "--"), *_OPTIONS)
 
     try:
         yield
     except InputError as error:
-        raise type(error)(in_keys(reworded(str(error), _OPTIONS))) from error
+        raise type(error)(in_keys(reworded(str(error), words))) from error
 
 
 def white_triple(white: str) -> tuple[float, float, float] | None:

@@ -8,12 +8,22 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-# Of a name that stands for itself, and is no value in quotes.
-_ALONE = r"(?<![\w'\".])"
+# Of a name that stands for itself, and is no value in quotes nor a part of a path.
+_ALONE = r"(?<![\w'\"./\\])"
+# A field, and not the rest of a file's name, as messages begin with: "Display.icc: no such file".
+_FIELD = r"(?=\w+\b(?!:|/|\\|\.\w))"
+
+
+def before_field(*owners: str) -> str:
+    """A pattern of a class and the dot between it and one of its fields."""
+    return rf"{_ALONE}(?:{'|'.join(owners)})\.{_FIELD}"
+
+
 _KEYS = (
-    (rf"{_ALONE}Viewing\.(?=\w)", ""),
-    (rf"{_ALONE}Display\.(?=\w)", "display."),
-    (rf"{_ALONE}Transfer(?=[.:])", "display.space.transfer"),
+    (before_field("Viewing"), ""),
+    (before_field("Display"), "display."),
+    (before_field("Transfer"), "display.space.transfer."),
+    (rf"{_ALONE}Transfer(?=:)", "display.space.transfer"),
     (r"^(?:LightRig|relight): ", ""),
     (r"\bor None for\b", "or leave it out for"),
     (r"\bNone takes it\b", "left out, it is taken"),
@@ -33,6 +43,8 @@ def in_keys(said: str) -> str:
 
     >>> in_keys("Viewing.D is 3.0; expected 0 to 1, or None for the model's own")
     "D is 3.0; expected 0 to 1, or leave it out for the model's own"
+    >>> in_keys("Display.icc: no such file; check the path")
+    'Display.icc: no such file; check the path'
     """
     return reworded(said, _KEYS)
 

@@ -68,6 +68,7 @@ def read_series(query: Query) -> Volume:
             "has one, give a series of grey pictures"
         )
     if series[0].size[2] > 1:
+        query.index("time", 1, "time steps")
         volume = _frames(series[0], guesses)
     else:
         volume = _slices(_one_time(series, query), query, guesses)
@@ -118,7 +119,7 @@ def _chosen(found: list[Slice], query: Query) -> str:
     more = f" and {len(rows) - _MOST_LISTED} more" if len(rows) > _MOST_LISTED else ""
     wrong = "" if given is None else f"series={given} names {len(meant) or 'none'} of them; "
     raise VolumeError(
-        f"{query.path}: holds {len(kinds)} series; {wrong}name one as {query.path.name}?series="
+        f"{query.path}: holds {len(kinds)} series; {wrong}name one as {query.name}?series="
         f"{rows[0].split(' ')[0]}: {', '.join(rows[:_MOST_LISTED])}{more}"
     )
 
@@ -206,7 +207,7 @@ def _slices(series: list[Slice], query: Query, guesses: list[str]) -> Volume:
         origin, step = np.zeros(3), directions[:, 2] * apart
         guesses.append(
             f"{query.path}: the slices state no positions; taken in the order of their numbers, "
-            f"{apart:g} mm apart; give {query.path.name}?spacing=x,y,z where that is wrong"
+            f"{apart:g} mm apart; give {query.name}?spacing=x,y,z where that is wrong"
         )
     else:
         at = np.array([each.origin_mm for each in series])

@@ -112,7 +112,7 @@ def step_mm(at_mm: NDArray[np.float64], names: list[str], query: Query) -> NDArr
         raise VolumeError(
             f"{query.path}: {names[odd]} and {names[odd + 1]} lie {apart[odd]:.4g} mm apart, "
             f"others {usual:.4g} mm: {what}; complete the folder, or take the slices for even with "
-            f"{query.path.name}?spacing=x,y,z"
+            f"{query.name}?spacing=x,y,z"
         )
     return step
 

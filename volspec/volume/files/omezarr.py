@@ -75,6 +75,7 @@ def read_ome_zarr(query: Query) -> Volume:
     try:
         group = zarr.open(str(path), mode="r")
         axes, levels = _multiscale(group, query)
+        names = [str(axis["name"]).lower() for axis in axes]
     except VolumeError:
         raise
     except _DAMAGE as error:
@@ -82,7 +83,6 @@ def read_ome_zarr(query: Query) -> Volume:
             f"{path}: its OME-Zarr metadata cannot be read ({one_line(error)[:120]}); is the "
             "folder complete?"
         ) from error
-    names = [str(axis["name"]).lower() for axis in axes]
     level = levels[_level(levels, names, query, remarks)]
     world = _world(level, axes, query, remarks)
     volume = Volume(
@@ -114,7 +114,10 @@ def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Le
     levels = []
     for each in picture["datasets"]:
         steps = [*each.get("coordinateTransformations", []), *whole]
-        levels.append(Level(group[each["path"]], *_scale_and_shift(steps, len(axes))))
+        array = group[each["path"]]
+        if len(array.shape) != len(axes):
+            raise ValueError(f"{len(axes)} axes of an array of {len(array.shape)}")
+        levels.append(Level(array, *_scale_and_shift(steps, len(axes))))
     if not levels:
         raise ValueError("no datasets")
     return axes, levels
@@ -131,11 +134,18 @@ def _scale_and_shift(
     """
     scale, shift = np.ones(count), np.zeros(count)
     for step in steps:
-        if step["type"] == "scale":
-            factor = np.array(step["scale"], float)
-            scale, shift = scale * factor, shift * factor
-        elif step["type"] == "translation":
-            shift = shift + np.array(step["translation"], float)
+        kind = step["type"]
+        if kind == "identity":
+            continue
+        if kind not in ("scale", "translation"):
+            raise ValueError(f"a transformation of type {kind}")
+        numbers = np.array(step[kind], float)
+        if len(numbers) != count:
+            raise ValueError(f"a {kind} of {len(numbers)} numbers for {count} axes")
+        if kind == "scale":
+            scale, shift = scale * numbers, shift * numbers
+        else:
+            shift = shift + numbers
     return tuple(scale.tolist()), tuple(shift.tolist())
 
 
@@ -151,7 +161,7 @@ def _level(levels: list[Level], names: list[str], query: Query, remarks: list[st
     if chosen:
         remarks.append(
             f"{query.path}: level 0 takes {taken[0] / 1e9:.3g} GB, level {chosen} is read; ask for "
-            f"another as {query.path.name}?level=0"
+            f"another as {query.name}?level=0"
         )
     return chosen
 
@@ -168,7 +178,7 @@ def _world(
     scale, shift, unknown = [], [], []
     for name in reversed(_SPACE):
         unit = axes[places[name]].get("unit")
-        mm = mm_per(unit)
+        mm = mm_per(str(unit or ""))
         if mm is None:
             unknown.append(str(unit or "none"))
         scale.append(level.scale[places[name]] * (mm or 1.0))
@@ -176,7 +186,7 @@ def _world(
     if unknown and query.spacing_mm is None:
         remarks.append(
             f"{query.path}: the unit of its scale is {unknown[0]}, it is taken for millimetres; "
-            f"give {query.path.name}?spacing=x,y,z where that is wrong"
+            f"give {query.name}?spacing=x,y,z where that is wrong"
         )
     return affine(np.diag(scale), shift)
 

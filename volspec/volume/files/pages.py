@@ -3,7 +3,8 @@
     tiff, stack -> [pages] -> (Y, X) or (Y, X, S) arrays
 
 tifffile knows the dialects of microscopes. Without imagecodecs, a large package, it leaves LZW and
-JPEG alone: such pages are read by Pillow, which knows neither dialects nor all types.
+JPEG alone: such pages are read by Pillow, which knows no dialects and few types. Others it would
+narrow or read in the wrong byte order without a word; they are refused.
 """
 
 from __future__ import annotations
@@ -24,8 +25,15 @@ from volspec.errors import VolumeError, one_line
 
 _DAMAGE = (
     *(ValueError, OSError, RuntimeError, LookupError, TypeError, AttributeError, ArithmeticError),
-    *(EOFError, SyntaxError, MemoryError, struct.error, zlib.error),
+    *(EOFError, SyntaxError, MemoryError, ImportError, struct.error, zlib.error),
 )
+# Types that Pillow reads as they are, with the file's byte order; of several samples a pixel one.
+_PILLOWS = ("<b1", ">b1", "<u1", ">u1", "<u2", ">u2", "<i2", "<i4", "<u4", "<f4")
+_PILLOWS_COLOURS = ("<u1", ">u1")
+# TIFF 6.0: PhotometricInterpretation, PlanarConfiguration.
+_WHITE_IS_ZERO, _CONTIGUOUS = 0, 1
+# Where a PNG file says the bits of a sample.
+_PNG_BITS = 24
 
 
 @contextmanager
@@ -47,6 +55,11 @@ def readable(path: Path) -> Iterator[None]:
     except _DAMAGE as error:
         if isinstance(error, VolumeError) and not said:
             raise
+        if _lacks_codec(error):
+            raise VolumeError(
+                f"{path}: its pages are compressed in a way that needs another package; "
+                "pip install imagecodecs, or save the stack without compression"
+            ) from error
         raise VolumeError(_damaged(path, [*said, str(error)])) from error
     finally:
         log.removeHandler(handler)
@@ -62,24 +75,58 @@ def _damaged(path: Path, said: list[str]) -> str:
     )
 
 
+def _lacks_codec(error: Exception) -> bool:
+    return isinstance(error, ImportError) or "imagecodecs" in str(error)
+
+
 def page_values(page: Any) -> NDArray[Any]:
-    """The pixels of a tifffile ``TiffPage``, decoded by whom that can."""
+    """The pixels of a tifffile ``TiffPage``, as its axes say, decoded by whom that can."""
     try:
         return np.asarray(page.asarray())
-    except ValueError as error:
-        if "imagecodecs" not in str(error):
+    except (ValueError, ImportError) as error:
+        if not _lacks_codec(error) or not _pillow_can(page.keyframe):
             raise
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
-    # libtiff prints its complaints, and Pillow raises them.
-    with captured_output([]), Image.open(page.parent.filehandle.path) as image:
-        image.seek(page.index)
-        return np.array(image)
+    try:
+        # libtiff prints its complaints, and Pillow raises them.
+        with captured_output([]), Image.open(page.parent.filehandle.path) as image:
+            image.seek(page.index)
+            values = np.array(image)
+    except UnidentifiedImageError as error:
+        raise ImportError("imagecodecs") from error
+    # Pillow inverts these, tifffile gives what is stored.
+    if page.keyframe.photometric == _WHITE_IS_ZERO and values.dtype.itemsize == 1:
+        values = ~values
+    # Its integers of 32 bits are signed.
+    return values.view(np.uint32) if page.dtype == np.uint32 else values
+
+
+def _pillow_can(page: Any) -> bool:
+    """Whether Pillow gives the values that are stored."""
+    if page.dtype is None or page.planarconfig != _CONTIGUOUS or page.imagedepth > 1:
+        return False
+    known = _PILLOWS if page.samplesperpixel == 1 else _PILLOWS_COLOURS
+    stored = 1 if page.dtype.kind == "b" else 8 * page.dtype.itemsize
+    return page.parent.byteorder + page.dtype.str[1:] in known and page.bitspersample == stored
 
 
 def png_values(path: Path) -> NDArray[Any]:
-    """The pixels of a PNG file; where it has a palette, their numbers in it."""
+    """The pixels of a PNG file; where it has a palette, their numbers in it.
+
+    Raises
+    ------
+    VolumeError
+        If it holds colours of 16 bits, which Pillow narrows to 8.
+    """
     from PIL import Image
 
     with Image.open(path) as image:
+        with path.open("rb") as file:
+            bits = file.read(_PNG_BITS + 1)[_PNG_BITS]
+        if bits > 8 and len(image.getbands()) > 1:
+            raise VolumeError(
+                f"{path}: holds colours of {bits} bits, of which 8 would be left; save it grey, or "
+                "as TIFF"
+            )
         return np.array(image)

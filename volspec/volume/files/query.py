@@ -37,11 +37,31 @@ class Query:
 
     @classmethod
     def of(cls, text: str) -> Query:
-        """Split a name at its question mark; one that is there as a whole has no options."""
+        """Split a name at its question mark; one that is there as a whole has no options.
+
+        Raises
+        ------
+        VolumeError
+            If there is no path, or an option is given twice.
+        """
         path, _, query = text.partition("?")
         if query and Path(text).exists():
             return cls(Path(text))
-        return cls(Path(path), dict(parse_qsl(query, keep_blank_values=True)))
+        if not path:
+            raise VolumeError(
+                "volume: the name is empty; give a file or a folder, as . for this one"
+            )
+        options: dict[str, str] = {}
+        for key, value in parse_qsl(query, keep_blank_values=True):
+            if key in options:
+                raise VolumeError(f"{path}: {key}= is given twice; give it once")
+            options[key] = value
+        return cls(Path(path), options)
+
+    @property
+    def name(self) -> str:
+        """The path's last part, for an example of a query in a message."""
+        return self.path.name or str(self.path)
 
     def allow(self, *known: str) -> None:
         """Refuse options other than these.
@@ -72,7 +92,7 @@ class Query:
         except ValueError as error:
             raise VolumeError(
                 f"{self.path}: spacing={given} cannot be read; write millimetres along x, y, z "
-                f"as in {self.path.name}?spacing=0.65,0.65,2"
+                f"as in {self.name}?spacing=0.65,0.65,2"
             ) from error
         return x, y, z
 
@@ -101,7 +121,7 @@ class Query:
             wrong = "" if given is None else f" and {key}={given} is none of them"
             raise VolumeError(
                 f"{self.path}: holds {count} {what}{wrong}, a volume is one; choose it as "
-                f"{self.path.name}?{key}=0 … {count - 1}"
+                f"{self.name}?{key}=0 … {count - 1}"
             )
         return int(given)
 

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolumeError
@@ -21,6 +22,8 @@ from volspec.volume.files.tiff_spacing import spacing_of, stated_mm
 from volspec.volume.model import Volume
 
 _PNG = ".png"
+# tifffile's letter for the samples of a pixel.
+_SAMPLES = "S"
 
 
 def pictures_in(folder: Path) -> list[Path]:
@@ -55,8 +58,8 @@ def read_stack(query: Query) -> Volume:
     files = pictures_in(query.path)
     if len(files) == 1:
         raise VolumeError(
-            f"{query.path}: holds one picture, a volume has several slices; give "
-            f"{files[0].name} itself if it has several pages"
+            f"{query.path}: holds one picture, {files[0].name}, a volume has several slices; give "
+            "all of them, or a TIFF file of several pages itself"
         )
     remarks: list[str] = []
     first, stated = _picture(files[0])
@@ -95,10 +98,13 @@ def _picture(path: Path) -> tuple[NDArray[Any], tuple[float | None, ...]]:
         from tifffile import TiffFile
 
         with TiffFile(path) as tiff:
-            if len(tiff.pages) > 1:
-                raise VolumeError(
-                    f"{path}: holds {len(tiff.pages)} pages beside other files; give a file of "
-                    "several pages itself, or a folder of single ones"
-                )
             page = tiff.pages[0]
-            return page_values(page), stated_mm(tiff, page)
+            if (pages := len(tiff.pages) * page.imagedepth) > 1:
+                raise VolumeError(
+                    f"{path}: holds {pages} pages beside other files; give a file of several pages "
+                    "itself, or a folder of single ones"
+                )
+            values = page_values(page)
+            if page.axes.startswith(_SAMPLES):  # a plane for each colour
+                values = np.moveaxis(values, 0, -1)
+            return values, stated_mm(tiff, page)

@@ -6,6 +6,7 @@ file -> tifffile: axes and pages -> [tiff] -> Volume
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,7 @@ def read_tiff(query: Query) -> Volume:
     path = query.path
     query.allow("spacing", "channel", "time")
     remarks: list[str] = []
-    with readable(path), TiffFile(path) as tiff:
+    with readable(path), TiffFile(path, **_pages_alike(path)) as tiff:
         series = _only_series(tiff, query)
         through = _slice_axis(series, query)
         at = {
@@ -51,6 +52,15 @@ def read_tiff(query: Query) -> Volume:
     volume = Volume(values, spacing_mm=spacing, name=str(path))
     tell(remarks)
     return volume
+
+
+def _pages_alike(path: Path) -> dict[str, bool]:
+    """How to open a file: pages that tifffile has written one by one are a series each in it."""
+    from tifffile import TiffFile
+
+    with TiffFile(path) as tiff:
+        single = len(tiff.series) > 1 and all(len(each.pages) == 1 for each in tiff.series)
+        return {"is_shaped": False} if single and tiff.is_shaped else {}
 
 
 def _only_series(tiff: Any, query: Query) -> Any:

@@ -40,7 +40,7 @@ def spacing_of(
     x, y, z = stated
     if query.spacing_mm is not None:
         return query.spacing_mm
-    remedy = f"give {query.path.name}?spacing=x,y,z in mm"
+    remedy = f"give {query.name}?spacing=x,y,z in mm"
     if x is None or y is None:
         remarks.append(f"{query.path}: states no spacing, voxels are taken for 1 mm; {remedy}")
         return 1.0, 1.0, 1.0
@@ -60,10 +60,13 @@ def stated_mm(tiff: Any, page: Any) -> tuple[float | None, float | None, float |
         return x, y, z
     if tiff.imagej_metadata:
         kept = tiff.imagej_metadata
-        mm = mm_per(kept.get("unit"))
+        unit = kept.get("unit")
+        x_mm, y_mm, z_mm = (
+            mm_per(u) for u in (unit, kept.get("yunit", unit), kept.get("zunit", unit))
+        )
         distance = _positive(kept.get("spacing"))
-        z = None if mm is None or distance is None else mm * distance
-        return _pixel(page, "XResolution", mm), _pixel(page, "YResolution", mm), z
+        z = None if z_mm is None or distance is None else z_mm * distance
+        return _pixel(page, "XResolution", x_mm), _pixel(page, "YResolution", y_mm), z
     tag = page.tags.get("ResolutionUnit")
     unit = {_INCH: "inch", _CENTIMETRE: "cm"}.get(int(tag.value) if tag is not None else 0)
     x, y = (_pixel(page, name, mm_per(unit)) for name in ("XResolution", "YResolution"))
