@@ -198,6 +198,8 @@ class _App:
         casts = self._casting.take()
         for done in casts:
             self._screen.take(done, self._history.present if self._history else None)
+        if casts and self._shown is not None:
+            self._relight(self._shown)  # it is seen a frame earlier so
         news, opened = self._chores.take(first=self._history is None)
         if self._history is not None:
             history = self._designing.taken(self._history)
