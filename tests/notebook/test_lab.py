@@ -82,13 +82,20 @@ def clear(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return frame[height // 4 : -height // 4, 7 * width // 16 :]
 
 
+def shows(lab: Lab, wanted: NDArray[np.uint8]) -> bool:
+    """Whether a picture is seen, once a browser that is slow has drawn all of it."""
+    size = wanted.shape[1], wanted.shape[0]
+    pictures = (seen(lab, size) for _ in range(20))
+    return any(apart(clear(each), clear(wanted)) <= NEAR for each in pictures)
+
+
 def test_one_picture_goes_to_and_fro(
     lab: Lab, colours: CoefficientImage, turned: CoefficientImage
 ) -> None:
     """One story: each step needs the one before, and a second JupyterLab costs too much."""
     shown = seen(lab, colours.size)
     assert shown.std() > 20, "the picture is empty"
-    assert apart(clear(shown), clear(relight(colours, light("D65")))) <= NEAR
+    assert shows(lab, relight(colours, light("D65")))
 
     # A slider is dragged and a pixel is clicked in the page; the next cell reads them.
     track = lab.frame.locator("#light-list li:nth-child(2) input").bounding_box()
@@ -112,14 +119,13 @@ def test_one_picture_goes_to_and_fro(
     lab.run(2)
     lab.until("#label-a", "HP1")
     bare = Viewing(model="none")
-    wanted = relight(colours, light("HP1"), bare)
-    assert apart(clear(seen(lab, colours.size)), clear(wanted)) <= NEAR
+    assert shows(lab, relight(colours, light("HP1"), bare))
     lab.run(3)
     lab.until(f"#picture[height='{turned.size[1]}']", "")
     lab.ready()
     lab.until("#label-a", "HP1")
     wanted = relight(turned, light("HP1"), bare)
-    assert apart(clear(seen(lab, turned.size)), clear(wanted)) <= NEAR
+    assert shows(lab, wanted)
     with lab.page.expect_download() as download:
         lab.frame.locator("header .download").click()
     saved = np.asarray(Image.open(download.value.path()).convert("RGB"))

@@ -104,7 +104,6 @@ def test_the_screen_shows_the_desktops_frames_under_three_lights(
         page.mouse.move(0, 0)
         engine_page.settle()
         box = page.locator("#frame").bounding_box()
-        shot = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
         x, y = (
             (box[start] + (np.arange(count) + 0.5) * box[side] / count).astype(int)
             for start, side, count in (("x", "width", width), ("y", "height", height))
@@ -112,7 +111,10 @@ def test_the_screen_shows_the_desktops_frames_under_three_lights(
         # Above and below are captions and buttons.
         rows = slice(height // 5, -height // 5)
         wanted = frame(engine_image, engine_scene.lights[i], engine_scene.relight)
-        assert apart(shot[np.ix_(y, x)][rows], wanted[rows]) <= 0.4, engine_scene.lights[i].name
+        # A browser that is slow shows every second row and column first.
+        shots = (Image.open(io.BytesIO(page.screenshot())).convert("RGB") for _ in range(20))
+        seen = (np.asarray(shot)[np.ix_(y, x)] for shot in shots)
+        assert any(apart(each[rows], wanted[rows]) <= 0.4 for each in seen), i
 
 
 @pytest.mark.parametrize("model", [*CLOSED, *ADAPTATIONS])
