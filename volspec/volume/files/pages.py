@@ -36,6 +36,18 @@ _WHITE_IS_ZERO, _CONTIGUOUS = 0, 1
 _PNG_BITS = 24
 
 
+class _Complaints(logging.Handler):
+    """Keeps what is logged."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self.said: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a message."""
+        self.said.append(record.getMessage())
+
+
 @contextmanager
 def readable(path: Path) -> Iterator[None]:
     """Turn what readers of pictures raise and log into one line.
@@ -45,9 +57,8 @@ def readable(path: Path) -> Iterator[None]:
     VolumeError
         If the body raises, or tifffile logs an error: it goes on with what it could read.
     """
-    said: list[str] = []
-    log, handler = logging.getLogger("tifffile"), logging.Handler(logging.ERROR)
-    handler.emit = lambda record: said.append(record.getMessage())  # type: ignore[method-assign]
+    log, handler = logging.getLogger("tifffile"), _Complaints(logging.ERROR)
+    said = handler.said
     log.addHandler(handler)
     heard, log.propagate = log.propagate, False
     try:
