@@ -101,7 +101,7 @@ BAD_FILES = {
     "junk.vti": (b"hello" * 99, "not readable"),
     "junk.npy": (b"hello" * 99, "not a readable .npy"),
     "notes.txt": (b"hello", "unknown format; known are NRRD"),
-    "short.nrrd": (NRRD.encode() + VALUES.tobytes()[:30], "cannot be read"),
+    "short.nrrd": (NRRD.encode() + VALUES.tobytes()[:30], "30 bytes .* asks for 48"),
     "flat.nrrd": (
         b"NRRD0004\ntype: short\ndimension: 2\nsizes: 4 6\nendian: little\nencoding: raw\n\n"
         + VALUES.tobytes(),

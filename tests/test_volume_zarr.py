@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from tests.test_volume_series import load_silently
 from volspec.errors import DeviceError, VolspecWarning, VolumeError
 from volspec.volume import load_volume
 from volspec.volume.files import omezarr
+from volspec.volume.files.query import Query
+from volspec.volume.load import read_here
 
 VALUES = np.arange(4 * 6 * 8, dtype=np.uint16).reshape(4, 6, 8)
 SPACE = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
@@ -71,9 +74,9 @@ def test_a_level_is_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     with pytest.raises(VolumeError, match=r"holds 2 levels and level=2 is none of them"):
         load_volume(f"{path}?level=2")
     monkeypatch.setattr(omezarr, "_MOST_BYTES", VALUES.nbytes - 1)
-    with pytest.warns(VolspecWarning, match=r"level 1 is read; .*v\.zarr\?level=0") as caught:
-        assert load_volume(path).shape_xyz == coarse.shape_xyz
-    assert caught[0].filename == __file__
+    reading = read_here(Query.of(str(path)))
+    assert reading.values.shape == coarse.values.shape
+    assert re.search(r"level 1 is read; .*v\.zarr\?level=0", reading.remarks[0])
     assert load_silently(f"{path}?level=0").shape_xyz == (8, 6, 4)
 
 
@@ -158,4 +161,4 @@ def test_without_zarr_the_command_that_brings_it_is_named(
     path = write(tmp_path / "v.zarr")
     monkeypatch.setitem(sys.modules, "zarr", None)
     with pytest.raises(DeviceError, match=r'needs zarr; pip install "volspec\[zarr\]"'):
-        load_volume(path)
+        read_here(Query.of(str(path)))

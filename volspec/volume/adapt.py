@@ -5,59 +5,16 @@ Cell scalars are taken where a grid has no point scalars; their lattice is the c
 
 from __future__ import annotations
 
-import logging
-import warnings
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from volspec.errors import VolumeError
-from volspec.volume.headers import check_vtk_length
 from volspec.volume.model import Volume
 
 if TYPE_CHECKING:
     import pyvista
-
-
-def read_vtk_image(path: Path) -> Volume:
-    """Read ``.vti`` or ``.vtk`` image data.
-
-    Raises
-    ------
-    VolumeError
-        If VTK reports an error, the file ends early or holds something other than image data.
-    """
-    import pyvista
-    from pyvista.core.utilities.observers import VtkErrorCatcher
-    from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
-
-    check_vtk_length(path)
-    # VTK prints its complaints, pyvista logs them again; what the user needs is one line.
-    before = vtkLogger.GetCurrentVerbosityCutoff()
-    # Where another library has switched VTK's warnings off, its errors would not reach us either.
-    told = vtkObject.GetGlobalWarningDisplay()
-    vtkObject.SetGlobalWarningDisplay(1)
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-    logging.disable(logging.ERROR)
-    try:
-        with (
-            VtkErrorCatcher(raise_errors=True, send_to_logging=False),
-            warnings.catch_warnings(),
-        ):
-            # pyvista warns of errors that it caught itself.
-            warnings.filterwarnings("error", ".*raised an error while reading", UserWarning)
-            grid = pyvista.read(path)
-    except (OSError, ValueError, RuntimeError, TypeError, UserWarning) as error:
-        raise VolumeError(
-            f"{path}: not readable as VTK image data; is the file complete and of the type its "
-            "name says?"
-        ) from error
-    finally:
-        logging.disable(logging.NOTSET)
-        vtkLogger.SetStderrVerbosity(before)
-        vtkObject.SetGlobalWarningDisplay(told)
-    return volume_from_pyvista(grid, name=str(path))
 
 
 def volume_from_pyvista(
@@ -72,6 +29,20 @@ def volume_from_pyvista(
     ------
     VolumeError
         If it is not an ``ImageData``, has no such array, or the array is not one scalar a point.
+    """
+    values, world = values_and_lattice(grid, scalars, name)
+    return Volume(values, world_from_index=world, name=name)
+
+
+def values_and_lattice(
+    grid: pyvista.ImageData, scalars: str | None, name: str
+) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Return a grid's scalars (Z, Y, X), not copied, and its world_from_index (4, 4).
+
+    Raises
+    ------
+    VolumeError
+        As `volume_from_pyvista`.
     """
     if type(grid).__name__ != "ImageData":
         raise VolumeError(
@@ -101,7 +72,7 @@ def volume_from_pyvista(
     world[:3, :3] = np.asarray(grid.direction_matrix) * spacing
     centre = np.full(3, 0.5 if cells else 0.0)
     world[:3, 3] = np.asarray(grid.origin) + world[:3, :3] @ centre
-    return Volume(array.reshape(shape[::-1]), world_from_index=world, name=name)
+    return array.reshape(shape[::-1]), world
 
 
 def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:

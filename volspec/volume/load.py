@@ -9,22 +9,24 @@ library reads what, and why: docs/decisions/0001.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from volspec.errors import VolumeError, quoted
-from volspec.volume.adapt import read_vtk_image
+from volspec.errors import VolspecWarning, VolumeError, quoted
 from volspec.volume.files.dicom import read_series, series_folders
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import dicom_files, is_dicom
 from volspec.volume.files.itk import read_itk
 from volspec.volume.files.omezarr import is_zarr, read_ome_zarr
-from volspec.volume.files.query import Query
+from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.files.raw import read_npy, read_raw
 from volspec.volume.files.stack import pictures_in, read_stack
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 from volspec.volume.files.tiff import read_tiff
+from volspec.volume.files.vtk import read_vtk
 from volspec.volume.model import Volume
+from volspec.volume.reader_process import read_in_child
 
 _ITK_SUFFIXES = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz")
 _VTK_SUFFIXES = (".vti", ".vtk")
@@ -70,7 +72,18 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     if not isinstance(path, str | os.PathLike):
         raise VolumeError(f"volume: {quoted(path)} is no path; give text or a pathlib.Path")
     query = Query.of(os.fspath(path))
-    volume = _reader(query)(query)
+    reading = read_in_child(query) if library_of(query) else read_here(query)
+    values = reading.values
+    volume = Volume(
+        values.read() if isinstance(values, Stored) else values,
+        spacing_mm=reading.spacing_mm,  # type: ignore[arg-type]
+        world_from_index=reading.world_from_index,  # type: ignore[arg-type]
+        name=str(query.path),
+    )
+    if query.spacing_mm is not None:
+        volume = volume.with_spacing(query.spacing_mm)
+    for remark in reading.remarks:
+        warnings.warn(remark, VolspecWarning, stacklevel=2)
     low, high = volume.range
     if low == high:
         raise VolumeError(
@@ -80,7 +93,39 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     return volume
 
 
-def _reader(query: Query) -> Callable[[Query], Volume]:
+def read_here(query: Query) -> Reading:
+    """Read a file in this process, whatever its libraries do to it.
+
+    Raises
+    ------
+    VolspecError
+    """
+    return _reader(query)(query)
+
+
+# Readers that leave the file's bytes to others' code.
+_LIBRARIES: dict[Callable[[Query], Reading], str] = {
+    read_itk: "SimpleITK",
+    read_series: "SimpleITK",
+    read_vtk: "pyvista",
+    read_tiff: "tifffile",
+    read_stack: "tifffile",
+    read_ome_zarr: "zarr",
+}
+
+
+def library_of(query: Query) -> str:
+    """Return the module that reads a file; empty if it is read with NumPy alone.
+
+    Raises
+    ------
+    VolumeError
+        If there is no such file, or it is of no known format.
+    """
+    return _LIBRARIES.get(_reader(query), "")
+
+
+def _reader(query: Query) -> Callable[[Query], Reading]:
     path = query.path
     if not path.exists():
         raise VolumeError(f"{path}: no such file; check the path")
@@ -101,7 +146,7 @@ def _reader(query: Query) -> Callable[[Query], Volume]:
             )
         if lower.endswith(".npy"):
             return read_npy
-        return read_itk if lower.endswith(_ITK_SUFFIXES) else _read_vtk
+        return read_itk if lower.endswith(_ITK_SUFFIXES) else read_vtk
     if is_dicom(path) and not lower.endswith(".raw"):
         return read_series
     if lower.endswith(".raw") or query.options:
@@ -109,11 +154,7 @@ def _reader(query: Query) -> Callable[[Query], Volume]:
     raise VolumeError(f"{path}: unknown format; known are {_KNOWN}")
 
 
-def _read_vtk(query: Query) -> Volume:
-    return read_vtk_image(query.path)
-
-
-def _folder_reader(folder: Path) -> Callable[[Query], Volume]:
+def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
     try:
         if is_zarr(folder):
             return read_ome_zarr

@@ -1,6 +1,6 @@
 """DICOM series through SimpleITK (GDCM): which slices belong together, in which order, and where.
 
-    folder, or one file of it -> headers -> [dicom] -> Volume
+    folder, or one file of it -> headers -> [dicom] -> Reading
 
 Rescale slope and intercept are applied slice by slice (Hounsfield units, PET). Positions and
 directions are the patient's (LPS). ITK's own reader of series gives every stack the mean distance
@@ -25,10 +25,11 @@ from volspec.errors import VolumeError
 from volspec.volume.files.dicom_headers import Series, Slice, dicom_files, headers
 from volspec.volume.files.itk import complaint
 from volspec.volume.files.lattice import Places, affine, step_mm, unevenness
-from volspec.volume.files.query import Query, tell
+from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.stacking import stacked
-from volspec.volume.model import Volume
 
+# Values (Z, Y, X), and world_from_index (4, 4).
+_Placed = tuple[NDArray[Any], NDArray[np.float64]]
 # Patient, study, series.
 _LEVELS = 3
 # Series that one line lists.
@@ -50,7 +51,7 @@ def series_folders(folder: Path) -> list[Path]:
     return []
 
 
-def read_series(query: Query) -> Volume:
+def read_series(query: Query) -> Reading:
     """Read a folder's series, or the one that a file belongs to.
 
     Raises
@@ -69,13 +70,13 @@ def read_series(query: Query) -> Volume:
         )
     if series[0].size[2] > 1:
         query.index("time", 1, "time steps")
-        volume = _frames(series[0], guesses)
+        query.reserve(series[0].size, series[0].itemsize)
+        values, world = _frames(series[0], guesses)
     else:
-        volume = _slices(_one_time(series, query), query, guesses)
-    if query.spacing_mm is not None:
-        volume, guesses = volume.with_spacing(query.spacing_mm), []
-    tell(remarks + guesses)
-    return volume
+        values, world = _slices(_one_time(series, query), query, guesses)
+    if query.spacing_mm is None:
+        remarks += guesses
+    return Reading(values, world_from_index=world, remarks=remarks)
 
 
 def _asked_for(query: Query) -> list[Slice]:
@@ -198,7 +199,7 @@ def _one_time(series: list[Slice], query: Query) -> list[Slice]:
     return [series[stack[chosen]] for stack in stacks]
 
 
-def _slices(series: list[Slice], query: Query, guesses: list[str]) -> Volume:
+def _slices(series: list[Slice], query: Query, guesses: list[str]) -> _Placed:
     first = series[0]
     x, y, _ = first.spacing_mm
     directions = first.directions
@@ -214,13 +215,14 @@ def _slices(series: list[Slice], query: Query, guesses: list[str]) -> Volume:
         origin, step = at[0], step_mm(at, [each.path.name for each in series], query)
         if uneven := unevenness(at):
             guesses.append(f"{query.path}: {uneven}")
+    query.reserve((*first.size, len(series)), first.itemsize)
     with captured_output([]):
         values = stacked(series, _pixels)
     columns = np.column_stack([directions[:, 0] * x, directions[:, 1] * y, step])
-    return Volume(values, world_from_index=affine(columns, origin), name=str(query.path))
+    return values, affine(columns, origin)
 
 
-def _frames(file: Slice, guesses: list[str]) -> Volume:
+def _frames(file: Slice, guesses: list[str]) -> _Placed:
     """One file of many frames: an enhanced CT or MR, or a film."""
     with captured_output([]):
         values = _picture(file)
@@ -230,7 +232,7 @@ def _frames(file: Slice, guesses: list[str]) -> Volume:
         f"{file.path.name}?spacing=x,y,z where that is wrong"
     )
     columns = file.directions * np.array(file.spacing_mm)
-    return Volume(values, world_from_index=affine(columns, file.origin_mm), name=str(file.path))
+    return values, affine(columns, file.origin_mm)
 
 
 def _pixels(file: Slice) -> NDArray[Any]:

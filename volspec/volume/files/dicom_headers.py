@@ -55,8 +55,8 @@ class Slice:
     number : int
         Of the instance in its series.
     size : (columns, rows, frames)
-    components : int
-        Values a pixel.
+    components, itemsize : int
+        Values a pixel, and bytes a value.
     spacing_mm : (x, y, z)
         The last is of frames.
     directions : (3, 3) float64
@@ -75,6 +75,7 @@ class Slice:
     number: int
     size: tuple[int, int, int]
     components: int
+    itemsize: int
     spacing_mm: tuple[float, float, float]
     directions: NDArray[np.float64]
     origin_mm: NDArray[np.float64]
@@ -149,6 +150,7 @@ def _header(path: Path) -> Slice | None:
         number=int(_number(reader, "0020|0013") or 0),
         size=(columns, rows, frames[0] if frames else 1),
         components=reader.GetNumberOfComponents(),
+        itemsize=sitk.Image([1, 1, 1], reader.GetPixelID()).GetSizeOfPixelComponent(),
         spacing_mm=(x, y, z[0] if z else 1.0),
         directions=np.reshape(reader.GetDirection(), (3, 3)),
         origin_mm=np.array(reader.GetOrigin()),

@@ -1,23 +1,25 @@
 """Single files through SimpleITK: NRRD, MetaImage, NIfTI.
 
-load_volume -> [itk] -> Volume
+load_volume -> [itk] -> Reading
 """
 
 from __future__ import annotations
 
+import math
 import os
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from volspec._files import captured_output
 from volspec.errors import VolumeError
+from volspec.volume.files.headers import NIFTI_SUFFIXES, Layout, check_itk_header
 from volspec.volume.files.lattice import affine
-from volspec.volume.files.query import Query
-from volspec.volume.headers import check_itk_header, warn_if_longer
-from volspec.volume.model import Volume
+from volspec.volume.files.query import Query, Reading
 
 
-def read_itk(query: Query) -> Volume:
+def read_itk(query: Query) -> Reading:
     """Read an image of three dimensions with one value a voxel.
 
     Raises
@@ -27,33 +29,53 @@ def read_itk(query: Query) -> Volume:
     import SimpleITK as sitk
 
     path = query.path
-    check_itk_header(path)
+    if not path.name.lower().endswith(NIFTI_SUFFIXES):
+        check_itk_header(path)
     said: list[str] = []
+    image: Any = sitk.ImageFileReader()
+    image.SetFileName(os.fspath(path))
     try:
         with captured_output(said):
-            image = sitk.ReadImage(os.fspath(path))
+            image.ReadImageInformation()
+            size, dtype = image.GetSize(), _scalar_type(path, image)
+            nbytes = math.prod(size) * dtype.itemsize
+            layout = Layout.of(path)
+            # Of integers with a scale the file holds fewer bytes: only ITK knows how many.
+            held = None if layout is None or layout.rescaled else layout.held_bytes(nbytes)
+            query.reserve(size, dtype.itemsize, held)
+            values: Any = None if layout is None else layout.stored(size, dtype)
+            if values is None:
+                image = image.Execute()
+                values = sitk.GetArrayViewFromImage(image)
+                values = values if layout is None else layout.restore_non_finite(values)
     except RuntimeError as error:
         raise VolumeError(
             f"{path}: cannot be read ({complaint(error, said)}); is the file complete and of the "
             "type its name says?"
         ) from error
-    if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
-        size = "x".join(str(n) for n in image.GetSize())
-        raise VolumeError(
-            f"{path}: is {image.GetDimension()}-D ({size}) with "
-            f"{image.GetNumberOfComponentsPerPixel()} components a voxel; a volume is 3-D with "
-            "one. Choose one channel or time step"
-        )
-    values = sitk.GetArrayFromImage(image)
-    warn_if_longer(path, values.nbytes)
     spacing = np.array(image.GetSpacing())
     directions = np.array(image.GetDirection()).reshape(3, 3)
-    return Volume(
+    return Reading(
         values,
-        spacing_mm=tuple(spacing),
+        spacing_mm=tuple(spacing.tolist()),
         world_from_index=affine(directions * spacing, image.GetOrigin()),
-        name=str(path),
+        remarks=query.surplus(held, nbytes),
+        owner=image,
     )
+
+
+def _scalar_type(path: Path, reader: Any) -> np.dtype[Any]:
+    """Return the type of a voxel; refuse what is not 3-D with one value a voxel."""
+    import SimpleITK as sitk
+
+    size, components = reader.GetSize(), reader.GetNumberOfComponents()
+    if len(size) != 3 or components != 1:
+        raise VolumeError(
+            f"{path}: is {len(size)}-D ({'x'.join(map(str, size))}) with {components} components a "
+            "voxel; a volume is 3-D with one. Choose one channel or time step"
+        )
+    dtype: np.dtype[Any] = sitk.GetArrayFromImage(sitk.Image([1, 1, 1], reader.GetPixelID())).dtype
+    return dtype
 
 
 def complaint(error: RuntimeError, said: list[str]) -> str:

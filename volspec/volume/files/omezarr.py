@@ -1,6 +1,6 @@
 """OME-Zarr folders (versions 0.4 and 0.5) through the zarr library.
 
-    folder -> multiscales: axes, levels, scale -> [omezarr] -> Volume
+    folder -> multiscales: axes, levels, scale -> [omezarr] -> Reading
 
 References
 ----------
@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 from volspec.errors import DeviceError, VolumeError, one_line
 from volspec.volume.files.lattice import affine
-from volspec.volume.files.query import Query, tell
+from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.units import mm_per
-from volspec.volume.model import Volume
 
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
 # What a level may take where none is asked for.
@@ -53,7 +52,7 @@ def is_zarr(folder: Path) -> bool:
     return any((folder / mark).is_file() for mark in _MARKS)
 
 
-def read_ome_zarr(query: Query) -> Volume:
+def read_ome_zarr(query: Query) -> Reading:
     """Read a level of a picture; of several channels or times the one asked for.
 
     Raises
@@ -85,15 +84,7 @@ def read_ome_zarr(query: Query) -> Volume:
         ) from error
     level = levels[_level(levels, names, query, remarks)]
     world = _world(level, axes, query, remarks)
-    volume = Volume(
-        _values(level, names, query),
-        world_from_index=world,
-        name=str(path),
-    )
-    if query.spacing_mm is not None:
-        volume = volume.with_spacing(query.spacing_mm)
-    tell(remarks)
-    return volume
+    return Reading(_values(level, names, query), world_from_index=world, remarks=remarks)
 
 
 def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:
@@ -206,6 +197,12 @@ def _values(level: Level, names: list[str], query: Query) -> NDArray[Any]:
                 "save one of them"
             )
         index.append(query.index(key, count, what))
+    read = [n for n, at in zip(level.array.shape, index, strict=True) if isinstance(at, slice)]
+    query.reserve(read, level.array.dtype.itemsize)
+    # A chunk is unpacked whole, whatever is taken of it.
+    chunk = [min(pair) for pair in zip(level.array.chunks, level.array.shape, strict=True)]
+    if math.prod(chunk) > math.prod(read):
+        query.reserve(chunk, level.array.dtype.itemsize)
     try:
         values = np.asarray(level.array[tuple(index)])
     except _DAMAGE as error:

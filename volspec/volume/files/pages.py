@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,8 @@ _DAMAGE = (
     *(ValueError, OSError, RuntimeError, LookupError, TypeError, AttributeError, ArithmeticError),
     *(EOFError, SyntaxError, MemoryError, ImportError, struct.error, zlib.error),
 )
+# `Query.reserve`, or one for a single picture of several.
+Reserve = Callable[[Sequence[int], int], None]
 # Types that Pillow reads as they are, with the file's byte order; of several samples a pixel one.
 _PILLOWS = ("<b1", ">b1", "<u1", ">u1", "<u2", ">u2", "<i2", "<i4", "<u4", "<f4")
 _PILLOWS_COLOURS = ("<u1", ">u1")
@@ -122,8 +124,14 @@ def _pillow_can(page: Any) -> bool:
     return page.parent.byteorder + page.dtype.str[1:] in known and page.bitspersample == stored
 
 
-def png_values(path: Path) -> NDArray[Any]:
+def png_values(path: Path, reserve: Reserve) -> NDArray[Any]:
     """The pixels of a PNG file; where it has a palette, their numbers in it.
+
+    Parameters
+    ----------
+    path : Path
+    reserve : callable
+        Called with the picture's shape and the bytes of a value before it is unpacked.
 
     Raises
     ------
@@ -140,4 +148,5 @@ def png_values(path: Path) -> NDArray[Any]:
                 f"{path}: holds colours of {bits} bits, of which 8 would be left; save it grey, or "
                 "as TIFF"
             )
+        reserve((*image.size, len(image.getbands())), 4 if image.mode == "I" else -(-bits // 8))
         return np.array(image)

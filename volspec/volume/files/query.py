@@ -1,17 +1,24 @@
-"""What stands after the question mark of a volume's name: ``FOLDER?series=3&spacing=1,1,2``.
+"""A reader's input and output: a volume's name with its options, and what the file holds.
 
-load_volume -> [query] -> readers
+    load_volume -> [Query] -> reader -> [Reading] -> Volume
+
+Options follow a question mark: ``FOLDER?series=3&spacing=1,1,2``.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from urllib.parse import parse_qsl
 
-from volspec.errors import VolspecWarning, VolumeError
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._gpu.memory import host_free_bytes
+from volspec.errors import VolumeError, one_line, quoted
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +31,8 @@ class Query:
         What they are of; used in messages.
     options : {str: str}
         As they were written.
+    declare : callable
+        Called by `reserve` with the bytes a reader is about to allocate.
 
     Examples
     --------
@@ -34,6 +43,7 @@ class Query:
 
     path: Path
     options: dict[str, str] = field(default_factory=dict)
+    declare: Callable[[int], None] = field(default=lambda nbytes: None, compare=False)
 
     @classmethod
     def of(cls, text: str) -> Query:
@@ -45,8 +55,11 @@ class Query:
             If there is no path, or an option is given twice.
         """
         path, _, query = text.partition("?")
-        if query and Path(text).exists():
-            return cls(Path(text))
+        try:
+            if query and Path(text).exists():
+                return cls(Path(text))
+        except (OSError, ValueError) as error:  # too long a name, or one with a NUL in it
+            raise VolumeError(f"volume: {quoted(text)} is no path: {one_line(error)}") from error
         if not path:
             raise VolumeError(
                 "volume: the name is empty; give a file or a folder, as . for this one"
@@ -125,8 +138,101 @@ class Query:
             )
         return int(given)
 
+    def reserve(self, shape: Sequence[int], itemsize: int, held: int | None = None) -> None:
+        """Refuse voxels that the file cannot hold or memory cannot take, before allocating them.
 
-def tell(messages: Sequence[str]) -> None:
-    """Warn the caller of `load_volume`; a reader that it calls does so itself, at its end."""
-    for message in messages:
-        warnings.warn(message, VolspecWarning, stacklevel=4)
+        Parameters
+        ----------
+        shape : sequence of int
+            Voxel counts that a header declares, and components, in any order.
+        itemsize : int
+            Bytes of a value.
+        held : int, optional
+            Bytes of voxels in the file, where they are not compressed.
+
+        Raises
+        ------
+        VolumeError
+        """
+        nbytes = math.prod(shape) * itemsize
+        counts = "x".join(map(str, shape))
+        if min(shape, default=0) < 1:
+            raise VolumeError(f"{self.path}: its header declares {counts} voxels; is it damaged?")
+        if held is not None and held < nbytes:
+            raise VolumeError(
+                f"{self.path}: holds {held} bytes of voxels, its header asks for {nbytes} "
+                f"({counts}); truncated, copy or download it again"
+            )
+        free = host_free_bytes()
+        if nbytes > free:
+            raise VolumeError(
+                f"{self.path}: its header declares {counts} voxels, {nbytes / 2**30:.1f} GiB; "
+                f"{free / 2**30:.1f} GiB of memory are free; give a smaller volume"
+            )
+        self.declare(nbytes)
+
+    def surplus(self, held: int | None, nbytes: int) -> list[str]:
+        """Return a remark on bytes of voxels that the header does not describe, if there are."""
+        if held is None or held <= nbytes:
+            return []
+        return [
+            f"{self.path}: {held} bytes of voxels, its header describes {nbytes} and the rest is "
+            "not read; are its size and type right?"
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """Voxels that are a file's bytes as they are.
+
+    Parameters
+    ----------
+    path : str
+    shape : (Z, Y, X)
+    dtype : str
+        NumPy's code, byte order included.
+    offset : int
+        First byte.
+    """
+
+    path: str
+    shape: tuple[int, ...]
+    dtype: str
+    offset: int = 0
+
+    def read(self) -> NDArray[Any]:
+        """Read the voxels, not map them: the file may change while they are in use.
+
+        Raises
+        ------
+        VolumeError
+            If the file has become shorter, or cannot be read.
+        """
+        try:
+            flat = np.fromfile(self.path, self.dtype, math.prod(self.shape), offset=self.offset)
+            return flat.reshape(self.shape)
+        except (OSError, ValueError) as error:
+            raise VolumeError(f"{self.path}: cannot be read ({one_line(error)})") from error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """Voxels as a file stores them, and their lattice.
+
+    Parameters
+    ----------
+    values : (Z, Y, X) array or Stored
+        Any type and any number of axes that `Volume` then converts or refuses.
+    spacing_mm : (x, y, z), optional
+    world_from_index : (4, 4), optional
+    remarks : sequence of str
+        Warnings for the caller of `load_volume`: what was guessed, left out or is doubtful.
+    owner : object
+        Keeps the memory of ``values`` alive where they do not do so themselves.
+    """
+
+    values: NDArray[Any] | Stored
+    spacing_mm: tuple[float, float, float] | None = None
+    world_from_index: NDArray[np.float64] | None = None
+    remarks: Sequence[str] = ()
+    owner: Any = None

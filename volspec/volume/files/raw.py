@@ -1,20 +1,25 @@
 """Bytes without a header, and NumPy's own files.
 
-load_volume -> [raw] -> Volume
+load_volume -> [raw] -> Reading
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from volspec.errors import VolumeError
-from volspec.volume.files.query import Query, tell
-from volspec.volume.model import Volume
+from volspec.volume.files.query import Query, Reading, Stored
 
+_NPY_HEADERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 _EXAMPLE = "shape=256x256x110&dtype=uint8&spacing=1,1,1"
 
 
-def read_npy(query: Query) -> Volume:
+def read_npy(query: Query) -> Reading:
     """Read what ``numpy.save`` wrote.
 
     Raises
@@ -22,16 +27,27 @@ def read_npy(query: Query) -> Volume:
     VolumeError
     """
     path = query.path
-    try:
-        values = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise VolumeError(
-            f"{path}: not a readable .npy file of numbers; is it complete, and saved by numpy.save?"
-        ) from error
-    return Volume(values, name=str(path))
+    with path.open("rb") as file:
+        try:
+            read_header = _NPY_HEADERS[np.lib.format.read_magic(file)]
+            shape, columns_first, dtype = read_header(file)
+        # The header is a Python literal: its parser raises anything on a damaged one.
+        except Exception as error:
+            raise VolumeError(
+                f"{path}: not a readable .npy file of numbers; is it complete, and saved by "
+                "numpy.save?"
+            ) from error
+        if dtype.hasobject:
+            raise VolumeError(f"{path}: holds Python objects; save an array of numbers")
+        held = path.stat().st_size - file.tell()
+        query.reserve(shape, dtype.itemsize, held)
+        if columns_first:
+            flat = np.fromfile(file, dtype, math.prod(shape))
+            return Reading(flat.reshape(shape[::-1]).T)
+        return Reading(Stored(str(path), shape, dtype.str, file.tell()))
 
 
-def read_raw(query: Query) -> Volume:
+def read_raw(query: Query) -> Reading:
     """Read bytes as the query lays them out.
 
     Raises
@@ -55,7 +71,7 @@ def read_raw(query: Query) -> Volume:
             raise TypeError
         key = "offset"
         offset = int(options.get("offset", "0"))
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, SyntaxError, RecursionError) as error:  # the last two by dtype
         raise VolumeError(
             f"{path}: {key}={options[key]} cannot be read; write it as in {path.name}?{_EXAMPLE}"
         ) from error
@@ -65,21 +81,20 @@ def read_raw(query: Query) -> Volume:
         dtype = dtype.newbyteorder(">")
     if len(shape) != 3 or min(shape) < 1:
         raise VolumeError(f"{path}: shape {options['shape']} is not XxYxZ with positive counts")
-    expected = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
+    expected = math.prod(shape) * dtype.itemsize
     held = path.stat().st_size - offset
     if offset < 0 or held < expected:
         raise VolumeError(
             f"{path}: holds {max(held, 0)} bytes after the offset, but shape {options['shape']} "
             f"of {dtype} needs {expected}; truncated, or is the shape wrong?"
         )
-    flat = np.fromfile(path, dtype, count=int(np.prod(shape)), offset=offset)
-    spacing = query.spacing_mm or (1.0, 1.0, 1.0)
-    volume = Volume(flat.reshape(shape[::-1]), spacing_mm=spacing, name=str(path))
+    query.reserve(shape, dtype.itemsize)
+    remarks = []
     if held > expected:
-        tell(
-            [
-                f"{path}: holds {held} bytes, shape {options['shape']} of {dtype} takes {expected} "
-                "of them; are shape, dtype and offset right?"
-            ]
+        remarks.append(
+            f"{path}: holds {held} bytes, shape {options['shape']} of {dtype} takes {expected} "
+            "of them; are shape, dtype and offset right?"
         )
-    return volume
+    spacing = query.spacing_mm or (1.0, 1.0, 1.0)
+    stored = Stored(str(path), shape[::-1], dtype.str, offset)
+    return Reading(stored, spacing_mm=spacing, remarks=remarks)

@@ -1,11 +1,12 @@
 """Folders of pictures, one a slice: TIFF or PNG.
 
-folder -> names in order -> [stack] -> Volume
+folder -> names in order -> [stack] -> Reading
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolumeError
-from volspec.volume.files.pages import page_values, png_values, readable
-from volspec.volume.files.query import Query, tell
+from volspec.volume.files.pages import Reserve, page_values, png_values, readable
+from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.stacking import stacked
 from volspec.volume.files.tiff import SUFFIXES
 from volspec.volume.files.tiff_spacing import spacing_of, stated_mm
-from volspec.volume.model import Volume
 
 _PNG = ".png"
 # tifffile's letter for the samples of a pixel.
@@ -45,7 +45,7 @@ def _in_order(name: str) -> list[tuple[int, str]]:
     return [(int(part) if part.isdecimal() else 0, part) for part in parts]
 
 
-def read_stack(query: Query) -> Volume:
+def read_stack(query: Query) -> Reading:
     """Read a folder of pictures.
 
     Raises
@@ -62,17 +62,19 @@ def read_stack(query: Query) -> Volume:
             "all of them, or a TIFF file of several pages itself"
         )
     remarks: list[str] = []
-    first, stated = _picture(files[0])
+
+    def reserve(shape: Sequence[int], itemsize: int) -> None:
+        query.reserve((*shape, len(files)), itemsize)
+
+    first, stated = _picture(files[0], reserve)
     spacing = spacing_of(stated, query, remarks)
-    values = stacked(files, partial(_slice, shape=first.shape, query=query))
-    volume = Volume(values, spacing_mm=spacing, name=str(query.path))
-    tell(remarks)
-    return volume
+    values = stacked(files, partial(_slice, shape=first.shape, query=query, reserve=reserve))
+    return Reading(values, spacing_mm=spacing, remarks=remarks)
 
 
-def _slice(path: Path, shape: tuple[int, ...], query: Query) -> NDArray[Any]:
+def _slice(path: Path, shape: tuple[int, ...], query: Query, reserve: Reserve) -> NDArray[Any]:
     """(Y, X) of one file, which is as large as the first."""
-    values, _ = _picture(path)
+    values, _ = _picture(path, reserve)
     if values.shape != shape:
         raise VolumeError(
             f"{path}: is {_size(values.shape)}, the first slice {_size(shape)}; take out what is "
@@ -90,11 +92,11 @@ def _size(shape: tuple[int, ...]) -> str:
     return f"{shape[1]}x{shape[0]}{channels}"
 
 
-def _picture(path: Path) -> tuple[NDArray[Any], tuple[float | None, ...]]:
+def _picture(path: Path, reserve: Reserve) -> tuple[NDArray[Any], tuple[float | None, ...]]:
     """(Y, X) or (Y, X, S) of one file, and the spacing that it states."""
     with readable(path):
         if path.suffix.lower() == _PNG:
-            return png_values(path), (None, None, None)
+            return png_values(path, reserve), (None, None, None)
         from tifffile import TiffFile
 
         with TiffFile(path) as tiff:
@@ -104,6 +106,7 @@ def _picture(path: Path) -> tuple[NDArray[Any], tuple[float | None, ...]]:
                     f"{path}: holds {pages} pages beside other files; give a file of several pages "
                     "itself, or a folder of single ones"
                 )
+            reserve(page.shape, page.dtype.itemsize)
             values = page_values(page)
             if page.axes.startswith(_SAMPLES):  # a plane for each colour
                 values = np.moveaxis(values, 0, -1)

@@ -1,6 +1,6 @@
 """TIFF files of several pages: plain, ImageJ's, OME-TIFF.
 
-file -> tifffile: axes and pages -> [tiff] -> Volume
+file -> tifffile: axes and pages -> [tiff] -> Reading
 """
 
 from __future__ import annotations
@@ -14,17 +14,16 @@ from numpy.typing import NDArray
 
 from volspec.errors import VolumeError
 from volspec.volume.files.pages import page_values, readable
-from volspec.volume.files.query import Query, tell
+from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.stacking import stacked
 from volspec.volume.files.tiff_spacing import spacing_of, stated_mm
-from volspec.volume.model import Volume
 
 SUFFIXES = (".tif", ".tiff")
 # tifffile's letters: channels and the samples of a pixel, time.
 _CHANNELS, _TIME = "CS", "T"
 
 
-def read_tiff(query: Query) -> Volume:
+def read_tiff(query: Query) -> Reading:
     """Read the stack that a TIFF file holds; of several channels or times the one asked for.
 
     Raises
@@ -48,10 +47,8 @@ def read_tiff(query: Query) -> Volume:
         if through == _TIME:
             remarks.append(f"{path}: its pages are points in time, and are taken for slices")
         spacing = spacing_of(stated_mm(tiff, series.keyframe), query, remarks)
-        values = _values(tiff, series, through, at)
-    volume = Volume(values, spacing_mm=spacing, name=str(path))
-    tell(remarks)
-    return volume
+        values = _values(tiff, series, through, at, query)
+    return Reading(values, spacing_mm=spacing, remarks=remarks)
 
 
 def _pages_alike(path: Path) -> dict[str, bool]:
@@ -105,20 +102,24 @@ def _names(axis: str, count: int) -> tuple[str, int, str]:
     return "channel", count, "channels"
 
 
-def _values(tiff: Any, series: Any, through: str, at: dict[str, int]) -> NDArray[Any]:
+def _values(tiff: Any, series: Any, through: str, at: dict[str, int], query: Query) -> NDArray[Any]:
     """(Z, Y, X), read without the other channels and times."""
+    itemsize = series.dtype.itemsize
     index = tuple(at.get(axis, slice(None)) for axis in series.axes)
     if series.dataoffset is not None:  # one block of bytes, also where ImageJ lists one page only
         from tifffile import memmap
 
         which = next(k for k, each in enumerate(tiff.series) if each is series)
         whole = memmap(tiff.filehandle.path, series=which, mode="r")
+        chosen = whole[index]
+        query.reserve(chosen.shape, itemsize)
         # A copy: the file may change while the volume is in use.
-        return np.array(whole[index])
+        return np.array(chosen)
     own = series.keyframe.axes
     leading = series.axes[: len(series.axes) - len(own)]
     counts = series.shape[: len(leading)]
     if through not in leading or len(series.pages) != math.prod(counts):
+        query.reserve(series.shape, itemsize)
         return np.array(series.asarray()[index])
     within = tuple(at.get(axis, slice(None)) for axis in own)
 
@@ -126,4 +127,6 @@ def _values(tiff: Any, series: Any, through: str, at: dict[str, int]) -> NDArray
         place = [k if axis == through else at[axis] for axis in leading]
         return page_values(series.pages[int(np.ravel_multi_index(place, counts))])[within]
 
-    return stacked(range(series.shape[leading.index(through)]), page)
+    count = series.shape[leading.index(through)]
+    query.reserve((*series.keyframe.shape, count), itemsize)
+    return stacked(range(count), page)

@@ -1,0 +1,286 @@
+"""Volumes are read in a child process: what happens to it is one line here, and nothing else."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK
+
+from tests.test_volume_files import NRRD, VALUES
+from volspec.errors import VolspecWarning, VolumeError
+from volspec.volume import load_volume, reader_process
+from volspec.volume.files.query import Query, Reading, Stored
+from volspec.volume.load import read_here
+
+META = "ObjectType = Image\nNDims = 3\nDimSize = 4 3 2\nElementType = MET_SHORT\n"
+
+
+def child_with(tmp_path: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A file whose reader, in the child, runs a piece of code."""
+    start = (
+        "import os, sys, time; sys.path[:] = __import__('json').loads(sys.argv[1]); "
+        "from volspec.volume.reader_process import serve\n"
+        f"def read(query):\n    {body}\n"
+        "serve(read, lambda query: 'numpy')"
+    )
+    monkeypatch.setattr(reader_process, "_START", start)
+    monkeypatch.setattr(reader_process, "_idle_processes", lambda owner: [])
+    path = tmp_path / "v.nrrd"
+    path.write_bytes(NRRD.encode() + VALUES.tobytes())
+    return path
+
+
+@pytest.mark.parametrize("signal", ["SIGSEGV", "SIGABRT", "SIGFPE"])
+def test_a_crash_of_the_reader_is_one_line(
+    tmp_path: Path, signal: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body = f"os.kill(os.getpid(), __import__('signal').{signal})"
+    path = child_with(tmp_path, body, monkeypatch)
+    with pytest.raises(VolumeError, match=rf"v\.nrrd: ends the library .* \({signal}\)"):
+        load_volume(path)
+
+
+def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader_process, "_PATIENCE_S", 0.5)
+    path = child_with(tmp_path, "time.sleep(60)", monkeypatch)
+    begun = time.monotonic()
+    with pytest.raises(VolumeError, match=r"v\.nrrd: takes longer than 1 s to read"):
+        load_volume(path)
+    assert time.monotonic() - begun < 30
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits address space")
+def test_a_reader_that_takes_more_memory_than_declared_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = child_with(tmp_path, "query.declare(48); bytearray(1 << 30)", monkeypatch)
+    with pytest.raises(VolumeError, match="takes more memory to read than its header accounts"):
+        load_volume(path)
+
+
+def test_an_error_that_no_reader_expects_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = child_with(tmp_path, "raise KeyError('a\\nb')", monkeypatch)
+    with pytest.raises(VolumeError, match=r"cannot be read \(KeyError: .*is it damaged"):
+        load_volume(path)
+
+
+def test_many_threads_read_at_once_and_leave_the_output_alone(tmp_path: Path) -> None:
+    """Libraries' messages are caught in the child: this process's output is never redirected."""
+    for k in range(4):
+        path = tmp_path / f"{k}.nrrd"
+        packed = gzip.compress((VALUES + k).tobytes())
+        path.write_bytes(NRRD.replace("raw", "gzip").encode() + packed)
+    (tmp_path / "bad.nrrd").write_bytes(NRRD.replace("raw", "gzip").encode() + b"damaged" * 20)
+    out, err = os.fstat(1), os.fstat(2)
+    failures: list[object] = []
+
+    def read(k: int) -> None:
+        for _ in range(10):
+            if not np.array_equal(load_volume(tmp_path / f"{k}.nrrd").values, VALUES + k):
+                failures.append(k)
+            with pytest.raises(VolumeError, match="bad"):
+                load_volume(tmp_path / "bad.nrrd")
+            if (os.fstat(1), os.fstat(2)) != (out, err):
+                failures.append("redirected")
+
+    threads = [threading.Thread(target=read, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert failures == []
+
+
+def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_path: Path) -> None:
+    (tmp_path / "v.nrrd").write_bytes(NRRD.encode() + VALUES.tobytes())
+    (tmp_path / "script.py").write_text(
+        "import volspec as vs\n"
+        "print(vs.load_volume('v.nrrd').shape_xyz)\n"
+        "from volspec.volume import reader_process\n"
+        "import os\n"
+        "print(reader_process._idle_processes(os.getpid())[0]._process.pid)\n"
+    )
+    # A file of the folder is not imported in place of a library.
+    (tmp_path / "SimpleITK.py").write_text("raise RuntimeError('hijacked')\n")
+    command = [sys.executable, "-P", "-W", "error", "script.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    shape, pid = done.stdout.split("\n")[:2]
+    assert (shape, done.stderr) == ("(4, 3, 2)", "")
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(pid), 0)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_fork_has_a_reader_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "v.nrrd"
+    path.write_bytes(NRRD.encode() + VALUES.tobytes())
+    code = (
+        "import os, sys, volspec as vs\n"
+        "from volspec.volume.reader_process import _idle_processes\n"
+        "vs.load_volume(sys.argv[1])\n"
+        "child = os.fork()\n"
+        "vs.load_volume(sys.argv[1])\n"
+        "if child == 0: os._exit(0)\n"
+        "assert os.waitpid(child, 0)[1] == 0\n"
+        "vs.load_volume(sys.argv[1]); print('ok')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, path], capture_output=True, text=True, check=False
+    )
+    assert done.stdout == "ok\n", done.stderr
+
+
+@pytest.mark.parametrize("order", ["little", "big"])
+@pytest.mark.parametrize("kind", ["uint8", "int8", "uint16", "int32", "float32", "float64"])
+@pytest.mark.parametrize("suffix", [".nrrd", ".mha", ".nii"])
+def test_bytes_read_directly_are_those_that_itk_gives(
+    tmp_path: Path, suffix: str, kind: str, order: str
+) -> None:
+    values = (VALUES // 7).astype(kind)
+    path = tmp_path / f"v{suffix}"
+    SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(path))
+    if order == "big":
+        content = path.read_bytes()
+        head = content[: -values.nbytes]
+        if suffix == ".nii":
+            code, bits = struct.unpack_from("<2h", content, 70)
+            dims, ones = struct.pack(">8h", 3, 4, 3, 2, 1, 1, 1, 1), struct.pack(">8f", *[1.0] * 8)
+            kind_and_bits = struct.pack(">2h", code, bits)
+            start = struct.pack(">2f", 352, 1)
+            head = b"".join((struct.pack(">i", 348), bytes(36), dims, bytes(14), kind_and_bits))
+            head = b"".join((head, bytes(2), ones, start)).ljust(344, b"\0") + b"n+1\0" + bytes(4)
+        head = head.replace(b"endian: little", b"endian: big")
+        head = head.replace(b"ByteOrderMSB = False", b"ByteOrderMSB = True")
+        path.write_bytes(head + values.astype(values.dtype.newbyteorder(">")).tobytes())
+    reading = read_here(Query.of(str(path)))
+    assert isinstance(reading.values, Stored)
+    expected = SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(str(path)))
+    assert np.array_equal(reading.values.read(), expected) and np.array_equal(expected, values)
+
+
+@pytest.mark.parametrize("name", ["v.npy", "v.nrrd", "v.mha", "v.nii", "v.nii.gz", "v.vti"])
+def test_nan_is_told_the_same_way_in_every_format(tmp_path: Path, name: str) -> None:
+    """ITK's NIfTI reader sets them to 0."""
+    values = np.linspace(5, 28, 24, dtype=np.float32).reshape(2, 3, 4)
+    values[1, 2, 3], values[0, 1, 1], values[0, 0, 0] = np.nan, np.inf, -np.inf
+    path = tmp_path / name
+    if name == "v.npy":
+        np.save(path, values)
+    elif name == "v.vti":
+        import pyvista
+
+        grid = pyvista.ImageData(dimensions=(4, 3, 2))
+        grid.point_data["values"] = values.ravel()
+        grid.save(path)
+    else:
+        SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(path))
+    told = r"3 of 24 voxels are NaN or infinite; 2 \(NaN, -inf\) became the minimum, 6, 1 \(\+inf"
+    with pytest.warns(VolspecWarning, match=told):
+        read = load_volume(path).values
+    assert (read[1, 2, 3], read[0, 1, 1], read[0, 0, 0]) == (6, 27, 6)
+
+
+def test_half_a_compressed_metaimage_is_refused(tmp_path: Path) -> None:
+    """MetaIO takes what zlib could unpack, and leaves zeros."""
+    path = tmp_path / "v.mha"
+    values = np.random.default_rng(0).integers(0, 99, (20, 30, 40)).astype(np.int16)
+    SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(path), True)
+    assert np.array_equal(load_volume(path).values, values)
+    whole = path.read_bytes()
+    start = whole.index(b"LOCAL\n") + 6
+    half = start + (len(whole) - start) // 2
+    path.write_bytes(whole[:half] + bytes(len(whole) - half))
+    with pytest.raises(VolumeError, match=r"v\.mha: cannot be read"):
+        load_volume(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("/etc/hostname", "'/etc/hostname'; a data file lies in the header's folder"),
+        ("../v.raw", r"'\.\./v\.raw'; a data file lies"),
+        ("%s%s%s%n", "a pattern of names holds one number"),
+        ("v%d%d.raw 1 2 1", "a pattern of names holds one number"),
+        ("LIST\n../v.raw", r"'\.\./v\.raw'; a data file lies"),
+    ],
+)
+def test_metaimage_s_data_files_are_plain_names_below_the_header(
+    tmp_path: Path, name: str, said: str
+) -> None:
+    (tmp_path / "v.raw").write_bytes(VALUES.tobytes())
+    folder = tmp_path / "below"
+    folder.mkdir()
+    (folder / "v.mhd").write_text(f"{META}ElementDataFile = {name}\n")
+    with pytest.raises(VolumeError, match=said):
+        load_volume(folder / "v.mhd")
+
+
+def test_metaimage_s_slices_by_a_pattern_are_read(tmp_path: Path) -> None:
+    for k in (1, 2):
+        (tmp_path / f"s{k:02d}.raw").write_bytes(VALUES[k - 1].tobytes())
+    (tmp_path / "v.mhd").write_text(f"{META}ElementDataFile = s%02d.raw 1 2 1\n")
+    assert np.array_equal(load_volume(tmp_path / "v.mhd").values, VALUES)
+
+
+@pytest.mark.parametrize("sizes", ["0 3 2", "-4 3 2", "4 3"])
+def test_sizes_that_are_no_sizes_are_refused(tmp_path: Path, sizes: str) -> None:
+    for name, header in (("v.mha", META), ("v.nrrd", NRRD)):
+        text = header.replace("4 3 2", sizes)
+        tail = "ElementDataFile = LOCAL\n" if name == "v.mha" else ""
+        (tmp_path / name).write_bytes(f"{text}{tail}".encode() + VALUES.tobytes())
+        with pytest.raises(VolumeError, match=name):
+            load_volume(tmp_path / name)
+
+
+def test_sizes_beyond_memory_are_refused_before_anything_is_allocated(tmp_path: Path) -> None:
+    path = tmp_path / "v.nrrd"
+    header = NRRD.replace("4 3 2", "99999 99999 999").replace("raw", "gzip")
+    path.write_bytes(header.encode() + gzip.compress(VALUES.tobytes()))
+    with pytest.raises(VolumeError, match=r"holds 48 bytes of voxels|GiB of memory are free"):
+        load_volume(path)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (99999999, 99999, 9), }",
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (-4, 3, 2), }",
+        b"{'descr': '|O', 'fortran_order': False, 'shape': (4, 3, 2), }",
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': ((((((((",
+        b"{'descr': '" + b"(" * 900,
+        b"9" * 900,
+        b"\xff\xfe\x00 'descr'",
+    ],
+)
+def test_a_hostile_npy_header_is_one_line(tmp_path: Path, header: bytes) -> None:
+    path = tmp_path / "v.npy"
+    path.write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header)
+    with pytest.raises(VolumeError, match=r"v\.npy: ") as caught:
+        load_volume(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path: Path) -> None:
+    """What the child has handed over stays when the child ends and the file is gone."""
+    path = tmp_path / "v.nrrd"
+    path.write_bytes(NRRD.replace("raw", "gzip").encode() + gzip.compress(VALUES.tobytes()))
+    reading = reader_process.read_in_child(Query.of(str(path)))
+    assert isinstance(reading, Reading) and isinstance(reading.values, np.ndarray)
+    for process in reader_process._idle_processes(os.getpid()):
+        process.close()
+    path.unlink()
+    reading.values[0, 0, 0] += 1
+    assert np.array_equal(reading.values.ravel()[1:], VALUES.ravel()[1:])
+    path.write_bytes(NRRD.encode() + VALUES.tobytes())
+    assert np.array_equal(load_volume(path).values, VALUES)

@@ -1,0 +1,311 @@
+"""Headers of NRRD, MetaImage and NIfTI files, checked against what the file holds.
+
+    path -> [headers] -> itk
+
+ITK reads some damaged files without complaint: missing voxels become zeros or whatever memory
+held, surplus bytes are dropped, a negative spacing mirrors an axis, NaN in NIfTI become 0. Its
+MetaImage reader also passes ``ElementDataFile`` to C's ``sprintf``, and follows it anywhere.
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+import struct
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import VolumeError, one_line, quoted
+from volspec.volume.files.query import Stored
+
+NIFTI_SUFFIXES = (".nii", ".nii.gz")
+TRUNCATED = "truncated, copy or download it again"
+_CHUNK = 1 << 22
+# A header's lines and their length, beyond which it is no header.
+_MOST_LINES, _MOST_LENGTH = 10_000, 1 << 16
+# A compressed file that yields so many bytes more than its header declares is not read on.
+_SURPLUS = 1 << 24
+# The one conversion that MetaImage defines for names of slices: slice%03d.raw.
+_PATTERN = re.compile(r"[^%]*%0?\d{0,2}d[^%]*")
+_NIFTI_FLOATS = {16: "f4", 64: "f8"}
+
+
+def check_itk_header(path: Path) -> None:
+    """Refuse an NRRD or MetaImage header that ITK would misread.
+
+    Raises
+    ------
+    VolumeError
+        If a spacing is not positive, a size is no positive number, or the voxels are said to be
+        outside of the file's folder.
+    """
+    fields, _ = _read_fields(path)
+    spacing = fields.get("spacings") or fields.get("elementspacing") or ""
+    try:
+        numbers = [float(word) for word in spacing.split()]
+    except ValueError:
+        numbers = []  # ITK says what is wrong with it
+    if not all(0 < number < np.inf for number in numbers):
+        raise VolumeError(
+            f"{path}: spacing {spacing}; each of x, y, z must be positive, correct the header"
+        )
+    sizes = fields.get("sizes") or fields.get("dimsize") or ""
+    if not all(word.isdecimal() and int(word) > 0 for word in sizes.split()):
+        raise VolumeError(f"{path}: sizes {quoted(sizes)}; each must be a positive whole number")
+    for name in _data_files(path, fields):
+        parts = PurePath(name.replace("\\", "/"))
+        if parts.is_absolute() or ".." in parts.parts or ":" in name:
+            raise VolumeError(
+                f"{path}: its voxels are said to be in {quoted(name)}; a data file lies in the "
+                "header's folder or below it, move it there and correct the header"
+            )
+
+
+def _data_files(path: Path, fields: dict[str, str]) -> list[str]:
+    """Names of the files of voxels beside a header; none where it holds them itself."""
+    named = _data_field(fields)
+    if _is_meta(path):
+        name, *numbers = named.split() or [""]
+        if "%" in named and not (_PATTERN.fullmatch(name) and all(map(str.isdecimal, numbers))):
+            raise VolumeError(
+                f"{path}: ElementDataFile is {quoted(named)}; a pattern of names holds one number, "
+                "as slice%03d.raw 1 110 1"
+            )
+    if named.upper().split()[:1] != ["LIST"]:
+        return [] if named.upper() == "LOCAL" else [named]
+    lines = path.read_bytes().decode("latin-1").splitlines()
+    first = next(k for k, line in enumerate(lines) if "list" in line.lower()) + 1
+    return [line.strip() for line in lines[first:] if line.strip()]
+
+
+def _data_field(fields: dict[str, str]) -> str:
+    keys = ("data file", "datafile", "elementdatafile")
+    return next((fields[key] for key in keys if key in fields), "LOCAL")
+
+
+def _is_meta(path: Path) -> bool:
+    return path.suffix.lower() in (".mhd", ".mha")
+
+
+def _read_fields(path: Path) -> tuple[dict[str, str], int]:
+    """An NRRD's or MetaImage's fields, names in lower case, and the byte behind its header."""
+    separator = "=" if _is_meta(path) else ":"
+    fields = {}
+    with path.open("rb") as file:
+        if separator == ":" and not file.readline(80).startswith(b"NRRD"):
+            return {}, 0
+        for _ in range(_MOST_LINES):
+            line = file.readline(_MOST_LENGTH).decode("latin-1").strip()
+            if not line:
+                break
+            key, found, value = line.partition(separator)
+            if found:
+                fields[key.strip().lower()] = value.strip()
+            elif separator == "=":
+                break
+            if key.strip().lower() == "elementdatafile":  # by definition the last
+                break
+        return fields, file.tell()
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """A header's voxels: one run of bytes in one file.
+
+    Parameters
+    ----------
+    path : Path
+        The header's file, for messages.
+    data : Path
+        The file that holds the voxels, often the same.
+    start : int
+        Their first byte, in what is unpacked if ``whole_packed``.
+    encoding : str
+        ``raw``, ``gzip``, or ``zlib`` (zlib's header or gzip's).
+    order : str
+        Byte order, ``<`` or ``>``.
+    whole_packed : bool
+        The header is in the packed stream, too.
+    floats : dtype, optional
+        Of a NIfTI file with floats, whose NaN and infinities ITK sets to 0.
+    rescaled : bool
+        The stored numbers are not yet the values.
+    """
+
+    path: Path
+    data: Path
+    start: int
+    encoding: str = "raw"
+    order: str = "<"
+    whole_packed: bool = False
+    floats: np.dtype[Any] | None = None
+    rescaled: bool = False
+
+    @classmethod
+    def of(cls, path: Path) -> Layout | None:
+        """Layout of a file; None if only ITK can tell: text, bzip2, several files, NIfTI-2.
+
+        Raises
+        ------
+        VolumeError
+            If a NIfTI header is damaged.
+        """
+        if path.name.lower().endswith(NIFTI_SUFFIXES):
+            return cls._of_nifti(path)
+        fields, start = _read_fields(path)
+        if fields.get("binarydata", "").lower() == "false":
+            return None
+        name, data = _data_field(fields), path
+        if name.upper() != "LOCAL":
+            data, start = path.parent / name, 0
+        try:
+            start += (skip := int(fields.get("byte skip", fields.get("headersize", "0"))))
+        except ValueError:
+            return None
+        encoding = fields.get("encoding", "raw").lower()
+        encoding = "gzip" if encoding == "gz" else encoding
+        if fields.get("compresseddata", "").lower() == "true":
+            encoding = "zlib"
+        # A list of files, data at a file's end, or lines before it.
+        one_run = data.is_file() and skip >= 0 and fields.get("line skip", "0") == "0"
+        if not one_run or encoding not in ("raw", "gzip", "zlib") or (skip and encoding != "raw"):
+            return None
+        big = fields.get("endian", "").lower() == "big" or "true" in (
+            fields.get("binarydatabyteordermsb", "").lower(),
+            fields.get("elementbyteordermsb", "").lower(),
+        )
+        return cls(path, data, start, encoding, ">" if big else "<")
+
+    @classmethod
+    def _of_nifti(cls, path: Path) -> Layout | None:
+        packed = path.name.lower().endswith(".gz")
+        with _told(path), gzip.open(path) if packed else path.open("rb") as file:
+            head = file.read(352)
+        order = "<" if head[:4] == struct.pack("<i", 348) else ">"
+        if len(head) < 352 or head[:4] != struct.pack(order + "i", 348) or head[344:347] != b"n+1":
+            return None
+        (kind,) = struct.unpack_from(order + "h", head, 70)
+        start, slope, shift = struct.unpack_from(order + "3f", head, 108)
+        if not 0 <= start < 2**31:
+            raise VolumeError(
+                f"{path}: its header puts the voxels at byte {start:g}; damaged, copy or download "
+                "it again"
+            )
+        floats = np.dtype(order + _NIFTI_FLOATS[kind]) if kind in _NIFTI_FLOATS else None
+        rescaled = slope != 0 and (slope, shift) != (1, 0)
+        encoding = "gzip" if packed else "raw"
+        return cls(path, path, int(start), encoding, order, packed, floats, rescaled)
+
+    def chunks(self, nbytes: int) -> Iterator[bytes]:
+        """Yield the voxels' bytes, not many more than ``nbytes``; fewer if the file ends early.
+
+        Raises
+        ------
+        VolumeError
+            If a packed stream is damaged.
+        """
+        left = nbytes + _SURPLUS
+        with _told(self.path), self.data.open("rb") as file:
+            start = self.start
+            if not self.whole_packed:
+                file.seek(start)
+                start = 0
+            for chunk in _unpacked(file, self.encoding):
+                if left <= 0:
+                    return
+                skipped, start = min(start, len(chunk)), max(start - len(chunk), 0)
+                left -= len(chunk) - skipped
+                yield chunk[skipped:]
+
+    def held_bytes(self, nbytes: int) -> int:
+        """Count the bytes of voxels in the file; of a packed one not many more than ``nbytes``.
+
+        Raises
+        ------
+        VolumeError
+            If a packed stream is damaged.
+        """
+        if self.encoding == "raw":
+            return max(self.data.stat().st_size - self.start, 0)
+        if self.encoding == "gzip":
+            with self.data.open("rb") as file:
+                file.seek(-4, os.SEEK_END)
+                unpacked = nbytes + self.start * self.whole_packed
+                if file.read() == struct.pack("<I", unpacked % 2**32):  # the stream's own count
+                    return nbytes
+        return sum(map(len, self.chunks(nbytes)))
+
+    def stored(self, size: Sequence[int], dtype: np.dtype[Any]) -> Stored | None:
+        """Locate voxels that are the file's bytes as they are; None if they are not.
+
+        Parameters
+        ----------
+        size : (x, y, z)
+        dtype : dtype
+            Of either byte order.
+        """
+        if self.encoding != "raw" or self.rescaled:
+            return None
+        code = f"{self.order}{dtype.str[1:]}"
+        return Stored(str(self.data), tuple(size[::-1]), code, self.start)
+
+    def restore_non_finite(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Put back NaN and infinities, which ITK's NIfTI reader has set to 0.
+
+        Parameters
+        ----------
+        values : array of floats
+            As ITK read them.
+
+        Returns
+        -------
+        array
+            ``values`` if there are none, else a copy.
+        """
+        if self.floats is None:
+            return values
+        restored, at, rest = None, 0, b""
+        for chunk in self.chunks(values.size * self.floats.itemsize):
+            whole = len(rest + chunk) // self.floats.itemsize
+            stored = np.frombuffer(rest + chunk, self.floats, whole)[: values.size - at]
+            rest = (rest + chunk)[whole * self.floats.itemsize :]
+            lost = ~np.isfinite(stored)
+            if lost.any():
+                restored = values.copy() if restored is None else restored
+                restored.reshape(-1)[at : at + stored.size][lost] = stored[lost]
+            at += stored.size
+        return values if restored is None else restored
+
+
+def _unpacked(file: BinaryIO, encoding: str) -> Iterator[bytes]:
+    """The bytes of a file from where it stands, unpacked a chunk at a time."""
+    if encoding == "zlib":
+        inflate = zlib.decompressobj(zlib.MAX_WBITS | 32)  # as MetaIO: zlib's header or gzip's
+        while not inflate.eof and (packed := inflate.unconsumed_tail or file.read(_CHUNK)):
+            yield inflate.decompress(packed, _CHUNK)
+        yield inflate.flush()
+        if not inflate.eof:
+            raise EOFError("the compressed voxels end early or are damaged")
+        return
+    with gzip.GzipFile(fileobj=file) if encoding == "gzip" else nullcontext(file) as stream:
+        while chunk := stream.read(_CHUNK):
+            yield chunk
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Turn damage of a packed stream into one line."""
+    try:
+        yield
+    except (OSError, EOFError, zlib.error) as error:
+        raise VolumeError(
+            f"{path}: cannot be read ({one_line(error)}); is the file complete?"
+        ) from error

@@ -1,0 +1,264 @@
+"""VTK image data, ``.vti`` and legacy ``.vtk``, through pyvista.
+
+load_volume -> [vtk] -> Reading
+
+Lengths are checked first: VTK gives voxels that are missing any value.
+
+References
+----------
+[1] VTK File Formats, docs.vtk.org/en/latest/design_documents/VTKFileFormats.html
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import logging
+import math
+import struct
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+from volspec.errors import VolumeError
+from volspec.volume.adapt import values_and_lattice
+from volspec.volume.files.headers import TRUNCATED
+from volspec.volume.files.query import Query, Reading
+
+# Bits of a legacy type; vtkIdType is stored as int.
+_LEGACY_BITS = {
+    **dict.fromkeys(("bit",), 1),
+    **dict.fromkeys(("char", "signed_char", "unsigned_char"), 8),
+    **dict.fromkeys(("short", "unsigned_short"), 16),
+    **dict.fromkeys(("int", "unsigned_int", "vtkidtype", "float"), 32),
+    **dict.fromkeys(("long", "unsigned_long", "vtktypeint64", "vtktypeuint64", "double"), 64),
+}
+_XML_BYTES = {
+    f"{kind}{bits}": bits // 8 for kind in ("Int", "UInt", "Float") for bits in (8, 16, 32, 64)
+}
+_HEADER_TYPES = {"UInt32": "I", "UInt64": "Q"}
+# Elements within elements: VTK's files have seven, and its parser recurses.
+_DEEPEST = 32
+_CHUNK = 1 << 20
+
+
+def read_vtk(query: Query) -> Reading:
+    """Read ``.vti`` or ``.vtk`` image data.
+
+    Raises
+    ------
+    VolumeError
+        If VTK reports an error, the file ends early or holds something other than image data.
+    """
+    import pyvista
+    from pyvista.core.utilities.observers import VtkErrorCatcher
+    from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
+
+    path = query.path
+    if path.suffix.lower() == ".vti":
+        _XmlHeader(path).check(query)
+    else:
+        _check_legacy(query)
+    # VTK prints its complaints, pyvista logs them again; what the user needs is one line.
+    before = vtkLogger.GetCurrentVerbosityCutoff()
+    # Where another library has switched VTK's warnings off, its errors would not reach us either.
+    told = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.SetGlobalWarningDisplay(1)
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    logging.disable(logging.ERROR)
+    try:
+        with (
+            VtkErrorCatcher(raise_errors=True, send_to_logging=False),
+            warnings.catch_warnings(),
+        ):
+            # pyvista warns of errors that it caught itself.
+            warnings.filterwarnings("error", ".*raised an error while reading", UserWarning)
+            grid = pyvista.read(path)
+    except (OSError, ValueError, RuntimeError, TypeError, UserWarning) as error:
+        raise _unreadable(path) from error
+    finally:
+        logging.disable(logging.NOTSET)
+        vtkLogger.SetStderrVerbosity(before)
+        vtkObject.SetGlobalWarningDisplay(told)
+    values, world = values_and_lattice(grid, None, str(path))
+    return Reading(values, world_from_index=world)
+
+
+def _unreadable(path: Path) -> VolumeError:
+    return VolumeError(
+        f"{path}: not readable as VTK image data; is the file complete and of the type its name "
+        "says?"
+    )
+
+
+def _check_legacy(query: Query) -> None:
+    """Refuse a legacy file whose arrays are longer than the file, or than memory."""
+    path = query.path
+    size = path.stat().st_size
+    nbytes = 0
+    with path.open("rb") as file:
+        binary = [file.readline(256) for _ in range(3)][2].strip().upper() == b"BINARY"
+        tuples = "0"
+        while line := file.readline(4096):
+            match line.decode("latin-1").lower().split():
+                case ["point_data" | "cell_data", tuples]:
+                    continue
+                case ["scalars", _, kind, *components]:
+                    file.readline(4096)  # the lookup table's name
+                    counts = [*(components or ["1"]), tuples]
+                case [_, per_tuple, count, kind]:  # an array of a FIELD
+                    counts = [per_tuple, count]
+                case _:  # other words, or data of arrays that are never cast
+                    continue
+            if kind not in _LEGACY_BITS or not all(n.isdecimal() for n in counts):
+                continue
+            values = math.prod(map(int, counts))
+            stored = -(-values * _LEGACY_BITS[kind] // 8)
+            nbytes += stored
+            # In ASCII VTK itself finds what is missing; a value and a space take two bytes.
+            least = file.tell() + (stored if binary else 2 * values - 1)
+            if least > size:
+                raise VolumeError(
+                    f"{path}: holds {size} bytes, its header asks for {least} or more; {TRUNCATED}"
+                )
+            if not binary:
+                break
+            file.seek(stored, 1)
+    if nbytes:
+        query.reserve((nbytes,), 1)
+
+
+@dataclass(slots=True)
+class _Array:
+    """A ``DataArray`` element: where its bytes are, and how many its header declares."""
+
+    values: int
+    itemsize: int
+    form: str
+    offset: int
+    # Of an array in the element itself: its first characters, and how many there are.
+    text: str = ""
+    length: int = 0
+
+
+class _XmlHeader:
+    """The elements of a ``.vti`` file, up to its appended data.
+
+    Raises
+    ------
+    VolumeError
+        If it is no XML, or not of VTK's image data.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.arrays: list[_Array] = []
+        self._order, self._word, self._compressed = "<", "I", False
+        # Of appended data: its encoding, and the first byte behind its underscore.
+        self._encoding, self._start = "", 0
+        self._open: list[str] = []
+        self._points = self._cells = 0
+        self._parse()
+
+    def _parse(self) -> None:
+        size = self.path.stat().st_size
+        with self.path.open("rb") as file:
+            file.seek(max(size - 1024, 0))
+            if b"</VTKFile>" not in file.read():
+                raise VolumeError(
+                    f"{self.path}: not readable as VTK image data, </VTKFile> is missing; "
+                    f"{TRUNCATED}"
+                )
+            file.seek(0)
+            parser = expat.ParserCreate()
+            parser.StartElementHandler = lambda name, given: self._begin(parser, name, given)
+            parser.EndElementHandler = lambda name: self._open.pop()
+            parser.CharacterDataHandler = self._text
+            try:
+                while not self._encoding and (chunk := file.read(_CHUNK)):
+                    parser.Parse(chunk)
+            except (expat.ExpatError, ValueError, KeyError) as error:
+                # Raw appended data is no XML.
+                if not self._encoding:
+                    raise _unreadable(self.path) from error
+            if self._encoding:
+                file.seek(self._start)
+                head = file.read(_CHUNK)
+                self._start += head.index(b"_", head.index(b">")) + 1
+
+    def _begin(self, parser: Any, name: str, given: dict[str, str]) -> None:
+        self._open.append(name)
+        if len(self._open) > _DEEPEST:
+            raise ValueError("nested too deeply")
+        if name == "VTKFile":
+            self._order = ">" if given.get("byte_order") == "BigEndian" else "<"
+            self._word = _HEADER_TYPES[given.get("header_type", "UInt32")]
+            self._compressed = bool(given.get("compressor"))
+        elif name == "Piece":
+            ends = [int(n) for n in given["Extent"].split()]
+            sides = [high - low for low, high in zip(ends[::2], ends[1::2], strict=True)]
+            if len(sides) != 3 or min(sides) < 0:
+                raise ValueError("Extent")
+            self._points = math.prod(side + 1 for side in sides)
+            self._cells = math.prod(max(side, 1) for side in sides)
+        elif name == "DataArray" and self._open[-2] in ("PointData", "CellData"):
+            tuples = self._points if self._open[-2] == "PointData" else self._cells
+            values = tuples * max(int(given.get("NumberOfComponents", "1")), 1)
+            itemsize = _XML_BYTES[given["type"]]
+            place = int(given.get("offset", "0"))
+            self.arrays.append(_Array(values, itemsize, given.get("format", "ascii"), place))
+        elif name == "AppendedData":
+            self._encoding = given.get("encoding", "base64")
+            self._start = parser.CurrentByteIndex
+
+    def _text(self, text: str) -> None:
+        if self._open[-1] == "DataArray" and self.arrays:
+            array, text = self.arrays[-1], text.strip()
+            array.length += len(text)
+            array.text = (array.text + text)[:64] if len(array.text) < 64 else array.text
+
+    def check(self, query: Query) -> None:
+        """Refuse arrays that are longer than what the file holds of them, or than memory.
+
+        Raises
+        ------
+        VolumeError
+        """
+        if not self.arrays:
+            return
+        query.reserve((sum(a.values * a.itemsize for a in self.arrays),), 1)
+        with self.path.open("rb") as file:
+            for array in self.arrays:
+                asked = array.values * array.itemsize
+                try:
+                    held = self._held(array, file)
+                except (ValueError, struct.error, binascii.Error, OverflowError, OSError) as error:
+                    raise _unreadable(self.path) from error
+                if held < asked:
+                    raise VolumeError(
+                        f"{self.path}: holds {held} bytes of voxels, its header asks for {asked}; "
+                        f"{TRUNCATED}"
+                    )
+
+    def _held(self, array: _Array, file: Any) -> int:
+        """Bytes of an array that are in the file, by the lengths that stand before them."""
+        if array.form == "ascii":  # a value and a space are two characters
+            return (array.length + 1) // 2 * array.itemsize
+        raw = array.form == "appended" and self._encoding == "raw"
+        if array.form == "appended":
+            file.seek(self._start + array.offset)
+            head = file.read(64)
+            left = self.path.stat().st_size - file.tell() + len(head)
+        else:
+            head, left = array.text.encode("ascii"), array.length
+        words = 3 if self._compressed else 1
+        nbytes = words * struct.calcsize(self._word)
+        if not raw:
+            head, left = base64.b64decode(head[: -(-nbytes // 3) * 4]), left // 4 * 3
+        first, *others = struct.unpack_from(f"{self._order}{words}{self._word}", head)
+        if not self._compressed:
+            return int(min(first, left - nbytes))
+        block, last = others
+        return int(block * (first - 1) + last if last else block * first)
