@@ -12,11 +12,12 @@ import pyopencl as cl
 import pytest
 
 from volspec import doctor
-from volspec._gpu import devices, memory, opencl
+from volspec._gpu import devices, memory, opencl, trials
 from volspec._gpu.build_log import complaint
-from volspec._gpu.devices import DeviceInfo, chosen_device
+from volspec._gpu.devices import chosen_device
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
+from volspec._gpu.trials import DeviceInfo
 from volspec.errors import OpenCLError, ShapeError
 
 FIRST = "__kernel void f(__global const uchar *x, __global int *y) { y[0] = x[0] + x[%d]; }\n"
@@ -31,13 +32,14 @@ def compute() -> Compute:
 def two_devices(monkeypatch: pytest.MonkeyPatch) -> None:
     """A GPU and a CPU, as far as names go."""
     known = [
-        DeviceInfo(name, platform, "OpenCL 3.0", is_cpu, 8, 2**34, 2**32)
-        for name, platform, is_cpu in [
-            ("NVIDIA H200", "NVIDIA CUDA", False),
-            ("pthread-AMD EPYC", devices.POCL, True),
+        DeviceInfo(name, platform, "OpenCL 3.0", driver, is_cpu, 8, 2**34, 2**32)
+        for name, platform, driver, is_cpu in [
+            ("NVIDIA H200", "NVIDIA CUDA", "590.1", False),
+            ("pthread-AMD EPYC", trials.POCL, "3.1+debian", True),
         ]
     ]
     monkeypatch.setattr(devices, "devices", lambda: known)
+    monkeypatch.setattr(trials, "_try", lambda index, info: "")
 
 
 def resident_bytes() -> int:
@@ -93,7 +95,7 @@ def test_what_memory_does_not_suffice_for_is_refused_before_it_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     compute = Compute.open()
-    compute.info = DeviceInfo("tiny", "test", "1", False, 1, 3 << 20, 2 << 20)
+    compute.info = DeviceInfo("tiny", "test", "1", "1", False, 1, 3 << 20, 2 << 20)
     compute.require(3 << 20, "a picture", "cast a smaller one")
     buffer = compute.output(1 << 20)
     compute.require(2 << 20, "a picture", "cast a smaller one")
@@ -103,7 +105,7 @@ def test_what_memory_does_not_suffice_for_is_refused_before_it_is_taken(
     assert str(caught.value) == expected
     del buffer
     compute.require(3 << 20, "a picture", "cast a smaller one")
-    compute.info = DeviceInfo("cpu", "test", "1", True, 1, 9 << 30, 2 << 30)
+    compute.info = DeviceInfo("cpu", "test", "1", "1", True, 1, 9 << 30, 2 << 30)
     monkeypatch.setattr(opencl, "host_free_bytes", lambda: 1 << 30)
     with pytest.raises(OpenCLError, match=r"needs 3\.2 GiB, 1\.0 GiB are free"):
         compute.require(int(3.2 * 2**30), "a picture", "cast a smaller one")
@@ -190,9 +192,8 @@ def test_devices_are_chosen_by_name_platform_number_or_variable(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delenv("VOLSPEC_DEVICE", raising=False)
-    assert [chosen_device(name) for name in (None, "h200", "epyc", "cuda", "portable", "1")] == [
-        *(0, 0, 1, 0, 1, 1)
-    ]
+    names = (None, "h200", "epyc", "cuda", "portable", "1", "3.1+deb")
+    assert [chosen_device(name) for name in names] == [0, 0, 1, 0, 1, 1, 1]
     monkeypatch.setenv("VOLSPEC_DEVICE", "EPYC")
     assert chosen_device() == 1 and chosen_device("nvidia") == 0
     monkeypatch.setenv("VOLSPEC_DEVICE", "")

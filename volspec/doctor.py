@@ -1,7 +1,8 @@
-"""What this machine offers: OpenCL and GL devices, versions, and how to mend what is missing.
+"""Examine this machine: OpenCL and GL devices, versions, and how to mend what is missing.
 
-Casts run on the first GPU, else the first CPU; the environment variable ``VOLSPEC_DEVICE``
-(part of a device's or platform's name, or the number shown here) chooses another.
+Every OpenCL device is tried. Casts run on the first that works; the environment variable
+``VOLSPEC_DEVICE`` (part of a device's, platform's or driver's name, or the number shown here)
+chooses another.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from volspec import __version__
 from volspec._gpu import devices as opencl_devices
+from volspec._gpu.trials import DeviceInfo, try_all
 from volspec.errors import DeviceError, OpenCLError, OpenGLError
 
 if TYPE_CHECKING:
@@ -39,9 +41,11 @@ class Examination:
     Parameters
     ----------
     opencl : tuple of DeviceInfo
+    faults : tuple of str
+        Why each of them cannot run a kernel; empty for those that can.
     casts_on : int or None
-        Which of them casts run on; None where there is none, or none that ``VOLSPEC_DEVICE``
-        names.
+        Which of them casts run on; None if there is none that works, or none that
+        ``VOLSPEC_DEVICE`` names.
     gl : str or None
         Renderer and version of the headless context relighting draws in.
     no_sharing : str or None
@@ -57,7 +61,8 @@ class Examination:
 
     python: str
     versions: dict[str, str]
-    opencl: tuple[opencl_devices.DeviceInfo, ...]
+    opencl: tuple[DeviceInfo, ...]
+    faults: tuple[str, ...]
     casts_on: int | None
     gl: str | None
     no_sharing: str | None
@@ -77,10 +82,12 @@ class Examination:
         table = Table(title=f"volspec {__version__}, {self.python}", show_header=False)
         for i, device in enumerate(self.opencl):
             memory = f"{device.memory_bytes / 2**30:.1f} GiB"
-            used = " (casts run here)" if i == self.casts_on else ""
+            used = "  [green]casts run here[/green]" if i == self.casts_on else ""
+            if self.faults[i]:
+                used = f"  [red]not used:[/red] {escape(self.faults[i])}"
             table.add_row(
                 f"OpenCL {i}",
-                f"{device.name}{used}\n{device.platform}, {device.version}, "
+                f"{escape(device.name)}{used}\n{escape(device.platform)} {escape(device.driver)}, "
                 f"{device.compute_units} compute units, {memory}",
             )
         if not self.opencl:
@@ -97,7 +104,7 @@ class Examination:
         table.add_row("versions", "\n".join(f"{k} {v}" for k, v in self.versions.items()))
         console.print(table)
         for problem in self.problems:
-            console.print(f"[red]missing:[/red] {escape(problem)}", highlight=False)
+            console.print(f"[red]missing:[/red] {escape(problem)}", highlight=False, soft_wrap=True)
         if not self.problems:
             left = [what for what, found in self.extras.items() if found.startswith(_NOT_HERE)]
             extras = f"; extras that are not here: {', '.join(left)}" if left else ""
@@ -116,16 +123,12 @@ def examine() -> Examination:
             if package != "pocl-binary-distribution":
                 problems.append(f"{package}: pip install {package}")
     devices = opencl_devices.devices()
+    faults = try_all(devices)
     casts_on = None
-    if not devices:
-        problems.append("an OpenCL device: pip install 'pyopencl[pocl]'")
-    else:
-        try:
-            casts_on = opencl_devices.chosen_device()
-        except OpenCLError as error:
-            problems.append(str(error))
-    if casts_on is not None and devices[casts_on].platform == opencl_devices.POCL:
-        problems.extend(filter(None, [opencl_devices.missing_linker()]))
+    try:
+        casts_on = opencl_devices.chosen_device()
+    except OpenCLError as error:
+        problems.append(str(error))
     blocked = bool(problems)
     gl = None
     no_sharing: str | None = "no OpenCL device, or no OpenGL context"
@@ -145,6 +148,7 @@ def examine() -> Examination:
         python=f"Python {platform.python_version()} on {platform.system()} {platform.machine()}",
         versions=versions,
         opencl=tuple(devices),
+        faults=faults,
         casts_on=casts_on,
         gl=gl,
         no_sharing=no_sharing,

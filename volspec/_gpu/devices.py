@@ -1,82 +1,73 @@
-"""Which OpenCL devices there are, and which one is meant.
+"""OpenCL devices of this machine, and the choice of one that works.
 
-PoCL (pulled in as a wheel) makes every CPU a device, so that "no device" means a broken
-installation; the message says how to mend it. Where several devices are, the environment variable
-``VOLSPEC_DEVICE`` chooses one for every run.
+Drivers are those of the system, PoCL from its wheel, which makes any CPU a device, and Intel's CPU
+runtime from ``volspec[intel]``. A device is taken if it has compiled and run a kernel
+(`volspec._gpu.trials`). The environment variable ``VOLSPEC_DEVICE`` chooses one for every run.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
-import subprocess
-import sys
-from dataclasses import dataclass
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
-from glob import glob
+from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from volspec._gpu import trials
+from volspec._gpu.trials import POCL, DeviceInfo
 from volspec.errors import OpenCLError, nearest, quoted
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
-POCL = "Portable Computing Language"
 DEVICE_VARIABLE = "VOLSPEC_DEVICE"
+_INTEL_WHEEL, _INTEL_LIBRARY = "intel-opencl-rt", "libintelocl.so"
+# Folders of drivers, as pyopencl's loader looks for them.
+_VENDOR_VARIABLES, _VENDORS = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"), "/etc/OpenCL/vendors"
 
 
 def cache_folder() -> Path:
-    """Where PoCL keeps compiled programs."""
+    """Folder in which PoCL keeps compiled programs."""
     default = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pocl"
     return Path(os.environ.get("POCL_CACHE_DIR") or default)
 
 
-def _remedy() -> str:
-    """Why there may be no device: PoCL is missing, or gives up where it cannot keep programs."""
+def no_device() -> str:
+    """Message for a machine without any device: nothing is installed, or PoCL gives up."""
     folder = cache_folder()
     there = next((path for path in (folder, *folder.parents) if path.exists()), folder)
     if not (there.is_dir() and os.access(there, os.W_OK)):
         return (
-            f"PoCL cannot keep compiled programs in {folder}; set POCL_CACHE_DIR to a folder that "
-            "can be written"
+            f"no OpenCL device found; PoCL cannot keep compiled programs in {folder}, set "
+            "POCL_CACHE_DIR to a folder that can be written"
         )
-    return "install PoCL with: pip install 'pyopencl[pocl]'; `volspec doctor` shows more"
-
-
-@dataclass(frozen=True, slots=True)
-class DeviceInfo:
-    """One OpenCL device, as `volspec doctor` lists it."""
-
-    name: str
-    platform: str
-    version: str
-    is_cpu: bool
-    compute_units: int
-    memory_bytes: int
-    max_allocation_bytes: int
+    return f"no OpenCL device found; {trials.remedy([])}"
 
 
 def devices() -> list[DeviceInfo]:
-    """Every device of every platform, GPUs first; empty where OpenCL is missing."""
+    """Every device of every driver, in the order of preference; empty if OpenCL is missing."""
     return [describe(device) for device in all_devices()]
 
 
 def chosen_device(name: str | None = None) -> int:
-    """Which of `devices` a name means.
+    """Index in `devices` of the first device that works, of those that a name means.
 
     Parameters
     ----------
     name : str, optional
-        Part of a device's or its platform's name, in any case; the first that matches is
-        taken. A whole number is an index. Default: what ``VOLSPEC_DEVICE`` holds, else the
-        first GPU, else the first CPU.
+        Part of a device's, its platform's or its driver's name, in any case. A whole number is an
+        index. Default: what ``VOLSPEC_DEVICE`` holds, else any device.
 
     Raises
     ------
     OpenCLError
-        If it is no text, there is no device, or none of that name; the message lists those
-        there are.
+        If it is no text, there is no device, none of that name, or none of them works; the message
+        lists those there are, or the fault.
     """
     if name is not None and not isinstance(name, str):
         raise OpenCLError(
@@ -84,83 +75,119 @@ def chosen_device(name: str | None = None) -> int:
         )
     found = devices()
     if not found:
-        raise OpenCLError(f"no OpenCL device found; {_remedy()}")
+        raise OpenCLError(no_device())
     wanted, source = name, ""
     if name is None:
         wanted, source = os.environ.get(DEVICE_VARIABLE), f" ({DEVICE_VARIABLE})"
-    if not wanted:
-        return 0
-    for i, device in enumerate(found):
-        text = f"{device.platform}\n{device.name}".lower()
-        if str(i) == wanted if wanted.isdecimal() else wanted.lower() in text:
-            return i
-    known = [n for device in found for n in (device.name, device.platform)]
-    there = ", ".join(f"{i}: {device.name} ({device.platform})" for i, device in enumerate(found))
-    raise OpenCLError(
-        f"no OpenCL device named {wanted!r}{source}; {nearest(wanted, known)}there is {there}"
+    meant = [i for i, device in enumerate(found) if not wanted or _is_meant(wanted, i, device)]
+    if wanted and not meant:
+        known = [n for device in found for n in (device.name, device.platform)]
+        there = ", ".join(f"{i}: {d.name} ({d.platform})" for i, d in enumerate(found))
+        raise OpenCLError(
+            f"no OpenCL device named {wanted!r}{source}; {nearest(wanted, known)}there is {there}"
+        )
+    # Where none works, the cache may hold what is not so any more.
+    for again in (False, True):
+        for i in meant:
+            if not trials.fault(i, found, again=again):
+                return i
+    raise OpenCLError(unusable(meant, found))
+
+
+def _is_meant(wanted: str, index: int, device: DeviceInfo) -> bool:
+    if wanted.isdecimal():
+        return str(index) == wanted
+    return wanted.lower() in f"{device.platform}\n{device.name}\n{device.driver}".lower()
+
+
+def unusable(meant: list[int], found: list[DeviceInfo]) -> str:
+    """Message for devices that cannot run kernels: each with its fault, and the remedy."""
+    faults = "; ".join(
+        f"{found[i].name} ({found[i].platform}, {found[i].driver}): {trials.fault(i, found)}"
+        for i in meant
     )
+    if len(meant) < len(found):
+        return f"OpenCL: {faults}. Choose another device with {DEVICE_VARIABLE}; see volspec doctor"
+    return f"OpenCL: no device can run a kernel. {faults}. Remedy: {trials.remedy(found)}"
 
 
 def all_devices() -> list[cl.Device]:
+    """Devices as pyopencl has them: GPUs, then CPUs, the newest driver first.
+
+    The loader's own order is that of the files in a folder.
+    """
     try:
         import pyopencl as cl
 
-        found = [device for platform in cl.get_platforms() for device in platform.get_devices()]
+        with _intel_registered():
+            found = [device for platform in cl.get_platforms() for device in platform.get_devices()]
     except (ImportError, OSError):
         return []
     except cl.Error:  # the loader's way of saying that no driver is registered
         return []
-    return sorted(found, key=lambda device: not device.type & cl.device_type.GPU)
+
+    def preference(device: cl.Device) -> tuple[bool, bool, list[int], str]:
+        numbers = [-int(n) for n in re.findall(r"\d+", device.driver_version)]
+        is_gpu = bool(device.type & cl.device_type.GPU)
+        # PoCL last: another driver of the CPU is there because somebody wanted it.
+        return not is_gpu, device.platform.name == POCL, numbers, device.driver_version
+
+    return sorted(found, key=preference)
+
+
+@contextmanager
+def _intel_registered() -> Iterator[None]:
+    """Let the loader see Intel's CPU runtime if its wheel is installed, without a variable set.
+
+    The wheel registers a path of the machine that built it. The loader reads one folder of drivers,
+    at the process's first call, so that the folder need not stay.
+    """
+    vendors = Path(next(filter(None, map(os.environ.get, _VENDOR_VARIABLES)), _VENDORS))
+    library = _intel_library()
+    # A file instead of a folder means that driver alone.
+    registered = [] if vendors.is_file() else list(vendors.glob("*.icd"))
+    if (
+        library is None
+        or vendors.is_file()
+        or any(_INTEL_LIBRARY in icd.read_text(errors="replace") for icd in registered)
+    ):
+        yield
+        return
+    before = os.environ.get(_VENDOR_VARIABLES[0])
+    with tempfile.TemporaryDirectory() as folder:
+        for icd in registered:
+            shutil.copy(icd, folder)
+        Path(folder, "volspec-intel.icd").write_text(f"{library}\n")
+        os.environ[_VENDOR_VARIABLES[0]] = folder
+        try:
+            yield
+        finally:
+            del os.environ[_VENDOR_VARIABLES[0]]
+            if before is not None:
+                os.environ[_VENDOR_VARIABLES[0]] = before
+
+
+@cache
+def _intel_library() -> Path | None:
+    """CPU runtime of the wheel ``intel-opencl-rt``; None if it is not installed."""
+    try:
+        inside = files(_INTEL_WHEEL) or []
+    except PackageNotFoundError:
+        return None
+    return next((Path(str(f.locate())).resolve() for f in inside if f.name == _INTEL_LIBRARY), None)
 
 
 def describe(device: cl.Device) -> DeviceInfo:
+    """A device's names, versions and sizes."""
     import pyopencl as cl
 
     return DeviceInfo(
         name=device.name.strip(),
         platform=device.platform.name.strip(),
         version=device.version.strip(),
+        driver=device.driver_version.strip(),
         is_cpu=bool(device.type & cl.device_type.CPU),
         compute_units=device.max_compute_units,
         memory_bytes=device.global_mem_size,
         max_allocation_bytes=device.max_mem_alloc_size,
     )
-
-
-_TRIAL = """
-import numpy, pyopencl as cl
-platform = next(p for p in cl.get_platforms() if p.name == "Portable Computing Language")
-queue = cl.CommandQueue(cl.Context(platform.get_devices()[:1]))
-kernel = cl.Program(queue.context, "__kernel void f(__global int *x) { x[0] = 1; }").build().f
-kernel(queue, (1,), None, cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, 4))
-queue.finish()
-"""
-
-
-@cache
-def missing_linker() -> str | None:
-    """The remedy where PoCL cannot link the kernels it builds, else None.
-
-    PoCL links each kernel with ``ld`` against libc and libgcc, and ends the whole process when
-    that fails; so it is asked before. Where they are not in the usual places, a trial build in
-    a process of its own decides.
-    """
-    usual = (
-        shutil.which("ld"),
-        glob("/usr/lib*/gcc*/*/*/libgcc.a"),
-        glob("/usr/lib*/libc.so") or glob("/usr/lib/*/libc.so"),
-    )
-    if all(usual):
-        return None
-    trial = subprocess.run([sys.executable, "-c", _TRIAL], capture_output=True, check=False)
-    if trial.returncode == 0:
-        return None
-    return (
-        "PoCL cannot link kernels: it needs ld, libgcc and libc.so; "
-        "on Debian or Ubuntu: apt-get install gcc libc6-dev"
-    )
-
-
-def require_linker(device: cl.Device) -> None:
-    if device.platform.name == POCL and (remedy := missing_linker()):
-        raise OpenCLError(remedy)

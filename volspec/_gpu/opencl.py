@@ -1,9 +1,7 @@
 """OpenCL devices, programs and buffers; knows no stage.
 
-PoCL (pulled in as a wheel) makes every CPU a device, so that "no device" means a broken
-installation; the message says how to mend it. Compiled programs are cached by PoCL and the
-GPU drivers on disk and here per context. Where several devices are, the environment variable
-``VOLSPEC_DEVICE`` chooses one for every run.
+Compiled programs are cached by PoCL and the GPU drivers on disk, and here per context. Which device
+is taken: `volspec._gpu.devices`.
 """
 
 from __future__ import annotations
@@ -21,16 +19,17 @@ from numpy.typing import NDArray
 from volspec._gpu.build_log import complaint
 from volspec._gpu.devices import (
     DEVICE_VARIABLE,
-    DeviceInfo,
     all_devices,
     cache_folder,
     chosen_device,
     describe,
-    require_linker,
+    devices,
+    unusable,
 )
 from volspec._gpu.memory import host_free_bytes
 from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import Source
+from volspec._gpu.trials import DeviceInfo, fault
 from volspec.errors import OpenCLError, ShapeError, one_line
 
 if TYPE_CHECKING:
@@ -74,7 +73,6 @@ class Compute:
         device = all_devices()[index]
         import pyopencl as cl
 
-        require_linker(device)
         sharing = None
         try:
             if gl is None:
@@ -108,6 +106,7 @@ class Compute:
                     warnings.simplefilter("ignore")
                     program = cl.Program(self.context, source.text).build(options=list(options))
             except cl.RuntimeError as error:
+                self._try_again()
                 raise OpenCLError(
                     f"{source.files[1]} does not build on {self.info.name} with "
                     f"{' '.join(options) or 'no options'}: {complaint(str(error), source)}"
@@ -121,6 +120,18 @@ class Compute:
                     f"delete the cache of compiled programs ({cache_folder()}) and try again"
                 ) from error
         return self._kernels[key]
+
+    def _try_again(self) -> None:
+        """Ask whether the device still works: its trial may be long ago.
+
+        Raises
+        ------
+        OpenCLError
+            If it fails at a one-line kernel, too; the next run takes another device.
+        """
+        found = devices()
+        if self.info in found and fault(index := found.index(self.info), found, again=True):
+            raise OpenCLError(unusable([index], found))
 
     def upload(self, array: NDArray[Any], *, share: bool = False) -> cl.Buffer:
         """A buffer that kernels read, with an array's values.
