@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from queue import SimpleQueue
 
 from imgui_bundle import imgui, implot
 
@@ -38,7 +39,7 @@ from volspec.viewer.window.focus import Focus
 from volspec.viewer.window.inputs import Input
 from volspec.viewer.window.layout import Docks
 from volspec.viewer.window.mouse import Mouse
-from volspec.viewer.window.notice import SHORT_SECONDS, Notice
+from volspec.viewer.window.notice import SHORT_SECONDS, Notice, collected_warnings
 from volspec.viewer.window.trace import Trace
 from volspec.viewer.window.window import Window, style
 
@@ -90,7 +91,11 @@ def view(options: Options) -> None:
         If no window can be opened, or what was asked for cannot be.
     """
     give_back_large()
-    with Trace(options.trace) as trace, _short_turns():
+    with (
+        Trace(options.trace) as trace,
+        _short_turns(),
+        collected_warnings() as warned,
+    ):
         tasks = Tasks(Window.wake)
         path = options.path
         if not options.restore and not (path and path.lower().endswith(SUFFIX)):
@@ -98,7 +103,7 @@ def view(options: Options) -> None:
             tasks.start("open", lambda: Opened.at_first(opened(path, options.device), path))
         window = Window("volspec", options.size)
         try:
-            _App(options, trace, tasks, window).run()
+            _App(options, trace, tasks, window, warned).run()
         finally:
             window.close()
 
@@ -115,8 +120,15 @@ def _short_turns() -> Iterator[None]:
 
 
 class _App:
-    def __init__(self, options: Options, trace: Trace, tasks: Tasks, window: Window) -> None:
-        self._trace, self._window = trace, window
+    def __init__(
+        self,
+        options: Options,
+        trace: Trace,
+        tasks: Tasks,
+        window: Window,
+        warned: SimpleQueue[str],
+    ) -> None:
+        self._trace, self._window, self._warned = trace, window, warned
         self._desk = Desk()
         self._meter, self._notice = Meter(self._desk, trace), Notice()
         if window.note:
@@ -206,10 +218,21 @@ class _App:
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
+        news |= self._tell_warnings()
         if self._history is not None:
             news |= self._screen.heated(self._history.present, self._mouse.held)
         news |= self._screen.tabled()
         return self._notice.ended(time.perf_counter()) or news or bool(casts)
+
+    def _tell_warnings(self) -> bool:
+        """Show what was warned of since the last look; return True if there was anything."""
+        said = []
+        while not self._warned.empty():
+            said.append(self._warned.get())
+            self._trace.note("warning", message=said[-1])
+        if said:
+            self._notice.say("; ".join(said))
+        return bool(said)
 
     def _open(self, opened: Opened) -> None:
         before = self._history.present if self._history else None

@@ -153,6 +153,8 @@ class Desk:
         Whether that is as fine as the picture.
     shown_at : (left, top, right, bottom)
         Where the picture was drawn last.
+    fault : str
+        Why there is no picture; empty while one is there or awaited.
     fps : float
         Frames per second, while something moves.
     ms : {stage: float}
@@ -189,6 +191,7 @@ class Desk:
     image: CoefficientImage | None = None
     whole: bool = False
     shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    fault: str = ""
     fps: float = 0.0
     ms: dict[str, float] = field(default_factory=dict)
     under_mouse: Reading | None = None

@@ -6,6 +6,7 @@ file -> [document] -> state
 from __future__ import annotations
 
 import threading
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.sources import asset
+from volspec.errors import OpenCLError, VolspecWarning, one_line
 from volspec.pipeline import Raycaster
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
@@ -45,7 +47,7 @@ class Document:
     title : str
     volume : Volume
     caster : Raycaster, optional
-        Holds the volume; None only where nothing will be cast.
+        Holds the volume; None if nothing will be cast, or can be.
     view, transfer, shading, lights, seen
         As the file has them.
     histogram : (256,) float64
@@ -54,6 +56,8 @@ class Document:
         What was opened, or made for a volume; None where there is neither.
     path : Path, optional
         Of the scene or the volume; names in the file start from its folder.
+    fault : str
+        Why nothing can be cast on this machine; empty if it can.
     joint : JointHistogram
         By value and gradient.
     """
@@ -69,6 +73,7 @@ class Document:
     histogram: NDArray[np.float64]
     file: SceneFile | None = None
     path: Path | None = None
+    fault: str = ""
     joint: JointHistogram = field(init=False)
 
     def __post_init__(self) -> None:
@@ -93,7 +98,12 @@ class Document:
 
     @classmethod
     def of(
-        cls, scene: Scene, volume: Volume, caster: Raycaster | None, view: View | None = None
+        cls,
+        scene: Scene,
+        volume: Volume,
+        caster: Raycaster | None,
+        view: View | None = None,
+        fault: str = "",
     ) -> Document:
         """A scene with its volume, seen as its file says or as given."""
         return cls(
@@ -108,6 +118,7 @@ class Document:
             histogram=histogram(volume),
             file=scene.file,
             path=scene.path.absolute(),
+            fault=fault,
         )
 
 
@@ -117,7 +128,7 @@ def opened(path: str | None, device: str | None = None) -> Document:
     Raises
     ------
     VolspecError
-        If it cannot be read, or there is no device to cast on.
+        If it cannot be read, or the device that is named cannot cast.
     """
     view = None
     if path is not None:
@@ -135,8 +146,25 @@ def opened(path: str | None, device: str | None = None) -> Document:
         view = fitted(View(), volume, scene.transfer, scene.raycast, 1.0)
     # Presets take their materials from it, when somebody waits for them.
     threading.Thread(target=reflectance_names, daemon=True).start()
-    caster = yielding(lambda: Raycaster(volume, device=device))
-    return Document.of(scene, volume, caster, view)
+    caster, fault = make_caster(volume, device)
+    return Document.of(scene, volume, caster, view, fault)
+
+
+def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:
+    """Make what casts a volume; or None, and why this machine cannot.
+
+    Raises
+    ------
+    OpenCLError
+        If the device that is named cannot.
+    """
+    try:
+        return yielding(lambda: Raycaster(volume, device=device)), ""
+    except OpenCLError as error:
+        if device is not None:
+            raise
+        warnings.warn(one_line(error), VolspecWarning, stacklevel=2)
+        return None, one_line(error)
 
 
 def demo() -> Path:

@@ -24,12 +24,10 @@ from pydantic import ValidationError
 from volspec._files import write_whole
 from volspec._tables import explained
 from volspec.errors import InputError, SceneError
-from volspec.pipeline import Raycaster
 from volspec.scene.file import SceneFile
 from volspec.scene.resolve import Resolver
-from volspec.viewer.document import Document, histogram
+from volspec.viewer.document import Document, histogram, make_caster
 from volspec.viewer.files.session_values import Reader, ValueFault, Writer
-from volspec.viewer.picture.priority import yielding
 from volspec.viewer.state import ViewState
 
 FORMAT = "volspec-session"
@@ -39,7 +37,7 @@ Migration = Callable[[dict[str, Any]], None]
 MIGRATIONS: Mapping[int, Migration] = MappingProxyType({})
 """From each version to the one after it: changes the data in place."""
 # Of a document, what is read, made or measured again.
-_REMADE = ("volume", "caster", "histogram", "file", "path")
+_REMADE = ("volume", "caster", "fault", "histogram", "file", "path")
 # Of a state, what is made anew or is over: a fade would be seen again.
 _PASSING = ("document", "fade")
 
@@ -203,10 +201,12 @@ def resumed(session: Session, device: str | None = None, cast: bool = True) -> V
         moved = file.volume.model_copy(update={"file": f"{session.path}{mark}{query}"})
         file = file.model_copy(update={"volume": moved})
     volume = Resolver(file, session.path).volume()
+    caster, fault = make_caster(volume, device) if cast else (None, "")
     document = Document(
         **kept,
         volume=volume,
-        caster=yielding(lambda: Raycaster(volume, device=device)) if cast else None,
+        caster=caster,
+        fault=fault,
         histogram=histogram(volume),
         file=file,
         path=session.path,

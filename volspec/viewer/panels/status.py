@@ -63,7 +63,7 @@ def fitting_texts(
 def sizes(state: ViewState, desk: Desk) -> str:
     """The picture's size, and whether it is still coarse."""
     if desk.image is None:
-        return "casting …"
+        return "no picture" if desk.fault else "casting …"
     width, height = state.size
     if desk.whole:
         return f"{width} × {height}"

@@ -81,6 +81,9 @@ class Screen:
         if done.error:
             self._notice.say(done.error)
             how = "error"
+            if self._cast is None or self._cast.job.document is not done.job.document:
+                # No picture of this document is there, and the one before is another's.
+                self._desk.fault, self._cast, self._desk.image = done.error, None, None
         self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
         if done.image is None or state is None or done.job.document is not state.document:
             return
@@ -92,7 +95,7 @@ class Screen:
         if done.divisor == 1 and not done.image.alpha.any():
             self._notice.say(_NOTHING)
         # Its texture holds what was packed.
-        self._cast = replace(done, packed=None)
+        self._cast, self._desk.fault = replace(done, packed=None), ""
         self.stale()
         self._desk.image, self._desk.whole = done.image, done.divisor == 1
         self._desk.ms["cast"] = done.ms
@@ -224,7 +227,7 @@ class Screen:
         x, y, width, height = area
         if not self.pictures.framebuffer or self._cast is None or shown is None:
             dark = self._cast is not None and shown is not None and rig_of(shown.lights) is None
-            _write("No light is on" if dark else "Opening …", area)
+            _write("No light is on" if dark else self._desk.fault or "Opening …", area)
             return None
         of, now = self._shape, shown.size
         wide = width if of == now else height * of[0] / of[1]
@@ -241,9 +244,11 @@ class Screen:
 
 
 def _write(text: str, area: Area) -> None:
-    """A line in the middle of where the picture will be."""
+    """Text in the middle of where the picture will be, in lines as long as that is wide."""
     x, y, width, height = area
-    size = imgui.calc_text_size(text)
+    wrap = 0.9 * width
+    size = imgui.calc_text_size(text, wrap_width=wrap)
     place = x + (width - size.x) / 2, y + (height - size.y) / 2
-    grey = packed((0.6, 0.6, 0.6))
-    imgui.get_background_draw_list().add_text(place, grey, text)
+    grey, font, font_size = packed((0.6, 0.6, 0.6)), imgui.get_font(), imgui.get_font_size()
+    draw_list = imgui.get_background_draw_list()
+    draw_list.add_text(font, font_size, place, grey, text, wrap_width=wrap)

@@ -86,6 +86,8 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             ms = 1e3 * (time.perf_counter() - started)
             return CastDone(job, divisor, ms, image, error, packed)
 
+        if job.document.fault:
+            return done(error=job.document.fault)
         try:
             image = raycast(
                 *(job.document.volume, job.transfer, job.camera, (width, height), job.shading),

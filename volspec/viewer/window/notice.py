@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from queue import SimpleQueue
+from typing import Any
 
-from volspec.errors import one_line
+from volspec.errors import VolspecWarning, one_line
 
 SECONDS = 8.0
 # Of what has been seen happen.
@@ -29,3 +34,24 @@ class Notice:
             return False
         self.text = ""
         return True
+
+
+@contextmanager
+def collected_warnings() -> Iterator[SimpleQueue[str]]:
+    """Queue the package's warnings of every thread for the window, besides printing them.
+
+    What a file's reader doubts is otherwise seen by those alone who started from a terminal.
+    """
+    queue: SimpleQueue[str] = SimpleQueue()
+    show = warnings.showwarning
+
+    def collect(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
+        if issubclass(category, VolspecWarning):
+            queue.put(str(message))
+        show(message, category, *rest, **named)
+
+    warnings.showwarning = collect
+    try:
+        yield queue
+    finally:
+        warnings.showwarning = show
