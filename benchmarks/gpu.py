@@ -12,13 +12,12 @@ from dataclasses import astuple, dataclass
 from datetime import UTC, datetime
 
 import numpy as np
-import pyopencl as cl
 
 from benchmarks.cast import SPECS
 from benchmarks.measure import commit, in_turn
 from benchmarks.page import PAGE, between, replaced
 from benchmarks.volumes import BenchScene, bench_scene
-from volspec._gpu.devices import POCL, DeviceInfo, devices
+from volspec._gpu.devices import POCL, all_devices, chosen_device, devices
 from volspec.pipeline import Raycaster, raycast
 
 SIZES = {"512²": (512, 512), "1080p": (1920, 1080)}
@@ -78,26 +77,20 @@ def measured(scene: BenchScene, caster: Raycaster, beside: Raycaster | None) -> 
     return tuple(cells)
 
 
-def driver_of(info: DeviceInfo) -> str:
-    """The platform and its driver's version."""
-    platform = next(p for p in cl.get_platforms() if p.name.strip() == info.platform)
-    device = next(d for d in platform.get_devices() if d.name.strip() == info.name)
-    return f"{info.platform} {device.driver_version.strip()}"
-
-
 def main() -> None:
     """Measure, print and keep."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--device", help="part of an OpenCL device's name; default the first GPU")
     wanted = parser.parse_args().device
     scene = bench_scene("engine")
-    caster = Raycaster(scene.volume, device=wanted, lanes=1)
-    found = devices()
-    info = next(device for device in found if device.name == caster.device)
-    pocl = next((d.name for d in found if d.platform == POCL and d.name != info.name), None)
-    beside = Raycaster(scene.volume, device=pocl) if pocl else None
-    driver = driver_of(info)
-    print(f"{info.name} ({driver})" + (f" beside {pocl}" if pocl else ""))
+    # By number: several runtimes may have devices of one name.
+    number, found = chosen_device(wanted), devices()
+    info = found[number]
+    caster = Raycaster(scene.volume, device=str(number), lanes=1)
+    pocl = (i for i, d in enumerate(found) if d.platform == POCL and i != number)
+    beside = next((Raycaster(scene.volume, device=str(i)) for i in pocl), None)
+    driver = f"{info.platform} {all_devices()[number].driver_version.strip()}"
+    print(f"{info.name} ({driver})" + (f" beside {beside.device}" if beside else ""))
     cells = measured(scene, caster, beside)
     date = datetime.now(UTC).date().isoformat()
     record = Record(info.name, driver, date, commit(), cells)

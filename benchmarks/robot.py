@@ -119,9 +119,11 @@ class Robot:
         return time.time() - float(self.rows()[0]["unix"])
 
     def wait_for(
-        self, wanted: Callable[[Row], bool], after: float = -1.0, seconds: float = 30
+        self, wanted: Callable[[Row], bool], after: float = -1.0, seconds: float = 120
     ) -> Row:
         """The first row after a time that is wanted.
+
+        A runtime that has no kernel in its cache compiles half a minute on a busy machine.
 
         Raises
         ------
@@ -153,7 +155,7 @@ class Robot:
         """The first whole picture relit after a time."""
         return self.wait_for(lambda row: row["event"] == "relight" and row["whole"], after)
 
-    def rest(self, seconds: float = 60) -> float:
+    def rest(self, seconds: float = 120) -> float:
         """Wait until all that was done has been answered, and nothing is left to do; the time.
 
         A key that does nothing goes last through the window's queue, so that what is told of

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from volspec._gpu.opencl import Compute
 from volspec._gpu.opengl import headless_context
-from volspec.errors import OpenGLError
+from volspec.errors import DeviceError, OpenGLError
 from volspec.spectra._colour import colour_science
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, load_volume
@@ -29,9 +30,27 @@ settings.load_profile("repeatable")
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    """Say what was left out, and where it is run."""
+    """Name the devices that ran; say what was left out, and where it is run."""
+    terminalreporter.write_line(devices_line())
     if config.option.markexpr == "not slow":
         terminalreporter.write_line("Cases marked `slow` are left to `make trust`.")
+
+
+def devices_line() -> str:
+    """Return the OpenCL device with its platform and driver, and the GL renderer, in one line."""
+    try:
+        device = Compute.open().context.devices[0]
+        names = (device.name, device.platform.name, f"driver {device.driver_version}")
+        opencl = ", ".join(name.strip() for name in names)
+    except DeviceError as error:
+        opencl = f"none ({error})"
+    try:
+        gl = headless_context()
+        opengl = gl.info["GL_RENDERER"]
+        gl.release()
+    except DeviceError as error:
+        opengl = f"none ({error})"
+    return f"OpenCL: {opencl}; OpenGL: {opengl}"
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import conftest
 from tests.test_cli_render import TELLING_BANDS
 from volspec import cli, doctor
 from volspec._gpu import devices
@@ -304,6 +305,20 @@ def test_without_opencl_the_remedy_is_named(
     assert not (tmp_path / "out").exists()
     assert call("doctor") == 1
     assert "or pip install 'volspec[intel]'" in capsys.readouterr().out
+
+
+def test_the_suite_s_last_lines_name_the_devices_or_say_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse() -> None:
+        raise OpenGLError("OpenGL: no headless context (test)")
+
+    assert re.fullmatch("OpenCL: .+, .+, driver .+; OpenGL: .+", conftest.devices_line())
+    monkeypatch.setenv(devices.DEVICE_VARIABLE, "no such device")
+    monkeypatch.setattr(conftest, "headless_context", refuse)
+    said = conftest.devices_line()
+    assert said.startswith("OpenCL: none (no OpenCL device named 'no such device'")
+    assert said.endswith("; OpenGL: none (OpenGL: no headless context (test))")
 
 
 def test_without_gl_the_demo_works_with_one_warning(

@@ -114,9 +114,11 @@ def refusal(capsys: pytest.CaptureFixture[str]) -> str:
     return line
 
 
-# The command, which says on stdout that a band of the picture is there.
+# The command, which says on stdout that a band of the picture is there. A suite that a shell runs
+# in the background ignores the interrupt, and so would its children.
 TELLING_BANDS = (
-    "import sys; from volspec.raycast.bands import Bands; fetch = Bands._fetch\n"
+    "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    "from volspec.raycast.bands import Bands; fetch = Bands._fetch\n"
     "def told(*a): fetch(*a); sys.stdout.write('band\\n'); sys.stdout.flush()\n"
     "Bands._fetch = told; from volspec.cli import main; main()"
 )
