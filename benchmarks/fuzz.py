@@ -121,7 +121,12 @@ class Run:
         command = (sys.executable, "-m", "benchmarks.fuzz_child", self.row.name, str(self.folder))
         with (self.folder / "log").open("ab") as log:
             return subprocess.Popen(
-                (*command, *words), cwd=ROOT, stdout=log, stderr=log, stdin=subprocess.DEVNULL
+                (*command, *words),
+                cwd=ROOT,
+                env={**os.environ, "XDG_CACHE_HOME": str(self.folder / "cache")},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
             )
 
     def _process(self, state: mmap.mmap, inputs: int, seconds: float, seed: int) -> str:

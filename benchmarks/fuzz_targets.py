@@ -239,16 +239,17 @@ def _read_spectral_image(path: Path) -> None:
 
 
 def _read_table(path: Path) -> None:
-    """Take every column, and the table as colours."""
-    from volspec.cli.triples import read_triples
     from volspec.spectra.tables import read_table
 
-    try:
-        table = read_table(path)
-        for name in table.names[:4]:
-            table.spectrum(name)
-    finally:
-        read_triples((), path, ("X", "Y", "Z"))
+    table = read_table(path)
+    for name in table.names[:4]:
+        table.spectrum(name)
+
+
+def _read_triples(path: Path) -> None:
+    from volspec.cli.triples import read_triples
+
+    read_triples((), path, ("X", "Y", "Z"))
 
 
 def _read_profile(path: Path) -> None:
@@ -264,9 +265,13 @@ def _profiles() -> Iterable[bytes]:
 
 
 def _read_scene(path: Path) -> None:
+    """Read and resolve; to train a basis takes seconds, and is no reader's work."""
     from volspec.scene import Scene
+    from volspec.scene.reading import scene_data, scene_file
+    from volspec.scene.tables import BasisTable
 
-    scene = Scene.load(path)
+    file = scene_file(scene_data(path), path)
+    scene = Scene(file.model_copy(update={"basis": BasisTable(name="general-5")}), path)
     scene.camera(scene.volume())
 
 
@@ -416,6 +421,9 @@ TARGETS: Mapping[str, Target] = {
         _files("data/spectra/[em]*.csv"),
         "input.csv",
         tokens=(b",", b";", b"\t", b"# unit: nm\n", b"nan", b'"', b"1e999", b"\x85"),
+    ),
+    "triples": Target(
+        _read_triples, lambda: [b"X,Y,Z\n1,2,3\n4,5,6\n", b"19.01,20,21.78\n"], "input.csv"
     ),
     "tm27": Target(
         _read_spectrum,

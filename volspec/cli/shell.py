@@ -233,6 +233,12 @@ def main(arguments: list[str] | None = None) -> None:
         said = f"{where}{error.strerror or error}; check the path, its permissions and the disk"
         print(f"volspec: {one_line(said)}", file=sys.stderr)
         raise SystemExit(1) from error
+    except MemoryError as error:
+        if debug:
+            raise
+        said = f"out of memory ({one_line(error)}); make pictures, files or --tile smaller"
+        print(f"volspec: {said}", file=sys.stderr)
+        raise SystemExit(1) from error
     except KeyboardInterrupt:
         print("volspec: interrupted; nothing half-written is left", file=sys.stderr)
         raise SystemExit(130) from None

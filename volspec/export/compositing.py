@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._exr import read_header
+from volspec._parse import parse_json
 from volspec.appearance.adaptation import adaptation
 from volspec.appearance.surround import ViewingConditions
 from volspec.basis import Basis, SpectralBasis
@@ -172,7 +173,7 @@ class Recipe:
                 "-o NEW.exr` writes one that does"
             )
         try:
-            data = json.loads(text)
+            data = parse_json(text)
             if data["version"] != VERSION:
                 raise ValueError(f"version {data['version']}, this volspec knows {VERSION}")
             lights = {
