@@ -111,7 +111,18 @@ class bar:
 
 
 class Terminal(Console):
-    """A terminal that shows the control characters in names, and obeys none of them."""
+    """A terminal that shows the marks in names, control characters and markup, and obeys none.
+
+    Parameters
+    ----------
+    markup : bool
+        Read ``[red]`` in texts as a colour: for texts that hold no names, or escaped ones.
+    **options
+        As for `rich.console.Console`.
+    """
+
+    def __init__(self, *, markup: bool = False, **options: Any) -> None:
+        super().__init__(markup=markup, emoji=False, **options)
 
     def on_broken_pipe(self) -> None:
         """Leave it to `main`, where rich would exit with 1."""
@@ -128,7 +139,7 @@ class Terminal(Console):
 
 def say(text: object) -> None:
     """Print one line as it is, whatever the names in it, however narrow the terminal is."""
-    Terminal().print(visible(str(text)), highlight=False, markup=False, soft_wrap=True)
+    Terminal().print(visible(str(text)), highlight=False, soft_wrap=True)
 
 
 def counted(number: int, what: str) -> str:
