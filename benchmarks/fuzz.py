@@ -22,7 +22,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,7 +34,8 @@ LIMIT_S = 10.0
 """An input that takes longer is a finding."""
 _START_S = 120.0  # imports, instrumented
 _MOST_RESTARTS = 20
-_LARGEST_KEPT = 4096
+_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+_MOST_KEPT = 60_000  # bytes of a reader's corpus
 
 
 @dataclass(slots=True)
@@ -123,7 +124,7 @@ class Run:
             return subprocess.Popen(
                 (*command, *words),
                 cwd=ROOT,
-                env={**os.environ, "XDG_CACHE_HOME": str(self.folder / "cache")},
+                env={**os.environ, **_ONE_THREAD, "XDG_CACHE_HOME": str(self.folder / "cache")},
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -181,28 +182,24 @@ def keep(run: Run) -> None:
     name = run.row.name
     target, folder, kept = TARGETS[name], run.folder / "in", CORPUS / name
     target.lay_out(folder)
-    known = set()
+    kept.mkdir(parents=True, exist_ok=True)
 
     def place(data: bytes) -> object:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return place_of(target.run(folder, data))
 
-    for path in kept_inputs(name):
-        known.add(place(path.read_bytes()))
-    for path in _shortest_first(run):
-        data = path.read_bytes()
-        if (found := path.parent.name == "findings") or len(data) <= _LARGEST_KEPT:
-            at = place(data)
-            if found or at not in known:
-                known.add(at)
-                kept.mkdir(parents=True, exist_ok=True)
-                (kept / hashlib.sha1(data).hexdigest()[:16]).write_bytes(data)
-
-
-def _shortest_first(run: Run) -> Iterator[Path]:
-    yield from (path for path in run.row.findings if not path.name.startswith("hang"))
-    yield from sorted((run.folder / "corpus").glob("*"), key=lambda path: path.stat().st_size)
+    known = {place(path.read_bytes()) for path in kept_inputs(name)}
+    room = _MOST_KEPT - sum(path.stat().st_size for path in kept_inputs(name))
+    found = [path.read_bytes() for path in run.row.findings]
+    corpus = sorted((path.read_bytes() for path in (run.folder / "corpus").glob("*")), key=len)
+    for data in [*found, *corpus]:
+        if data not in found:
+            if len(data) > room or (at := place(data)) in known:
+                continue
+            known.add(at)
+        room -= len(data)
+        (kept / hashlib.sha1(data).hexdigest()[:16]).write_bytes(data)
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -289,11 +289,18 @@ def _scenes() -> Iterable[bytes]:
 
 def _read_palette(path: Path) -> None:
     from volspec.errors import SpectrumError
-    from volspec.palette import load_palette, save_palette
+    from volspec.palette import load_palette
     from volspec.spectra.files import read_spectrum
 
     with suppress(SpectrumError):
         read_spectrum(f"{path}#1")
+    load_palette(path)
+
+
+def _rewrite_palette(path: Path) -> None:
+    """Write a palette into its own text, as tomlkit reads that."""
+    from volspec.palette import load_palette, save_palette
+
     save_palette(load_palette(path), path.with_name("saved.toml"), path)
 
 
@@ -446,6 +453,9 @@ TARGETS: Mapping[str, Target] = {
     ),
     "scene": Target(_read_scene, _scenes, "scenes/input.toml", _scene_parts, tokens=_TOML),
     "palette": Target(_read_palette, _files("data/palettes/*.toml"), "input.toml", tokens=_TOML),
+    "palette-text": Target(
+        _rewrite_palette, _files("data/palettes/figure-1.toml"), "input.toml", tokens=_TOML
+    ),
     "session": Target(
         _read_session,
         _files("tests/viewer/sessions/*.json"),
