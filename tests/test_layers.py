@@ -16,7 +16,18 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 
 # A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
 LAYERS = (
-    *("errors", "_files", "_cache", "_toml", "_exr", "_gpu", "spectra", "appearance", "_tables"),
+    *(
+        "errors",
+        "_files",
+        "_cache",
+        "_parse",
+        "_toml",
+        "_exr",
+        "_gpu",
+        "spectra",
+        "appearance",
+        "_tables",
+    ),
     *("basis", "palette"),
     *("volume", "transfer", "raycast", "relight", "pipeline", "scene", "wizard", "export"),
     *("doctor", "viewer", "cli"),

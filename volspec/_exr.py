@@ -22,6 +22,10 @@ from volspec.errors import InputError
 Channels = dict[str, NDArray[Any]]
 """(H, W) by name."""
 
+_WORD = 4  # bytes of the largest kind of pixel
+# What ZIP can make of a byte; and bytes that are given to any file, however it is packed.
+_MOST_RATIO, _ALWAYS_HELD = 1032, 1 << 27
+
 
 def read_exr(
     path: str | os.PathLike[str],
@@ -54,13 +58,16 @@ def read_exr(
     name, channels = os.fspath(path), Channels()
     _require_file(name, error, missing)
     said: list[str] = []
-    with _refused(name, error, again), captured_output(said), _opened(name) as file:
-        header = dict(file.header())
-        for part in range(len(file.parts)):
-            for key, channel in file.channels(part).items():
-                if key in channels:
-                    raise error(f"{name}: two parts hold a channel {key!r}; export one part")
-                channels[key] = np.array(channel.pixels)
+    with _refused(name, error, again), captured_output(said):
+        with _opened(name, header_only=True) as file:
+            _require_held(name, [part.header for part in file.parts], error, again)
+        with _opened(name) as file:
+            header = _known(file.header())
+            for part in range(len(file.parts)):
+                for key, channel in file.channels(part).items():
+                    if key in channels:
+                        raise error(f"{name}: two parts hold a channel {key!r}; export one part")
+                    channels[key] = np.array(channel.pixels)
     if any("error" in line.lower() or "EXR_ERR" in line for line in said):
         raise error(f"{name}: damaged ({said[-1].strip()}); {again}")
     return header, channels
@@ -78,13 +85,36 @@ def read_header(path: str | os.PathLike[str], error: type[InputError]) -> dict[s
     _require_file(name, error, "no such file")
     again = "export it again"
     with _refused(name, error, again), captured_output([]), _opened(name, header_only=True) as file:
-        return dict(file.header())
+        return _known(file.header())
 
 
 def _opened(name: str, **how: bool) -> Any:
     import OpenEXR
 
     return OpenEXR.File(name, **{"separate_channels": True, **how})
+
+
+def _known(header: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes of kinds that OpenEXR knows: others may not even be printed."""
+    import OpenEXR
+
+    return {k: v for k, v in header.items() if not isinstance(v, OpenEXR.OpaqueAttribute)}
+
+
+def _require_held(
+    name: str, headers: Sequence[Mapping[str, Any]], error: type[InputError], again: str
+) -> None:
+    """Refuse sizes that a file of this length cannot hold, before room is made for them."""
+    most, held = _MOST_RATIO * Path(name).stat().st_size, 0
+    for header in headers:
+        low, high = (np.asarray(corner, np.int64) for corner in header["dataWindow"])
+        width, height = (int(side) for side in high - low + 1)
+        held += width * height * _WORD * len(header["channels"])
+        if max(held, width, height) > max(most, _ALWAYS_HELD):
+            raise error(
+                f"{name}: says that it is {width}×{height} pixels of {len(header['channels'])} "
+                f"channels, which {Path(name).stat().st_size} bytes cannot hold; {again}"
+            )
 
 
 def _require_file(name: str, error: type[InputError], missing: str) -> None:
@@ -106,7 +136,10 @@ def _refused(name: str, error: type[InputError], again: str) -> Iterator[None]:
         yield
     except error:
         raise
-    except (RuntimeError, OSError, ValueError) as fault:
+    except MemoryError as fault:
+        raise error(f"{name}: too large for this machine's memory; {again}, smaller") from fault
+    # A damaged file ends in whatever C++ throws and in what its names and numbers break here.
+    except Exception as fault:
         raise error(f"{name}: not a readable OpenEXR file, or truncated; {again}") from fault
 
 

@@ -28,7 +28,12 @@ def header_of(path):
             raise SystemExit(f"{path}: no OpenEXR file; give a coefficient image of volspec")
 
         def word():
-            return b"".join(iter(lambda: file.read(1), b"\0")).decode()
+            letters = b""
+            while (letter := file.read(1)) != b"\0":
+                if not letter:
+                    raise SystemExit(f"{path}: its header ends too soon; render it again")
+                letters += letter
+            return letters.decode()
 
         while name := word():
             kind, (size,) = word(), struct.unpack("<i", file.read(4))

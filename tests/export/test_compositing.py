@@ -149,17 +149,17 @@ def test_the_header_s_sums_can_be_pasted_into_an_expression(tmp_path: Path) -> N
 def test_nuke_s_group_has_a_knob_for_each_weight(tmp_path: Path) -> None:
     """The nodes are as Nuke's own files write them; the sums are evaluated here."""
     image = made()
-    source = tmp_path / "a [b] {$c.exr"
+    source = tmp_path / "a {$c.exr"
     stored(source, image)
     assert call("compositing", source, "-o", tmp_path / "i.nk") == 0
     text = (tmp_path / "i.nk").read_text()
     bare = re.sub(r"\\.", "", text)
     assert bare.count("{") == bare.count("}") and bare.count('"') % 2 == 0
-    assert f' file "{tmp_path.as_posix()}/' + r'a \[b\] \{\$c.exr"' in text
+    assert f' file "{tmp_path.as_posix()}/' + r'a \{\$c.exr"' in text
     knobs = re.findall(r'addUserKnob \{7 (weight\d) l "((?:\\.|[^"])*)"', text)
     assert [label for _, label in knobs] == [
         *(f"day: {group}" for group in SHARES),
-        *(f'fluorescent (\\"\\$x\\"\\]: {group}' for group in SHARES),
+        *(f'fluorescent (\\"\\$x\\"): {group}' for group in SHARES),
         *(f"evening: {group}" for group in SHARES),
     ]
     sums = re.findall(r'expr\d "(.*)"', text)

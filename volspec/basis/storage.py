@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from volspec._files import write_whole
 from volspec._gpu.sources import asset
+from volspec._parse import parse_json
 from volspec.errors import BasisError, SpectrumError, nearest
 from volspec.spectra.grid import SpectralGrid
 
@@ -175,9 +176,7 @@ def _json(path: Path) -> Any:
     except ValueError:
         raise BasisError(f"{label!r} is no path; give a file name") from None
     try:
-        return json.loads(text)
-    except RecursionError:
-        raise BasisError(f"{label}: cannot be read as JSON: it is nested too deeply") from None
+        return parse_json(text)
     except ValueError as error:
         raise BasisError(f"{label}: cannot be read as JSON: {error}") from None
 

@@ -27,7 +27,7 @@ def doctor(*, json: Json = False) -> None:
     if json:
         print_json(report.to_dict())
     else:
-        report.print(Terminal())
+        report.print(Terminal(markup=True))
     if not report.healthy:
         raise SystemExit(1)
 

@@ -13,7 +13,7 @@ from rich.text import Text
 from volspec._files import require_writable
 from volspec.cli.names import show_names
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say
-from volspec.errors import ImageError, InputError, VolspecWarning
+from volspec.errors import ImageError, InputError, VolspecWarning, one_line
 
 if TYPE_CHECKING:
     import numpy as np
@@ -261,8 +261,9 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
         raise ImageError(
             f"{path}: is no picture that can be read; give PNG, JPEG or TIFF"
         ) from None
-    except (OSError, ValueError) as error:
-        raise ImageError(f"{path}: cannot be read ({error}); export it again") from None
+    # Of a damaged file Pillow raises SyntaxError, struct.error, MemoryError and others.
+    except Exception as error:
+        raise ImageError(f"{path}: cannot be read ({one_line(error)}); export it again") from None
 
 
 def _warn(message: str) -> None:

@@ -111,7 +111,18 @@ class bar:
 
 
 class Terminal(Console):
-    """A terminal that shows the control characters in names, and obeys none of them."""
+    """A terminal that shows the marks in names, control characters and markup, and obeys none.
+
+    Parameters
+    ----------
+    markup : bool
+        Read ``[red]`` in texts as a colour: for texts that hold no names, or escaped ones.
+    **options
+        As for `rich.console.Console`.
+    """
+
+    def __init__(self, *, markup: bool = False, **options: Any) -> None:
+        super().__init__(markup=markup, emoji=False, **options)
 
     def on_broken_pipe(self) -> None:
         """Leave it to `main`, where rich would exit with 1."""
@@ -128,7 +139,7 @@ class Terminal(Console):
 
 def say(text: object) -> None:
     """Print one line as it is, whatever the names in it, however narrow the terminal is."""
-    Terminal().print(visible(str(text)), highlight=False, markup=False, soft_wrap=True)
+    Terminal().print(visible(str(text)), highlight=False, soft_wrap=True)
 
 
 def counted(number: int, what: str) -> str:
@@ -232,6 +243,12 @@ def main(arguments: list[str] | None = None) -> None:
         where = f"{error.filename}: " if error.filename else ""
         said = f"{where}{error.strerror or error}; check the path, its permissions and the disk"
         print(f"volspec: {one_line(said)}", file=sys.stderr)
+        raise SystemExit(1) from error
+    except MemoryError as error:
+        if debug:
+            raise
+        said = f"out of memory ({one_line(error)}); make pictures, files or --tile smaller"
+        print(f"volspec: {said}", file=sys.stderr)
         raise SystemExit(1) from error
     except KeyboardInterrupt:
         print("volspec: interrupted; nothing half-written is left", file=sys.stderr)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from volspec._parse import read_text
 from volspec.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,10 +60,14 @@ def read_triples(
     if values:
         raise InputError(f"{kind} both as words and in {table}; give one of them")
     try:
-        text = sys.stdin.read() if str(table) == "-" else table.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
+        is_piped = str(table) == "-"
+        text = sys.stdin.read() if is_piped else read_text(table, InputError, f"a CSV of {kind}")
+        read = csv.reader(io.StringIO(text))
+        lines = [line for line in read if any(cell.strip() for cell in line)]
+    except UnicodeDecodeError:  # of what was piped
         raise InputError(f"{table}: not a text file; give a CSV table of {kind}") from None
-    lines = [line for line in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in line)]
+    except csv.Error as error:  # a cell of more than 131,072 letters
+        raise InputError(f"{table}: not a CSV table ({error}); export it again") from None
     if not lines:
         raise InputError(f"{table}: empty; give a CSV table with columns {', '.join(names)}")
     head = [cell.strip() for cell in lines[0]]

@@ -228,7 +228,6 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
                 f"{row.light} shows the others as {row.like} does, to ΔE "
                 f"{row.changed[worst]:.2f} ({worst})",
                 highlight=False,
-                markup=False,
             )
     if made.changes.exact:
         out.print("cast by its materials, as a basis of its size would blur these", highlight=False)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._exr import read_header
+from volspec._parse import parse_json
 from volspec.appearance.adaptation import adaptation
 from volspec.appearance.surround import ViewingConditions
 from volspec.basis import Basis, SpectralBasis
@@ -41,6 +43,8 @@ Array = NDArray[np.float64]
 
 VERSION = 1
 _JSON, _TEXT = "compositing", "relight"  # of the header's attributes, after "volspec:"
+# As `channel_names` makes them.
+_CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9_]*\.c[0-9]+\.V")
 _DIGITS = 9  # of numbers in a header; float32 has 7
 
 
@@ -103,8 +107,12 @@ class Recipe:
     def __post_init__(self) -> None:
         if not self.lights:
             raise ImageError("recipe: there is no light; give at least one")
-        if not all(isinstance(name, str) for names in self.channels.values() for name in names):
-            raise ImageError("recipe: a channel is no text; give names")
+        for channel in (name for names in self.channels.values() for name in names):
+            # They become part of expressions, which compositors run.
+            if not (isinstance(channel, str) and _CHANNEL.fullmatch(channel)):
+                raise ImageError(
+                    f"recipe: {quoted(channel)} is no channel of a cast; give names as key.c00.V"
+                )
         for name, light in self.lights.items():
             _require_fit(f"light {quoted(name)}", light, self.channels)
 
@@ -172,7 +180,7 @@ class Recipe:
                 "-o NEW.exr` writes one that does"
             )
         try:
-            data = json.loads(text)
+            data = parse_json(text)
             if data["version"] != VERSION:
                 raise ValueError(f"version {data['version']}, this volspec knows {VERSION}")
             lights = {

@@ -22,6 +22,7 @@ import numpy as np
 
 from volspec import __version__
 from volspec._files import clear_temporaries, write_whole
+from volspec._parse import parse_json
 from volspec._tables.written import plain
 from volspec.errors import InputError
 from volspec.scene import Scene
@@ -121,7 +122,8 @@ class Folder:
                 f"{self.path / there}: is there already, and {why}; choose another folder, or add "
                 "--overwrite"
             )
-        for name in [*(old or {}).get("files", ()), *self.files]:
+        files = (old or {}).get("files", ())
+        for name in [*(files if isinstance(files, list) else ()), *self.files]:
             self._remove(str(name))
         self._clear_temporaries()
         self._write({})
@@ -162,14 +164,17 @@ class Folder:
 
     def _old(self) -> dict[str, Any] | None:
         try:
-            found = json.loads((self.path / NAME).read_text(encoding="utf-8"))
+            found = parse_json((self.path / NAME).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
         return found if isinstance(found, dict) and "fingerprint" in found else None
 
     def _remove(self, name: str) -> None:
         """Delete a frame of before; a name that leads out of the folder is none."""
-        path = (self.path / name).resolve()
+        try:
+            path = (self.path / name).resolve()
+        except (OSError, ValueError):  # too long, or a NUL character
+            return
         if path.is_relative_to(self.path.resolve()) and path.suffix in (".png", ".exr", ".json"):
             with suppress(FileNotFoundError):
                 path.unlink()

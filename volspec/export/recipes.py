@@ -5,6 +5,7 @@ the file's header -> [recipes] -> FILE.py | FILE.nk
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 from volspec._exr import read_exr
 from volspec._files import write_whole
 from volspec._gpu.sources import asset
-from volspec.errors import ImageError
+from volspec.errors import ImageError, visible
 from volspec.export.compositing import Recipe
 
 SUFFIXES = (".py", ".nk")
@@ -31,7 +32,8 @@ def write_recipe(path: Path, image: Path) -> None:
     Raises
     ------
     ImageError
-        If the image has none or is truncated, or the suffix is another.
+        If the image has none or is truncated, or the suffix is another; for Nuke, if the image's
+        path cannot be written.
     InputError
         If the file cannot be written.
     """
@@ -48,7 +50,17 @@ def write_recipe(path: Path, image: Path) -> None:
 def blender_script(image: Path) -> str:
     """The shipped script with the path of an image in it."""
     text = asset("data/compositing/blender.py").read_text(encoding="utf-8")
-    return text.replace('IMAGE = "IMAGE.exr"', f"IMAGE = {str(image)!r}")
+    return text.replace('IMAGE = "IMAGE.exr"', f"IMAGE = {python_text(str(image))}")
+
+
+def python_text(text: str) -> str:
+    """Return a text as a literal of Python, JSON's too while all of it can be printed.
+
+    >>> print(python_text('a "b" \\n [é]'), python_text("\u202e"))
+    "a \\"b\\" \\n [é]" "\\u202e"
+    """
+    literal = json.dumps(text, ensure_ascii=False)
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in literal)
 
 
 def nuke_group(recipe: Recipe, image: Path) -> str:
@@ -69,7 +81,7 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
         line
         for number, (light, group) in enumerate(weights, start=1)
         for line in (
-            f" addUserKnob {{7 weight{number} l {_quoted(_label(recipe, light, group))} R 0 4}}",
+            f" addUserKnob {{7 weight{number} l {tcl_word(_label(recipe, light, group))} R 0 4}}",
             f" weight{number} {float(light == weights[0][0]):g}",
         )
     ]
@@ -86,7 +98,7 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
             "Read {",
             " inputs 0",
             " file_type exr",
-            f" file {_quoted(image.as_posix())}",
+            f" file {tcl_word(_nuke_path(image))}",
             " name volspec_image",
             "}",
             "Group {",
@@ -99,7 +111,7 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
             "  name Input1",
             " }",
             " Expression {",
-            *(f"  expr{row} {_quoted(text)}" for row, text in enumerate(expressions)),
+            *(f"  expr{row} {tcl_word(text)}" for row, text in enumerate(expressions)),
             "  name sums",
             " }",
             " Output {",
@@ -119,11 +131,26 @@ def _weights(recipe: Recipe) -> Iterator[tuple[str, str]]:
 
 
 def _label(recipe: Recipe, light: str, group: str) -> str:
+    """Return what a knob is called: Nuke runs what stands in brackets, however it is quoted."""
     text = f"{light}: {group}" if len(recipe.channels) > 1 else light
     # Braces count even within quotes.
-    return text.translate(str.maketrans("{}\n", "() "))
+    return visible(" ".join(text.split())).translate(str.maketrans("{}[]\\", "()()/"))
 
 
-def _quoted(text: str) -> str:
-    """A Tcl word, within braces, too: those of the text are not counted."""
+def _nuke_path(image: Path) -> str:
+    text = image.as_posix()
+    if set(text) & set("[]") or visible(text) != text:
+        raise ImageError(
+            f"{image}: Nuke would run what stands in brackets, and takes no control characters or "
+            "bytes that are not UTF-8; rename the file or its folder"
+        )
+    return text
+
+
+def tcl_word(text: str) -> str:
+    """Return a text as one word of Tcl, within braces, too: those of the text are not counted.
+
+    >>> print(tcl_word('a "b" {$c} [d]'))
+    "a \\"b\\" \\{\\$c\\} \\[d\\]"
+    """
     return '"' + re.sub(r'([\\"\[\]{}$])', r"\\\1", text) + '"'

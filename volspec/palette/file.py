@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from volspec._parse import parse_toml, read_text
 from volspec._tables import explained
 from volspec.basis import SpectralBasis, load_basis
 from volspec.errors import InputError, PaletteError, nearest
@@ -84,13 +84,13 @@ def palette_table(path: FileName) -> PaletteTable:
     PaletteError
         As `load_palette`.
     """
-    name = os.fspath(path)
+    name, text = os.fspath(path), palette_text(path)
     try:
-        return PaletteTable.model_validate(tomllib.loads(palette_text(path)))
-    except tomllib.TOMLDecodeError as error:
-        raise PaletteError(f"{name}: not valid TOML: {error}") from error
+        return PaletteTable.model_validate(parse_toml(text))
     except ValidationError as error:
         raise PaletteError(f"{name}: {explained(error, PaletteTable)}") from error
+    except ValueError as error:
+        raise PaletteError(f"{name}: not valid TOML: {error}") from error
 
 
 def palette_text(path: FileName) -> str:
@@ -101,19 +101,7 @@ def palette_text(path: FileName) -> str:
     PaletteError
         If it cannot be read.
     """
-    name = os.fspath(path)
-    try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise PaletteError(f"{name}: no such file; check the path") from None
-    except IsADirectoryError:
-        raise PaletteError(f"{name}: is a folder; give a palette's file") from None
-    except UnicodeDecodeError as error:
-        raise PaletteError(f"{name}: not valid TOML: {error}; save it as UTF-8") from error
-    except OSError as error:
-        raise PaletteError(
-            f"{name}: cannot be read: {error.strerror or error}; check the path and its permissions"
-        ) from error
+    return read_text(path, PaletteError, "a palette's file")
 
 
 @contextmanager

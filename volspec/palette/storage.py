@@ -18,7 +18,7 @@ from volspec._tables import DisplayTable
 from volspec._tables.written import plain
 from volspec._toml import put
 from volspec.basis.storage import shipped_names
-from volspec.errors import PaletteError, SpectrumError
+from volspec.errors import PaletteError, SpectrumError, visible
 from volspec.palette.colours import hexadecimal, parsed_colour
 from volspec.palette.file import palette_table, palette_text
 from volspec.palette.members import PaletteSpectrum
@@ -121,7 +121,7 @@ def _new(palette: Palette, comment: str) -> TOMLDocument:
 
     document = tomlkit.document()
     if comment:
-        document.add(tomlkit.comment(comment))
+        document.add(tomlkit.comment(visible(comment)))
     document["viewing"] = _viewing(palette)
     document["criteria"] = _criteria(palette)
     for kind, members in (("light", palette.lights), ("reflectance", palette.reflectances)):

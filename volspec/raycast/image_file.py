@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec._exr import Channels, chromaticities, read_exr, write_exr
+from volspec._parse import parse_json
 from volspec.appearance.spaces import SPACES
 from volspec.basis import basis_from_dict
 from volspec.errors import BasisError, ImageError, ShapeError
@@ -102,12 +103,12 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
             "render the scene again"
         )
     try:
-        basis = basis_from_dict(json.loads(header["volspec:basis"]))
-        notes = dict(json.loads(header.get("volspec:notes", "{}")))
+        basis = basis_from_dict(parse_json(header["volspec:basis"]))
+        notes = dict(parse_json(header.get("volspec:notes", "{}")))
     except (BasisError, ValueError, KeyError, TypeError) as error:
         raise ImageError(f"{name}: its basis is refused ({error}); render again") from error
     try:
-        stored = ONE_GROUP if version == 1 else json.loads(header["volspec:groups"])
+        stored = ONE_GROUP if version == 1 else parse_json(header["volspec:groups"])
         groups = checked_groups(stored)
     except (ImageError, ValueError, KeyError, TypeError) as error:
         raise ImageError(f"{name}: its light groups are refused ({error}); render again") from error
@@ -115,7 +116,7 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
     coefficients, alpha = _checked_pixels(name, pixels, names(groups, basis.size))
     first = pixels.get("first.Z" if version == FORMAT else "ZFirst")
     try:
-        fov_deg = json.loads(header.get("volspec:fov_deg", "null"))
+        fov_deg = parse_json(header.get("volspec:fov_deg", "null"))
     except (ValueError, TypeError) as error:
         raise ImageError(f"{name}: volspec:fov_deg cannot be read ({error})") from error
     return {

@@ -7,7 +7,6 @@ Tables: ``[volume]``, ``[[material]]``, ``[transfer]``, ``[basis]``, ``[camera]`
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Mapping
 from copy import copy
@@ -18,6 +17,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from volspec._parse import parse_json
 from volspec._tables import explained
 from volspec._tables.written import plain
 from volspec.errors import ImageError, SceneError, visible
@@ -44,8 +44,8 @@ def viewing_of(image: CoefficientImage) -> ViewingTable:
         If the image's note cannot be read.
     """
     try:
-        return ViewingTable.model_validate(json.loads(image.notes.get("viewing", "{}")))
-    except (ValueError, TypeError) as error:  # pydantic's and json's errors are ValueErrors
+        return ViewingTable.model_validate(parse_json(image.notes.get("viewing", "{}")))
+    except ValueError as error:  # pydantic's and the parser's
         raise ImageError(
             "the image's viewing note cannot be read; was it made by a later version? Render again"
         ) from error

@@ -6,12 +6,11 @@ TOML -> [reading] -> SceneFile
 from __future__ import annotations
 
 import os
-import tomllib
-from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from volspec._parse import parse_toml, read_text
 from volspec._tables import faults
 from volspec.errors import SceneError
 from volspec.scene.file import SceneFile
@@ -34,21 +33,7 @@ def scene_text(path: str | os.PathLike[str]) -> str:
     SceneError
         If it cannot be read.
     """
-    name = os.fspath(path)
-    try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise SceneError(f"{name}: no such file; check the path") from None
-    except IsADirectoryError:
-        raise SceneError(f"{name}: is a folder; give a scene file") from None
-    except UnicodeDecodeError as error:
-        if 0 in error.object:
-            raise SceneError(f"{name}: is no text; give a scene file (.toml)") from None
-        raise SceneError(f"{name}: not valid TOML: {error}; save it as UTF-8") from error
-    except OSError as error:
-        raise SceneError(
-            f"{name}: cannot be read: {error.strerror or error}; check the path and its permissions"
-        ) from error
+    return read_text(path, SceneError, "a scene file (.toml)")
 
 
 def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -59,10 +44,10 @@ def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
     SceneError
         If it cannot be read, is no TOML or of a later version.
     """
-    name = os.fspath(path)
+    name, text = os.fspath(path), scene_text(path)
     try:
-        data = tomllib.loads(scene_text(path))
-    except tomllib.TOMLDecodeError as error:
+        data = parse_toml(text)
+    except ValueError as error:
         raise SceneError(f"{name}: not valid TOML: {error}") from error
     try:
         migrate(data)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from volspec._files import line_end, write_whole
+from volspec._parse import parse_toml
 from volspec._tables import DisplayTable, Table, explained
 from volspec._tables.written import all_keys, is_written, plain, written_keys
 from volspec._toml import lead_with_comments, put, toml_item
@@ -88,7 +88,7 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
         ends = line_end(like.path) if text is not None else ends
     text = _anew(file) if text is None else text
     try:
-        SceneFile.model_validate(tomllib.loads(text))
+        SceneFile.model_validate(parse_toml(text))
     except ValidationError as error:
         said = explained(error, SceneFile)
         raise SceneError(f"{target}: is not written, as it would be no scene: {said}") from error
@@ -141,8 +141,8 @@ def _edited(file: SceneFile, source: Path, target: Path) -> str | None:
         _update(document, before, file)
         text = _led_to_schema(tomlkit.dumps(document), source, target)
         # Layouts that no one writes, as tables in pieces, may be beyond an editor.
-        return text if SceneFile.model_validate(tomllib.loads(text)) == file else None
-    except (SceneError, TOMLKitError, tomllib.TOMLDecodeError, ValidationError):
+        return text if SceneFile.model_validate(parse_toml(text)) == file else None
+    except (ValueError, TOMLKitError, RecursionError):  # a SceneError or ValidationError, too
         return None
 
 

@@ -7,10 +7,10 @@ Only spectra are read here; what else a palette is stands in `volspec.palette`.
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
+from volspec._parse import parse_toml
 from volspec.errors import SpectrumError, nearest
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.spectrum import Spectrum
@@ -118,7 +118,7 @@ def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], 
 def _content(path: str) -> dict[str, Any]:
     content = file_content(path)
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        return parse_toml(content.decode("utf-8-sig"))
     except ValueError as error:  # no TOML, or no text
         raise SpectrumError(f"{path}: not valid TOML: {error}") from None
 

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec._exr import read_exr, write_exr
+from volspec._parse import parse_json
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra._paths import path_text
 from volspec.spectra.grid import SpectralGrid, require_grid
@@ -313,7 +314,7 @@ def _notes(name: str, header: dict[str, Any]) -> dict[str, str]:
     if "emissiveUnits" in header:
         notes["emissive units"] = str(header["emissiveUnits"])
     try:
-        own = json.loads(header.get("volspec:notes", "{}"))
+        own = parse_json(header.get("volspec:notes", "{}"))
         return notes | {str(key): str(value) for key, value in own.items()}
-    except (ValueError, TypeError, AttributeError) as error:
+    except (ValueError, AttributeError) as error:
         raise SpectrumError(f"{name}: volspec:notes cannot be read ({error})") from None

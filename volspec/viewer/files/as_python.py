@@ -7,7 +7,6 @@ Spectra stand by their names where those give the same numbers, and as numbers w
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping
@@ -23,6 +22,7 @@ from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.storage import shipped_names
 from volspec.errors import InputError, SceneError, SpectrumError, ViewingError
 from volspec.export.frames import file_stem
+from volspec.export.recipes import python_text
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.viewer.files.as_lights import NOWHERE, same_spectrum
@@ -101,7 +101,7 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
         "    " + _call("frame = relighter.frame", ("rig", "viewing", *frame), 4),
         f'vs.write_frame("{file_stem(document.title)}.png", frame, space={code.of(space, 0)})',
     ]
-    head = [f'"""{_text(title)[1:-1]}."""', ""]
+    head = [f'"""{python_text(title)[1:-1]}."""', ""]
     if any("Path(" in line for line in lines):
         head += ["from pathlib import Path", ""]
     imports = [f"from {module} import {name}" for module, name in sorted(code.imports)]
@@ -132,7 +132,7 @@ def _volume(state: ViewState) -> str:
     table = document.file.volume
     name, _, query = table.file.partition("?")
     path = os.path.normpath(document.path.parent / name) + (f"?{query}" if query else "")
-    text = f"vs.load_volume({_text(path)})"
+    text = f"vs.load_volume({python_text(path)})"
     if table.spacing_mm is not None:
         text += f".with_spacing({table.spacing_mm})"
     if table.downsample != 1:
@@ -146,11 +146,11 @@ def _basis(state: ViewState, file: str) -> str:
     if isinstance(basis, MaterialBasis):
         made = MaterialBasis(state.transfer.materials, basis.name)
         if made.fingerprint == basis.fingerprint:
-            return f"vs.MaterialBasis(materials, {_text(basis.name)})"
+            return f"vs.MaterialBasis(materials, {python_text(basis.name)})"
     shipped = basis.name in shipped_names() and SpectralBasis.load(basis.name)
     if shipped and shipped.fingerprint == basis.fingerprint:
-        return f"vs.SpectralBasis.load({_text(basis.name)})"
-    return f"vs.load_basis(Path(__file__).with_name({_text(file)}))"
+        return f"vs.SpectralBasis.load({python_text(basis.name)})"
+    return f"vs.load_basis(Path(__file__).with_name({python_text(file)}))"
 
 
 class _Code:
@@ -165,7 +165,7 @@ class _Code:
                 found = look_up(text, DEFAULT_GRID, folder=NOWHERE)
             except (SpectrumError, OSError):
                 continue
-            self._named.append((f"vs.{kind}({_text(text)})", found))
+            self._named.append((f"vs.{kind}({python_text(text)})", found))
 
     def of(self, value: Any, indent: int) -> str:
         """Any value; ``indent`` is where its line starts."""
@@ -176,7 +176,7 @@ class _Code:
         if is_dataclass(value):
             return self._object(value, indent)
         if isinstance(value, str):
-            return _text(value)
+            return python_text(value)
         if isinstance(value, Mapping):
             rows = [
                 f"{self.of(key, 0)}: {self.of(each, indent + 4)}" for key, each in value.items()
@@ -248,7 +248,7 @@ class _Code:
         grid = "vs.SpectralGrid().wavelengths_nm"
         same_grid = np.array_equal(spectrum.wavelengths_nm, DEFAULT_GRID.wavelengths_nm)
         nm = grid if same_grid else self.of(spectrum.wavelengths_nm.tolist(), indent + 4)
-        parts = nm, self.of(spectrum.values.tolist(), indent + 4), _text(spectrum.name)
+        parts = nm, self.of(spectrum.values.tolist(), indent + 4), python_text(spectrum.name)
         return _call("vs.Spectrum", parts, indent)
 
 
@@ -256,10 +256,6 @@ def _alone(mix: Any) -> Any:
     """A material's name, where a mix is of it alone."""
     alone = isinstance(mix, Mapping) and list(mix.values()) == [1.0]
     return next(iter(mix)) if alone else mix
-
-
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
 
 
 def _call(name: str, parts: tuple[str, ...], indent: int) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from volspec._files import write_whole
+from volspec._parse import parse_json
 from volspec.errors import InputError
 
 STATE_VARIABLE = "VOLSPEC_STATE"
@@ -66,12 +67,12 @@ class RecentFiles:
     def rows(self) -> tuple[RecentFile, ...]:
         """As it stands in the file, which other windows write too."""
         try:
-            data = json.loads(self._file.read_text(encoding="utf-8"))
+            data = parse_json(self._file.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return ()
         paths = [path for path in data if isinstance(path, str)] if isinstance(data, list) else []
         return tuple(
-            RecentFile(path, Path(path.partition("?")[0]).exists()) for path in paths[:MOST_FILES]
+            RecentFile(path, os.path.exists(path.partition("?")[0])) for path in paths[:MOST_FILES]
         )
 
     def add(self, path: str) -> None:

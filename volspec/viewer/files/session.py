@@ -22,6 +22,7 @@ from typing import Any, get_type_hints
 from pydantic import ValidationError
 
 from volspec._files import write_whole
+from volspec._parse import parse_json, read_text
 from volspec._tables import explained
 from volspec.errors import InputError, SceneError
 from volspec.scene.file import SceneFile
@@ -137,14 +138,10 @@ def read_session(path: str | os.PathLike[str]) -> Session:
     SessionError
         If it is missing, no session, or of a later version.
     """
-    name = os.fspath(path)
+    name, text = os.fspath(path), read_text(path, SessionError, f"a session (FILE{SUFFIX})")
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise SessionError(f"{name}: no such file; check the path") from None
-    except OSError as error:
-        raise SessionError(f"{name}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, RecursionError) as error:
+        data = parse_json(text)
+    except ValueError as error:
         raise BrokenSession(f"{name}: is no session: {error}") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise BrokenSession(f"{name}: is no session; its field 'format' is not {FORMAT!r}")
@@ -164,7 +161,7 @@ def read_session(path: str | os.PathLike[str]) -> Session:
         raise BrokenSession(f"{name}: field {what!r} is missing or wrong; was it edited?")
     beside = Path(path).absolute().parent / str(data.get("beside", ""))
     # A volume may be a folder.
-    found = beside if data.get("beside") and beside.exists() else Path(str(data["path"]))
+    found = beside if data.get("beside") and os.path.exists(beside) else Path(str(data["path"]))
     return Session(str(data["document"].get("title")), found, data)
 
 

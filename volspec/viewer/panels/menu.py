@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 from volspec.viewer.actions import ACTIONS, MENUS
 from volspec.viewer.desk import Desk
 from volspec.viewer.events.event import Action
-from volspec.viewer.panels.widgets import key_text
+from volspec.viewer.panels.widgets import key_text, whole_label
 from volspec.viewer.state import ViewState
 
 # Actions that begin another part of their menu; the recent files follow the first.
@@ -53,7 +53,7 @@ def _recent(desk: Desk) -> None:
     if not imgui.begin_menu("Open recent", bool(desk.recent)):
         return
     for number, row in enumerate(desk.recent):
-        if imgui.menu_item(f"{row.label}##{number}", "", False, row.there)[0]:
+        if imgui.menu_item(f"{whole_label(row.label)}##{number}", "", False, row.there)[0]:
             desk.asked.append(f"open {row.path}")
         desk.note(f"recent {number}")
     imgui.separator()

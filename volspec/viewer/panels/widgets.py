@@ -5,6 +5,7 @@ imgui -> [widgets] -> panels
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -70,10 +71,19 @@ def text_width(text: str) -> float:
 def in_line(text: str) -> str:
     """What a user has named, as one line shows it; the name itself stays as it is.
 
-    >>> in_line("north\\nwindow\\t\\x07")
-    'north window'
+    >>> in_line("north\\nwindow\\t\\x07"), in_line("a##b")
+    ('north window', 'a# #b')
     """
-    return printable(text, _MOST_LETTERS).strip()
+    return whole_label(printable(text, _MOST_LETTERS).strip())
+
+
+def whole_label(text: str) -> str:
+    """Return a text that imgui shows whole: it ends labels at ``##``, and has identities after it.
+
+    >>> whole_label("a###b")
+    'a# # #b'
+    """
+    return re.sub("#(?=#)", "# ", text)
 
 
 def shortened(text: str, width: float, measure: Callable[[str], float] = text_width) -> str:
@@ -119,9 +129,9 @@ def pick(
         The name that was clicked, ``now`` as well; None where none was.
     """
     clicked = None
-    if imgui.begin_combo(label, now, imgui.ComboFlags_.height_large):
-        for name in names:
-            if imgui.selectable(name, name == now)[0]:
+    if imgui.begin_combo(label, in_line(now), imgui.ComboFlags_.height_large):
+        for number, name in enumerate(names):
+            if imgui.selectable(f"{in_line(name)}###{number}", name == now)[0]:
                 clicked = name
             if each is not None:
                 each(name)

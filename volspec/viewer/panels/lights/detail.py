@@ -218,7 +218,7 @@ def _part(
     imgui.set_next_item_width(-1)
     names = ["", *groups]
     now = names.index(rig.groups[j]) if rig.groups[j] in names else -1
-    picked, at = imgui.combo("##group", now, [name or _ALL for name in names])
+    picked, at = imgui.combo("##group", now, [in_line(name) or _ALL for name in names])
     desk.note(f"group {j}")
     if picked:
         new = reduced(new, Event("regroup", index=index, part=j, key=names[at]))

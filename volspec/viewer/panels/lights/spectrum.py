@@ -93,7 +93,7 @@ def _heading(state: ViewState, desk: Desk) -> ViewState:
     if len(groups) > 1:
         imgui.same_line()
         imgui.set_next_item_width(desk.px(84))
-        parts = [f"{group or 'all groups'}##{j}" for j, group in enumerate(groups)]
+        parts = [f"{in_line(group) or 'all groups'}##{j}" for j, group in enumerate(groups)]
         _, desk.lights.part = imgui.combo("##part", min(desk.lights.part, len(parts) - 1), parts)
     imgui.same_line()
     if row.before is None:

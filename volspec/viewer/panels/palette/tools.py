@@ -14,7 +14,7 @@ from volspec.viewer.palette.ranges import ranges
 from volspec.viewer.palette.spectra import columns
 from volspec.viewer.palette.table import picked
 from volspec.viewer.palette.wishes import DISTANCES, MOST_ROUNDS, SMOOTHNESS
-from volspec.viewer.panels.widgets import pick, tip, wrapped
+from volspec.viewer.panels.widgets import in_line, pick, tip, wrapped
 from volspec.viewer.state import ViewState
 from volspec.viewer.transfer.converting import kind_of
 
@@ -88,9 +88,9 @@ def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
     several = [name for name in rows if name in ticked]
     words = ", ".join(several) if len(several) > 1 else "all materials"
     imgui.set_next_item_width(-1)
-    if imgui.begin_combo("##several", words, imgui.ComboFlags_.height_large):
-        for name in rows:
-            if imgui.checkbox(name, name in ticked)[0]:
+    if imgui.begin_combo("##several", in_line(words), imgui.ComboFlags_.height_large):
+        for number, name in enumerate(rows):
+            if imgui.checkbox(f"{in_line(name)}###{number}", name in ticked)[0]:
                 new = reduced(new, Event("pick-merged", key=name))
         imgui.end_combo()
     return new

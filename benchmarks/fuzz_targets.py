@@ -1,0 +1,483 @@
+"""Readers under fuzzing: the project's own, as a table of name, seeds and function.
+
+    files that are read well -> [fuzz_targets] -> fuzz, tests/test_fuzz.py
+
+A reader of another library goes into the same table, as one row of `TARGETS`. What it reads beside
+the file that is mutated (the other slices of a folder, the chunks of a store) is `Target.beside`.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from volspec.errors import VolspecError
+
+ROOT = Path(__file__).resolve().parents[1]
+_PIXELS = 4  # of a seed picture, each way
+_GROUPS = {"key": 0.7, "sky": 0.3}
+_TEXTS = ("basis", "groups", "notes", "fov_deg", "compositing", "viewing")
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A reader under fuzzing.
+
+    Parameters
+    ----------
+    read : callable
+        Takes a path; raises one of ``allowed`` where it refuses what is there.
+    seeds : callable
+        Gives files that the reader takes, as bytes.
+    file : str
+        The mutated file's name, in a folder of its own; its suffix chooses many a reader.
+    beside : callable
+        Gives what else stands in that folder, as {name: bytes}.
+    opens : str
+        What ``read`` is given, relative to the folder: ``"."`` is the folder itself; by default the
+        mutated file.
+    tokens : tuple of bytes
+        Words of the format, which mutations insert.
+    most : int
+        Largest input, bytes; up to 65,536.
+    declared : callable
+        Bytes that a file may well need once it is read, from its own bytes; memory is a finding
+        above twice that and 200 MB.
+    allowed : tuple of type
+        Exceptions that are no finding.
+    """
+
+    read: Callable[[Path], object]
+    seeds: Callable[[], Iterable[bytes]]
+    file: str = "input"
+    beside: Callable[[], Mapping[str, bytes]] = dict
+    opens: str = ""
+    tokens: tuple[bytes, ...] = ()
+    most: int = 1 << 14
+    declared: Callable[[bytes], int] = len
+    allowed: tuple[type[BaseException], ...] = (VolspecError,)
+
+    def lay_out(self, folder: Path) -> None:
+        """Write what stands beside the mutated file."""
+        for name, data in self.beside().items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        (folder / self.file).parent.mkdir(parents=True, exist_ok=True)
+
+    def run(self, folder: Path, data: bytes) -> BaseException | None:
+        """Read bytes as the file; return what was raised."""
+        file = folder / self.file
+        file.write_bytes(data)
+        try:
+            self.read(folder / self.opens if self.opens else file)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # SystemExit is a finding too
+            return error
+        return None
+
+    def is_finding(self, error: BaseException | None) -> bool:
+        """Return True where a reader may not raise that."""
+        return error is not None and not isinstance(error, self.allowed)
+
+
+def _files(*patterns: str) -> Callable[[], Iterable[bytes]]:
+    return lambda: [path.read_bytes() for each in patterns for path in sorted(ROOT.glob(each))]
+
+
+def _written(write: Callable[[Path], object], name: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, name)
+        write(path)
+        return path.read_bytes()
+
+
+def _ball() -> bytes:
+    from volspec.volume import phantom
+
+    return _written(lambda path: np.save(path, phantom.ball(6).values), "ball.npy")
+
+
+def _spectral_images() -> Iterable[bytes]:
+    from volspec.spectra import SpectralImage
+
+    nm = np.linspace(400.0, 700.0, 4)
+    values = np.linspace(0.0, 1.0, _PIXELS * _PIXELS * nm.size)
+    for kind in ("reflective", "emissive"):
+        image = SpectralImage(values.reshape(_PIXELS, _PIXELS, -1), nm, kind, {"camera": "x"})  # type: ignore[arg-type]
+        stored = _written(image.save, "i.exr")
+        yield from (stored, _uncompressed(stored))
+
+
+def _uncompressed(stored: bytes) -> bytes:
+    """The same picture with pixels that mutations reach; its header is the same."""
+    import OpenEXR
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "i.exr")
+        path.write_bytes(stored)
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            header = {**file.header(), "compression": OpenEXR.NO_COMPRESSION}
+            channels = {name: np.array(each.pixels) for name, each in file.channels().items()}
+        header.pop("channels")
+        OpenEXR.File(header, channels).write(str(path))
+        return path.read_bytes()
+
+
+@cache
+def _image() -> Any:
+    from volspec.basis import SpectralBasis
+    from volspec.raycast import CoefficientImage
+
+    basis = SpectralBasis.load("general-5")
+    shape = _PIXELS, _PIXELS, len(_GROUPS) * basis.size
+    coefficients = np.linspace(0.0, 0.5, int(np.prod(shape)), dtype=np.float32).reshape(shape)
+    alpha = np.full(shape[:2], 0.5, np.float32)
+    return CoefficientImage(
+        *(coefficients, alpha, alpha, basis, {"viewing": '{"backdrop": 0.25}'}),
+        groups=_GROUPS,
+        first_mm=alpha,
+        fov_deg=30.0,
+    )
+
+
+def _recipe() -> Any:
+    from volspec.export.compositing import Recipe
+    from volspec.spectra import light
+
+    return Recipe.of(_image().basis, _GROUPS, {"day": light("D65"), "lamp": light("A")})
+
+
+def _images() -> Iterable[bytes]:
+    from volspec.export.compositing import save_for_compositors
+
+    stored = _written(lambda path: save_for_compositors(_image(), path, _recipe()), "i.exr")
+    return stored, _uncompressed(stored)
+
+
+def _image_texts() -> Iterable[bytes]:
+    image = _image()
+    values = (image.basis.to_dict(), image.groups, dict(image.notes), 30.0)
+    texts = [json.dumps(value) for value in values]
+    texts += [_recipe().texts()["compositing"], '{"backdrop": 0.25, "model": "CAM16"}']
+    return [f"{key}\n{text}".encode() for key, text in zip(_TEXTS, texts, strict=True)]
+
+
+def _read_image(path: Path) -> None:
+    """Load, and make what other programs run."""
+    from volspec.export.compositing import Recipe
+    from volspec.export.recipes import blender_script, nuke_group
+    from volspec.raycast import CoefficientImage
+    from volspec.scene import viewing_of
+
+    viewing_of(CoefficientImage.load(path))
+    nuke_group(Recipe.load(path), path)
+    blender_script(path)
+
+
+def _read_image_text(path: Path) -> None:
+    """Read an image whose header holds the file's text: the first line is its name."""
+    import OpenEXR
+
+    data = path.read_bytes()
+    key, _, text = data.decode("utf-8", "replace").partition("\n")
+    key = key if key in _TEXTS else _TEXTS[len(data) % len(_TEXTS)]
+    image, exr = _image(), path.with_suffix(".exr")
+    if key == "viewing":
+        header, channels = _parts({"notes": json.dumps({"viewing": text})})
+    else:
+        header, channels = _parts({key: text})
+    if not exr.exists():
+        image.save(exr)
+    try:
+        OpenEXR.File(header, channels).write(str(exr))
+    except (RuntimeError, ValueError):  # a text that OpenEXR does not take
+        return
+    _read_image(exr)
+
+
+def _parts(texts: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Header and channels of the seed image, with texts in place of its own."""
+    header, channels = _stored_parts()
+    return {**header, **{f"volspec:{key}": text for key, text in texts.items()}}, dict(channels)
+
+
+@cache
+def _stored_parts() -> tuple[dict[str, Any], dict[str, Any]]:
+    import OpenEXR
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "i.exr")
+        path.write_bytes(next(iter(_images())))
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            header = {**file.header(), "compression": OpenEXR.NO_COMPRESSION}
+            channels = {name: np.array(each.pixels) for name, each in file.channels().items()}
+    header.pop("channels")
+    return header, channels
+
+
+def _read_spectrum(path: Path) -> None:
+    from volspec.spectra.files import read_spectrum
+
+    read_spectrum(path)
+
+
+def _read_spectral_image(path: Path) -> None:
+    from volspec.spectra import SpectralImage
+
+    SpectralImage.load(path)
+
+
+def _read_table(path: Path) -> None:
+    from volspec.spectra.tables import read_table
+
+    table = read_table(path)
+    for name in table.names[:4]:
+        table.spectrum(name)
+
+
+def _read_triples(path: Path) -> None:
+    from volspec.cli.triples import read_triples
+
+    read_triples((), path, ("X", "Y", "Z"))
+
+
+def _read_profile(path: Path) -> None:
+    from volspec.appearance.profile import read_profile
+
+    read_profile(path)
+
+
+def _profiles() -> Iterable[bytes]:
+    from PIL import ImageCms
+
+    yield ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+
+
+def _read_scene(path: Path) -> None:
+    """Read and resolve; to train a basis takes seconds, and is no reader's work."""
+    from volspec.scene import Scene
+    from volspec.scene.reading import scene_data, scene_file
+    from volspec.scene.tables import BasisTable
+
+    file = scene_file(scene_data(path), path)
+    scene = Scene(file.model_copy(update={"basis": BasisTable(name="general-5")}), path)
+    scene.camera(scene.volume())
+
+
+def _scenes() -> Iterable[bytes]:
+    """The shipped ones, of the small ball; those that train a basis take seconds."""
+    for path in sorted((ROOT / "data/scenes").glob("*.toml")):
+        text = path.read_text(encoding="utf-8")
+        lines = (
+            'file = "ball.npy"' if line.startswith("file = ") else line
+            for line in text.splitlines()
+        )
+        if "train" not in text:
+            yield "\n".join(lines).encode()
+
+
+def _read_palette(path: Path) -> None:
+    from volspec.errors import SpectrumError
+    from volspec.palette import load_palette
+    from volspec.spectra.files import read_spectrum
+
+    with suppress(SpectrumError):
+        read_spectrum(f"{path}#1")
+    load_palette(path)
+
+
+def _rewrite_palette(path: Path) -> None:
+    """Write a palette into its own text, as tomlkit reads that."""
+    from volspec.palette import load_palette, save_palette
+
+    save_palette(load_palette(path), path.with_name("saved.toml"), path)
+
+
+def _read_session(path: Path) -> None:
+    from volspec.viewer.files.session import read_session, resumed
+
+    resumed(read_session(path), cast=False)
+
+
+def _session_parts() -> dict[str, bytes]:
+    return {"ball.toml": b'[volume]\nfile = "ball.npy"\n', "ball.npy": _ball()}
+
+
+def _read_kept(path: Path) -> None:
+    """Read what the user's own folders keep; damaged files are done without."""
+    from volspec.export.manifest import Folder
+    from volspec.viewer.files.recent import RecentFiles
+
+    data = path.read_bytes()
+    for name in ("recent.json", "export.json"):
+        path.with_name(name).write_bytes(data)
+    RecentFiles(path.parent).rows()
+    folder = Folder(path.parent, "fingerprint", ("a.png", "b.png"))
+    folder.missing()
+    folder.begin(overwrite=True)
+
+
+def _kept() -> Iterable[bytes]:
+    yield json.dumps(["/a.toml", "/b.nrrd?key=1"]).encode()
+    sizes = {"fingerprint": "fingerprint", "files": ["a.png", "b.png"], "sizes": {"a.png": 3}}
+    yield json.dumps(sizes).encode()
+    yield json.dumps({**sizes, "fingerprint": "other"}).encode()
+
+
+def _read_cache(path: Path) -> None:
+    from volspec import _cache
+
+    _cache._read(path, "maker")
+
+
+def _caches() -> Iterable[bytes]:
+    for save in (np.savez, np.savez_compressed):
+        buffer = io.BytesIO()
+        save(buffer, maker="maker", keys=["a", "b"], a=np.arange(9.0), b=np.zeros((2, 3), "f4"))
+        yield buffer.getvalue()
+
+
+def _read_basis(path: Path) -> None:
+    from volspec.basis import load_basis
+
+    load_basis(path)
+
+
+def _read_words(path: Path) -> None:
+    """Read values of options, a line each."""
+    from volspec.cli.setting import read_setting
+    from volspec.palette.colours import parsed_colour
+    from volspec.spectra import DEFAULT_GRID, reflectance
+
+    for word in path.read_bytes().decode("utf-8", "surrogateescape").split("\n")[:4]:
+        for read in (
+            lambda text: read_setting(text, _GROUPS, DEFAULT_GRID),
+            reflectance,
+            parsed_colour,
+        ):
+            try:
+                read(word)
+            except VolspecError:
+                continue
+
+
+def _read_picture(path: Path) -> None:
+    from volspec.cli.reflectance import _pixels
+
+    _pixels(path)
+
+
+def _pictures() -> Iterable[bytes]:
+    from PIL import Image
+
+    picture = Image.fromarray(np.arange(48, dtype=np.uint8).reshape(4, 4, 3))
+    for kind in ("PNG", "JPEG", "TIFF"):
+        buffer = io.BytesIO()
+        picture.save(buffer, kind)
+        yield buffer.getvalue()
+
+
+def _pixels_declared(data: bytes) -> int:
+    """Pictures may be packed: what Pillow's own guard lets through, 4 bytes a pixel."""
+    return 4 * 89_478_485
+
+
+def _tm27() -> Iterable[bytes]:
+    samples = "".join(
+        f'<SpectralData wavelength="{w}">0.5</SpectralData>' for w in range(380, 781, 40)
+    )
+    yield (
+        '<?xml version="1.0"?><IESTM2714 xmlns="http://www.ies.org/iestm2714" version="1.0">'
+        "<Header><Manufacturer>Lamps</Manufacturer><CatalogNumber/><Description>Street lamp"
+        "</Description></Header><SpectralDistribution><SpectralQuantity>relative"
+        "</SpectralQuantity><BandwidthFWHM>1.0</BandwidthFWHM><BandwidthCorrected>true"
+        f"</BandwidthCorrected>{samples}</SpectralDistribution></IESTM2714>"
+    ).encode()
+
+
+def _scene_parts() -> dict[str, bytes]:
+    """The ball and the spectra that shipped scenes name."""
+    tables = {f"spectra/{path.name}": path for path in (ROOT / "data/spectra").glob("e*.csv")}
+    palettes = {f"palettes/{path.name}": path for path in (ROOT / "data/palettes").iterdir()}
+    parts = {name: path.read_bytes() for name, path in (tables | palettes).items()}
+    return {"scenes/ball.npy": _ball(), **parts}
+
+
+_TOML = (b"[[light]]\n", b"[[material]]\n", b"[[", b"]]\n", b"{ ", b"= 1e999\n", b'"""', b"inf")
+_JSON = (b"null", b"NaN", b"Infinity", b"1e999", b"[]", b"{}", b'{"a":', b"-0.0", b"\\ud800")
+_EXR = (b"string\0", b"box2i\0", b"chlist\0", b"float\0", b"volspec:notes\0", b"tiledesc\0")
+_WORDS = (
+    *(b"D65*0.7+A*0.3", b"key=A; sky=D65*0.3", b"planck:3000", b"daylight:6500", b"FL2", b"E*2"),
+    *(b"grey:0.5", b"copper", b"#ca0020", b"steelblue", b"[0.1, 0.2, 0.3]", b"gauss:550,20"),
+)
+
+TARGETS: Mapping[str, Target] = {
+    "csv": Target(
+        _read_table,
+        _files("data/spectra/[em]*.csv"),
+        "input.csv",
+        tokens=(b",", b";", b"\t", b"# unit: nm\n", b"nan", b'"', b"1e999", b"\x85"),
+    ),
+    "triples": Target(
+        _read_triples, lambda: [b"X,Y,Z\n1,2,3\n4,5,6\n", b"19.01,20,21.78\n"], "input.csv"
+    ),
+    "tm27": Target(
+        _read_spectrum,
+        _tm27,
+        "input.spdx",
+        tokens=(
+            b"<!ENTITY a 'b'>",
+            b"&a;",
+            b"<!DOCTYPE IESTM2714 [",
+            b"]>",
+            b"<![CDATA[",
+            b'<SpectralData wavelength="500">1</SpectralData>',
+        ),
+    ),
+    "spectral-exr": Target(
+        _read_spectral_image, _spectral_images, "input.exr", tokens=_EXR, most=1 << 15
+    ),
+    "icc": Target(
+        _read_profile, _profiles, "input.icc", tokens=(b"curv", b"para", b"XYZ ", b"chad")
+    ),
+    "scene": Target(_read_scene, _scenes, "scenes/input.toml", _scene_parts, tokens=_TOML),
+    "palette": Target(_read_palette, _files("data/palettes/*.toml"), "input.toml", tokens=_TOML),
+    "palette-text": Target(
+        _rewrite_palette, _files("data/palettes/figure-1.toml"), "input.toml", tokens=_TOML
+    ),
+    "session": Target(
+        _read_session,
+        _files("tests/viewer/sessions/*.json"),
+        "input.volspec.json",
+        _session_parts,
+        tokens=_JSON,
+        most=1 << 15,
+    ),
+    "basis": Target(_read_basis, _files("data/bases/general-5*.json"), "input.json", tokens=_JSON),
+    "image-exr": Target(_read_image, _images, "input.exr", tokens=_EXR, most=1 << 15),
+    "image-texts": Target(_read_image_text, _image_texts, "input.txt", tokens=_JSON),
+    "picture": Target(_read_picture, _pictures, "input.png", declared=_pixels_declared),
+    "cache": Target(
+        _read_cache, _caches, "input.npz", tokens=(b"PK\x03\x04", b"\x93NUMPY", b"'|O'")
+    ),
+    "kept": Target(_read_kept, _kept, "input", tokens=_JSON),
+    "words": Target(
+        _read_words,
+        lambda: [b"\n".join(_WORDS[at : at + 4]) for at in (0, 4, 8)],
+        "words.txt",
+        tokens=_WORDS,
+        most=400,
+    ),
+}
+"""Every reader by name."""
