@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from volspec._files import clear_unfinished, keep_newest, newest_first
 from volspec.export.frames import file_stem
 from volspec.viewer.document import Document
 from volspec.viewer.files.running import Running
@@ -57,6 +58,7 @@ class SessionStore:
         own : Path, optional
             The file of this store that it was restored from, which goes on.
         """
+        clear_unfinished(self._folder)
         with self._lock:
             self._document, self._saved = state.document, _without_window(state)
             self._seen, self._due = None, 0.0
@@ -126,7 +128,7 @@ class SessionStore:
             self._running.begin(self._own.name)
             save_session(state, self._own)
             self._saved, self._written = _without_window(state), number
-            self._forget_oldest()
+            keep_newest(self._own, f"*{SUFFIX}", MOST_SESSIONS)
             return self._own
 
     def last(self) -> Path | None:
@@ -163,17 +165,9 @@ class SessionStore:
 
     def _files(self) -> list[Path]:
         try:
-            found = list(self._folder.glob(f"*{SUFFIX}"))
-            return sorted(found, key=lambda path: (path.stat().st_mtime, path.name), reverse=True)
+            return newest_first(self._folder.glob(f"*{SUFFIX}"))
         except OSError:
             return []
-
-    def _forget_oldest(self) -> None:
-        for path in self._files()[MOST_SESSIONS:]:
-            try:
-                path.unlink()
-            except OSError:
-                continue
 
 
 def _without_window(state: ViewState) -> ViewState:
