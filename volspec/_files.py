@@ -18,10 +18,9 @@ from secrets import token_hex
 
 from volspec.errors import InputError
 
-# An unfinished file is alone in a folder next to its target: `.volspec-MACHINE-BOOT-RANDOM`, which
-# also holds a file that is locked as long as the writer lives.
-_UNFINISHED = re.compile(r"\.volspec-([0-9a-f]{8})-([0-9a-f]{8})-[0-9a-f]{8}")
-_LOCK = ".lock"
+# An unfinished file stands next to its target, and next to a file that is locked while its writer
+# lives: .volspec-MACHINE-BOOT-RANDOM.part.SUFFIX and .lock. They start with the same digits.
+_UNFINISHED = re.compile(r"(\.volspec-[0-9a-f]{8}-[0-9a-f]{8}-[0-9a-f]{8})\.(lock|part.*)")
 _TRIES = 9
 # Unchanged for so long, a file is of a dead writer, if no lock can tell.
 _DEAD_S = 86400.0
@@ -32,10 +31,10 @@ _STEP_NS = 1_000_000
 
 @contextmanager
 def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary path on the same disk; rename it to ``path`` on success.
+    """Give a temporary path in the same folder; rename it to ``path`` on success.
 
     What was written is on the disk before it has its name, so that a power cut leaves no half file.
-    The temporary file has the target's own name, in a folder next to it. Parent
+    The temporary name keeps the suffix, since writers choose their format by it. Parent
     folders are made. When the body raises, the temporary file is removed and whatever stood
     at ``path`` before is untouched. What a killed process left in the same folder is removed, too.
     A link stays one; what it points to is written. Permissions are those that a plain ``open``
@@ -51,12 +50,12 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         _clear_once(target.parent)
-        place, handle = _begun(target.parent)
+        locked, handle = _begun(target.parent)
     except OSError as error:
         raise InputError(
             f"{Path(path)}: cannot write there: {error.strerror}; choose another folder"
         ) from error
-    temporary = place / target.name
+    temporary = locked.with_name(f"{locked.stem}.part{target.suffix}")
     try:
         yield temporary
         _to_disk(temporary)
@@ -71,7 +70,7 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         ) from error
     finally:
         with suppress(OSError):
-            _remove(place, handle)
+            _remove([temporary], locked, handle)
 
 
 def clear_unfinished(folder: Path) -> None:
@@ -83,43 +82,41 @@ def clear_unfinished(folder: Path) -> None:
     """
     try:
         with os.scandir(folder) as entries:
-            places = [
-                Path(entry.path)
+            found = {
+                match[1]
                 for entry in entries
                 # By the name first: a folder may hold 100 000 files.
-                if _UNFINISHED.fullmatch(entry.name) and entry.is_dir(follow_symlinks=False)
-            ]
+                if (match := _UNFINISHED.fullmatch(entry.name))
+                and entry.is_file(follow_symlinks=False)
+            }
     except OSError:
         return
-    for place in places:
+    for name in found:
         with suppress(OSError):
-            _clear(place)
+            _clear(folder / f"{name}.lock")
 
 
 # Once in a process: an export writes thousands of files into one folder.
 _clear_once = cache(clear_unfinished)
 
 
-def _clear(place: Path) -> None:
+def _clear(locked: Path) -> None:
     """Delete an unfinished file whose writer is dead; as far as this process may."""
-    try:
-        handle = os.open(place / _LOCK, os.O_RDWR)
-    except FileNotFoundError:
-        place.rmdir()  # the writer died before it had a lock, or was the last to delete it
-        return
-    locked = lock(handle)
-    if (locked and _made_here(place)) or (locked is not False and _is_old(place)):
-        _remove(place, handle)
+    # Made where it is gone, so that who deletes the file holds a lock; links are somebody's own.
+    handle = os.open(locked, os.O_CREAT | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0), 0o666)
+    got = lock(handle)
+    files = list(locked.parent.glob(f"{locked.stem}.part*"))
+    if (got and _made_here(locked)) or (got is not False and _is_old([locked, *files])):
+        _remove(files, locked, handle)
     else:
         os.close(handle)
 
 
-def _made_here(place: Path) -> bool:
+def _made_here(locked: Path) -> bool:
     """Return True if a lock can tell: not all network folders share locks between machines."""
-    found = _UNFINISHED.fullmatch(place.name)
+    _, name, boot, _ = locked.name.split("-")
     # One of the two is enough: containers differ in name, a machine that restarted in its boot.
-    pairs = zip(found.groups(), _machine(), strict=True) if found else ()
-    return any(theirs == ours for theirs, ours in pairs)
+    return name == _machine()[0] or boot == _machine()[1]
 
 
 @cache
@@ -134,46 +131,39 @@ def _machine() -> tuple[str, str]:
     return machine, started
 
 
-def _is_old(place: Path) -> bool:
-    """Return True if nothing in a folder has changed for a day; a date far ahead is no change."""
-    changed = max(each.stat().st_mtime for each in (place, *place.iterdir()))
+def _is_old(files: list[Path]) -> bool:
+    """Return True if files have not changed for a day; a date far in the future is no change."""
+    changed = max(file.stat().st_mtime for file in files)
     return abs(time.time() - changed) > _DEAD_S
 
 
 def _begun(folder: Path) -> tuple[Path, int]:
-    """Make a folder for an unfinished file, and the handle of its lock.
+    """Make and lock the file that says that its writer lives.
 
-    Folders and files are made by the kernel's own rules (umask, the folder's ACL): what `tempfile`
-    makes is private, and a process can read its umask only by changing it, for all its threads.
+    Made by the kernel's own rules (umask, the folder's ACL): what `tempfile` makes is private, and
+    a process can read its umask only by changing it, which files of other threads would get.
     """
-    for tries_left in reversed(range(_TRIES)):
-        place = folder / "-".join((".volspec", *_machine(), token_hex(4)))
-        try:
-            place.mkdir()
-            handle = os.open(place / _LOCK, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
-        except (FileExistsError, FileNotFoundError):
-            if not tries_left:
-                raise
-            continue
+    tries_left = _TRIES
+    while True:
+        locked = folder / f"{'-'.join(('.volspec', *_machine(), token_hex(4)))}.lock"
+        handle = os.open(locked, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        tries_left -= 1
         # Until it was locked another process may have taken it for a dead one's.
-        if lock(handle) is not False and (place / _LOCK).exists():
-            return place, handle
+        if (lock(handle) is not False and locked.exists()) or not tries_left:
+            return locked, handle
         os.close(handle)
-    raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
 
-def _remove(place: Path, handle: int) -> None:
-    """Delete an unfinished file, then its lock: a kill in between leaves what can be cleared."""
+def _remove(files: list[Path], locked: Path, handle: int) -> None:
+    """Delete unfinished files, then their lock: a kill in between leaves what can be cleared."""
     try:
-        for file in place.iterdir():
-            if file.name != _LOCK:
-                file.unlink(missing_ok=True)
+        for file in files:
+            file.unlink(missing_ok=True)
         if sys.platform != "win32":  # while it is held, so that nobody else takes it
-            (place / _LOCK).unlink(missing_ok=True)
+            locked.unlink(missing_ok=True)
     finally:
         os.close(handle)
-    (place / _LOCK).unlink(missing_ok=True)  # Windows deletes no open file
-    place.rmdir()
+    locked.unlink(missing_ok=True)  # Windows deletes no open file
 
 
 def lock(handle: int) -> bool | None:

@@ -32,13 +32,14 @@ with write_whole(sys.argv[1]) as temporary:
 DAY_S = 86400.0
 
 
-def left_by_a_kill(target: Path) -> Path:
-    """What a killed writer of a file leaves; parents are made."""
+def left_by_a_kill(target: Path) -> list[Path]:
+    """What a killed writer of a file leaves, and its lock; parents are made."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    place, handle = _files._begun(target.parent)
+    locked, handle = _files._begun(target.parent)
     os.close(handle)
-    (place / target.name).write_bytes(b"half")
-    return place
+    part = locked.with_name(f"{locked.stem}.part{target.suffix}")
+    part.write_bytes(b"half")
+    return [part, locked]
 
 
 def writer(target: Path) -> subprocess.Popen[str]:
@@ -115,7 +116,7 @@ def test_a_killed_writer_s_file_is_gone_after_the_next_write_in_its_folder(tmp_p
     process = writer(target)
     process.communicate("")
     assert process.returncode == -signal.SIGKILL and target.read_text() == "before"
-    assert len(names(tmp_path)) == 2
+    assert len(names(tmp_path)) == 3
     with write_whole(tmp_path / "another.txt") as temporary:
         temporary.write_text("whole")
     assert names(tmp_path) == ["a [b]?.txt", "another.txt"] and target.read_text() == "before"
@@ -123,8 +124,7 @@ def test_a_killed_writer_s_file_is_gone_after_the_next_write_in_its_folder(tmp_p
 
 def test_a_living_writer_s_file_stays_however_old(tmp_path: Path) -> None:
     process = writer(tmp_path / "a.txt")
-    (place,) = tmp_path.iterdir()
-    for path in (place, *place.iterdir()):
+    for path in tmp_path.iterdir():
         os.utime(path, (0, 0))
     clear_unfinished(tmp_path)
     process.communicate("go on\n")
@@ -133,30 +133,27 @@ def test_a_living_writer_s_file_stays_however_old(tmp_path: Path) -> None:
 
 
 def test_what_a_user_made_stays(tmp_path: Path) -> None:
-    place = left_by_a_kill(tmp_path / "a.txt")
+    part, locked = left_by_a_kill(tmp_path / "a.txt")
     mine = tmp_path / "mine"
-    mine.mkdir()
-    (mine / "notes.txt").write_text("mine")
-    (mine / ".lock").touch()
-    others = (".volspec", ".volspec-notes", f"{place.name}0", f"{place.name}.txt")
+    mine.write_text("mine")
+    (tmp_path / f"{locked.stem[:-8]}00000000.lock").symlink_to(mine)
+    (tmp_path / f"{locked.stem[:-8]}11111111.lock").mkdir()
+    others = (".volspec", ".volspec-notes.lock", f"{locked.stem}.txt", f"{locked.stem}0.part.txt")
     for name in others:
-        (tmp_path / name).mkdir()
-    link, file = (place.with_name(place.name[:-8] + digits) for digits in ("00000000", "11111111"))
-    link.symlink_to(mine)
-    file.write_text("mine")
+        (tmp_path / name).write_text("mine")
+    before = names(tmp_path)
     clear_unfinished(tmp_path)
-    assert names(tmp_path) == sorted(["mine", link.name, file.name, *others])
-    assert names(mine) == [".lock", "notes.txt"]
+    assert names(tmp_path) == [name for name in before if name not in (part.name, locked.name)]
+    assert mine.read_text() == "mine"
 
 
-@pytest.mark.parametrize("there", [set(), {".lock"}, {".lock", "a.txt"}], ids=len)
-def test_a_kill_at_any_step_leaves_what_the_next_run_clears(
-    tmp_path: Path, there: set[str]
-) -> None:
-    place = left_by_a_kill(tmp_path / "a.txt")
-    for path in place.iterdir():
-        if path.name not in there:
-            path.unlink()
+@pytest.mark.parametrize("left", ["lock", "file", "both"])
+def test_a_kill_at_any_step_leaves_what_the_next_run_clears(tmp_path: Path, left: str) -> None:
+    part, locked = left_by_a_kill(tmp_path / "a.txt")
+    if left == "lock":
+        part.unlink()
+    if left == "file":
+        locked.unlink()
     clear_unfinished(tmp_path)
     assert names(tmp_path) == []
 
@@ -165,21 +162,16 @@ def test_a_kill_at_any_step_leaves_what_the_next_run_clears(
 def test_where_no_lock_can_tell_only_a_day_without_change_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    place = left_by_a_kill(tmp_path / "a.txt")
+    left = left_by_a_kill(tmp_path / "a.txt")
     if where == "no locks":
         monkeypatch.setattr(_files, "lock", lambda handle: None)
     else:
         monkeypatch.setattr(_files, "_machine", lambda: ("00000000", "11111111"))
-    for age, stays in (
-        (0.0, True),
-        (0.9 * DAY_S, True),
-        (-0.9 * DAY_S, True),
-        (1.1 * DAY_S, False),
-    ):
-        for path in (place, *place.iterdir()):
+    for age, stay in ((0.0, True), (0.9 * DAY_S, True), (-0.9 * DAY_S, True), (1.1 * DAY_S, False)):
+        for path in left:
             os.utime(path, (time.time() - age,) * 2)
         clear_unfinished(tmp_path)
-        assert place.exists() is stays, age
+        assert [path.exists() for path in left] == [stay, stay], age
 
 
 @pytest.mark.parametrize("same", [0, 1], ids=["name", "boot"])
@@ -205,7 +197,7 @@ def test_files_are_whole_where_no_lock_can_be_had(
 
 
 def test_writers_and_those_who_clear_do_not_meet(tmp_path: Path) -> None:
-    """A folder is there before it has its lock; whoever clears it then takes nothing away."""
+    """A file is there before it is locked; who clears it then takes nothing away."""
 
     def work(number: int) -> None:
         for turn in range(40):
