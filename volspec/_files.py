@@ -198,14 +198,14 @@ def keep_newest(written: Path, pattern: str, most: int) -> None:
     ----------
     written : Path
     pattern : str
-        Of the names that count.
+        Of the names that count; not those that start with a dot, which others are writing.
     most : int
         Files that stay.
     """
     with suppress(OSError):
         now = written.stat().st_mtime_ns
-        others = [path for path in written.parent.glob(pattern) if path != written]
-        others = newest_first(others)
+        there = (path for path in written.parent.glob(pattern) if path != written)
+        others = newest_first(path for path in there if not path.name.startswith("."))
         for rank, path in enumerate(others, start=1):
             if path.stat().st_mtime_ns >= now:
                 os.utime(path, ns=(now - rank * _STEP_NS,) * 2)

@@ -224,6 +224,9 @@ def test_the_file_just_written_stays_however_wrong_the_others_dates(
     written = tmp_path / "written.txt"
     written.touch()
     os.utime(written, (now, now))
-    keep_newest(written, "*.txt", 4)
+    with write_whole(tmp_path / "another.txt") as temporary:
+        temporary.write_text("whole")
+        keep_newest(written, "*.txt", 4)
+    (tmp_path / "another.txt").unlink()
     assert names(tmp_path) == ["3.txt", "4.txt", "5.txt", "written.txt"]
     assert _files.newest_first(tmp_path.iterdir())[0] == written
