@@ -112,7 +112,7 @@ def test_the_page_has_room_for_what_scripts_write(name: str) -> None:
 KILLS = """
 import sys, time
 from pathlib import Path
-from benchmarks.kills import Job, survived
+from benchmarks.kills import Job, count_damage
 from volspec._files import write_whole
 
 def slowly(path):
@@ -138,7 +138,7 @@ def left(folder):
 for job in (well, torn, left):
     root = Path(sys.argv[1], job.__name__)
     root.mkdir()
-    count = survived(Job(job.__name__, job), 4, root)
+    count = count_damage(Job(job.__name__, job), 4, root)
     print(job.__name__, count.kills, count.torn > 0, count.left > 0, count.other > 0)
 """
 

@@ -82,7 +82,7 @@ def test_a_folder_that_cannot_be_written_costs_only_time(
     def refused(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("volspec._files._begun", refused)  # as root may write everywhere
+    monkeypatch.setattr("volspec._files._make_lock", refused)  # as root may write everywhere
     for _ in range(2):
         assert same(_cache.kept("group/name", "maker", lambda: ARRAYS))
     assert list((folder / "group").iterdir()) == []

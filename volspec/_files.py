@@ -50,12 +50,12 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         _clear_once(target.parent)
-        locked, handle = _begun(target.parent)
+        lock_file, handle = _make_lock(target.parent)
     except OSError as error:
         raise InputError(
             f"{Path(path)}: cannot write there: {error.strerror}; choose another folder"
         ) from error
-    temporary = locked.with_name(f"{locked.stem}.part{target.suffix}")
+    temporary = lock_file.with_name(f"{lock_file.stem}.part{target.suffix}")
     try:
         yield temporary
         _to_disk(temporary)
@@ -70,7 +70,7 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         ) from error
     finally:
         with suppress(OSError):
-            _remove([temporary], locked, handle)
+            _remove([temporary], lock_file, handle)
 
 
 def clear_unfinished(folder: Path) -> None:
@@ -100,21 +100,21 @@ def clear_unfinished(folder: Path) -> None:
 _clear_once = cache(clear_unfinished)
 
 
-def _clear(locked: Path) -> None:
+def _clear(lock_file: Path) -> None:
     """Delete an unfinished file whose writer is dead; as far as this process may."""
     # Made where it is gone, so that who deletes the file holds a lock; links are somebody's own.
-    handle = os.open(locked, os.O_CREAT | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0), 0o666)
-    got = lock(handle)
-    files = list(locked.parent.glob(f"{locked.stem}.part*"))
-    if (got and _made_here(locked)) or (got is not False and _is_old([locked, *files])):
-        _remove(files, locked, handle)
+    handle = os.open(lock_file, os.O_CREAT | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0), 0o666)
+    held = lock(handle)
+    files = list(lock_file.parent.glob(f"{lock_file.stem}.part*"))
+    if (held and _made_here(lock_file)) or (held is not False and _is_old([lock_file, *files])):
+        _remove(files, lock_file, handle)
     else:
         os.close(handle)
 
 
-def _made_here(locked: Path) -> bool:
+def _made_here(lock_file: Path) -> bool:
     """Return True if a lock can tell: not all network folders share locks between machines."""
-    _, name, boot, _ = locked.name.split("-")
+    _, name, boot, _ = lock_file.name.split("-")
     # One of the two is enough: containers differ in name, a machine that restarted in its boot.
     return name == _machine()[0] or boot == _machine()[1]
 
@@ -137,7 +137,7 @@ def _is_old(files: list[Path]) -> bool:
     return abs(time.time() - changed) > _DEAD_S
 
 
-def _begun(folder: Path) -> tuple[Path, int]:
+def _make_lock(folder: Path) -> tuple[Path, int]:
     """Make and lock the file that says that its writer lives.
 
     Made by the kernel's own rules (umask, the folder's ACL): what `tempfile` makes is private, and
@@ -145,25 +145,25 @@ def _begun(folder: Path) -> tuple[Path, int]:
     """
     tries_left = _TRIES
     while True:
-        locked = folder / f"{'-'.join(('.volspec', *_machine(), token_hex(4)))}.lock"
-        handle = os.open(locked, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        lock_file = folder / f"{'-'.join(('.volspec', *_machine(), token_hex(4)))}.lock"
+        handle = os.open(lock_file, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         tries_left -= 1
         # Until it was locked another process may have taken it for a dead one's.
-        if (lock(handle) is not False and locked.exists()) or not tries_left:
-            return locked, handle
+        if (lock(handle) is not False and lock_file.exists()) or not tries_left:
+            return lock_file, handle
         os.close(handle)
 
 
-def _remove(files: list[Path], locked: Path, handle: int) -> None:
+def _remove(files: list[Path], lock_file: Path, handle: int) -> None:
     """Delete unfinished files, then their lock: a kill in between leaves what can be cleared."""
     try:
         for file in files:
             file.unlink(missing_ok=True)
         if sys.platform != "win32":  # while it is held, so that nobody else takes it
-            locked.unlink(missing_ok=True)
+            lock_file.unlink(missing_ok=True)
     finally:
         os.close(handle)
-    locked.unlink(missing_ok=True)  # Windows deletes no open file
+    lock_file.unlink(missing_ok=True)  # Windows deletes no open file
 
 
 def lock(handle: int) -> bool | None:

@@ -15,10 +15,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from volspec._files import clear_unfinished, keep_newest, newest_first
+from volspec._files import clear_unfinished, keep_newest, lock, newest_first
 from volspec.export.frames import file_stem
 from volspec.viewer.document import Document
-from volspec.viewer.files.running import Running
 from volspec.viewer.files.session import SUFFIX, BrokenSession, Session, read_session, save_session
 from volspec.viewer.state import ViewState
 
@@ -173,3 +172,71 @@ class SessionStore:
 def _without_window(state: ViewState) -> ViewState:
     """What is saved of a state: all but what follows from the window."""
     return replace(state, size=(0, 0))
+
+
+class Running:
+    """Sessions under way: a file for each in a folder, locked as long as its program lives.
+
+    The system frees the locks of a dead program, so what is not locked has ended early.
+
+    Parameters
+    ----------
+    folder : Path
+        What cannot be read or written there is done without.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._mark: Path | None = None
+        self._handle = -1
+
+    def begin(self, name: str) -> None:
+        """Mark a session as under way, in place of another."""
+        if self._mark is not None and self._mark.name == name:
+            return
+        self.end()
+        path = self._folder / name
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            handle = os.open(path, os.O_RDWR | os.O_CREAT)
+        except OSError:
+            return
+        self._mark, self._handle = path, handle
+        lock(handle)
+
+    def end(self) -> None:
+        """It has ended as it should."""
+        if self._mark is None:
+            return
+        os.close(self._handle)
+        _unlinked(self._mark)
+        self._mark, self._handle = None, -1
+
+    def left(self) -> set[str]:
+        """The sessions whose programs have died; they are told of once."""
+        try:
+            marks = [path for path in self._folder.iterdir() if path != self._mark]
+        except OSError:
+            return set()
+        return {path.name for path in marks if _is_left(path)}
+
+
+def _is_left(path: Path) -> bool:
+    try:
+        handle = os.open(path, os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        left = lock(handle) is True
+    finally:
+        os.close(handle)
+    if left:
+        _unlinked(path)
+    return left
+
+
+def _unlinked(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError:
+        return
