@@ -5,7 +5,7 @@
 #   make gallery docs/gallery/raycast.md, cast anew
 #   make trust   what is slow: further cases of tests, every basis against full
 #                spectra, the time of fits, ten minutes in the viewer, readers
-#                under fuzzing
+#                under fuzzing, kills of what writes
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -61,6 +61,7 @@ trust: $(VENV)/.installed-test
 	$(BIN)/python -m benchmarks.basis_fit
 	$(BIN)/python -m benchmarks.session 600
 	$(BIN)/python -m benchmarks.fuzz --seconds 20
+	$(BIN)/python -m benchmarks.kills
 
 clean:
 	rm -rf $(VENV) build dist volspec-demo .pytest_cache .mypy_cache .ruff_cache

@@ -5,6 +5,8 @@ from __future__ import annotations
 import doctest
 import json
 import math
+import subprocess
+import sys
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
@@ -104,3 +106,48 @@ def test_a_page_without_markers_is_refused() -> None:
 @pytest.mark.parametrize("name", ["devices", "convergence", "figures"])
 def test_the_page_has_room_for_what_scripts_write(name: str) -> None:
     assert between(PAGE.read_text(encoding="utf-8"), name).startswith("\n")
+
+
+# In a process of its own, which may fork: one file is written well, one torn, one never cleared.
+KILLS = """
+import sys, time
+from pathlib import Path
+from benchmarks.kills import Job, count_damage
+from volspec._files import write_whole
+
+def slowly(path):
+    with path.open("wb") as file:
+        for _ in range(30):
+            file.write(b"0123456789")
+            file.flush()
+            time.sleep(0.01)
+
+def well(folder):
+    with write_whole(folder / "a.bin") as temporary:
+        slowly(temporary)
+
+def torn(folder):
+    with write_whole(folder / "a.bin") as temporary:
+        temporary.touch()
+        slowly(folder / "b.bin")
+
+def left(folder):
+    (folder / ".volspec-of-nobody.part").touch()
+    well(folder)
+
+for job in (well, torn, left):
+    root = Path(sys.argv[1], job.__name__)
+    root.mkdir()
+    count = count_damage(Job(job.__name__, job), 4, root)
+    print(job.__name__, count.kills, count.torn > 0, count.left > 0, count.other > 0)
+"""
+
+
+def test_kills_find_what_is_torn_and_what_is_left(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", KILLS, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == [
+        "well 4 False False False",
+        "torn 4 True False False",
+        "left 4 False True False",
+    ], done.stderr

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.export.test_files_whole import left_by_a_kill
 from volspec import _cache
 
 ARRAYS = {
@@ -80,7 +82,7 @@ def test_a_folder_that_cannot_be_written_costs_only_time(
     def refused(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("volspec._files._created_beside", refused)  # as root may write everywhere
+    monkeypatch.setattr("volspec._files._make_lock", refused)  # as root may write everywhere
     for _ in range(2):
         assert same(_cache.kept("group/name", "maker", lambda: ARRAYS))
     assert list((folder / "group").iterdir()) == []
@@ -113,3 +115,23 @@ def test_a_folder_keeps_its_newest_files(folder: Path, monkeypatch: pytest.Monke
         os.utime(folder / "group" / f"{number}.npz", (number, number))
     _cache.kept("group/5", "maker", lambda: ARRAYS)
     assert sorted(path.stem for path in (folder / "group").iterdir()) == ["3", "4", "5"]
+
+
+def test_a_file_just_written_is_kept_though_all_others_come_from_the_future(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_cache, "_MOST_FILES", 3)
+    for number in range(3):
+        _cache.kept(f"group/{number}", "maker", lambda: ARRAYS)
+        later = time.time() + 1e8 + number
+        os.utime(folder / "group" / f"{number}.npz", (later, later))
+    for number in (3, 4):
+        _cache.kept(f"group/{number}", "maker", lambda: ARRAYS)
+    assert sorted(path.stem for path in (folder / "group").iterdir()) == ["2", "3", "4"]
+
+
+def test_what_a_killed_run_left_is_cleared_by_one_that_only_reads(folder: Path) -> None:
+    _cache.kept("group/name", "maker", lambda: ARRAYS)
+    left_by_a_kill(folder / "group" / "other.npz")
+    assert same(_cache.kept("group/name", "maker", never))
+    assert [path.name for path in (folder / "group").iterdir()] == ["name.npz"]

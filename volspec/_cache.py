@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
-from volspec._files import write_whole
+from volspec._files import clear_unfinished, keep_newest, write_whole
 from volspec.errors import InputError
 
 Arrays = dict[str, NDArray[Any]]
@@ -47,6 +47,7 @@ def kept(name: str, maker: str, make: Callable[[], Mapping[str, NDArray[Any]]]) 
         Read-only.
     """
     file = cache_folder() / f"{name}.npz"
+    clear_unfinished(file.parent)  # of a run that was killed; this one may only read
     arrays = _read(file, maker)
     if arrays is None:
         arrays = {key: np.array(array) for key, array in make().items()}
@@ -76,6 +77,4 @@ def _write(file: Path, maker: str, arrays: Arrays) -> None:
     members: dict[str, Any] = {"maker": maker, "keys": list(arrays), **arrays}
     with write_whole(file) as temporary:
         np.savez(temporary, **members)
-    newest = sorted(file.parent.glob("*.npz"), key=lambda each: -each.stat().st_mtime)
-    for each in newest[_MOST_FILES:]:
-        each.unlink(missing_ok=True)
+    keep_newest(file, "*.npz", _MOST_FILES)

@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
-import glob
+import errno
 import os
+import platform
+import re
+import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+import zlib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from secrets import token_hex
 
 from volspec.errors import InputError
 
-# Of a temporary file's name: what tells it from others.
-_RANDOM_BYTES = 4
+# An unfinished file stands next to its target, and next to a file that is locked while its writer
+# lives: .volspec-MACHINE-BOOT-RANDOM.part.SUFFIX and .lock. They start with the same digits.
+_UNFINISHED = re.compile(r"(\.volspec-[0-9a-f]{8}-[0-9a-f]{8}-[0-9a-f]{8})\.(lock|part.*)")
+_TRIES = 9
+# Unchanged for so long, a file is of a dead writer, if no lock can tell.
+_DEAD_S = 86400.0
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+# Between two dates that are mended.
+_STEP_NS = 1_000_000
 
 
 @contextmanager
@@ -23,8 +36,9 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     What was written is on the disk before it has its name, so that a power cut leaves no half file.
     The temporary name keeps the suffix, since writers choose their format by it. Parent
     folders are made. When the body raises, the temporary file is removed and whatever stood
-    at ``path`` before is untouched. A link stays one; what it points to is written. Permissions
-    are those that a plain ``open`` gives.
+    at ``path`` before is untouched. What a killed process left in the same folder is removed, too.
+    A link stays one; what it points to is written. Permissions are those that a plain ``open``
+    gives.
 
     Raises
     ------
@@ -35,11 +49,13 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = _output(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = _created_beside(target)
+        _clear_once(target.parent)
+        lock_file, handle = _make_lock(target.parent)
     except OSError as error:
         raise InputError(
             f"{Path(path)}: cannot write there: {error.strerror}; choose another folder"
         ) from error
+    temporary = lock_file.with_name(f"{lock_file.stem}.part{target.suffix}")
     try:
         yield temporary
         _to_disk(temporary)
@@ -53,39 +69,161 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
             "or choose another, and repeat the command"
         ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            _remove([temporary], lock_file, handle)
 
 
-def _created_beside(target: Path) -> Path:
-    """A new, empty file in the same folder.
+def clear_unfinished(folder: Path) -> None:
+    """Delete the files in a folder that their writers, killed or cut off, left unfinished.
+
+    Those of living writers stay: they hold a lock, which the system frees when they die. It says
+    nothing about pids, which come again and are equal in two containers. Where another machine
+    wrote, or the file system has no locks, a file must also be unchanged for a day.
+    """
+    try:
+        with os.scandir(folder) as entries:
+            found = {
+                match[1]
+                for entry in entries
+                # By the name first: a folder may hold 100 000 files.
+                if (match := _UNFINISHED.fullmatch(entry.name))
+                and entry.is_file(follow_symlinks=False)
+            }
+    except OSError:
+        return
+    for name in found:
+        with suppress(OSError):
+            _clear(folder / f"{name}.lock")
+
+
+# Once in a process: an export writes thousands of files into one folder.
+_clear_once = cache(clear_unfinished)
+
+
+def _clear(lock_file: Path) -> None:
+    """Delete an unfinished file whose writer is dead; as far as this process may."""
+    # Made where it is gone, so that who deletes the file holds a lock; links are somebody's own.
+    handle = os.open(lock_file, os.O_CREAT | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0), 0o666)
+    held = lock(handle)
+    files = list(lock_file.parent.glob(f"{lock_file.stem}.part*"))
+    if (held and _made_here(lock_file)) or (held is not False and _is_old([lock_file, *files])):
+        _remove(files, lock_file, handle)
+    else:
+        os.close(handle)
+
+
+def _made_here(lock_file: Path) -> bool:
+    """Return True if a lock can tell: not all network folders share locks between machines."""
+    _, name, boot, _ = lock_file.name.split("-")
+    # One of the two is enough: containers differ in name, a machine that restarted in its boot.
+    return name == _machine()[0] or boot == _machine()[1]
+
+
+@cache
+def _machine() -> tuple[str, str]:
+    """This machine's name and its last start, as eight digits each."""
+    name = platform.node()
+    try:
+        boot = _BOOT_ID.read_text(encoding="ascii")
+    except OSError:
+        boot = name
+    machine, started = (f"{zlib.crc32(text.encode()):08x}" for text in (name, boot))
+    return machine, started
+
+
+def _is_old(files: list[Path]) -> bool:
+    """Return True if files have not changed for a day; a date far in the future is no change."""
+    changed = max(file.stat().st_mtime for file in files)
+    return abs(time.time() - changed) > _DEAD_S
+
+
+def _make_lock(folder: Path) -> tuple[Path, int]:
+    """Make and lock the file that says that its writer lives.
 
     Made by the kernel's own rules (umask, the folder's ACL): what `tempfile` makes is private, and
     a process can read its umask only by changing it, which files of other threads would get.
     """
+    tries_left = _TRIES
     while True:
-        name = f".{target.stem}-{token_hex(_RANDOM_BYTES)}{target.suffix}"
-        temporary = target.with_name(name)
-        try:
-            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-        except FileExistsError:
-            continue
-        return temporary
+        lock_file = folder / f"{'-'.join(('.volspec', *_machine(), token_hex(4)))}.lock"
+        handle = os.open(lock_file, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        tries_left -= 1
+        # Until it was locked another process may have taken it for a dead one's.
+        if (lock(handle) is not False and lock_file.exists()) or not tries_left:
+            return lock_file, handle
+        os.close(handle)
+
+
+def _remove(files: list[Path], lock_file: Path, handle: int) -> None:
+    """Delete unfinished files, then their lock: a kill in between leaves what can be cleared."""
+    try:
+        for file in files:
+            file.unlink(missing_ok=True)
+        if sys.platform != "win32":  # while it is held, so that nobody else takes it
+            lock_file.unlink(missing_ok=True)
+    finally:
+        os.close(handle)
+    lock_file.unlink(missing_ok=True)  # Windows deletes no open file
+
+
+def lock(handle: int) -> bool | None:
+    """Lock an open file until it is closed, or its process dies.
+
+    Returns
+    -------
+    bool or None
+        False if another handle has the lock, None if the file system has no locks.
+    """
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return False if error.errno in (errno.EAGAIN, errno.EACCES) else None
+    return True
+
+
+def keep_newest(written: Path, pattern: str, most: int) -> None:
+    """Delete the oldest files of a folder, but never the one that was just written.
+
+    The dates of others that lie after its own, from a clock that was wrong, are set to just before:
+    nothing was written later. Faults are left to the next call.
+
+    Parameters
+    ----------
+    written : Path
+    pattern : str
+        Of the names that count; not those that start with a dot, which others are writing.
+    most : int
+        Files that stay.
+    """
+    with suppress(OSError):
+        now = written.stat().st_mtime_ns
+        there = (path for path in written.parent.glob(pattern) if path != written)
+        others = newest_first(path for path in there if not path.name.startswith("."))
+        for rank, path in enumerate(others, start=1):
+            if path.stat().st_mtime_ns >= now:
+                os.utime(path, ns=(now - rank * _STEP_NS,) * 2)
+        for path in others[max(most - 1, 0) :]:
+            path.unlink(missing_ok=True)
+
+
+def newest_first(paths: Iterable[Path]) -> list[Path]:
+    """Sort files by the dates of their last change; by name if two are equal."""
+    return sorted(paths, key=lambda path: (path.stat().st_mtime_ns, path.name), reverse=True)
 
 
 def _to_disk(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
+    handle = os.open(path, os.O_RDWR)  # Windows syncs no file that is only read
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def clear_temporaries(path: Path) -> None:
-    """Delete what a killed process has left of an unfinished file."""
-    digits = "[0-9a-f]" * (2 * _RANDOM_BYTES)
-    pattern = f".{glob.escape(path.stem)}-{digits}{glob.escape(path.suffix)}"
-    for left in path.parent.glob(pattern):
-        left.unlink(missing_ok=True)
 
 
 def line_end(path: str | os.PathLike[str]) -> str:

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from tests.export.conftest import Make
+from tests.export.test_files_whole import left_by_a_kill
 from volspec.appearance.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.export.film import write_film
@@ -42,7 +43,7 @@ def test_a_film_has_the_frames_colours_and_says_what_they_are(
     pytest.importorskip("imageio_ffmpeg")
     made, film = scene(), tmp_path / f"ball{suffix}"
     settings = {"size": (64, 48), "lights": ["lamp"], "turntable": {"frames": 3}}
-    (tmp_path / f".ball-abcd1234{suffix}").write_bytes(b"half")  # as a kill leaves it
+    left_by_a_kill(film)
     done = made.export(film, **settings)
     assert (done.frames, done.files) == (3, (film.name,))
     assert list(tmp_path.iterdir()) == [film], "the frames of a film are gone with it"

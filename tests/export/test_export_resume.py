@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.export.conftest import Make
+from tests.export.test_files_whole import left_by_a_kill
 from volspec.errors import InputError
 from volspec.export.manifest import alone_in
 from volspec.scene import Scene
@@ -60,8 +61,7 @@ def test_a_killed_export_goes_on_and_leaves_the_same_bytes(scene: Make, tmp_path
         for path, data in there.items():
             assert data == expected[path], "what is there is whole"
         assert "sheet.png" not in there
-        (folder / "day").mkdir(exist_ok=True)
-        (folder / "day" / ".0003-abcd1234.png").write_bytes(b"half")  # as a kill amid a write
+        left_by_a_kill(folder / "day" / "0003.png")
         done = made.export(folder, **SETTINGS)
         assert done.made == 8 - len(there) and contents(folder) == expected
     assert contents(tmp_path / "late").keys() == expected.keys()

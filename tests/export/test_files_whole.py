@@ -4,14 +4,55 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from volspec._files import clear_temporaries, write_whole
+from volspec import _files
+from volspec._files import clear_unfinished, keep_newest, write_whole
 from volspec.errors import InputError
+
+# A writer that dies, as the kernel would kill it, or waits for a line.
+WRITER = """
+import os, signal, sys
+from volspec._files import write_whole
+with write_whole(sys.argv[1]) as temporary:
+    temporary.write_text("half")
+    print("begun", flush=True)
+    if not sys.stdin.readline():
+        os.kill(os.getpid(), signal.SIGKILL)
+    temporary.write_text("whole")
+"""
+DAY_S = 86400.0
+
+
+def left_by_a_kill(target: Path) -> list[Path]:
+    """What a killed writer of a file leaves, and its lock; parents are made."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    locked, handle = _files._make_lock(target.parent)
+    os.close(handle)
+    part = locked.with_name(f"{locked.stem}.part{target.suffix}")
+    part.write_bytes(b"half")
+    return [part, locked]
+
+
+def writer(target: Path) -> subprocess.Popen[str]:
+    """A program that is amid writing a file."""
+    command = [sys.executable, "-c", WRITER, str(target)]
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
+    assert process.stdout is not None and process.stdout.readline() == "begun\n"
+    return process
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.fixture(params=[0o022, 0o027, 0o077], ids=oct)
@@ -69,13 +110,123 @@ def test_nobody_s_umask_is_touched(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (tmp_path / "a.txt").read_text() == "whole"
 
 
-def test_what_a_kill_leaves_is_told_from_what_others_made(tmp_path: Path) -> None:
-    with write_whole(tmp_path / "a [b]?.txt") as temporary:
-        left = temporary.name
+def test_a_killed_writer_s_file_is_gone_after_the_next_write_in_its_folder(tmp_path: Path) -> None:
+    target = tmp_path / "a [b]?.txt"
+    target.write_text("before")
+    process = writer(target)
+    process.communicate("")
+    assert process.returncode == -signal.SIGKILL and target.read_text() == "before"
+    assert len(names(tmp_path)) == 3
+    with write_whole(tmp_path / "another.txt") as temporary:
         temporary.write_text("whole")
-    (tmp_path / left).write_text("half")
-    others = ".a [b]?-12345678.png", ".a b-12345678.txt", ".a [b]?-mine.txt", ".a [b]?-my-notes.txt"
-    for other in others:
-        (tmp_path / other).write_text("mine")
-    clear_temporaries(tmp_path / "a [b]?.txt")
-    assert len(list(tmp_path.iterdir())) == 5 and not (tmp_path / left).exists()
+    assert names(tmp_path) == ["a [b]?.txt", "another.txt"] and target.read_text() == "before"
+
+
+def test_a_living_writer_s_file_stays_however_old(tmp_path: Path) -> None:
+    process = writer(tmp_path / "a.txt")
+    for path in tmp_path.iterdir():
+        os.utime(path, (0, 0))
+    clear_unfinished(tmp_path)
+    process.communicate("go on\n")
+    assert process.returncode == 0 and names(tmp_path) == ["a.txt"]
+    assert (tmp_path / "a.txt").read_text() == "whole"
+
+
+def test_what_a_user_made_stays(tmp_path: Path) -> None:
+    part, locked = left_by_a_kill(tmp_path / "a.txt")
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    (tmp_path / f"{locked.stem[:-8]}00000000.lock").symlink_to(mine)
+    (tmp_path / f"{locked.stem[:-8]}11111111.lock").mkdir()
+    others = (".volspec", ".volspec-notes.lock", f"{locked.stem}.txt", f"{locked.stem}0.part.txt")
+    for name in others:
+        (tmp_path / name).write_text("mine")
+    before = names(tmp_path)
+    clear_unfinished(tmp_path)
+    assert names(tmp_path) == [name for name in before if name not in (part.name, locked.name)]
+    assert mine.read_text() == "mine"
+
+
+@pytest.mark.parametrize("left", ["lock", "file", "both"])
+def test_a_kill_at_any_step_leaves_what_the_next_run_clears(tmp_path: Path, left: str) -> None:
+    part, locked = left_by_a_kill(tmp_path / "a.txt")
+    if left == "lock":
+        part.unlink()
+    if left == "file":
+        locked.unlink()
+    clear_unfinished(tmp_path)
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("where", ["another machine", "no locks"])
+def test_where_no_lock_can_tell_only_a_day_without_change_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    left = left_by_a_kill(tmp_path / "a.txt")
+    if where == "no locks":
+        monkeypatch.setattr(_files, "lock", lambda handle: None)
+    else:
+        monkeypatch.setattr(_files, "_machine", lambda: ("00000000", "11111111"))
+    for age, stay in ((0.0, True), (0.9 * DAY_S, True), (-0.9 * DAY_S, True), (1.1 * DAY_S, False)):
+        for path in left:
+            os.utime(path, (time.time() - age,) * 2)
+        clear_unfinished(tmp_path)
+        assert [path.exists() for path in left] == [stay, stay], age
+
+
+@pytest.mark.parametrize("same", [0, 1], ids=["name", "boot"])
+def test_a_lock_tells_in_another_container_and_after_a_restart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, same: int
+) -> None:
+    left_by_a_kill(tmp_path / "a.txt")
+    ours = list(_files._machine())
+    ours[1 - same] = "00000000"
+    monkeypatch.setattr(_files, "_machine", lambda: tuple(ours))
+    clear_unfinished(tmp_path)
+    assert names(tmp_path) == []
+
+
+def test_files_are_whole_where_no_lock_can_be_had(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_files, "lock", lambda handle: None)
+    with write_whole(tmp_path / "a.txt") as temporary:
+        clear_unfinished(tmp_path)
+        temporary.write_text("whole")
+    assert names(tmp_path) == ["a.txt"]
+
+
+def test_writers_and_those_who_clear_do_not_meet(tmp_path: Path) -> None:
+    """A file is there before it is locked; who clears it then takes nothing away."""
+
+    def work(number: int) -> None:
+        for turn in range(40):
+            clear_unfinished(tmp_path)
+            with write_whole(tmp_path / f"{number}-{turn % 4}.txt") as temporary:
+                clear_unfinished(tmp_path)
+                temporary.write_text("whole")
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(work, range(8)))
+    assert len(names(tmp_path)) == 32
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"whole"}
+
+
+@pytest.mark.parametrize("ahead_s", [0.0, 3600.0, 30 * 365 * DAY_S])
+def test_the_file_just_written_stays_however_wrong_the_others_dates(
+    tmp_path: Path, ahead_s: float
+) -> None:
+    now = time.time()
+    for number in range(6):
+        path = tmp_path / f"{number}.txt"
+        path.touch()
+        os.utime(path, (now + ahead_s + number,) * 2)
+    written = tmp_path / "written.txt"
+    written.touch()
+    os.utime(written, (now, now))
+    with write_whole(tmp_path / "another.txt") as temporary:
+        temporary.write_text("whole")
+        keep_newest(written, "*.txt", 4)
+    (tmp_path / "another.txt").unlink()
+    assert names(tmp_path) == ["3.txt", "4.txt", "5.txt", "written.txt"]
+    assert _files.newest_first(tmp_path.iterdir())[0] == written

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -281,6 +285,61 @@ def test_the_oldest_sessions_are_forgotten(tmp_path: Path, monkeypatch: pytest.M
         store.begin(state)
         store.save(reduced(state, Event("orbit", 0.1)))
     assert len(list((tmp_path / "state" / "sessions").iterdir())) == MOST_SESSIONS
+
+
+@pytest.mark.parametrize("ahead_s", [-1e9, 0.0, 1e8], ids=["past", "now", "future"])
+def test_the_session_just_saved_is_the_last_whatever_the_clock_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ahead_s: float
+) -> None:
+    state = opened(tmp_path)
+    names = iter(range(100, 0, -1))
+    monkeypatch.setattr(session_store.time, "strftime", lambda _: f"{next(names):03}")
+    for number in range(MOST_SESSIONS + 3):
+        store = SessionStore(tmp_path / "state")
+        store.begin(state)
+        saved = store.save(reduced(state, Event("orbit", 0.1)))
+        assert saved is not None and SessionStore(tmp_path / "state").last() == saved
+        later = time.time() + ahead_s + number
+        os.utime(saved, (later, later))
+    left = sorted((tmp_path / "state" / "sessions").iterdir())
+    # Named backwards: the first are the last saved.
+    assert [path.name[:3] for path in left] == [f"{88 + rank:03}" for rank in range(MOST_SESSIONS)]
+
+
+# Dies amid writing the session of the file that it is given.
+KILLED_SAVE = """
+import os, signal, sys
+from pathlib import Path
+from tests.viewer.test_files_scene import opened
+from volspec.viewer.events import Event, reduced
+from volspec.viewer.files.session_store import SessionStore
+
+def half(path, text, **settings):
+    path.write_bytes(text[: len(text) // 2].encode())
+    os.kill(os.getpid(), signal.SIGKILL)
+
+folder = Path(sys.argv[1])
+state, store = opened(folder), SessionStore(folder / "state")
+store.begin(state, store.last())
+Path.write_text = half
+store.save(reduced(state, Event("orbit", 0.2)))
+"""
+
+
+def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path: Path) -> None:
+    state, store = opened(tmp_path), SessionStore(tmp_path / "state")
+    store.begin(state)
+    saved = store.save(reduced(state, Event("orbit", 0.1)))
+    store.end()
+    assert saved is not None
+    before = saved.read_bytes()
+    done = subprocess.run([sys.executable, "-c", KILLED_SAVE, str(tmp_path)], check=False)
+    assert done.returncode == -signal.SIGKILL and saved.read_bytes() == before
+    after = SessionStore(tmp_path / "state")
+    assert after.ended_early() and after.last() == saved
+    after.begin(state)
+    assert resumed(after.read(saved), cast=False).view == reduced(state, Event("orbit", 0.1)).view
+    assert list((tmp_path / "state" / "sessions").iterdir()) == [saved]
 
 
 def test_a_broken_session_is_put_aside_not_deleted(tmp_path: Path) -> None:

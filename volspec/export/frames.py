@@ -20,7 +20,7 @@ from volspec.export.png import PngWriter
 
 # Names that Windows keeps for devices, whatever follows the dot.
 _DEVICES = {"con", "prn", "aux", "nul", *(f"{d}{i}" for d in ("com", "lpt") for i in range(1, 10))}
-# Of a stem in UTF-8; file systems take 255 with the suffix and what `write_whole` puts around.
+# Of a stem in UTF-8; file systems take 255 with the suffix.
 _STEM_BYTES = 120
 
 

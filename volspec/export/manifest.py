@@ -12,7 +12,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from volspec import __version__
-from volspec._files import clear_temporaries, write_whole
+from volspec._files import clear_unfinished, lock, write_whole
 from volspec._parse import parse_json
 from volspec._tables.written import plain
 from volspec.errors import InputError
@@ -104,7 +105,7 @@ class Folder:
         """
         old = self._old()
         if old is not None and old.get("fingerprint") == self.fingerprint:
-            self._clear_temporaries()
+            self._clear_unfinished(self.files)
             for name in self.missing():
                 self._remove(name)
             self.keep_sizes()
@@ -123,9 +124,10 @@ class Folder:
                 "--overwrite"
             )
         files = (old or {}).get("files", ())
-        for name in [*(files if isinstance(files, list) else ()), *self.files]:
-            self._remove(str(name))
-        self._clear_temporaries()
+        names = [*map(str, files if isinstance(files, list) else ()), *self.files]
+        self._clear_unfinished(names)
+        for name in names:
+            self._remove(name)
         self._write({})
 
     def keep_sizes(self) -> None:
@@ -182,9 +184,9 @@ class Folder:
                 with suppress(OSError):
                     path.parent.rmdir()
 
-    def _clear_temporaries(self) -> None:
-        for name in (*self.files, NAME):
-            clear_temporaries(self.path / name)
+    def _clear_unfinished(self, names: Iterable[str]) -> None:
+        for folder in {(self.path / name).parent for name in (*names, NAME)}:
+            clear_unfinished(folder)
 
 
 def _is_there(path: Path, kept: object) -> bool:
@@ -202,8 +204,6 @@ def alone_in(path: Path) -> Iterator[None]:
     InputError
         If it cannot be made, or an export is at work in it.
     """
-    import fcntl
-
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
@@ -212,16 +212,15 @@ def alone_in(path: Path) -> Iterator[None]:
         raise InputError(
             f"{path}: cannot be made: {error.strerror}; choose another folder"
         ) from error
+    if sys.platform == "win32":  # folders cannot be opened there, so they have no locks
+        yield
+        return
     handle = os.open(path, os.O_RDONLY)
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if lock(handle) is False:
             raise InputError(
                 f"{path}: another export writes there; wait for it, or choose another folder"
-            ) from None
-        except OSError:
-            pass  # a file system without locks
+            )
         yield
     finally:
         os.close(handle)

@@ -9,7 +9,7 @@ import operator
 import os
 from pathlib import Path
 
-from volspec._files import clear_temporaries, require_writable, require_writable_folder
+from volspec._files import require_writable, require_writable_folder
 from volspec._tables.written import plain
 from volspec.errors import InputError, ViewingError, quoted
 from volspec.export.film import SUFFIXES, check_film, write_film
@@ -109,7 +109,6 @@ def export_scene(
         frames = [path / name for name in files[: len(plan.shots)]]
         if is_film:
             tell("encode", 0.0)
-            clear_temporaries(target)
             colours = scene.relight.viewing.display.colours
             write_film(target, frames, table.fps, colours, lambda share: tell("encode", share))
             folder.remove()

@@ -15,9 +15,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from volspec._files import clear_unfinished, keep_newest, lock, newest_first
 from volspec.export.frames import file_stem
 from volspec.viewer.document import Document
-from volspec.viewer.files.running import Running
 from volspec.viewer.files.session import SUFFIX, BrokenSession, Session, read_session, save_session
 from volspec.viewer.state import ViewState
 
@@ -57,6 +57,7 @@ class SessionStore:
         own : Path, optional
             The file of this store that it was restored from, which goes on.
         """
+        clear_unfinished(self._folder)
         with self._lock:
             self._document, self._saved = state.document, _without_window(state)
             self._seen, self._due = None, 0.0
@@ -126,7 +127,7 @@ class SessionStore:
             self._running.begin(self._own.name)
             save_session(state, self._own)
             self._saved, self._written = _without_window(state), number
-            self._forget_oldest()
+            keep_newest(self._own, f"*{SUFFIX}", MOST_SESSIONS)
             return self._own
 
     def last(self) -> Path | None:
@@ -163,19 +164,79 @@ class SessionStore:
 
     def _files(self) -> list[Path]:
         try:
-            found = list(self._folder.glob(f"*{SUFFIX}"))
-            return sorted(found, key=lambda path: (path.stat().st_mtime, path.name), reverse=True)
+            return newest_first(self._folder.glob(f"*{SUFFIX}"))
         except OSError:
             return []
-
-    def _forget_oldest(self) -> None:
-        for path in self._files()[MOST_SESSIONS:]:
-            try:
-                path.unlink()
-            except OSError:
-                continue
 
 
 def _without_window(state: ViewState) -> ViewState:
     """What is saved of a state: all but what follows from the window."""
     return replace(state, size=(0, 0))
+
+
+class Running:
+    """Sessions under way: a file for each in a folder, locked as long as its program lives.
+
+    The system frees the locks of a dead program, so what is not locked has ended early.
+
+    Parameters
+    ----------
+    folder : Path
+        What cannot be read or written there is done without.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._mark: Path | None = None
+        self._handle = -1
+
+    def begin(self, name: str) -> None:
+        """Mark a session as under way, in place of another."""
+        if self._mark is not None and self._mark.name == name:
+            return
+        self.end()
+        path = self._folder / name
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            handle = os.open(path, os.O_RDWR | os.O_CREAT)
+        except OSError:
+            return
+        self._mark, self._handle = path, handle
+        lock(handle)
+
+    def end(self) -> None:
+        """It has ended as it should."""
+        if self._mark is None:
+            return
+        os.close(self._handle)
+        _unlinked(self._mark)
+        self._mark, self._handle = None, -1
+
+    def left(self) -> set[str]:
+        """The sessions whose programs have died; they are told of once."""
+        try:
+            marks = [path for path in self._folder.iterdir() if path != self._mark]
+        except OSError:
+            return set()
+        return {path.name for path in marks if _is_left(path)}
+
+
+def _is_left(path: Path) -> bool:
+    try:
+        handle = os.open(path, os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        left = lock(handle) is True
+    finally:
+        os.close(handle)
+    if left:
+        _unlinked(path)
+    return left
+
+
+def _unlinked(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError:
+        return
