@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from volspec import __version__
-from volspec._files import clear_temporaries, write_whole
+from volspec._files import clear_temporaries, try_lock, write_whole
 from volspec._tables.written import plain
 from volspec.errors import InputError
 from volspec.scene import Scene
@@ -197,8 +198,6 @@ def alone_in(path: Path) -> Iterator[None]:
     InputError
         If it cannot be made, or an export is at work in it.
     """
-    import fcntl
-
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
@@ -207,19 +206,25 @@ def alone_in(path: Path) -> Iterator[None]:
         raise InputError(
             f"{path}: cannot be made: {error.strerror}; choose another folder"
         ) from error
-    handle = os.open(path, os.O_RDONLY)
+    lock, flags = path.resolve(), os.O_RDONLY
+    if sys.platform == "win32":  # where folders cannot be opened
+        lock, flags = lock.with_name(f".{lock.name}.lock"), os.O_RDWR | os.O_CREAT
+    handle = os.open(lock, flags)
     try:
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            alone = try_lock(handle)
+        except OSError:
+            alone = True  # a file system without locks
+        if not alone:
             raise InputError(
                 f"{path}: another export writes there; wait for it, or choose another folder"
-            ) from None
-        except OSError:
-            pass  # a file system without locks
+            )
         yield
     finally:
         os.close(handle)
+        if flags & os.O_CREAT:
+            with suppress(OSError):  # another export has opened it
+                lock.unlink()
 
 
 def files_of(stems: Sequence[str], suffix: str, sheet: bool) -> tuple[str, ...]:

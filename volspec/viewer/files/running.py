@@ -8,8 +8,10 @@ The system gives a dead program's locks back, so what is left unlocked has ended
 from __future__ import annotations
 
 import os
-import sys
+from contextlib import suppress
 from pathlib import Path
+
+from volspec._files import try_lock
 
 
 class Running:
@@ -38,7 +40,8 @@ class Running:
         except OSError:
             return
         self._mark, self._handle = path, handle
-        _locked(handle)
+        with suppress(OSError):
+            try_lock(handle)
 
     def end(self) -> None:
         """It has ended as it should."""
@@ -63,7 +66,9 @@ def _is_left(path: Path) -> bool:
     except OSError:
         return False
     try:
-        left = _locked(handle)
+        left = try_lock(handle)
+    except OSError:
+        return False
     finally:
         os.close(handle)
     if left:
@@ -76,19 +81,3 @@ def _unlinked(path: Path) -> None:
         path.unlink(missing_ok=True)
     except OSError:
         return
-
-
-def _locked(handle: int) -> bool:
-    """Lock a file; False where another program has."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
