@@ -272,7 +272,7 @@ def test_one_volume_is_taken_and_several_are_named(plot: Plots) -> None:
     for other in others:
         with pytest.raises(RaycastError, match=r"no volume .*'ball'.*; .*it has 'ct-0', 'ct-1'"):
             vs.from_plotter(plotter, other)
-    plotter.actors["ct-1"].visibility = False
+    plotter.actors["ct-1"].SetVisibility(False)
     assert vs.from_plotter(plotter).volume.name == "ct-0"
     plotter.close()
     for take in (vs.from_plotter, vs.picture_plane):

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
+
+import psutil
 
 
 def host_free_bytes(root: Path = Path("/")) -> int:
     """Memory this process can still take: the machine's, or its container's where that is less."""
-    try:
-        lines = (root / "proc/meminfo").read_text().splitlines()
-        free = next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvail"))
-    except (OSError, StopIteration):
-        free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    free = int(psutil.virtual_memory().available)
     group = root / "sys/fs/cgroup"
     try:
         limit = int((group / "memory.max").read_text())  # ValueError where it says "max"

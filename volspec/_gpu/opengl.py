@@ -1,11 +1,13 @@
 """Headless OpenGL: a context without a window, programs whose errors name real files.
 
-EGL needs no display server; Mesa's llvmpipe draws where there is no GPU.
+On Linux EGL needs no display server, and Mesa's llvmpipe draws if there is no GPU; GLX on the
+display is tried if EGL fails. macOS (CGL, at most 4.1) and Windows (WGL) have one way each.
 """
 
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,6 +21,16 @@ if TYPE_CHECKING:
     import moderngl
 
 MINIMUM_VERSION = 330
+# glcontext's settings for each way to a context, by the names of the runtime libraries: the names
+# that it looks for itself belong to development packages.
+_EGL = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+_GLX = {"libgl": "libGL.so.1", "libx11": "libX11.so.6"}
+_REMEDIES = {
+    "darwin": "log in at the Mac's own screen: macOS brings OpenGL 4.1 with its graphics",
+    "win32": "install the graphics card's driver from its maker; Windows' own has OpenGL 1.1 only",
+    "linux": "install EGL and a driver, on Debian or Ubuntu: "
+    "apt-get install libegl1 libgl1 libgl1-mesa-dri",
+}
 
 
 class ContextLost(OpenGLError):
@@ -26,7 +38,7 @@ class ContextLost(OpenGLError):
 
 
 def headless_context() -> moderngl.Context:
-    """Make an OpenGL 3.3 core context on EGL.
+    """Make an OpenGL 3.3 core context without a window.
 
     Returns
     -------
@@ -36,21 +48,39 @@ def headless_context() -> moderngl.Context:
     Raises
     ------
     OpenGLError
-        If moderngl, EGL or a driver is missing; the message holds the remedy.
+        If moderngl, the system's OpenGL or a driver is missing; the message holds the remedy.
     """
+    library = _moderngl()
+    failures = []
+    for settings in _ways():
+        try:
+            return library.create_standalone_context(require=MINIMUM_VERSION, **settings)
+        except Exception as error:  # moderngl and glcontext raise bare Exception and ImportError
+            failures.append(error)
+    raise OpenGLError(
+        f"OpenGL: no headless context of version 3.3 "
+        f"({'; '.join(one_line(error) for error in failures)}); "
+        f"{_REMEDIES.get(sys.platform, _REMEDIES['linux'])}"
+    ) from failures[0]
+
+
+def _ways() -> list[dict[str, Any]]:
+    """Return the settings to try for a headless context, best first."""
+    if sys.platform in ("darwin", "win32"):
+        return [{}]
+    return [_EGL, _GLX] if os.environ.get("DISPLAY") else [_EGL]
+
+
+def _moderngl() -> Any:
+    """Import moderngl, which Linux machines other than x86-64 have to build."""
     try:
         import moderngl
-
-        # The names of the runtime libraries; the defaults belong to development packages.
-        settings: dict[str, Any] = {"backend": "egl"}
-        if sys.platform == "linux":
-            settings |= {"libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
-        return moderngl.create_standalone_context(require=MINIMUM_VERSION, **settings)
-    except Exception as error:  # moderngl and glcontext raise bare Exception and ImportError
+    except ImportError as error:
+        build = "apt-get install g++ python3-dev libx11-dev; " if sys.platform == "linux" else ""
         raise OpenGLError(
-            f"OpenGL: no headless context of version 3.3 ({one_line(error)}); install EGL and a "
-            "driver, on Debian or Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri"
+            f"OpenGL: moderngl cannot be imported ({one_line(error)}); {build}pip install moderngl"
         ) from error
+    return moderngl
 
 
 def window_context() -> moderngl.Context:
@@ -59,12 +89,11 @@ def window_context() -> moderngl.Context:
     Raises
     ------
     OpenGLError
-        If it is older than 3.3.
+        If moderngl is missing, or the context is older than 3.3.
     """
-    import moderngl
-
+    library = _moderngl()
     try:
-        return moderngl.create_context(require=MINIMUM_VERSION)
+        return library.create_context(require=MINIMUM_VERSION)
     except Exception as error:  # as above
         raise OpenGLError(f"OpenGL: {one_line(error)}; 3.3 is needed") from error
 
@@ -80,7 +109,7 @@ def _egl() -> ctypes.CDLL | None:
 
 
 def egl_handle() -> int:
-    """The EGL context current on this thread; 0 where there is none, or no EGL."""
+    """The EGL context current on this thread; 0 if there is none, or no EGL (macOS, Windows)."""
     egl = _egl()
     return int(egl.eglGetCurrentContext() or 0) if egl else 0
 

@@ -212,10 +212,10 @@ def alone_in(path: Path) -> Iterator[None]:
         raise InputError(
             f"{path}: cannot be made: {error.strerror}; choose another folder"
         ) from error
-    if sys.platform == "win32":  # folders cannot be opened there, so they have no locks
-        yield
-        return
-    handle = os.open(path, os.O_RDONLY)
+    place, flags = path.resolve(), os.O_RDONLY
+    if sys.platform == "win32":  # where folders cannot be opened
+        place, flags = place.with_name(f".{place.name}.lock"), os.O_RDWR | os.O_CREAT
+    handle = os.open(place, flags)
     try:
         if lock(handle) is False:
             raise InputError(
@@ -224,6 +224,9 @@ def alone_in(path: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
+        if flags & os.O_CREAT:
+            with suppress(OSError):  # another export has opened it
+                place.unlink()
 
 
 def files_of(stems: Sequence[str], suffix: str, sheet: bool) -> tuple[str, ...]:

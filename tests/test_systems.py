@@ -1,0 +1,175 @@
+"""Other systems, mostly by stand-ins: how OpenGL is opened, how files are locked, what installs."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+from packaging.requirements import Requirement
+
+from volspec._files import write_whole
+from volspec._gpu import opengl
+from volspec.basis import SpectralBasis
+from volspec.errors import InputError, OpenGLError, VolspecWarning
+from volspec.export.manifest import alone_in
+from volspec.raycast import CoefficientImage
+from volspec.relight import Relighter
+from volspec.spectra import light
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+@pytest.mark.parametrize(
+    ("system", "display", "ways", "remedy"),
+    [
+        ("linux", None, ["egl"], "apt-get install libegl1"),
+        ("linux", ":0", ["egl", None], "apt-get install libegl1"),
+        ("darwin", None, [None], "log in at the Mac's own screen"),
+        ("win32", None, [None], "install the graphics card's driver"),
+    ],
+)
+def test_each_system_s_own_ways_to_a_headless_context_are_tried_before_its_remedy_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+    system: str,
+    display: str | None,
+    ways: list[str | None],
+    remedy: str,
+) -> None:
+    tried = []
+
+    def refuse(require: int, **settings: Any) -> None:
+        tried.append(settings.get("backend"))  # None: the default of glcontext
+        raise Exception(f"way {len(tried)} is closed")
+
+    monkeypatch.setattr(moderngl, "create_standalone_context", refuse)
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    if display:
+        monkeypatch.setenv("DISPLAY", display)
+    with pytest.raises(OpenGLError, match=f"way 1 is closed.*{remedy}"):
+        opengl.headless_context()
+    assert tried == ways
+
+
+GLX = """
+import sys
+from volspec._gpu import opengl
+from volspec.raycast import CoefficientImage
+from volspec.relight import Relighter
+from volspec.spectra import light
+opengl._EGL["libegl"] = "libnone.so.1"
+with Relighter(CoefficientImage.load(sys.argv[1]), "gl") as relighter:
+    frame = relighter.frame(light("A"))
+print(opengl.egl_handle(), frame[4, 4].tolist())
+"""
+
+
+def grey_image() -> CoefficientImage:
+    """8 x 8 opaque pixels of one reflectance."""
+    basis = SpectralBasis.load("general-7")
+    opaque, flat = np.ones((8, 8), np.float32), np.full((8, 8, basis.size), 0.25, np.float32)
+    return CoefficientImage(flat, opaque, 100 * opaque, basis)
+
+
+def test_a_display_draws_for_linux_without_egl(tmp_path: Path) -> None:
+    if shutil.which("Xvfb") is None:
+        pytest.skip("no display can be made: apt-get install xvfb")
+    image = grey_image()
+    image.save(tmp_path / "grey.exr")
+    words = ("Xvfb", "-displayfd", "1", "-screen", "0", "64x64x24", "-nolisten", "tcp")
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
+    with subprocess.Popen(words, **pipes) as server:  # type: ignore[call-overload]
+        try:
+            drawn = subprocess.run(
+                [sys.executable, "-c", GLX, tmp_path / "grey.exr"],
+                env={**os.environ, "DISPLAY": f":{server.stdout.readline().strip()}"},
+                capture_output=True,
+                text=True,
+            )
+        finally:
+            server.terminate()
+    assert drawn.returncode == 0, drawn.stderr
+    with Relighter(image, "numpy") as relighter:
+        expected = relighter.frame(light("A"))[4, 4].tolist()
+    assert drawn.stdout.strip() == f"0 {expected}"
+
+
+def test_without_moderngl_relighting_uses_numpy_and_says_how_to_get_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    with pytest.warns(VolspecWarning, match=r"moderngl cannot be imported .*pip install moderngl"):
+        Relighter(grey_image()).close()
+    with pytest.raises(OpenGLError, match=r"g\+\+ python3-dev libx11-dev; pip install moderngl"):
+        opengl.window_context()
+
+
+def test_on_windows_too_one_export_keeps_another_out_of_its_folder(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def locking(handle: int, mode: int, size: int) -> None:
+        assert not Path(f"/proc/self/fd/{handle}").readlink().is_dir(), "Windows opens no folders"
+        try:
+            fcntl.flock(handle, mode)
+        except BlockingIOError as error:
+            raise PermissionError(error.errno, error.strerror) from None
+
+    nowait = fcntl.LOCK_EX | fcntl.LOCK_NB
+    msvcrt = SimpleNamespace(locking=locking, LK_NBLCK=nowait)
+    monkeypatch.setitem(sys.modules, "msvcrt", msvcrt)
+    monkeypatch.setattr(sys, "platform", "win32")
+    folder = tmp_path / "frames"
+    for _ in range(2):
+        with alone_in(folder):
+            with pytest.raises(InputError, match="another export writes there"), alone_in(folder):
+                pass
+            folder.rmdir()
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_is_flushed_to_the_disk_is_open_for_writing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Windows flushes no other."""
+    modes = []
+    monkeypatch.setattr(
+        os, "fsync", lambda handle: modes.append(fcntl.fcntl(handle, fcntl.F_GETFL) & os.O_ACCMODE)
+    )
+    with write_whole(tmp_path / "a.txt") as temporary:
+        temporary.write_text("whole")
+    assert modes == [os.O_RDWR]
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "expected"),
+    [
+        ("linux", "x86_64", {"pocl-binary-distribution", "moderngl", "intel-opencl-rt"}),
+        ("linux", "aarch64", set()),
+        ("darwin", "arm64", {"moderngl"}),
+        ("win32", "AMD64", {"moderngl", "intel-opencl-rt"}),
+        ("win32", "ARM64", {"moderngl"}),
+    ],
+)
+def test_what_has_no_wheel_on_a_machine_is_not_asked_for_there(
+    system: str, machine: str, expected: set[str]
+) -> None:
+    """`make trust` asks the package index (tools/installs.py)."""
+    here = {"sys_platform": system, "platform_machine": machine}
+    listed = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["intel"]]
+    asked = {
+        requirement.name
+        for requirement in map(Requirement, listed)
+        if requirement.marker and requirement.marker.evaluate(here)
+    }
+    assert asked - {"intel-cmplr-lib-rt"} == expected
