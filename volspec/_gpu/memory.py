@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import psutil
-
 
 def host_free_bytes(root: Path = Path("/")) -> int:
     """Memory this process can still take: the machine's, or its container's where that is less."""
+    import psutil
+
     free = int(psutil.virtual_memory().available)
     group = root / "sys/fs/cgroup"
     try:

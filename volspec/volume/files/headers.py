@@ -10,7 +10,7 @@ MetaImage reader also passes ``ElementDataFile`` to C's ``sprintf``, and follows
 from __future__ import annotations
 
 import gzip
-import os
+import math
 import re
 import struct
 import zlib
@@ -137,7 +137,7 @@ class Layout:
     floats : dtype, optional
         Of a NIfTI file with floats, whose NaN and infinities ITK sets to 0.
     rescaled : bool
-        The stored numbers are not yet the values.
+        The stored numbers are not yet the values, which only ITK can tell.
     """
 
     path: Path
@@ -235,27 +235,41 @@ class Layout:
         """
         if self.encoding == "raw":
             return max(self.data.stat().st_size - self.start, 0)
-        if self.encoding == "gzip":
-            with self.data.open("rb") as file:
-                file.seek(-4, os.SEEK_END)
-                unpacked = nbytes + self.start * self.whole_packed
-                if file.read() == struct.pack("<I", unpacked % 2**32):  # the stream's own count
-                    return nbytes
         return sum(map(len, self.chunks(nbytes)))
 
-    def stored(self, size: Sequence[int], dtype: np.dtype[Any]) -> Stored | None:
-        """Locate voxels that are the file's bytes as they are; None if they are not.
+    def voxels(
+        self, size: Sequence[int], dtype: np.dtype[Any]
+    ) -> tuple[Stored | NDArray[Any], int]:
+        """Locate or unpack voxels (Z, Y, X) that are not ``rescaled``.
 
         Parameters
         ----------
         size : (x, y, z)
         dtype : dtype
             Of either byte order.
+
+        Returns
+        -------
+        voxels : Stored or (Z, Y, X) array
+            Not all of them if the file ends early.
+        held : int
+            Bytes in the file, as `held_bytes`.
+
+        Raises
+        ------
+        VolumeError
+            If a packed stream is damaged.
         """
-        if self.encoding != "raw" or self.rescaled:
-            return None
-        code = f"{self.order}{dtype.str[1:]}"
-        return Stored(str(self.data), tuple(size[::-1]), code, self.start)
+        shape, code = tuple(size[::-1]), f"{self.order}{dtype.str[1:]}"
+        nbytes = math.prod(shape) * dtype.itemsize
+        if self.encoding == "raw":
+            return Stored(str(self.data), shape, code, self.start), self.held_bytes(nbytes)
+        unpacked, held = np.empty(nbytes, np.uint8), 0
+        for chunk in self.chunks(nbytes):
+            room = unpacked[held : held + len(chunk)]
+            room[:] = np.frombuffer(chunk, np.uint8, room.size)
+            held += len(chunk)
+        return unpacked.view(code).reshape(shape), held
 
     def restore_non_finite(self, values: NDArray[Any]) -> NDArray[Any]:
         """Put back NaN and infinities, which ITK's NIfTI reader has set to 0.

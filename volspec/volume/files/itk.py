@@ -40,11 +40,12 @@ def read_itk(query: Query) -> Reading:
             size, dtype = image.GetSize(), _scalar_type(path, image)
             nbytes = math.prod(size) * dtype.itemsize
             layout = Layout.of(path)
-            # Of integers with a scale the file holds fewer bytes: only ITK knows how many.
-            held = None if layout is None or layout.rescaled else layout.held_bytes(nbytes)
-            query.reserve(size, dtype.itemsize, held)
-            values: Any = None if layout is None else layout.stored(size, dtype)
-            if values is None:
+            query.reserve(size, dtype.itemsize)
+            held = None
+            if layout is not None and not layout.rescaled:
+                values, held = layout.voxels(size, dtype)
+                query.require_held(held, size, nbytes)
+            else:
                 image = image.Execute()
                 values = sitk.GetArrayViewFromImage(image)
                 values = values if layout is None else layout.restore_non_finite(values)

@@ -158,11 +158,8 @@ class Query:
         counts = "x".join(map(str, shape))
         if min(shape, default=0) < 1:
             raise VolumeError(f"{self.path}: its header declares {counts} voxels; is it damaged?")
-        if held is not None and held < nbytes:
-            raise VolumeError(
-                f"{self.path}: holds {held} bytes of voxels, its header asks for {nbytes} "
-                f"({counts}); truncated, copy or download it again"
-            )
+        if held is not None:
+            self.require_held(held, shape, nbytes)
         free = host_free_bytes()
         if nbytes > free:
             raise VolumeError(
@@ -170,6 +167,19 @@ class Query:
                 f"{free / 2**30:.1f} GiB of memory are free; give a smaller volume"
             )
         self.declare(nbytes)
+
+    def require_held(self, held: int, shape: Sequence[int], nbytes: int) -> None:
+        """Refuse a file that holds fewer bytes of voxels than its header asks for.
+
+        Raises
+        ------
+        VolumeError
+        """
+        if held < nbytes:
+            raise VolumeError(
+                f"{self.path}: holds {held} bytes of voxels, its header asks for {nbytes} "
+                f"({'x'.join(map(str, shape))}); truncated, copy or download it again"
+            )
 
     def surplus(self, held: int | None, nbytes: int) -> list[str]:
         """Return a remark on bytes of voxels that the header does not describe, if there are."""

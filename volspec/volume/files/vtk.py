@@ -57,10 +57,7 @@ def read_vtk(query: Query) -> Reading:
     from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
 
     path = query.path
-    if path.suffix.lower() == ".vti":
-        _XmlHeader(path).check(query)
-    else:
-        _check_legacy(query)
+    check_vtk(query)
     # VTK prints its complaints, pyvista logs them again; what the user needs is one line.
     before = vtkLogger.GetCurrentVerbosityCutoff()
     # Where another library has switched VTK's warnings off, its errors would not reach us either.
@@ -84,6 +81,19 @@ def read_vtk(query: Query) -> Reading:
         vtkObject.SetGlobalWarningDisplay(told)
     values, world = values_and_lattice(grid, None, str(path))
     return Reading(values, world_from_index=world)
+
+
+def check_vtk(query: Query) -> None:
+    """Refuse a file whose arrays are longer than the file, or than memory.
+
+    Raises
+    ------
+    VolumeError
+    """
+    if query.path.suffix.lower() == ".vti":
+        _XmlHeader(query.path).check(query)
+    else:
+        _check_legacy(query)
 
 
 def _unreadable(path: Path) -> VolumeError:

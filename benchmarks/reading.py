@@ -1,0 +1,112 @@
+"""Time what safety costs: volumes read in a child process, devices tried.
+
+``python -m benchmarks.reading``. Each run of "the first read" is a program of its own, as each
+command is; "the next" are reads of a program that goes on, as in the viewer.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+
+from benchmarks.measure import Figure, in_turn, report
+from volspec._gpu import devices, trials
+from volspec.volume import Volume
+from volspec.volume.files.query import Query, Stored
+from volspec.volume.reader_process import read_in_child
+
+ENGINE = Path(__file__).resolve().parents[1] / "data/engine.nrrd"
+_FIRST = """
+import sys, time
+import numpy
+from benchmarks.reading import here, in_child
+started = time.perf_counter()
+{read}(sys.argv[1])
+print(1e3 * (time.perf_counter() - started))
+"""
+_SIDE = 512
+
+
+def in_child(path: str) -> Volume:
+    """Read a volume as `volspec.load_volume` does."""
+    return _volume(read_in_child, path)
+
+
+def here(path: str) -> Volume:
+    """Read it with the same library in this process, whole, as a script with ITK would."""
+    import SimpleITK as sitk
+
+    image = sitk.ReadImage(path)
+    return Volume(sitk.GetArrayFromImage(image), spacing_mm=image.GetSpacing(), name=path)
+
+
+def _volume(read: Callable[[Query], object], path: str) -> Volume:
+    reading = read(Query.of(path))
+    values = reading.values  # type: ignore[attr-defined]
+    values = values.read() if isinstance(values, Stored) else values
+    return Volume(values, spacing_mm=reading.spacing_mm, name=path)  # type: ignore[attr-defined]
+
+
+def _first_ms(path: Path, read: str) -> float:
+    command = [sys.executable, "-c", _FIRST.format(read=read), str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return float(done.stdout)
+
+
+def figures() -> Iterator[Figure]:
+    """Reading here and in a child, in turn; the trial of the device in use."""
+    pairs = np.array([(_first_ms(ENGINE, "in_child"), _first_ms(ENGINE, "here")) for _ in range(7)])
+    ours, peer = np.median(pairs, axis=0)
+    note = f"{ours:.0f} ms in a child, {peer:.0f} here"
+    extra = median(pairs[:, 0] - pairs[:, 1])
+    yield Figure("read/engine, a program's first", extra, 150.0, True, "ms more", note=note)
+    pairs = in_turn(lambda: in_child(str(ENGINE)), lambda: here(str(ENGINE)))
+    extra = median(pairs[:, 0] - pairs[:, 1])
+    yield Figure("read/engine, the next", extra, 150.0, True, "ms more")
+    with tempfile.TemporaryDirectory() as folder:
+        for suffix, packed in ((".nrrd", False), (".nii", False), (".nii.gz", True)):
+            path = Path(folder, f"v{suffix}")
+            _write(path, packed)
+            pairs = in_turn(lambda p=str(path): in_child(p), lambda p=str(path): here(p), runs=5)  # type: ignore[misc]
+            ratio = median(pairs[:, 0] / pairs[:, 1])
+            ours, peer = np.median(pairs, axis=0)
+            note = f"{ours:.0f} ms in a child, {peer:.0f} here"
+            yield Figure(
+                f"read/{512 if not packed else 128}³ float32 {suffix}",
+                ratio,
+                1.15,
+                True,
+                "x",
+                note=note,
+            )
+            path.unlink()
+    found = devices.devices()
+    index = devices.chosen_device()
+    times = {}
+    for again in (True, False):
+        started = perf_counter()
+        trials.fault(index, found, again=again)
+        times[again] = perf_counter() - started
+    yield Figure("device/trial, once", times[True], 2.0, True, "s", note=found[index].name)
+    yield Figure("device/trial, later starts", 1e3 * times[False], 10.0, True, "ms")
+
+
+def _write(path: Path, packed: bool) -> None:
+    """A smooth field with noise in its last bits, as a measured one has."""
+    import SimpleITK as sitk
+
+    side = 128 if packed else _SIDE  # ITK packs 512³ for a minute
+    axis = np.linspace(-1, 1, side, dtype=np.float32)
+    values = np.hypot(np.hypot(axis[:, None, None], axis[:, None]), axis)
+    sitk.WriteImage(sitk.GetImageFromArray(values), str(path), packed)
+
+
+if __name__ == "__main__":
+    print(report(list(figures())))
