@@ -55,10 +55,7 @@ def _header(path: Path) -> None:
         check_itk_header(path)
     layout = Layout.of(path)
     if layout is not None:
-        layout.held_bytes(240)
-        stored = layout.stored((6, 5, 4), np.dtype(np.int16))
-        if stored is not None:
-            stored.read()
+        layout.voxels((6, 5, 4), np.dtype(np.int16))
         layout.restore_non_finite(np.zeros(120, np.float32))
 
 

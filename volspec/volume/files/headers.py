@@ -225,18 +225,6 @@ class Layout:
                 left -= len(chunk) - skipped
                 yield chunk[skipped:]
 
-    def held_bytes(self, nbytes: int) -> int:
-        """Count the bytes of voxels in the file; of a packed one not many more than ``nbytes``.
-
-        Raises
-        ------
-        VolumeError
-            If a packed stream is damaged.
-        """
-        if self.encoding == "raw":
-            return max(self.data.stat().st_size - self.start, 0)
-        return sum(map(len, self.chunks(nbytes)))
-
     def voxels(
         self, size: Sequence[int], dtype: np.dtype[Any]
     ) -> tuple[Stored | NDArray[Any], int]:
@@ -253,7 +241,7 @@ class Layout:
         voxels : Stored or (Z, Y, X) array
             Not all of them if the file ends early.
         held : int
-            Bytes in the file, as `held_bytes`.
+            Bytes of voxels in the file; of a packed one not many more than are asked for.
 
         Raises
         ------
@@ -263,7 +251,8 @@ class Layout:
         shape, code = tuple(size[::-1]), f"{self.order}{dtype.str[1:]}"
         nbytes = math.prod(shape) * dtype.itemsize
         if self.encoding == "raw":
-            return Stored(str(self.data), shape, code, self.start), self.held_bytes(nbytes)
+            held = max(self.data.stat().st_size - self.start, 0)
+            return Stored(str(self.data), shape, code, self.start), held
         unpacked, held = np.empty(nbytes, np.uint8), 0
         for chunk in self.chunks(nbytes):
             room = unpacked[held : held + len(chunk)]
