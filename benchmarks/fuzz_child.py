@@ -29,6 +29,7 @@ from typing import Any
 MOST_BYTES = 1 << 16
 """Largest input of any target; the shared page has room for it."""
 SPARE_BYTES = 200 << 20
+_SLACK_BYTES = 1 << 20
 STATE = struct.Struct("<QQQQ")  # inputs, largest allocation, places, length of the input
 _ADDRESS_SPACE = (
     3 << 30
@@ -126,10 +127,12 @@ class Session:
         self.state[STATE.size : STATE.size + len(data)] = data
         self._tell(len(data))
         before = _resident()
+        if _peak() - before > _SLACK_BYTES:  # of an earlier input, or of libFuzzer's
+            _forget_peak()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             error = self.target.run(self.inside, data)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - before
+        peak = _peak() - before
         self.largest = max(self.largest, peak)
         place = place_of(error)
         if self.target.is_finding(error):
@@ -137,7 +140,6 @@ class Session:
         if peak > 2 * self.target.declared(data) + SPARE_BYTES:
             said = [f"{peak >> 20} MB for {len(data)} bytes\n"]
             self._keep("memory", ("memory", *place), data, said)
-            Path("/proc/self/clear_refs").write_text("5")  # forget this peak
         if place in self.places:
             return None
         self.places.add(place)
@@ -152,6 +154,14 @@ class Session:
             self.known.add(name)
             (self.findings / f"{name}.txt").write_text("".join(said), errors="replace")
             (self.findings / name).write_bytes(data)
+
+
+def _peak() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def _forget_peak() -> None:
+    Path("/proc/self/clear_refs").write_text("5")
 
 
 def _resident() -> int:
@@ -270,7 +280,6 @@ def main(words: Sequence[str]) -> None:
     used = int(Path("/proc/self/statm").read_text().split()[0]) * _PAGE
     resource.setrlimit(resource.RLIMIT_AS, (used + _ADDRESS_SPACE,) * 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    Path("/proc/self/clear_refs").write_text("5")  # what imports took is no input's memory
     (folder / "ready").touch()
     runs, seconds, seed = int(words[3]), float(words[4]), int(words[5])
     if engine == "plain":

@@ -120,7 +120,15 @@ def _spectral_images() -> Iterable[bytes]:
 
 
 def _uncompressed(stored: bytes) -> bytes:
-    """The same picture with pixels that mutations reach; its header is the same."""
+    """The same picture with pixels that mutations reach."""
+    import OpenEXR
+
+    header, channels = _parts(stored)
+    return _written(lambda path: OpenEXR.File(header, channels).write(str(path)), "i.exr")
+
+
+def _parts(stored: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Header and channels of a picture, to be written without compression."""
     import OpenEXR
 
     with tempfile.TemporaryDirectory() as folder:
@@ -129,9 +137,8 @@ def _uncompressed(stored: bytes) -> bytes:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             header = {**file.header(), "compression": OpenEXR.NO_COMPRESSION}
             channels = {name: np.array(each.pixels) for name, each in file.channels().items()}
-        header.pop("channels")
-        OpenEXR.File(header, channels).write(str(path))
-        return path.read_bytes()
+    header.pop("channels")
+    return header, channels
 
 
 @cache
@@ -189,41 +196,22 @@ def _read_image_text(path: Path) -> None:
     """Read an image whose header holds the file's text: the first line is its name."""
     import OpenEXR
 
-    data = path.read_bytes()
+    data, exr = path.read_bytes(), path.with_suffix(".exr")
     key, _, text = data.decode("utf-8", "replace").partition("\n")
     key = key if key in _TEXTS else _TEXTS[len(data) % len(_TEXTS)]
-    image, exr = _image(), path.with_suffix(".exr")
     if key == "viewing":
-        header, channels = _parts({"notes": json.dumps({"viewing": text})})
-    else:
-        header, channels = _parts({key: text})
-    if not exr.exists():
-        image.save(exr)
+        key, text = "notes", json.dumps({"viewing": text})
+    header, channels = _image_parts()
     try:
-        OpenEXR.File(header, channels).write(str(exr))
+        OpenEXR.File({**header, f"volspec:{key}": text}, dict(channels)).write(str(exr))
     except (RuntimeError, ValueError):  # a text that OpenEXR does not take
         return
     _read_image(exr)
 
 
-def _parts(texts: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Header and channels of the seed image, with texts in place of its own."""
-    header, channels = _stored_parts()
-    return {**header, **{f"volspec:{key}": text for key, text in texts.items()}}, dict(channels)
-
-
 @cache
-def _stored_parts() -> tuple[dict[str, Any], dict[str, Any]]:
-    import OpenEXR
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "i.exr")
-        path.write_bytes(next(iter(_images())))
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            header = {**file.header(), "compression": OpenEXR.NO_COMPRESSION}
-            channels = {name: np.array(each.pixels) for name, each in file.channels().items()}
-    header.pop("channels")
-    return header, channels
+def _image_parts() -> tuple[dict[str, Any], dict[str, Any]]:
+    return _parts(next(iter(_images())))
 
 
 def _read_spectrum(path: Path) -> None:

@@ -142,3 +142,24 @@ def test_a_pipe_that_nobody_reads_ends_the_command_quietly(
         assert call(*words.split()) == 141
         monkeypatch.undo()
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("light", "x" * 100_000),
+        ("reflectance", "9" * 5000),
+        ("info", "(" * 3000),
+        ("compositing", "\0", "-o", "x.nk"),
+        ("render", "\udcff.toml", "-o", "x.exr"),
+        ("+" * 5000,),
+    ],
+    ids=lambda words: words[0][:12],
+)
+def test_a_value_of_any_length_is_refused_in_one_short_line(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(list(words))
+    [line] = capsys.readouterr().err.splitlines()
+    assert ended.value.code in (1, 2) and len(line) < 1100 and line.startswith("volspec: ")

@@ -127,6 +127,8 @@ def _require_file(name: str, error: type[InputError], missing: str) -> None:
         raise error(f"{name}: is a folder; give an .exr file") from None
     except OSError as fault:
         raise error(f"{name}: cannot be read: {fault.strerror}") from None
+    except ValueError:  # a NUL character
+        raise error(f"{name!r} is no path; give an .exr file") from None
 
 
 @contextmanager

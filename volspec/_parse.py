@@ -40,7 +40,7 @@ def parse_json(text: Any) -> Any:
     Traceback (most recent call last):
     ValueError: it is nested too deeply, more than 64 levels
     """
-    if not isinstance(text, str | bytes):
+    if not isinstance(text, str):
         raise ValueError(f"expected text, got {type(text).__name__}")
     return _checked(json.loads, text)
 
@@ -95,7 +95,7 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
         raise error(f"{name!r} is no path; give {what}") from None
 
 
-def _checked(parse: Callable[[Any], Any], text: str | bytes) -> Any:
+def _checked(parse: Callable[[str], Any], text: str) -> Any:
     try:
         value = parse(text)
     except RecursionError:

@@ -130,8 +130,9 @@ def quoted(given: object, most: int = 40) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-# Letters of a name from which on it is taken for the beginning of one.
-_LEAST_BEGINNING = 3
+# Letters of a name from which on it is taken for the beginning of one; and that are looked at,
+# as the time to compare grows with their square.
+_LEAST_BEGINNING, _LONGEST_NAME = 3, 200
 
 
 def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
@@ -167,7 +168,7 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     folded = {word.rpartition("/")[2].casefold(): word for word in reversed(words)}
     folded |= {word.casefold(): word for word in reversed(words)}
     # Twice as many: a word may be hit whole and by its last part.
-    given = str(name).casefold()
+    given = str(name).casefold()[:_LONGEST_NAME]
     hits = difflib.get_close_matches(given, folded, n=2 * count, cutoff=0.5)
     if len(given) >= _LEAST_BEGINNING:
         hits = [*(word for word in folded if word.startswith(given)), *hits]

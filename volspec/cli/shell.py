@@ -52,6 +52,7 @@ app = App(
 
 # What a shell says of a command that the signal SIGPIPE has ended.
 _CLOSED_PIPE = 128 + 13
+_HALF_LINE = 500  # letters of a message that names something longer
 
 Device = Annotated[str | None, Parameter(help="Part of an OpenCL device's name.")]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print figures as JSON.")]
@@ -209,6 +210,27 @@ def _close_pipes() -> None:
             os.dup2(nowhere, stream.fileno())
 
 
+def _said(error: Exception) -> str:
+    """Return what went wrong, and for the system's own errors a remedy."""
+    if isinstance(error, VolspecError):
+        return str(error)
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{where}{error.strerror or error}; check the path, its permissions and the disk"
+    if isinstance(error, UnicodeEncodeError):
+        return f"{error.object!r:.60} cannot be written as UTF-8; rename the file that is called so"
+    return f"out of memory ({one_line(error)}); make the picture or the file smaller"
+
+
+def _failure(said: str, code: int) -> SystemExit:
+    """Print a line of some 1000 letters at most: its start has the name, its end the remedy."""
+    line = one_line(said)
+    if len(line) > 2 * _HALF_LINE:
+        line = f"{line[:_HALF_LINE]} … {line[-_HALF_LINE:]}"
+    print(f"volspec: {line}", file=sys.stderr)
+    return SystemExit(code)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point of the ``volspec`` command."""
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -222,34 +244,17 @@ def main(arguments: list[str] | None = None) -> None:
         finally:
             print(end="", flush=True)  # now, as at exit it is too late to tell of a closed pipe
     except (CoercionError, ValidationError) as error:
-        print(f"volspec: {_refused(error)}", file=sys.stderr)
-        raise SystemExit(1) from error
+        raise _failure(_refused(error), 1) from error
     except CycloptsError as error:
         # Of many commands cyclopts lists the first, and ends in "info, ...".
         said = _missing(error) or one_line(error).replace(", ...", " and more").rstrip(".")
-        print(f"volspec: {said}; see volspec --help", file=sys.stderr)
-        raise SystemExit(2) from error
-    except VolspecError as error:
-        if debug:
-            raise
-        print(f"volspec: {one_line(error)}", file=sys.stderr)
-        raise SystemExit(1) from error
+        raise _failure(f"{said}; see volspec --help", 2) from error
     except BrokenPipeError as error:
         _close_pipes()
         raise SystemExit(_CLOSED_PIPE) from error
-    except OSError as error:
+    except (VolspecError, OSError, UnicodeEncodeError, MemoryError) as error:
         if debug:
             raise
-        where = f"{error.filename}: " if error.filename else ""
-        said = f"{where}{error.strerror or error}; check the path, its permissions and the disk"
-        print(f"volspec: {one_line(said)}", file=sys.stderr)
-        raise SystemExit(1) from error
-    except MemoryError as error:
-        if debug:
-            raise
-        said = f"out of memory ({one_line(error)}); make pictures, files or --tile smaller"
-        print(f"volspec: {said}", file=sys.stderr)
-        raise SystemExit(1) from error
+        raise _failure(_said(error), 1) from error
     except KeyboardInterrupt:
-        print("volspec: interrupted; nothing half-written is left", file=sys.stderr)
-        raise SystemExit(130) from None
+        raise _failure("interrupted; nothing half-written is left", 130) from None
