@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -194,6 +196,25 @@ def test_files_are_whole_where_no_lock_can_be_had(
         clear_unfinished(tmp_path)
         temporary.write_text("whole")
     assert names(tmp_path) == ["a.txt"]
+
+
+def test_windows_locks_do_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its calls and its order of steps; what holds the locks here are those of Unix."""
+
+    def locking(handle: int, mode: int, count: int) -> None:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise PermissionError(errno.EACCES, "Permission denied") from None
+
+    windows = SimpleNamespace(locking=locking, LK_NBLCK=2)
+    monkeypatch.setitem(sys.modules, "msvcrt", windows)
+    monkeypatch.setattr(_files.sys, "platform", "win32")
+    left_by_a_kill(tmp_path / "a.txt")
+    with write_whole(tmp_path / "b.txt") as temporary:
+        clear_unfinished(tmp_path)
+        temporary.write_text("whole")
+    assert names(tmp_path) == ["b.txt"]
 
 
 def test_writers_and_those_who_clear_do_not_meet(tmp_path: Path) -> None:
