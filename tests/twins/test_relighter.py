@@ -1,13 +1,16 @@
 """What a Relighter promises, on a coefficient image of a small hand-made basis."""
 
+import gc
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from volspec._gpu import opengl
 from volspec._gpu.opengl import headless_context
 from volspec.appearance import Viewing
 from volspec.appearance.srgb import decode, to_uint8
@@ -227,6 +230,49 @@ def test_several_relighters_work_at_once_and_in_any_thread():
     one.close()
 
 
+def blocks_left_by(call: Callable[[int], object], calls: int = 100) -> float:
+    """Blocks of Python's memory that a call leaves behind, with a number of its own."""
+    for number in range(calls):
+        call(number)
+    gc.collect()
+    before = sys.getallocatedblocks()
+    for number in range(calls, 2 * calls):
+        call(number)
+    gc.collect()
+    return (sys.getallocatedblocks() - before) / calls
+
+
+def test_lights_and_viewings_that_were_left_behind_take_no_memory(backend):
+    def change(number: int) -> None:
+        lamp = light(f"planck:{2000 + 10 * number}")
+        rig = LightRig((lamp, light(f"daylight:{5000 + 10 * number}")), (1.0, 0.1 + number))
+        viewing = Viewing(illuminance_lux=100.0 + number, exposure=1.0 + number / 1000)
+        relighter.frame(rig, viewing, backdrop=number / 1000)
+
+    with Relighter(cast(), backend) as relighter:
+        # A cache keeps a key, an entry and an array for each, or more.
+        assert blocks_left_by(change) < 2
+
+
+def test_relighters_made_one_after_the_other_take_no_memory(backend):
+    # A context that is made anew leaves 900 blocks in moderngl 5.13.
+    assert blocks_left_by(lambda _: Relighter(cast(), backend).close(), 20) < 100
+
+
+def test_a_context_is_lent_to_one_relighter_at_a_time():
+    gl_or_skip(cast()).close()
+    first, second = gl_or_skip(cast()), gl_or_skip(cast(seed=1))
+    assert first._engine._context is not second._engine._context
+    context = first._engine._context
+    first._engine.close()
+    first.close()
+    third, fourth = gl_or_skip(cast()), gl_or_skip(cast())
+    assert third._engine._context is context and fourth._engine._context is not context
+    for each in (second, third, fourth):
+        each.close()
+    assert len(opengl._IDLE) <= opengl._MOST_IDLE
+
+
 @pytest.mark.parametrize("adapting", ["given", "picture"])
 def test_a_table_made_beforehand_on_another_thread_is_what_the_frame_is_drawn_with(
     monkeypatch: pytest.MonkeyPatch, adapting: str
@@ -304,7 +350,7 @@ def test_without_a_gl_context_numpy_draws_and_one_warning_says_why(monkeypatch):
     def refuse() -> None:
         raise OpenGLError("OpenGL: no headless context (test)")
 
-    monkeypatch.setattr(gpu_module, "headless_context", refuse)
+    monkeypatch.setattr(gpu_module, "lend_context", refuse)
     with pytest.warns(VolspecWarning, match="no headless context") as caught:
         relighter = Relighter(cast())
     assert len(caught) == 1 and relighter.backend == "numpy"
@@ -387,13 +433,18 @@ from tests.twins.test_relighter import cast, gl_or_skip
 from volspec import light
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 import vtkmodules.vtkRenderingOpenGL2
-relighter = gl_or_skip(cast())
+relighter, another = gl_or_skip(cast()), gl_or_skip(cast())
+another.close()
 before = relighter.frame(light("A"))
 window = vtkRenderWindow()
 window.SetOffScreenRendering(True)
 window.AddRenderer(vtkRenderer())
 window.Render()
 assert before.any() and np.array_equal(relighter.frame(light("A")), before)
+# Nor is the context lent again that the other one gave back.
+another = gl_or_skip(cast())
+assert np.array_equal(another.frame(light("A")), before)
+another.close()
 relighter.close()
 window.Render()
 """

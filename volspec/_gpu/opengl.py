@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     import moderngl
 
 MINIMUM_VERSION = 330
+# moderngl 5.13 keeps 40 kB of every context for the rest of the process, so that those given back
+# are lent again: one serves pictures made one after the other, four a page of them. Each is 2.4 MB.
+_MOST_IDLE = 4
+_IDLE: list[tuple[moderngl.Context, int]] = []
 
 
 class ContextLost(OpenGLError):
@@ -51,6 +55,32 @@ def headless_context() -> moderngl.Context:
             f"OpenGL: no headless context of version 3.3 ({one_line(error)}); install EGL and a "
             "driver, on Debian or Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri"
         ) from error
+
+
+def lend_context() -> tuple[moderngl.Context, int]:
+    """Return a headless context that nobody else draws in, and its `egl_handle`.
+
+    Raises
+    ------
+    OpenGLError
+        As `headless_context`.
+    """
+    while _IDLE:
+        with suppress(IndexError, ContextLost):  # another thread's now, or gone
+            context, handle = _IDLE.pop()
+            with made_current(context, handle):
+                return context, handle
+    context = headless_context()
+    with context:
+        return context, egl_handle()
+
+
+def give_back_context(context: moderngl.Context, handle: int) -> None:
+    """Take a context from `lend_context` back, after everything made in it has been released."""
+    if len(_IDLE) < _MOST_IDLE:
+        _IDLE.append((context, handle))
+    else:
+        context.release()
 
 
 def window_context() -> moderngl.Context:
