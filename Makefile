@@ -4,7 +4,8 @@
 #   make bench   against peers, and what was asked of each figure
 #   make gallery docs/gallery/raycast.md, cast anew
 #   make trust   what is slow: further cases of tests, every basis against full
-#                spectra, the time of fits, ten minutes in the viewer
+#                spectra, the time of fits, ten minutes in the viewer, memory
+#                over 20 scenes
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -59,6 +60,7 @@ trust: $(VENV)/.installed-test
 	$(BIN)/python -m benchmarks.basis_table
 	$(BIN)/python -m benchmarks.basis_fit
 	$(BIN)/python -m benchmarks.session 600
+	$(BIN)/python -m benchmarks.drift
 
 clean:
 	rm -rf $(VENV) build dist volspec-demo .pytest_cache .mypy_cache .ruff_cache

@@ -1,10 +1,8 @@
 """What a Relighter promises, on a coefficient image of a small hand-made basis."""
 
-import gc
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -228,35 +226,6 @@ def test_several_relighters_work_at_once_and_in_any_thread():
     assert np.array_equal(frames[0], first)
     assert np.array_equal(one.frame(light("A")), first)
     one.close()
-
-
-def blocks_left_by(call: Callable[[int], object], calls: int = 100) -> float:
-    """Blocks of Python's memory that a call leaves behind, with a number of its own."""
-    for number in range(calls):
-        call(number)
-    gc.collect()
-    before = sys.getallocatedblocks()
-    for number in range(calls, 2 * calls):
-        call(number)
-    gc.collect()
-    return (sys.getallocatedblocks() - before) / calls
-
-
-def test_lights_and_viewings_that_were_left_behind_take_no_memory(backend):
-    def change(number: int) -> None:
-        lamp = light(f"planck:{2000 + 10 * number}")
-        rig = LightRig((lamp, light(f"daylight:{5000 + 10 * number}")), (1.0, 0.1 + number))
-        viewing = Viewing(illuminance_lux=100.0 + number, exposure=1.0 + number / 1000)
-        relighter.frame(rig, viewing, backdrop=number / 1000)
-
-    with Relighter(cast(), backend) as relighter:
-        # A cache keeps a key, an entry and an array for each, or more.
-        assert blocks_left_by(change) < 2
-
-
-def test_relighters_made_one_after_the_other_take_no_memory(backend):
-    # A context that is made anew leaves 900 blocks in moderngl 5.13.
-    assert blocks_left_by(lambda _: Relighter(cast(), backend).close(), 20) < 100
 
 
 def test_a_context_is_lent_to_one_relighter_at_a_time():
