@@ -5,7 +5,7 @@
 #   make gallery docs/gallery/raycast.md, cast anew
 #   make trust   what is slow: further cases of tests, every basis against full
 #                spectra, the time of fits, ten minutes in the viewer, readers
-#                under fuzzing, kills of what writes
+#                under fuzzing, kills of what writes, memory over 20 scenes
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -62,6 +62,7 @@ trust: $(VENV)/.installed-test
 	$(BIN)/python -m benchmarks.session 600
 	$(BIN)/python -m benchmarks.fuzz --seconds 20
 	$(BIN)/python -m benchmarks.kills
+	$(BIN)/python -m benchmarks.drift
 
 clean:
 	rm -rf $(VENV) build dist volspec-demo .pytest_cache .mypy_cache .ruff_cache

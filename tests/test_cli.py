@@ -329,7 +329,7 @@ def test_without_gl_the_demo_works_with_one_warning(
     def refuse() -> None:
         raise OpenGLError("OpenGL: no headless context (test)")
 
-    monkeypatch.setattr(gl_engine, "headless_context", refuse)
+    monkeypatch.setattr(gl_engine, "lend_context", refuse)
     words = ("relight", str(demo / "engine.exr"), "--light", "A")
     with warnings.catch_warnings():
         warnings.simplefilter("default")

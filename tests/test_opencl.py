@@ -86,6 +86,22 @@ def test_a_shared_array_lives_as_long_as_its_buffer(compute: Compute) -> None:
     assert alive() is None
 
 
+def test_of_kernels_those_used_last_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(opencl, "MOST_KERNELS", 3)
+    compute = Compute.open()
+
+    def kernel(number: int) -> cl.Kernel:
+        return compute.kernel(Source(FIRST % number, ("<prelude>", "first.cl")), "f")
+
+    first = kernel(0)
+    for number in range(1, 5):
+        kernel(number)
+        assert kernel(0) is first  # asked for again and again
+    assert len(compute._kernels) == 3
+    # One that was given up is built again.
+    assert sum_of_ends(compute, compute.upload(np.arange(4, dtype=np.uint8)), 1) == 1
+
+
 @pytest.mark.parametrize("share", [False, True])
 def test_arrays_in_another_order_are_refused(compute: Compute, share: bool) -> None:
     with pytest.raises(ShapeError, match=r"shape \(3, 2\) is not C-contiguous"):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from volspec._gpu import opengl
 from volspec._gpu.opengl import headless_context
 from volspec.appearance import Viewing
 from volspec.appearance.srgb import decode, to_uint8
@@ -227,6 +228,20 @@ def test_several_relighters_work_at_once_and_in_any_thread():
     one.close()
 
 
+def test_a_context_is_lent_to_one_relighter_at_a_time():
+    gl_or_skip(cast()).close()
+    first, second = gl_or_skip(cast()), gl_or_skip(cast(seed=1))
+    assert first._engine._context is not second._engine._context
+    context = first._engine._context
+    first._engine.close()
+    first.close()
+    third, fourth = gl_or_skip(cast()), gl_or_skip(cast())
+    assert third._engine._context is context and fourth._engine._context is not context
+    for each in (second, third, fourth):
+        each.close()
+    assert len(opengl._IDLE) <= opengl._MOST_IDLE
+
+
 @pytest.mark.parametrize("adapting", ["given", "picture"])
 def test_a_table_made_beforehand_on_another_thread_is_what_the_frame_is_drawn_with(
     monkeypatch: pytest.MonkeyPatch, adapting: str
@@ -304,7 +319,7 @@ def test_without_a_gl_context_numpy_draws_and_one_warning_says_why(monkeypatch):
     def refuse() -> None:
         raise OpenGLError("OpenGL: no headless context (test)")
 
-    monkeypatch.setattr(gpu_module, "headless_context", refuse)
+    monkeypatch.setattr(gpu_module, "lend_context", refuse)
     with pytest.warns(VolspecWarning, match="no headless context") as caught:
         relighter = Relighter(cast())
     assert len(caught) == 1 and relighter.backend == "numpy"
@@ -387,13 +402,18 @@ from tests.twins.test_relighter import cast, gl_or_skip
 from volspec import light
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 import vtkmodules.vtkRenderingOpenGL2
-relighter = gl_or_skip(cast())
+relighter, another = gl_or_skip(cast()), gl_or_skip(cast())
+another.close()
 before = relighter.frame(light("A"))
 window = vtkRenderWindow()
 window.SetOffScreenRendering(True)
 window.AddRenderer(vtkRenderer())
 window.Render()
 assert before.any() and np.array_equal(relighter.frame(light("A")), before)
+# Nor is the context lent again that the other one gave back.
+another = gl_or_skip(cast())
+assert np.array_equal(another.frame(light("A")), before)
+another.close()
 relighter.close()
 window.Render()
 """

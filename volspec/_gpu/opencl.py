@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 
+# Kernels that a context keeps, the last used. PoCL takes 2 to 3 MB for each, and settings have more
+# variants than a day's work ends at; a cast needs at most 5, and one built again takes 0.1 s.
+MOST_KERNELS = 16
 # Sums may be fused, zeros lose their sign; infinities and NaN keep their meaning.
 OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
 
@@ -49,6 +52,7 @@ class Compute:
     transfers: cl.CommandQueue
     info: DeviceInfo
     sharing: Sharing | None = None
+    # The last used comes last.
     _kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel] = field(default_factory=dict)
     # Bytes of each buffer that still lives.
     _held: WeakKeyDictionary[cl.Buffer, int] = field(default_factory=WeakKeyDictionary)
@@ -88,7 +92,7 @@ class Compute:
         return cls(context, queue, transfers, describe(device), sharing)
 
     def kernel(self, source: Source, name: str, options: Sequence[str] = OPTIONS) -> cl.Kernel:
-        """Build a program and take a kernel from it, once per source, name and options.
+        """Return a program's kernel, one of the last `MOST_KERNELS` or built now.
 
         Raises
         ------
@@ -96,30 +100,35 @@ class Compute:
             If it does not build; the message carries device, options, the compiler's first
             complaint and the line of the source it is about.
         """
+        key = (source.text, name, tuple(options))
+        kernel = self._kernels.pop(key, None) or self._built(source, name, options)
+        self._kernels[key] = kernel
+        if len(self._kernels) > MOST_KERNELS:
+            del self._kernels[next(iter(self._kernels))]
+        return kernel
+
+    def _built(self, source: Source, name: str, options: Sequence[str]) -> cl.Kernel:
         import pyopencl as cl
 
-        key = (source.text, name, tuple(options))
-        if key not in self._kernels:
-            try:
-                with warnings.catch_warnings():
-                    # Build logs are shown when a build fails, not when it says "ok".
-                    warnings.simplefilter("ignore")
-                    program = cl.Program(self.context, source.text).build(options=list(options))
-            except cl.RuntimeError as error:
-                self._try_again()
-                raise OpenCLError(
-                    f"{source.files[1]} does not build on {self.info.name} with "
-                    f"{' '.join(options) or 'no options'}: {complaint(str(error), source)}"
-                ) from error
-            try:
-                self._kernels[key] = cl.Kernel(program, name)
-            except cl.LogicError as error:
-                # A compiler that died half-way leaves an empty program in PoCL's cache.
-                raise OpenCLError(
-                    f"{source.files[1]}: the program that {self.info.name} built is empty; "
-                    f"delete the cache of compiled programs ({cache_folder()}) and try again"
-                ) from error
-        return self._kernels[key]
+        try:
+            with warnings.catch_warnings():
+                # Build logs are shown when a build fails, not when it says "ok".
+                warnings.simplefilter("ignore")
+                program = cl.Program(self.context, source.text).build(options=list(options))
+        except cl.RuntimeError as error:
+            self._try_again()
+            raise OpenCLError(
+                f"{source.files[1]} does not build on {self.info.name} with "
+                f"{' '.join(options) or 'no options'}: {complaint(str(error), source)}"
+            ) from error
+        try:
+            return cl.Kernel(program, name)
+        except cl.LogicError as error:
+            # A compiler that died half-way leaves an empty program in PoCL's cache.
+            raise OpenCLError(
+                f"{source.files[1]}: the program that {self.info.name} built is empty; "
+                f"delete the cache of compiled programs ({cache_folder()}) and try again"
+            ) from error
 
     def _try_again(self) -> None:
         """Ask whether the device still works: its trial may be long ago.

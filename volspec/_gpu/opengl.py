@@ -10,7 +10,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,8 @@ _REMEDIES = {
     "linux": "install EGL and a driver, on Debian or Ubuntu: "
     "apt-get install libegl1 libgl1 libgl1-mesa-dri",
 }
+# Contexts that `give_back_context` keeps.
+_MOST_IDLE = 4
 
 
 class ContextLost(OpenGLError):
@@ -81,6 +83,43 @@ def _moderngl() -> Any:
             f"OpenGL: moderngl cannot be imported ({one_line(error)}); {build}pip install moderngl"
         ) from error
     return moderngl
+
+
+@cache
+def _idle_contexts() -> list[tuple[moderngl.Context, int]]:
+    """Contexts to lend, each of 2.4 MB.
+
+    moderngl 5.13 keeps 40 kB of every context for the rest of the process: one serves pictures made
+    one after the other, four a page of them.
+    """
+    return []
+
+
+def lend_context() -> tuple[moderngl.Context, int]:
+    """Return a headless context that nobody else draws in, and its `egl_handle`.
+
+    Raises
+    ------
+    OpenGLError
+        As `headless_context`.
+    """
+    idle = _idle_contexts()
+    while idle:
+        with suppress(IndexError, ContextLost):  # another thread's now, or gone
+            context, handle = idle.pop()
+            with made_current(context, handle):
+                return context, handle
+    context = headless_context()
+    with context:
+        return context, egl_handle()
+
+
+def give_back_context(context: moderngl.Context, handle: int) -> None:
+    """Take a context from `lend_context` back, after everything made in it has been released."""
+    if len(idle := _idle_contexts()) < _MOST_IDLE:
+        idle.append((context, handle))
+    else:
+        context.release()
 
 
 def window_context() -> moderngl.Context:

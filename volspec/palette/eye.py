@@ -9,7 +9,7 @@ there an optimum of squares is looked for.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,11 +99,11 @@ class Eye:
         return cielab_chord(one, other) @ ratio_from_RGB
 
 
-@cache
+@lru_cache(maxsize=16)
 def _XYZ_from_RGB(space: ColourSpace) -> Array:
     return space.XYZ_from_RGB
 
 
-@cache
+@lru_cache(maxsize=16)
 def _RGB_from_XYZ(space: ColourSpace) -> Array:
     return space.RGB_from_XYZ

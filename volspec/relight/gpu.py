@@ -14,7 +14,14 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._gpu.opengl import ContextLost, describe, egl_handle, headless_context, made_current
+from volspec._gpu.opengl import (
+    ContextLost,
+    describe,
+    egl_handle,
+    give_back_context,
+    lend_context,
+    made_current,
+)
 from volspec._gpu.sharing import Sharing, current, named
 from volspec.appearance.field import PassageField
 from volspec.appearance.live import passage_of
@@ -94,7 +101,12 @@ class GLEngine:
         packed: PackedLayers | None = None,
     ) -> None:
         self._owned = context is None
-        self._context = headless_context() if context is None else context
+        if context is None:
+            self._context, self._handle = lend_context()
+        else:
+            self._context = context
+            with context:
+                self._handle = egl_handle()
         self._resources: list[Any] = []
         # The last viewing and white, their passage, and its table's space once that is filled.
         self._passed: tuple[TableKey, Passage, Tabled | None] | None = None
@@ -105,8 +117,6 @@ class GLEngine:
         self._targets: dict[str, Any] = {}
         self._shared: Any = None
         self._height, self._width, self._channels = coefficients.shape
-        with self._context:
-            self._handle = egl_handle()
         try:
             with self._current():
                 self._prepare()
@@ -339,7 +349,7 @@ class GLEngine:
         return None if key in self._tables else key
 
     def close(self) -> None:
-        """Release everything made here."""
+        """Release everything made here; a second call does nothing."""
         try:
             with self._current():
                 for resource in reversed(self._resources):
@@ -348,5 +358,6 @@ class GLEngine:
             pass  # gone with the context; the names now mean another library's objects
         else:
             if self._owned:
-                self._context.release()
+                give_back_context(self._context, self._handle)
         self._resources.clear()
+        self._owned = False

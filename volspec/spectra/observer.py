@@ -7,7 +7,7 @@ CIE 1931 2 degrees and CIE 1964 10 degrees (CIE 15:2018, tables T.4 and T.5).
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,8 @@ _OBSERVERS = {
 }
 
 
-@cache
+# One grid in most programs; spectra that are measured or tried bring their own.
+@lru_cache(maxsize=64)
 def color_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDArray[np.float64]:
     """Colour-matching functions of a standard observer as band means.
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -171,7 +171,8 @@ def base_spectra(
     return _base(grid, tuple(map(float, powers)), tuple(map(float, complementary)))
 
 
-@cache
+# Each takes about 1 MB: a grid and its lengths, and a few that somebody tries.
+@lru_cache(maxsize=8)
 def _base(
     grid: SpectralGrid, powers: tuple[float, ...], complementary: tuple[float, ...]
 ) -> BaseSpectra:

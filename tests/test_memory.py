@@ -1,0 +1,113 @@
+"""What was left behind takes no memory: lights, pictures, casts, scenes.
+
+Counted are the blocks of Python's allocator, which depend neither on the machine nor on what else
+it does; `make trust` holds resident memory to the same (``benchmarks/drift.py``).
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from volspec._gpu.opencl import MOST_KERNELS
+from volspec._gpu.opengl import headless_context
+from volspec._gpu.sources import asset
+from volspec.errors import OpenGLError
+from volspec.pipeline import Raycaster, raycast
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig, Relighter
+from volspec.scene import Scene
+from volspec.volume import Volume
+
+
+@pytest.fixture(params=["gl", "numpy"])
+def backend(request: pytest.FixtureRequest) -> str:
+    if request.param == "gl":
+        try:
+            headless_context().release()
+        except OpenGLError as error:
+            pytest.skip(str(error))
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def grey() -> CoefficientImage:
+    opaque = np.ones((6, 5), np.float32)
+    basis = vs.SpectralBasis.load("general-7")
+    return CoefficientImage(np.full((6, 5, 7), 0.5, np.float32), opaque, opaque, basis)
+
+
+def blocks_left_by(call: Callable[[int], object], calls: int) -> float:
+    """Return the blocks that a call with a number of its own leaves behind.
+
+    The less of two series, after one to warm up: what happens once is no leak.
+    """
+    blocks = []
+    for number in range(3 * calls):
+        if number % calls == 0:
+            gc.collect()
+            blocks.append(sys.getallocatedblocks())
+        call(number)
+    gc.collect()
+    blocks.append(sys.getallocatedblocks())
+    return min(blocks[2] - blocks[1], blocks[3] - blocks[2]) / calls
+
+
+def test_lights_and_viewings_that_changed_take_no_memory(
+    grey: CoefficientImage, backend: str
+) -> None:
+    first = {"gl": 2000, "numpy": 2005}[backend]
+
+    def change(number: int) -> None:
+        lamp, sky = vs.light(f"planck:{first + 10 * number}"), f"daylight:{3000 + first + number}"
+        rig = LightRig((lamp, vs.light(sky)), (1.0, 0.1 + number))
+        viewing = vs.Viewing(illuminance_lux=100.0 + number, exposure=1.0 + number / 1000)
+        relighter.frame(rig, viewing, backdrop=number / 1000)
+
+    with Relighter(grey, backend) as relighter:
+        # A cache takes a key, an entry and an array for each, or more.
+        assert blocks_left_by(change, 50) < 2
+
+
+def test_relighters_that_were_closed_take_no_memory(grey: CoefficientImage, backend: str) -> None:
+    # A context that is made for each leaves 900 blocks in moderngl 5.13.
+    assert blocks_left_by(lambda _: Relighter(grey, backend).close(), 10) < 100
+
+
+def test_transfer_functions_views_and_settings_that_changed_take_no_memory(
+    engine: Volume,
+) -> None:
+    caster = Raycaster(engine)
+    copper = {"copper": vs.reflectance("copper")}
+    transfer = vs.TransferFunction(
+        [(60, 0.0, "copper"), (200, 0.3, "copper")], copper, vs.SpectralBasis.load("general-7")
+    )
+
+    def cast(number: int) -> None:
+        paler = replace(transfer, points=[(60, 0.0, "copper"), (200 - number, 0.2, "copper")])
+        camera = vs.Camera.orbit(engine, azimuth_deg=float(number))
+        spec = vs.RaycastSpec(alpha_stop=1.0 - number / 1000)
+        raycast(engine, paler, camera, (16, 16), spec, caster=caster)
+
+    assert blocks_left_by(cast, 12) < 5
+    assert len(caster._compute._kernels) < MOST_KERNELS
+    # The bricks' codes, the light volume's place where there is none.
+    assert len(caster._compute._held) == 2
+
+
+def test_scenes_that_were_loaded_cast_and_relit_take_no_memory(backend: str) -> None:
+    def load(number: int) -> None:
+        scene = Scene.load(asset("data/scenes/engine.toml"))
+        volume = scene.volume()
+        image = scene.render(volume, size=(16, 16), caster=Raycaster(volume))
+        with Relighter(image, backend) as relighter:
+            relighter.frame(vs.light(f"planck:{3000 + number}"))
+
+    # Of PoCL's build log and pyopencl's about 40.
+    assert blocks_left_by(load, 2) < 200
