@@ -85,10 +85,13 @@ def mutated(
 
 
 def place_of(error: BaseException | None) -> Key:
-    """Return where something was raised: its class and the last lines of code, of its cause too."""
+    """Return where something was raised: its class and the last lines of code, of its cause too.
+
+    An error of another process has a ``place`` of its own.
+    """
     if error is None:
         return ("read",)
-    lines: list[object] = [type(error).__name__]
+    lines: list[object] = [type(error).__name__, *getattr(error, "place", ())]
     cause: BaseException | None = error
     while cause is not None and len(lines) < 30:
         frames = traceback.extract_tb(cause.__traceback__)[-12:]
@@ -132,7 +135,7 @@ class Session:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             error = self.target.run(self.inside, data)
-        peak = _peak() - before
+        peak = max(_peak() - before, self.target.peak())
         self.largest = max(self.largest, peak)
         place = place_of(error)
         if self.target.is_finding(error):

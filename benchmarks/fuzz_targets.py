@@ -13,82 +13,20 @@ import json
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.fuzz_target import Target
+from benchmarks.fuzz_volumes import volumes
 from volspec.errors import VolspecError
 
 ROOT = Path(__file__).resolve().parents[1]
 _PIXELS = 4  # of a seed picture, each way
 _GROUPS = {"key": 0.7, "sky": 0.3}
 _TEXTS = ("basis", "groups", "notes", "fov_deg", "compositing", "viewing")
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """A reader under fuzzing.
-
-    Parameters
-    ----------
-    read : callable
-        Takes a path; raises one of ``allowed`` where it refuses what is there.
-    seeds : callable
-        Gives files that the reader takes, as bytes.
-    file : str
-        The mutated file's name, in a folder of its own; its suffix chooses many a reader.
-    beside : callable
-        Gives what else stands in that folder, as {name: bytes}.
-    opens : str
-        What ``read`` is given, relative to the folder: ``"."`` is the folder itself; by default the
-        mutated file.
-    tokens : tuple of bytes
-        Words of the format, which mutations insert.
-    most : int
-        Largest input, bytes; up to 65,536.
-    declared : callable
-        Bytes that a file may well need once it is read, from its own bytes; memory is a finding
-        above twice that and 200 MB.
-    allowed : tuple of type
-        Exceptions that are no finding.
-    """
-
-    read: Callable[[Path], object]
-    seeds: Callable[[], Iterable[bytes]]
-    file: str = "input"
-    beside: Callable[[], Mapping[str, bytes]] = dict
-    opens: str = ""
-    tokens: tuple[bytes, ...] = ()
-    most: int = 1 << 14
-    declared: Callable[[bytes], int] = len
-    allowed: tuple[type[BaseException], ...] = (VolspecError,)
-
-    def lay_out(self, folder: Path) -> None:
-        """Write what stands beside the mutated file."""
-        for name, data in self.beside().items():
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
-        (folder / self.file).parent.mkdir(parents=True, exist_ok=True)
-
-    def run(self, folder: Path, data: bytes) -> BaseException | None:
-        """Read bytes as the file; return what was raised."""
-        file = folder / self.file
-        file.write_bytes(data)
-        try:
-            self.read(folder / self.opens if self.opens else file)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # SystemExit is a finding too
-            return error
-        return None
-
-    def is_finding(self, error: BaseException | None) -> bool:
-        """Return True where a reader may not raise that."""
-        return error is not None and not isinstance(error, self.allowed)
 
 
 def _files(*patterns: str) -> Callable[[], Iterable[bytes]]:
@@ -467,5 +405,6 @@ TARGETS: Mapping[str, Target] = {
         tokens=_WORDS,
         most=400,
     ),
+    **volumes(),
 }
 """Every reader by name."""

@@ -239,7 +239,7 @@ def test_a_context_is_lent_to_one_relighter_at_a_time():
     assert third._engine._context is context and fourth._engine._context is not context
     for each in (second, third, fourth):
         each.close()
-    assert len(opengl._IDLE) <= opengl._MOST_IDLE
+    assert len(opengl._idle_contexts()) <= opengl._MOST_IDLE
 
 
 @pytest.mark.parametrize("adapting", ["given", "picture"])

@@ -1,0 +1,78 @@
+"""A reader under fuzzing.
+
+fuzz_targets, fuzz_volumes -> [fuzz_target] -> fuzz, fuzz_child, tests/test_fuzz.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from volspec.errors import VolspecError
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A reader under fuzzing.
+
+    Parameters
+    ----------
+    read : callable
+        Takes a path; raises one of ``allowed`` where it refuses what is there.
+    seeds : callable
+        Gives files that the reader takes, as bytes.
+    file : str
+        The mutated file's name, in a folder of its own; its suffix chooses many a reader.
+    beside : callable
+        Gives what else stands in that folder, as {name: bytes}.
+    opens : str
+        What ``read`` is given, relative to the folder: ``"."`` is the folder itself; by default the
+        mutated file.
+    tokens : tuple of bytes
+        Words of the format, which mutations insert.
+    most : int
+        Largest input, bytes; up to 65,536.
+    declared : callable
+        Bytes that a file may well need once it is read, from its own bytes; memory is a finding
+        above twice that and 200 MB.
+    peak : callable
+        Bytes that another process has taken at most for the last input.
+    allowed : tuple of type
+        Exceptions that are no finding.
+    """
+
+    read: Callable[[Path], object]
+    seeds: Callable[[], Iterable[bytes]]
+    file: str = "input"
+    beside: Callable[[], Mapping[str, bytes]] = dict
+    opens: str = ""
+    tokens: tuple[bytes, ...] = ()
+    most: int = 1 << 14
+    declared: Callable[[bytes], int] = len
+    peak: Callable[[], int] = lambda: 0
+    allowed: tuple[type[BaseException], ...] = (VolspecError,)
+
+    def lay_out(self, folder: Path) -> None:
+        """Write what stands beside the mutated file."""
+        for name, data in self.beside().items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        (folder / self.file).parent.mkdir(parents=True, exist_ok=True)
+
+    def run(self, folder: Path, data: bytes) -> BaseException | None:
+        """Read bytes as the file; return what was raised."""
+        file = folder / self.file
+        file.write_bytes(data)
+        try:
+            self.read(folder / self.opens if self.opens else file)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # SystemExit is a finding too
+            return error
+        return None
+
+    def is_finding(self, error: BaseException | None) -> bool:
+        """Return True where a reader may not raise that."""
+        return error is not None and not isinstance(error, self.allowed)
