@@ -105,6 +105,38 @@ def test_a_truncated_vti_file_is_refused(tmp_path: Path, compressed: bool, appen
             load_volume(path)
 
 
+@pytest.mark.parametrize("encode", [False, True])
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
+def test_a_vti_file_whose_array_is_short_is_refused(
+    tmp_path: Path, mode: str, packed: bool, encode: bool
+) -> None:
+    """A whole file in which an extent was edited: VTK fills the rest with what memory held."""
+    from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
+
+    path = tmp_path / "v.vti"
+    writer = vtkXMLImageDataWriter()
+    writer.SetInputData(grid(a=RAMP))
+    writer.SetFileName(str(path))
+    writer.SetDataMode(getattr(writer, mode))
+    writer.SetEncodeAppendedData(encode)
+    if not packed:
+        writer.SetCompressorTypeToNone()
+    writer.Write()
+    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    path.write_bytes(path.read_bytes().replace(b"0 5 0 4 0 39", b"0 5 0 4 0 99"))
+    with pytest.raises(VolumeError, match=r"v\.vti: holds \d+ bytes of voxels, .* 6000; truncated"):
+        load_volume(path)
+
+
+def test_a_vti_file_nested_deeply_is_refused(tmp_path: Path) -> None:
+    """VTK's parser recurses until the process ends."""
+    path = tmp_path / "v.vti"
+    path.write_bytes(b'<VTKFile type="ImageData">' + b"<a>" * 200_000 + b"</a></VTKFile>")
+    with pytest.raises(VolumeError, match=r"v\.vti: not readable as VTK image data"):
+        load_volume(path)
+
+
 def test_a_vti_file_with_damaged_data_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "v.vti"
     grid(a=RAMP).save(path)
