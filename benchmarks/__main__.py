@@ -20,6 +20,7 @@ from benchmarks import (
     models,
     palette,
     picture,
+    reading,
     session,
     shadows,
     viewer,
@@ -31,7 +32,7 @@ from volspec._gpu.opencl import Compute
 
 # Where VTK draws through GL, the windows that it opens end other contexts: those come last.
 MODULES = (
-    *(memory, channels, edit, shadows, palette, limits, models, picture, export),
+    *(memory, reading, channels, edit, shadows, palette, limits, models, picture, export),
     *(cast, gl_mapper, light, viewer, webpage, session),
 )
 
