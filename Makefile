@@ -4,7 +4,7 @@
 #   make bench   against peers, and what was asked of each figure
 #   make gallery docs/gallery/raycast.md, cast anew
 #   make trust   what is slow: further cases of tests, every basis against full
-#                spectra, the time of fits, ten minutes in the viewer
+#                spectra, the time of fits, other systems and versions, ten minutes in the viewer
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -58,6 +58,9 @@ trust: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n auto -m slow
 	$(BIN)/python -m benchmarks.basis_table
 	$(BIN)/python -m benchmarks.basis_fit
+	$(BIN)/mypy --platform win32
+	$(BIN)/mypy --platform darwin
+	$(BIN)/python -m tools.installs
 	$(BIN)/python -m benchmarks.session 600
 
 clean:
