@@ -4,8 +4,9 @@
 #   make bench   against peers, and what was asked of each figure
 #   make gallery docs/gallery/raycast.md, cast anew
 #   make trust   what is slow: further cases of tests, every basis against full
-#                spectra, the time of fits, ten minutes in the viewer, readers
-#                under fuzzing, kills of what writes, memory over 20 scenes
+#                spectra, the time of fits, other systems and versions, ten minutes
+#                in the viewer, readers under fuzzing, kills of what writes, memory
+#                over 20 scenes
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -59,6 +60,9 @@ trust: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n auto -m slow
 	$(BIN)/python -m benchmarks.basis_table
 	$(BIN)/python -m benchmarks.basis_fit
+	$(BIN)/mypy --platform win32
+	$(BIN)/mypy --platform darwin
+	$(BIN)/python -m tools.installs
 	$(BIN)/python -m benchmarks.session 600
 	$(BIN)/python -m benchmarks.fuzz --seconds 20
 	$(BIN)/python -m benchmarks.kills

@@ -198,3 +198,33 @@ def test_doctor_lists_devices_that_fail_beside_the_one_that_works(tried: Callabl
     assert "AMD EPYC casts run here" in text and f"not used: {NO_TARGET}" in text
     doctor.examine()
     assert len(asked) == 6, "the doctor asks again, whatever is cached"
+
+
+@pytest.mark.parametrize("system", ["linux", "win32"])
+def test_intel_s_wheel_is_registered_while_the_loader_looks(
+    system: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A stand-in for the wheel: which variable holds what, and that nothing stays."""
+    library = tmp_path / "libintelocl.so"
+    (tmp_path / "vendors").mkdir()
+    (tmp_path / "vendors" / "gpu.icd").write_text("libgpu.so\n")
+    monkeypatch.setattr(devices, "_intel_library", lambda: library)
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setenv("OPENCL_VENDOR_PATH", str(tmp_path / "vendors"))
+    monkeypatch.delenv("OCL_ICD_VENDORS", raising=False)
+    before = dict(os.environ)
+    with devices._intel_registered():
+        if system == "win32":
+            assert os.environ["OCL_ICD_FILENAMES"] == str(library)
+        else:
+            folder = Path(os.environ["OCL_ICD_VENDORS"])
+            lines = sorted(path.read_text().strip() for path in folder.glob("*.icd"))
+            assert lines == [str(library), "libgpu.so"]
+    assert dict(os.environ) == before
+    # Somebody who names one driver means that alone; one who has registered it needs no help.
+    (tmp_path / "vendors" / "intel.icd").write_text("/opt/libintelocl.so\n")
+    monkeypatch.setattr(sys, "platform", "linux")
+    for vendors in (tmp_path / "vendors", tmp_path / "vendors" / "gpu.icd"):
+        monkeypatch.setenv("OPENCL_VENDOR_PATH", str(vendors))
+        with devices._intel_registered():
+            assert "OCL_ICD_VENDORS" not in os.environ

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 DEVICE_VARIABLE = "VOLSPEC_DEVICE"
-_INTEL_WHEEL, _INTEL_LIBRARY = "intel-opencl-rt", "libintelocl.so"
+_INTEL_WHEEL, _INTEL_LIBRARIES = "intel-opencl-rt", ("libintelocl.so", "intelocl64.dll")
 # Folders of drivers, as pyopencl's loader looks for them.
 _VENDOR_VARIABLES, _VENDORS = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"), "/etc/OpenCL/vendors"
 
@@ -142,29 +143,36 @@ def _intel_registered() -> Iterator[None]:
     The wheel registers a path of the machine that built it. The loader reads one folder of drivers,
     at the process's first call, so that the folder need not stay.
     """
-    vendors = Path(next(filter(None, map(os.environ.get, _VENDOR_VARIABLES)), _VENDORS))
     library = _intel_library()
-    # A file instead of a folder means that driver alone.
-    registered = [] if vendors.is_file() else list(vendors.glob("*.icd"))
-    if (
-        library is None
-        or vendors.is_file()
-        or any(_INTEL_LIBRARY in icd.read_text(errors="replace") for icd in registered)
-    ):
+    vendors = Path(next(filter(None, map(os.environ.get, _VENDOR_VARIABLES)), _VENDORS))
+    registered = list(vendors.glob("*.icd"))
+    if library is None or vendors.is_file():  # a file means that driver alone
         yield
-        return
-    before = os.environ.get(_VENDOR_VARIABLES[0])
-    with tempfile.TemporaryDirectory() as folder:
-        for icd in registered:
-            shutil.copy(icd, folder)
-        Path(folder, "volspec-intel.icd").write_text(f"{library}\n")
-        os.environ[_VENDOR_VARIABLES[0]] = folder
-        try:
+    elif sys.platform == "win32":  # where Khronos' loader takes libraries beside the registry's
+        with _variable("OCL_ICD_FILENAMES", str(library)):
             yield
-        finally:
-            del os.environ[_VENDOR_VARIABLES[0]]
-            if before is not None:
-                os.environ[_VENDOR_VARIABLES[0]] = before
+    elif any(library.name in icd.read_text(errors="replace") for icd in registered):
+        yield
+    else:
+        with tempfile.TemporaryDirectory() as folder, _variable(_VENDOR_VARIABLES[0], folder):
+            for icd in registered:
+                shutil.copy(icd, folder)
+            Path(folder, "volspec-intel.icd").write_text(f"{library}\n")
+            yield
+
+
+@contextmanager
+def _variable(name: str, value: str) -> Iterator[None]:
+    """Set an environment variable for a while."""
+    before = os.environ.get(name)
+    os.environ[name] = value
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before
 
 
 @cache
@@ -174,7 +182,8 @@ def _intel_library() -> Path | None:
         inside = files(_INTEL_WHEEL) or []
     except PackageNotFoundError:
         return None
-    return next((Path(str(f.locate())).resolve() for f in inside if f.name == _INTEL_LIBRARY), None)
+    found = (Path(str(file.locate())) for file in inside if file.name in _INTEL_LIBRARIES)
+    return next((path.resolve() for path in found), None)
 
 
 def describe(device: cl.Device) -> DeviceInfo:
