@@ -47,9 +47,10 @@ if repr(describe(device)) != expected:
 text = "__kernel void f(__global int *x) {{ x[0] = %d; }}" % number
 written = np.zeros(1, np.int32)
 try:
-    queue = cl.CommandQueue(cl.Context([device]))
-    result = cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, 4)
-    cl.Program(queue.context, text).build().f(queue, (1,), None, result)
+    context = cl.Context([device])
+    queue = cl.CommandQueue(context)
+    result = cl.Buffer(context, cl.mem_flags.READ_WRITE, 4)
+    cl.Program(context, text).build().f(queue, (1,), None, result)
     cl.enqueue_copy(queue, written, result)
 except cl.Error as error:
     log = str(error).partition(">:")[2].partition("(options:")[0].strip() or str(error)
