@@ -8,13 +8,15 @@ import platform
 import re
 import sys
 import tempfile
+import threading
 import time
 import zlib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from secrets import token_hex
+from typing import IO
 
 from volspec.errors import InputError
 
@@ -231,24 +233,54 @@ def line_end(path: str | os.PathLike[str]) -> str:
     return "\r\n" if b"\r\n" in Path(path).read_bytes() else "\n"
 
 
+class _Capture:
+    """The process's stdout and stderr, redirected while at least one thread captures them."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._threads = 0
+        self._restore = ExitStack()
+        self._sink: IO[bytes]
+
+    def begin(self) -> int:
+        """Redirect them, unless another thread has; return where this thread's part begins."""
+        with self._lock:
+            if not self._threads:
+                self._sink = self._restore.enter_context(tempfile.TemporaryFile())
+                for number in (1, 2):
+                    copy = os.dup(number)
+                    self._restore.callback(os.close, copy)
+                    self._restore.callback(os.dup2, copy, number)
+                    os.dup2(self._sink.fileno(), number)
+            self._threads += 1
+            return os.fstat(self._sink.fileno()).st_size
+
+    def end(self, start: int) -> list[str]:
+        """Put them back, if no other thread captures; return lines printed since ``start``."""
+        with self._lock:
+            self._sink.seek(start)
+            text = self._sink.read()  # to its end, where others go on
+            self._threads -= 1
+            if not self._threads:
+                self._restore.close()
+            return text.decode(errors="replace").splitlines()
+
+
+_capture = cache(_Capture)
+
+
 @contextmanager
 def captured_output(lines: list[str]) -> Iterator[None]:
     """Collect what C++ readers print to the process's stdout and stderr, so that one line is left.
 
-    It redirects the file descriptors of the whole process while the body runs.
+    It redirects the file descriptors of the whole process while the body runs. Threads may do so
+    at once: each gets what was printed meanwhile, by whichever of them.
     """
-    with tempfile.TemporaryFile() as sink:
-        kept = [(number, os.dup(number)) for number in (1, 2)]
-        try:
-            for number, _ in kept:
-                os.dup2(sink.fileno(), number)
-            yield
-        finally:
-            for number, copy in kept:
-                os.dup2(copy, number)
-                os.close(copy)
-            sink.seek(0)
-            lines.extend(sink.read().decode(errors="replace").splitlines())
+    start = _capture().begin()
+    try:
+        yield
+    finally:
+        lines.extend(_capture().end(start))
 
 
 def require_writable(path: str | os.PathLike[str]) -> None:

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 
 from volspec import _files
-from volspec._files import clear_unfinished, keep_newest, write_whole
+from volspec._files import captured_output, clear_unfinished, keep_newest, write_whole
 from volspec.errors import InputError
 
 # A writer that dies, as the kernel would kill it, or waits for a line.
@@ -251,3 +251,19 @@ def test_the_file_just_written_stays_however_wrong_the_others_dates(
     (tmp_path / "another.txt").unlink()
     assert names(tmp_path) == ["3.txt", "4.txt", "5.txt", "written.txt"]
     assert _files.newest_first(tmp_path.iterdir())[0] == written
+
+
+def test_threads_that_capture_the_output_at_once_leave_it_as_it_was() -> None:
+    """Each had put back what it found: another's temporary file, if they overlapped."""
+    before = os.fstat(1), os.fstat(2)
+
+    def capture(k: int) -> bool:
+        lines: list[str] = []
+        for round_ in range(50):
+            with captured_output(lines):
+                os.write(2, f"{k} {round_}\n".encode())
+        return {f"{k} {round_}" for round_ in range(50)} <= set(lines)
+
+    with ThreadPoolExecutor(4) as threads:
+        assert all(threads.map(capture, range(4)))
+    assert (os.fstat(1), os.fstat(2)) == before

@@ -27,7 +27,7 @@ from volspec._files import write_whole
 from volspec.errors import InputError, one_line
 
 POCL = "Portable Computing Language"
-_LONGEST_S = 30.0
+_LONGEST_S = 60.0
 _FAILURE_IS_KEPT_S = 86400.0
 _MOST_CACHED = 50
 _NUMBER = "the number that the kernel writes is not there"
