@@ -239,19 +239,21 @@ class _Capture:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._threads = 0
-        self._restore = ExitStack()
+        self._restore: ExitStack
         self._sink: IO[bytes]
 
     def begin(self) -> int:
         """Redirect them, unless another thread has; return where this thread's part begins."""
         with self._lock:
             if not self._threads:
-                self._sink = self._restore.enter_context(tempfile.TemporaryFile())
-                for number in (1, 2):
-                    copy = os.dup(number)
-                    self._restore.callback(os.close, copy)
-                    self._restore.callback(os.dup2, copy, number)
-                    os.dup2(self._sink.fileno(), number)
+                with ExitStack() as stack:
+                    self._sink = stack.enter_context(tempfile.TemporaryFile())
+                    for number in (1, 2):
+                        copy = os.dup(number)
+                        stack.callback(os.close, copy)
+                        stack.callback(os.dup2, copy, number)
+                        os.dup2(self._sink.fileno(), number)
+                    self._restore = stack.pop_all()
             self._threads += 1
             return os.fstat(self._sink.fileno()).st_size
 
