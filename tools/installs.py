@@ -90,6 +90,7 @@ def check_here(python: str, resolution: str) -> list[str]:
             # Warnings of other packages' old and newest versions are theirs.
             "tests": (
                 *(str(inside), "-m", "pytest", "-W", "default", "-p", "no:cacheprovider"),
+                *("-n", "auto", "--dist", "loadfile"),
                 *(str(ROOT / "tests" / f"{test}.py") for test in TESTS),
             ),
         }
