@@ -211,12 +211,17 @@ class Eye:
         return Q_w
 
     def saturated(self, direction: Array) -> Array:
-        """The largest A_c along a direction of the adapted cones, (..., 3) to (...)."""
+        """The largest A_c along a direction of the adapted cones, (..., 3) to (...).
+
+        NaN where a cone has no response on its side: glare leaves it so little pigment that its
+        least response is above 0.
+        """
         end = np.where(direction < 0.0, -POLE, POLE) * (1.0 - 1e-9)
         ends = 1.0 + self.bleaching * (end + self.helson_judd)
-        far = np.where(direction * ends > 0.0, ends, np.inf)
-        ratio = far / np.where(direction == 0.0, 1.0, direction)
-        return np.asarray(np.min(np.where(direction == 0.0, np.inf, ratio), axis=-1))
+        far = np.where(
+            direction * ends > 0.0, ends / np.where(direction == 0.0, 1.0, direction), np.nan
+        )
+        return np.asarray(np.min(np.where(direction == 0.0, np.inf, far), axis=-1))
 
 
 def _induction(background: Array, settings: HuntSettings) -> Array:
