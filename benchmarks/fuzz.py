@@ -35,7 +35,7 @@ LIMIT_S = 10.0
 _START_S = 300.0  # imports, instrumented
 _MOST_RESTARTS = 20
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-_MOST_KEPT = 60_000  # bytes of a reader's corpus
+_MOST_KEPT = 20_000  # bytes of a reader's corpus
 
 
 @dataclass(slots=True)

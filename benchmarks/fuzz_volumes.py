@@ -30,15 +30,16 @@ from volspec.volume.load import read_here
 _VALUES = (np.arange(4 * 5 * 6) % 251).astype(np.uint8).reshape(4, 5, 6)
 _SHORTS = _VALUES.astype(np.int16) * 100 - 9000
 _FLOATS = np.where(_VALUES == 7, np.nan, _VALUES / 9).astype(np.float32)
-# Details of a message that two inputs at one place differ in.
-_DETAIL = re.compile(r"^.*?: |'.*?'|\".*?\"|[-+]?[\d.]+(e[-+]?\d+)?x?|\(.*?\)")
+# Words of a message, behind the file's name, that stand for the place it comes from.
+_WORDS, _PLACE = re.compile(r"[A-Za-z_]{3,}"), 6
 
 
 def _load(path: Path) -> None:
     try:
         load_volume(path)
     except VolspecError as error:
-        error.place = (_DETAIL.sub("", str(error))[:60],)  # type: ignore[attr-defined]
+        said = str(error).rpartition("/")[2]
+        error.place = tuple(_WORDS.findall(said)[:_PLACE])  # type: ignore[attr-defined]
         raise
 
 
