@@ -177,6 +177,8 @@ def _resident() -> int:
 def plain(session: Session, seeds: Sequence[bytes], runs: int, seconds: float, seed: int) -> None:
     """Fuzz by mutations alone."""
     rng, pool = random.Random(seed), list(seeds)
+    corpus = session.findings.with_name("corpus")
+    corpus.mkdir(exist_ok=True)
     ends = time.monotonic() + seconds
     for data in pool:
         session.run(data)
@@ -186,6 +188,7 @@ def plain(session: Session, seeds: Sequence[bytes], runs: int, seconds: float, s
         )[: session.target.most]
         if session.run(data) is not None:
             pool.append(data)
+            (corpus / hashlib.sha1(data).hexdigest()).write_bytes(data)
 
 
 def guided(

@@ -25,7 +25,6 @@ from volspec.volume import load_volume, reader_process
 from volspec.volume.files.headers import Layout, check_itk_header
 from volspec.volume.files.query import Query
 from volspec.volume.files.vtk import check_vtk
-from volspec.volume.load import read_here
 
 _VALUES = (np.arange(4 * 5 * 6) % 251).astype(np.uint8).reshape(4, 5, 6)
 _SHORTS = _VALUES.astype(np.int16) * 100 - 9000
@@ -283,5 +282,4 @@ def volumes() -> Mapping[str, Target]:
         "nifti-header": header(_header, nifti, "v.nii"),
         "vti-header": header(lambda path: check_vtk(Query(path)), _vti, "v.vti", _VTI),
         "vtk-header": header(lambda path: check_vtk(Query(path)), _vtk, "v.vtk", _VTK),
-        "tiff-here": header(lambda path: read_here(Query(path)), _tiff, "v.tif"),
     }

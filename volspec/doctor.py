@@ -119,8 +119,8 @@ def examine() -> Examination:
         try:
             versions[package] = version(package)
         except PackageNotFoundError:
-            # Which PoCL wheel serves pyopencl depends on the platform.
-            if package != "pocl-binary-distribution":
+            # Not every system has wheels of these; what lacks without them is told below.
+            if package not in ("pocl-binary-distribution", "moderngl"):
                 problems.append(f"{package}: pip install {package}")
     devices = opencl_devices.devices()
     faults = try_all(devices)
