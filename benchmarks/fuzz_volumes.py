@@ -171,7 +171,6 @@ def _dicom() -> dict[str, bytes]:
             writer = sitk.ImageFileWriter()
             writer.SetImageIO("GDCMImageIO")
             writer.KeepOriginalImageUIDOn()
-            writer.SetUseCompression(k == 0)
             writer.SetFileName(str(Path(folder, "s.dcm")))
             writer.Execute(image)
             files[f"s{k}.dcm"] = Path(folder, "s.dcm").read_bytes()

@@ -154,3 +154,16 @@ def test_an_empty_program_names_the_cache_it_came_from() -> None:
         OpenCLError, match=r"f\.cl: .* empty; delete the cache of compiled programs"
     ):
         Compute.open().kernel(source, "raycast")
+
+
+def test_a_cached_program_of_another_cpu_is_built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Intel's runtime refuses it as an invalid binary, and pyopencl then asks for a variable."""
+
+    def refuse(*args: object, **settings: object) -> None:
+        raise RuntimeError("clBuildProgram failed: INVALID_BINARY")
+
+    monkeypatch.delenv("PYOPENCL_CACHE_FAILURE_FATAL", raising=False)
+    monkeypatch.setattr("pyopencl.characterize.has_src_build_cache", lambda device: False)
+    monkeypatch.setattr("pyopencl.cache._create_built_program_from_source_cached", refuse)
+    source = Source("__kernel void f(__global int *x) { x[0] = 1; }\n", ("<prelude>", "f.cl"))
+    assert Compute.open().kernel(source, "f").function_name == "f"

@@ -81,6 +81,8 @@ def chosen_device(name: str | None = None) -> int:
     if name is None:
         wanted, source = os.environ.get(DEVICE_VARIABLE), f" ({DEVICE_VARIABLE})"
     meant = [i for i, device in enumerate(found) if not wanted or _is_meant(wanted, i, device)]
+    # Part of one device's name may be another's whole name.
+    meant = [i for i in meant if found[i].name == wanted] or meant
     if wanted and not meant:
         known = [n for device in found for n in (device.name, device.platform)]
         there = ", ".join(f"{i}: {d.name} ({d.platform})" for i, d in enumerate(found))

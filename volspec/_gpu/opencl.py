@@ -6,6 +6,7 @@ is taken: `volspec._gpu.devices`.
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -114,6 +115,9 @@ class Compute:
             with warnings.catch_warnings():
                 # Build logs are shown when a build fails, not when it says "ok".
                 warnings.simplefilter("ignore")
+                # A binary in pyopencl's cache may be of another CPU of the same name (Intel's
+                # runtime): pyopencl then builds again, but reads this without a default.
+                os.environ.setdefault("PYOPENCL_CACHE_FAILURE_FATAL", "")
                 program = cl.Program(self.context, source.text).build(options=list(options))
         except cl.RuntimeError as error:
             self._try_again()
