@@ -12,12 +12,13 @@ import pytest
 from PIL import Image
 
 from volspec.appearance.spaces import SPACES
-from volspec.errors import ImageError
+from volspec.errors import ImageError, InputError
 from volspec.export.frames import (
     distinct_stems,
     file_stem,
     png_bytes,
     png_file,
+    read_frame,
     read_frame_text,
     to_uint16,
     write_frame,
@@ -138,3 +139,12 @@ def test_names_that_would_be_one_file_are_told_apart() -> None:
     stems = distinct_stems(["A b", "a*B", "sheet", "é", "e\u0301", "\u202e", "\u202d"])
     assert len({stem.casefold() for stem in stems}) == 7
     assert "sheet" not in stems
+
+
+def test_a_damaged_frame_is_named_with_what_to_do(tmp_path: Path) -> None:
+    Image.fromarray(np.zeros((9, 9, 3), np.uint8)).save(tmp_path / "a.png")
+    data = (tmp_path / "a.png").read_bytes()
+    for at in (20, 37):
+        (tmp_path / "a.png").write_bytes(data[:at] + b"\xff\x1f" + data[at + 2 :])
+        with pytest.raises(InputError, match=r"a\.png: cannot be read .*; delete it and repeat"):
+            read_frame(tmp_path / "a.png")

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from volspec._files import write_whole
 from volspec.appearance.spaces import SPACES, ColourSpace
 from volspec.errors import DeviceError, InputError, VolspecWarning, quoted
+from volspec.export.frames import read_frame
 from volspec.scene.export import ExportTable
 
 SUFFIXES = (".mp4", ".webm", ".gif")
@@ -202,10 +203,7 @@ def _feed(
 
 
 def _pixels(path: Path) -> NDArray[np.uint8]:
-    from PIL import Image
-
-    with Image.open(path) as picture:
-        return np.asarray(picture.convert("RGB"))
+    return np.asarray(read_frame(path).convert("RGB"))
 
 
 def _rate(path: Path, suffix: str, fps: float) -> float:

@@ -8,15 +8,18 @@ import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import write_whole
 from volspec.appearance.spaces import ColourSpace, space_of
-from volspec.errors import ImageError
+from volspec.errors import ImageError, InputError, one_line
 from volspec.export.png import PngWriter
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 # Names that Windows keeps for devices, whatever follows the dot.
 _DEVICES = {"con", "prn", "aux", "nul", *(f"{d}{i}" for d in ("com", "lpt") for i in range(1, 10))}
@@ -117,6 +120,26 @@ def png_file(
 def to_uint16(codes: NDArray[Any]) -> NDArray[np.uint16]:
     """Codes 0 to 1, rounded; NaN is black."""
     return np.rint(np.clip(np.nan_to_num(codes, nan=0.0), 0.0, 1.0) * 65535.0).astype(np.uint16)
+
+
+def read_frame(path: Path) -> Image.Image:
+    """Return a frame's picture.
+
+    Raises
+    ------
+    InputError
+        If it is damaged.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(path) as file:
+            file.load()
+            return file.copy()
+    except Exception as error:  # Pillow's are of any class
+        raise InputError(
+            f"{path}: cannot be read ({one_line(error)}); delete it and repeat the command"
+        ) from None
 
 
 def read_frame_text(path: str | os.PathLike[str]) -> dict[str, str]:

@@ -18,7 +18,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.appearance.srgb import decode, encode
 from volspec.errors import ImageError
 from volspec.export.comparison import Seen, comparison_sheet
-from volspec.export.frames import write_frame
+from volspec.export.frames import read_frame, write_frame
 from volspec.export.plan import Plan
 from volspec.export.primaries import PRIMARIES, XYZ_adapted
 from volspec.export.sheet import SheetColumn, contact_sheet, fitted
@@ -108,9 +108,7 @@ def opened(path: Path, width: int, primaries: str) -> NDArray[np.uint8]:
     if path.suffix == ".exr":
         picture = Image.fromarray(_linear_as_codes(path, 2 * width, primaries))
     else:
-        with Image.open(path) as file:
-            file.load()
-            picture = file.copy()
+        picture = read_frame(path)
     needed = fitted(picture.size, 2 * width)
     if picture.size > needed:
         picture = picture.resize(needed, Image.Resampling.LANCZOS)
