@@ -22,6 +22,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -39,6 +40,8 @@ _PATIENCE_S, _SLOWEST_BYTES_PER_S = 8.0, 8e6
 _START_S = 60.0
 # A child waits so long for the next file.
 _IDLE_S = 20.0
+# Files of a folder that are counted for the time to read it.
+_MOST_COUNTED = 5000
 # Address space beyond what its libraries take: for reading, and per byte of declared voxels (the
 # library's own, one conversion, and the shared memory).
 _SPARE_BYTES, _TIMES_DECLARED = 200 << 20, 3
@@ -237,10 +240,11 @@ def serve(read: Callable[[Query], Reading], library_of: Callable[[Query], str]) 
                 os.chdir(given["folder"])
             path = Path(given["path"])
             size = path.stat().st_size if path.is_file() else 0
+            folder = _folder_bytes(path)
 
-            def expect(nbytes: int, size: int = size) -> None:
+            def expect(nbytes: int, size: int = size, folder: int = folder) -> None:
                 _limit_memory(_SPARE_BYTES + size + _TIMES_DECLARED * nbytes)
-                send(expects=size + nbytes)
+                send(expects=folder + nbytes)
 
             query = Query(path, given["options"], expect)
             _limit_memory(None)
@@ -277,6 +281,15 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
             "remarks": list(reading.remarks),
         }, memory
     return {"error": "VolumeError", "said": f"{query.path}: {fault}"}, None
+
+
+def _folder_bytes(path: Path) -> int:
+    """Bytes that a reader may have to look through: a slice's headers are in files of their own."""
+    try:
+        files = islice(path.rglob("*") if path.is_dir() else path.parent.iterdir(), _MOST_COUNTED)
+        return sum(file.stat().st_size for file in files if file.is_file())
+    except OSError:  # told when it is read
+        return 0
 
 
 def _listen(requests: SimpleQueue[bytes]) -> None:
