@@ -8,6 +8,7 @@ after every input, and the child's answer stands for the place that an input rea
 
 from __future__ import annotations
 
+import locale
 import os
 import re
 import tempfile
@@ -162,6 +163,7 @@ def _dicom() -> dict[str, bytes]:
     import SimpleITK as sitk
 
     files = {}
+    before = locale.setlocale(locale.LC_CTYPE)
     with tempfile.TemporaryDirectory() as folder:
         for k, values in enumerate(_SHORTS):
             image = sitk.GetImageFromArray(values)
@@ -174,6 +176,7 @@ def _dicom() -> dict[str, bytes]:
             writer.SetFileName(str(Path(folder, "s.dcm")))
             writer.Execute(image)
             files[f"s{k}.dcm"] = Path(folder, "s.dcm").read_bytes()
+    locale.setlocale(locale.LC_CTYPE, before)  # GDCM's writer leaves the C locale
     return files
 
 

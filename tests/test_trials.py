@@ -172,7 +172,12 @@ def test_a_driver_that_cannot_compile_is_named_by_every_command(tmp_path: Path) 
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "volspec", *words]
         return subprocess.run(
-            command, env=environment, capture_output=True, text=True, check=False, cwd=tmp_path
+            command,
+            env=environment,
+            capture_output=True,
+            encoding="utf-8",
+            check=False,
+            cwd=tmp_path,
         )
 
     done = run("demo", "--out", "demo")
