@@ -40,7 +40,7 @@ _MOST_KEPT = 20_000  # bytes of a reader's corpus
 
 @dataclass(slots=True)
 class Row:
-    """What came of one reader."""
+    """Outcome of one reader."""
 
     name: str
     inputs: int = 0

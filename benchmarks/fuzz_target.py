@@ -54,7 +54,7 @@ class Target:
     allowed: tuple[type[BaseException], ...] = (VolspecError,)
 
     def lay_out(self, folder: Path) -> None:
-        """Write what stands beside the mutated file."""
+        """Write the files next to the mutated one."""
         for name, data in self.beside().items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -3,7 +3,7 @@
     files that are read well -> [fuzz_volumes] -> fuzz_targets
 
 What a library does in the child cannot be seen from here but by what it takes: its peak is read
-after every input, and the child's answer stands for the place that an input reached.
+after every input, and the words of the child's answer are the place that an input reached.
 """
 
 from __future__ import annotations

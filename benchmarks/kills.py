@@ -119,7 +119,7 @@ class Job:
 
 @dataclass(slots=True)
 class Count:
-    """What became of the kills of one job."""
+    """Outcome of the kills of one job."""
 
     kills: int = 0
     amid: int = 0

@@ -9,7 +9,8 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -19,14 +20,13 @@ import numpy as np
 from benchmarks.measure import Figure, in_turn, report
 from volspec._gpu import devices, trials
 from volspec.volume import Volume
-from volspec.volume.files.query import Query, Stored
-from volspec.volume.reader_process import read_in_child
 
 ENGINE = Path(__file__).resolve().parents[1] / "data/engine.nrrd"
 _FIRST = """
 import sys, time
 import numpy
-from benchmarks.reading import here, in_child
+from benchmarks.reading import here
+from volspec.volume import load_volume
 started = time.perf_counter()
 {read}(sys.argv[1])
 print(1e3 * (time.perf_counter() - started))
@@ -34,24 +34,12 @@ print(1e3 * (time.perf_counter() - started))
 _SIDE = 512
 
 
-def in_child(path: str) -> Volume:
-    """Read a volume as `volspec.load_volume` does."""
-    return _volume(read_in_child, path)
-
-
 def here(path: str) -> Volume:
-    """Read it with the same library in this process, whole, as a script with ITK would."""
+    """Read a volume with the same library in this process, as a script with ITK would."""
     import SimpleITK as sitk
 
     image = sitk.ReadImage(path)
     return Volume(sitk.GetArrayFromImage(image), spacing_mm=image.GetSpacing(), name=path)
-
-
-def _volume(read: Callable[[Query], object], path: str) -> Volume:
-    reading = read(Query.of(path))
-    values = reading.values  # type: ignore[attr-defined]
-    values = values.read() if isinstance(values, Stored) else values
-    return Volume(values, spacing_mm=reading.spacing_mm, name=path)  # type: ignore[attr-defined]
 
 
 def _first_ms(path: Path, read: str) -> float:
@@ -62,19 +50,21 @@ def _first_ms(path: Path, read: str) -> float:
 
 def figures() -> Iterator[Figure]:
     """Reading here and in a child, in turn; the trial of the device in use."""
-    pairs = np.array([(_first_ms(ENGINE, "in_child"), _first_ms(ENGINE, "here")) for _ in range(7)])
+    pairs = np.array(
+        [(_first_ms(ENGINE, "load_volume"), _first_ms(ENGINE, "here")) for _ in range(7)]
+    )
     ours, peer = np.median(pairs, axis=0)
     note = f"{ours:.0f} ms in a child, {peer:.0f} here"
     extra = median(pairs[:, 0] - pairs[:, 1])
     yield Figure("read/engine, a program's first", extra, 150.0, True, "ms more", note=note)
-    pairs = in_turn(lambda: in_child(str(ENGINE)), lambda: here(str(ENGINE)))
+    pairs = in_turn(lambda: load_volume(ENGINE), lambda: here(str(ENGINE)))
     extra = median(pairs[:, 0] - pairs[:, 1])
     yield Figure("read/engine, the next", extra, 150.0, True, "ms more")
     with tempfile.TemporaryDirectory() as folder:
         for suffix, packed in ((".nrrd", False), (".nii", False), (".nii.gz", True)):
             path = Path(folder, f"v{suffix}")
             _write(path, packed)
-            pairs = in_turn(lambda p=str(path): in_child(p), lambda p=str(path): here(p), runs=5)  # type: ignore[misc]
+            pairs = in_turn(partial(load_volume, path), partial(here, str(path)), runs=5)
             ratio = median(pairs[:, 0] / pairs[:, 1])
             ours, peer = np.median(pairs, axis=0)
             note = f"{ours:.0f} ms in a child, {peer:.0f} here"

@@ -150,7 +150,7 @@ def _intel_registered() -> Iterator[None]:
     registered = list(vendors.glob("*.icd"))
     if library is None or vendors.is_file():  # a file means that driver alone
         yield
-    elif sys.platform == "win32":  # where Khronos' loader takes libraries beside the registry's
+    elif sys.platform == "win32":  # Khronos' loader adds these to the registry's
         with _variable("OCL_ICD_FILENAMES", str(library)):
             yield
     elif any(library.name in icd.read_text(errors="replace") for icd in registered):
