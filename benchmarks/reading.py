@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.measure import Figure, in_turn, report
 from volspec._gpu import devices, trials
-from volspec.volume import Volume
+from volspec.volume import Volume, load_volume
 
 ENGINE = Path(__file__).resolve().parents[1] / "data/engine.nrrd"
 _FIRST = """
