@@ -16,7 +16,7 @@ import pytest
 import SimpleITK
 
 from tests.test_volume_files import NRRD, VALUES
-from volspec.errors import VolspecWarning, VolumeError
+from volspec.errors import DeviceError, VolspecWarning, VolumeError
 from volspec.volume import load_volume, reader_process
 from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.load import read_here
@@ -284,3 +284,60 @@ def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path: Path) -> None
     assert np.array_equal(reading.values.ravel()[1:], VALUES.ravel()[1:])
     path.write_bytes(NRRD.encode() + VALUES.tobytes())
     assert np.array_equal(load_volume(path).values, VALUES)
+
+
+def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> None:
+    """Paths that are no text, and a site that prints; an interpreter without a name is told."""
+    (tmp_path / "v.nrrd").write_bytes(NRRD.encode() + VALUES.tobytes())
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site/sitecustomize.py").write_text("print('welcome', flush=True)\n")
+    code = (
+        "import sys, pathlib, volspec as vs\n"
+        "sys.path.insert(0, pathlib.Path('/tmp'))\n"
+        "print(vs.load_volume('v.nrrd').shape_xyz)\n"
+        "from volspec.volume import reader_process\n"
+        "reader_process._idle_processes(__import__('os').getpid()).clear()\n"
+        "sys.executable = ''\n"
+        "try: vs.load_volume('v.nrrd')\n"
+        "except vs.errors.DeviceError as error: print(error)\n"
+    ).replace("vs.errors", "__import__('volspec.errors').errors")
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(tmp_path / "site")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    said = done.stdout.splitlines()
+    assert said[:2] == ["welcome", "(4, 3, 2)"], done.stderr
+    assert said[2].startswith("v.nrrd: no process can be started to read it with ('': ")
+
+
+def test_voxels_that_cannot_be_mapped_leave_no_child(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "v.nrrd"
+    path.write_bytes(NRRD.replace("raw", "gzip").encode() + gzip.compress(VALUES.tobytes()))
+    load_volume(path)
+    idle = reader_process._idle_processes(os.getpid())
+    child = idle[-1]._process
+
+    def refuse(*given: object) -> None:
+        raise OSError(12, "Cannot allocate memory")
+
+    monkeypatch.setattr(reader_process._ReaderProcess, "take", refuse)
+    with pytest.raises(DeviceError, match=r"v\.nrrd: no memory for its voxels"):
+        load_volume(path)
+    assert child.poll() is not None and child not in [each._process for each in idle]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_what_is_no_file_and_names_that_libraries_cannot_open_are_told(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.nrrd")
+    with pytest.raises(VolumeError, match=r"pipe\.nrrd: is a pipe or a device"):
+        load_volume(tmp_path / "pipe.nrrd")
+    name = os.fsdecode(b"bad\xff.nrrd")
+    (tmp_path / name).write_bytes(NRRD.encode() + VALUES.tobytes())
+    with pytest.raises(VolumeError, match="its name is not UTF-8"):
+        load_volume(tmp_path / name)

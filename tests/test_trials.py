@@ -124,6 +124,21 @@ def test_a_damaged_cache_is_asked_again(tried: Callable, tmp_path: Path, content
     assert row[0] == ""
 
 
+def test_another_linker_is_asked_again(
+    tried: Callable, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """PoCL ends the process where it cannot link: an old answer must not hide that."""
+    asked = tried(NEW, faults={})
+    chosen_device()
+    (tmp_path / "ld").write_text("#!/bin/sh\nexit 1\n")
+    (tmp_path / "ld").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    chosen_device()
+    monkeypatch.delenv("PATH")
+    chosen_device()
+    assert len(asked) == 3
+
+
 def test_two_drivers_of_one_name_are_told_apart(
     tried: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -129,6 +129,20 @@ def test_a_vti_file_whose_array_is_short_is_refused(
         load_volume(path)
 
 
+def test_a_vti_file_without_all_of_its_pieces_is_refused(tmp_path: Path) -> None:
+    """VTK leaves in the rest what memory held."""
+    path = tmp_path / "v.vti"
+    path.write_text(
+        '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian">'
+        '<ImageData WholeExtent="0 3 0 3 0 3" Origin="0 0 0" Spacing="1 1 1">'
+        '<Piece Extent="0 1 0 1 0 1"><PointData Scalars="a">'
+        '<DataArray type="UInt8" Name="a" format="ascii">1 2 1 2 1 2 1 2</DataArray>'
+        "</PointData></Piece></ImageData></VTKFile>"
+    )
+    with pytest.raises(VolumeError, match=r"v\.vti: its pieces cover 1 of 27 cells"):
+        load_volume(path)
+
+
 def test_a_vti_file_nested_deeply_is_refused(tmp_path: Path) -> None:
     """VTK's parser recurses until the process ends."""
     path = tmp_path / "v.vti"

@@ -79,7 +79,7 @@ def chosen_device(name: str | None = None) -> int:
         raise OpenCLError(no_device())
     wanted, source = name, ""
     if name is None:
-        wanted, source = os.environ.get(DEVICE_VARIABLE), f" ({DEVICE_VARIABLE})"
+        wanted, source = os.environ.get(DEVICE_VARIABLE, "").strip(), f" ({DEVICE_VARIABLE})"
     meant = [i for i, device in enumerate(found) if not wanted or _is_meant(wanted, i, device)]
     # Part of one device's name may be another's whole name.
     meant = [i for i in meant if found[i].name == wanted] or meant
@@ -87,7 +87,8 @@ def chosen_device(name: str | None = None) -> int:
         known = [n for device in found for n in (device.name, device.platform)]
         there = ", ".join(f"{i}: {d.name} ({d.platform})" for i, d in enumerate(found))
         raise OpenCLError(
-            f"no OpenCL device named {wanted!r}{source}; {nearest(wanted, known)}there is {there}"
+            f"no OpenCL device named {quoted(wanted)}{source}; {nearest(wanted[:99], known)}there "
+            f"is {there}"
         )
     # Where none works, the cache may hold what is not so any more.
     for again in (False, True):

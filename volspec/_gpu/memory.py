@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 
@@ -9,7 +10,10 @@ def host_free_bytes(root: Path = Path("/")) -> int:
     """Memory this process can still take: the machine's, or its container's where that is less."""
     import psutil
 
-    free = int(psutil.virtual_memory().available)
+    try:
+        free = int(psutil.virtual_memory().available)
+    except OSError:  # a hidden /proc
+        free = sys.maxsize
     group = root / "sys/fs/cgroup"
     try:
         limit = int((group / "memory.max").read_text())  # ValueError where it says "max"

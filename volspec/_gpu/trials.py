@@ -8,6 +8,7 @@ device, driver and version; a failure for a day, since what was missing may have
 from __future__ import annotations
 
 import json
+import os
 import re
 import secrets
 import shutil
@@ -29,7 +30,7 @@ from volspec.errors import InputError, one_line
 POCL = "Portable Computing Language"
 _LONGEST_S = 60.0
 _FAILURE_IS_KEPT_S = 86400.0
-_MOST_CACHED = 50
+_MOST_CACHED, _LARGEST_CACHE = 50, 1 << 20
 _NUMBER = "the number that the kernel writes is not there"
 # Prints its complaint and exits with 1; a driver may end it at any line.
 _TRIAL = f"""
@@ -109,13 +110,13 @@ def _key(index: int, devices: Sequence[DeviceInfo]) -> str:
     twins = devices[:index].count(info)
     words = [*map(str, astuple(info)[:4]), str(twins)]
     if info.platform == POCL:  # it links each kernel
-        words.append(str(not _missing_linker()))
+        words.append("no linker" if _missing_linker() else str(_linker()))
     return " | ".join(words)
 
 
 def _try(index: int, info: DeviceInfo) -> str:
     number = secrets.randbelow(2**31)  # compiled, not found in a driver's cache
-    command = [sys.executable, "-I", "-c", _TRIAL, json.dumps(sys.path)]
+    command = [sys.executable, "-I", "-c", _TRIAL, json.dumps([*filter(_is_text, sys.path)])]
     try:
         done = subprocess.run(
             [*command, str(index), repr(info), str(number)],
@@ -125,8 +126,8 @@ def _try(index: int, info: DeviceInfo) -> str:
         )
     except subprocess.TimeoutExpired:
         return f"a one-line kernel is not done after {_LONGEST_S:.0f} s"
-    except OSError as error:
-        return f"no process can be started to try it ({error.strerror})"
+    except (OSError, TypeError) as error:  # the latter if the interpreter's path is unknown
+        return f"no process can be started to try it ({one_line(error)})"
     if done.returncode == 0:
         return ""
     if info.platform == POCL and _missing_linker():
@@ -141,14 +142,23 @@ def _try(index: int, info: DeviceInfo) -> str:
     return one_line(text)[:200] or f"exit code {done.returncode}"
 
 
+def _is_text(entry: object) -> bool:
+    return isinstance(entry, str)
+
+
 def _missing_linker() -> bool:
     """PoCL links with ``ld`` against libc and libgcc; True if one is not in the usual places."""
     usual = (
-        shutil.which("ld"),
+        _linker(),
         glob("/usr/lib*/gcc*/*/*/libgcc.a"),
         glob("/usr/lib*/libc.so") or glob("/usr/lib/*/libc.so"),
     )
     return sys.platform == "linux" and not all(usual)
+
+
+def _linker() -> str | None:
+    """Path of ``ld`` as a driver finds it: without a PATH nowhere."""
+    return shutil.which("ld", path=os.environ.get("PATH", ""))
 
 
 def remedy(devices: Sequence[DeviceInfo]) -> str:
@@ -171,6 +181,8 @@ def _file() -> Path:
 def _read() -> dict[str, tuple[str, float]]:
     """Fault and time of each trial, by key; of a damaged file none."""
     try:
+        if not _file().is_file() or _file().stat().st_size > _LARGEST_CACHE:
+            return {}
         rows = json.loads(_file().read_text(encoding="utf-8"))
         return {str(key): (str(found), float(at)) for key, (found, at) in rows.items()}
     except (OSError, ValueError, TypeError, AttributeError, RecursionError, OverflowError):

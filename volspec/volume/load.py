@@ -72,7 +72,10 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     if not isinstance(path, str | os.PathLike):
         raise VolumeError(f"volume: {quoted(path)} is no path; give text or a pathlib.Path")
     query = Query.of(os.fspath(path))
-    reading = read_in_child(query) if library_of(query) else read_here(query)
+    library = library_of(query)
+    if library in _UTF_8:
+        _require_utf_8(query.path)
+    reading = read_in_child(query) if library else read_here(query)
     values = reading.values
     volume = Volume(
         values.read() if isinstance(values, Stored) else values,
@@ -114,6 +117,20 @@ _LIBRARIES: dict[Callable[[Query], Reading], str] = {
 }
 
 
+# Those that open files by names in UTF-8 alone.
+_UTF_8 = ("SimpleITK", "pyvista")
+
+
+def _require_utf_8(path: Path) -> None:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise VolumeError(
+            f"{quoted(str(path), 200)}: its name is not UTF-8, and the library that reads it opens "
+            "no other; rename it, or work in a UTF-8 locale"
+        ) from None
+
+
 def library_of(query: Query) -> str:
     """Return the module that reads a file; empty if it is read with NumPy alone.
 
@@ -131,6 +148,8 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
         raise VolumeError(f"{path}: no such file; check the path")
     if path.is_dir():
         return _folder_reader(path)
+    if not path.is_file():
+        raise VolumeError(f"{path}: is a pipe or a device; give a file or a folder")
     if path.stat().st_size == 0:
         raise VolumeError(f"{path}: the file is empty; copy or download it again")
     lower = path.name.lower()

@@ -71,18 +71,26 @@ def read_in_child(query: Query) -> Reading:
         if not process.request(query):  # it has waited too long, and ended
             raise IndexError
     except IndexError:
-        process = _ReaderProcess()
-        if not process.request(query):
-            raise DeviceError(
-                f"{query.path}: no process can be started to read it with ({sys.executable}); are "
-                "memory and the number of processes limited?"
-            ) from None
+        try:
+            process = _ReaderProcess()
+            begun = process.request(query)
+        except (OSError, TypeError) as error:  # the latter if the interpreter's path is unknown
+            raise _no_process(query, one_line(error)) from error
+        if not begun:
+            raise _no_process(query, "it ended at once") from None
     answer = process.answer(query)
     if "error" in answer:
         idle.append(process)
         raise getattr(errors, answer["error"])(answer["said"])
     voxels = Stored(**answer["voxels"])
-    values = voxels if answer["is_stored"] else process.take(voxels)
+    try:
+        values = voxels if answer["is_stored"] else process.take(voxels)
+    except OSError as error:
+        process.close()
+        raise DeviceError(
+            f"{query.path}: no memory for its voxels ({one_line(error)}); close programs, or raise "
+            "the limit"
+        ) from error
     idle.append(process)
     world = answer["world_from_index"]
     return Reading(
@@ -90,6 +98,13 @@ def read_in_child(query: Query) -> Reading:
         answer["spacing_mm"],
         None if world is None else np.array(world),
         answer["remarks"],
+    )
+
+
+def _no_process(query: Query, cause: str) -> DeviceError:
+    return DeviceError(
+        f"{query.path}: no process can be started to read it with ({sys.executable!r}: {cause}); "
+        "are memory, open files or processes limited?"
     )
 
 
@@ -103,8 +118,9 @@ class _ReaderProcess:
     """The parent's end of a child; for one request at a time."""
 
     def __init__(self) -> None:
+        searched = [entry for entry in sys.path if isinstance(entry, str)]
         self._process = subprocess.Popen(
-            [sys.executable, "-I", "-c", _START, json.dumps(sys.path)],
+            [sys.executable, "-I", "-c", _START, json.dumps(searched)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -194,6 +210,8 @@ class _ReaderProcess:
         watch.start()
         try:
             line = self._process.stdout.readline()
+            while line and not line.startswith(b"{"):  # printed by somebody's sitecustomize
+                line = self._process.stdout.readline()
         except ValueError:  # closed
             return None
         finally:
@@ -267,6 +285,8 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
             values, memory = _shared(values)
     except VolspecError as error:
         return {"error": type(error).__name__, "said": str(error)}, None
+    except ImportError as error:
+        fault = f"the library that reads it cannot be loaded ({one_line(error):.150}); reinstall it"
     except MemoryError:
         fault = "takes more memory to read than its header accounts for; is it damaged?"
     except Exception as error:  # a library's own, of a kind that its reader does not expect

@@ -158,7 +158,9 @@ class Query:
         nbytes = math.prod(shape) * itemsize
         counts = "x".join(map(str, shape))
         if min(shape, default=0) < 1:
-            raise VolumeError(f"{self.path}: its header declares {counts} voxels; is it damaged?")
+            raise VolumeError(
+                f"{self.path}: its header declares {counts or 'no'} voxels; is it damaged?"
+            )
         if held is not None:
             self.require_held(held, shape, nbytes)
         free = host_free_bytes()

@@ -79,11 +79,13 @@ def read_raw(query: Query) -> Reading:
         raise VolumeError(f"{path}: order={options['order']}; give little or big")
     if options.get("order") == "big":
         dtype = dtype.newbyteorder(">")
+    if offset < 0:
+        raise VolumeError(f"{path}: offset={offset}; give the bytes before the voxels, 0 or more")
     if len(shape) != 3 or min(shape) < 1:
         raise VolumeError(f"{path}: shape {options['shape']} is not XxYxZ with positive counts")
     expected = math.prod(shape) * dtype.itemsize
     held = path.stat().st_size - offset
-    if offset < 0 or held < expected:
+    if held < expected:
         raise VolumeError(
             f"{path}: holds {max(held, 0)} bytes after the offset, but shape {options['shape']} "
             f"of {dtype} needs {expected}; truncated, or is the shape wrong?"

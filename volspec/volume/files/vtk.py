@@ -169,7 +169,8 @@ class _XmlHeader:
         # Of appended data: its encoding, and the first byte behind its underscore.
         self._encoding, self._start = "", 0
         self._open: list[str] = []
-        self._points = self._cells = 0
+        # Of the piece being read, of all pieces so far, and of the whole.
+        self._points = self._cells = self._covered = self._whole = 0
         self._parse()
 
     def _parse(self) -> None:
@@ -206,13 +207,11 @@ class _XmlHeader:
             self._order = ">" if given.get("byte_order") == "BigEndian" else "<"
             self._word = _HEADER_TYPES[given.get("header_type", "UInt32")]
             self._compressed = bool(given.get("compressor"))
+        elif name == "ImageData":
+            _, self._whole = _counts(given["WholeExtent"])
         elif name == "Piece":
-            ends = [int(n) for n in given["Extent"].split()]
-            sides = [high - low for low, high in zip(ends[::2], ends[1::2], strict=True)]
-            if len(sides) != 3 or min(sides) < 0:
-                raise ValueError("Extent")
-            self._points = math.prod(side + 1 for side in sides)
-            self._cells = math.prod(max(side, 1) for side in sides)
+            self._points, self._cells = _counts(given["Extent"])
+            self._covered += self._cells
         elif name == "DataArray" and self._open[-2] in ("PointData", "CellData"):
             tuples = self._points if self._open[-2] == "PointData" else self._cells
             values = tuples * max(int(given.get("NumberOfComponents", "1")), 1)
@@ -238,6 +237,11 @@ class _XmlHeader:
         """
         if not self.arrays:
             return
+        if self._covered != self._whole:
+            raise VolumeError(
+                f"{self.path}: its pieces cover {self._covered} of {self._whole} cells; are all "
+                "there? Save it as one piece"
+            )
         query.reserve((sum(a.values * a.itemsize for a in self.arrays),), 1)
         with self.path.open("rb") as file:
             for array in self.arrays:
@@ -272,3 +276,12 @@ class _XmlHeader:
             return int(min(first, left - nbytes))
         block, last = others
         return int(block * (first - 1) + last if last else block * first)
+
+
+def _counts(extent: str) -> tuple[int, int]:
+    """Points and cells of an extent, ``"0 5 0 4 0 39"``."""
+    ends = [int(number) for number in extent.split()]
+    sides = [high - low for low, high in zip(ends[::2], ends[1::2], strict=True)]
+    if len(sides) != 3 or min(sides) < 0:
+        raise ValueError("Extent")
+    return math.prod(side + 1 for side in sides), math.prod(max(side, 1) for side in sides)
