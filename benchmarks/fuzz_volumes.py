@@ -83,10 +83,9 @@ class _Children:
         return most
 
     def declared(self, data: bytes) -> int:
-        """Bytes that the last input's header declares, and its file's."""
-        times = [each._seconds for each in reader_process._idle_processes(os.getpid())]
-        patience, speed = reader_process._PATIENCE_S, reader_process._SLOWEST_BYTES_PER_S
-        return max((int((s - patience) * speed) for s in times), default=len(data))
+        """Bytes of voxels that the last input's header declares, and its own."""
+        idle = reader_process._idle_processes(os.getpid())
+        return len(data) + max((each.declared_bytes for each in idle), default=0)
 
 
 def _itk(name: str, *arrays: np.ndarray, packed: bool = False) -> Callable[[], Iterable[bytes]]:

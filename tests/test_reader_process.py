@@ -67,6 +67,15 @@ def test_a_reader_that_takes_more_memory_than_declared_is_refused(
         load_volume(path)
 
 
+def test_a_small_file_that_declares_much_gets_no_more_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reader_process, "_PATIENCE_S", 0.5)
+    path = child_with(tmp_path, "query.declare(1 << 40); time.sleep(60)", monkeypatch)
+    with pytest.raises(VolumeError, match=r"v\.nrrd: takes longer than 1 s to read"):
+        load_volume(path)
+
+
 def test_an_error_that_no_reader_expects_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -40,6 +40,8 @@ _PATIENCE_S, _SLOWEST_BYTES_PER_S = 8.0, 8e6
 _START_S = 60.0
 # A child waits so long for the next file.
 _IDLE_S = 20.0
+# Of what a file holds: what is packed further is unpacked quickly, or is hostile.
+_MOST_PACKED = 20
 # Files of a folder that are counted for the time to read it.
 _MOST_COUNTED = 5000
 # Address space beyond what its libraries take: for reading, and per byte of declared voxels (the
@@ -128,6 +130,7 @@ class _ReaderProcess:
         )
         self._late = False
         self._seconds = _PATIENCE_S
+        self.declared_bytes = 0
         atexit.register(self.close)
 
     def close(self) -> None:
@@ -195,6 +198,7 @@ class _ReaderProcess:
         if message is None or "expects" not in message:
             return False
         self._seconds = _PATIENCE_S + message["expects"] / _SLOWEST_BYTES_PER_S
+        self.declared_bytes = message["declares"]
         return True
 
     def _send(self, line: bytes) -> None:
@@ -262,7 +266,7 @@ def serve(read: Callable[[Query], Reading], library_of: Callable[[Query], str]) 
 
             def expect(nbytes: int, size: int = size, folder: int = folder) -> None:
                 _limit_memory(_SPARE_BYTES + size + _TIMES_DECLARED * nbytes)
-                send(expects=folder + nbytes)
+                send(expects=folder + min(nbytes, _MOST_PACKED * folder), declares=nbytes)
 
             query = Query(path, given["options"], expect)
             _limit_memory(None)
