@@ -57,7 +57,8 @@ def _header(path: Path) -> None:
     layout = Layout.of(path)
     if layout is not None:
         layout.voxels((6, 5, 4), np.dtype(np.int16))
-        layout.restore_non_finite(np.zeros(120, np.float32))
+        if layout.stored is not None:
+            layout.restore_non_finite(np.zeros((4, 5, 6), np.float32), Query(path))
 
 
 class _Children:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import struct
 import warnings
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -39,6 +40,109 @@ def test_truncated_nifti_is_refused(tmp_path: Path, suffix: str) -> None:
     path.write_bytes((whole if suffix == ".nii" else gzip.compress(whole))[:-12])
     with pytest.raises(VolumeError, match=path.name):
         load_volume(path)
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_truncated_nifti_whose_values_are_rescaled_is_refused(tmp_path: Path, suffix: str) -> None:
+    data = bytearray(nifti(VALUES, np.eye(4)))
+    struct.pack_into("<2f", data, 112, 2.0, 5.0)
+    path = tmp_path / f"v{suffix}"
+    path.write_bytes(bytes(data) if suffix == ".nii" else gzip.compress(data))
+    assert np.array_equal(load_volume(path).values, VALUES * 2.0 + 5)
+    path.write_bytes(bytes(data[:-9]) if suffix == ".nii" else gzip.compress(data[:-9]))
+    with pytest.raises(VolumeError, match=r"39 bytes of voxels, .* asks for 48"):
+        load_volume(path)
+
+
+RAW = VALUES.tobytes()
+BIG = VALUES.astype(">i2").tobytes()
+WORDS = b" ".join(b"%d" % value for value in VALUES.ravel()) + b"\n"
+META_VARIANTS = [
+    ("BinaryDataByteOrderMSB = T", BIG),
+    ("BinaryDataByteOrderMSB = 1", BIG),
+    ("BinaryDataByteOrderMSB = yes", RAW),
+    ("binarydatabyteordermsb = True", RAW),
+    ("ElementByteOrderMSB = True", BIG),
+    ("ElementByteOrderMSB = True\nBinaryDataByteOrderMSB = False", RAW),
+    ("BinaryDataByteOrderMSB = True\nElementByteOrderMSB = False", RAW),
+    ("ElementToIntensityFunctionSlope = 2\nElementToIntensityFunctionOffset = 5", RAW),
+    (f"CompressedData = T\nCompressedDataSize = {len(zlib.compress(RAW))}", zlib.compress(RAW)),
+    (f"CompressedData = 1\nCompressedDataSize = {len(gzip.compress(RAW))}", gzip.compress(RAW)),
+    ("CompressedData = yes", RAW),
+    ("BinaryData = F", WORDS),
+    ("BinaryData = 0", WORDS),
+    ("BinaryData = true", RAW),
+    ("ElementNBits = 8", RAW),
+    ("HeaderSize = 6", b"abcdef" + RAW),
+]
+NRRD_VARIANTS = [
+    ("endian: BIG\nencoding: RAW", BIG),
+    ("endian: little\nencoding: raw\nbyteskip: 4", b"abcd" + RAW),
+    ("endian: little\nencoding: raw\nbyte skip: 4", b"abcd" + RAW),
+    ("endian: little\nencoding: raw\nbyte skip: +4", b"abcd" + RAW),
+    ("endian: little\nencoding: raw\nbyte skip: -1", b"abcd" + RAW),
+    ("endian: little\nencoding: raw\nlineskip: 1", b"ab\n" + RAW),
+    ("endian: little\nencoding: raw\nline skip: 1", b"ab\n" + RAW),
+    ("endian: little\nencoding: raw\nendian:=big", RAW),
+    ("endian: little\nencoding: raw\nencoding:=gzip", RAW),
+    ("# endian: big\nendian: little\nencoding: raw", RAW),
+    ("endian: little\nencoding: gz", gzip.compress(RAW)),
+    ("endian: little\nencoding: gzip\nlineskip: 1", b"ab\n" + gzip.compress(RAW)),
+    ("endian: little\nencoding: gzip\nbyteskip: 4", gzip.compress(b"abcd" + RAW)),
+    ("ENDIAN: little\nEncoding: raw", RAW),
+    ("endian: little\nencoding: hex", RAW.hex().encode()),
+    ("endian: little\r\nencoding: raw\r", RAW),
+]
+# Offset of a field, its format, its values.
+NIFTI_VARIANTS = [
+    *((108, "<f", (start,)) for start in (0, 348, 352.9, np.nan, np.inf, -5, 100)),
+    *((112, "<2f", pair) for pair in ((np.nan, 0), (1, 3), (0, 3), (np.inf, 0), (2, 0), (1, 0))),
+    (70, "<2h", (512, 16)),
+    (72, "<h", (8,)),
+]
+
+
+def loaded_as_itk_does(path: Path) -> None:
+    """Voxels that are read as a file's bytes, and not by ITK, are those that ITK would give."""
+    import SimpleITK as sitk
+
+    from volspec._files import captured_output
+
+    with captured_output([]):
+        expected = sitk.GetArrayFromImage(sitk.ReadImage(str(path)))
+    assert expected.shape == VALUES.shape
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VolspecWarning)
+        assert np.array_equal(load_volume(path).values, expected, equal_nan=True)
+
+
+@pytest.mark.parametrize(("fields", "data"), META_VARIANTS)
+def test_metaimage_headers_are_taken_as_itk_takes_them(
+    tmp_path: Path, fields: str, data: bytes
+) -> None:
+    path = tmp_path / "v.mha"
+    path.write_bytes(f"{META}{fields}\nElementDataFile = LOCAL\n".encode() + data)
+    loaded_as_itk_does(path)
+
+
+@pytest.mark.parametrize(("fields", "data"), NRRD_VARIANTS)
+def test_nrrd_headers_are_taken_as_itk_takes_them(tmp_path: Path, fields: str, data: bytes) -> None:
+    path = tmp_path / "v.nrrd"
+    head = "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\n"
+    path.write_bytes(f"{head}{fields}\n\n".encode() + data)
+    loaded_as_itk_does(path)
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+@pytest.mark.parametrize(("offset", "form", "numbers"), NIFTI_VARIANTS)
+def test_nifti_headers_are_taken_as_itk_takes_them(
+    tmp_path: Path, suffix: str, offset: int, form: str, numbers: tuple[float, ...]
+) -> None:
+    data = bytearray(nifti(VALUES, np.eye(4)))
+    struct.pack_into(form, data, offset, *numbers)
+    path = tmp_path / f"v{suffix}"
+    path.write_bytes(bytes(data) if suffix == ".nii" else gzip.compress(data))
+    loaded_as_itk_does(path)
 
 
 def grid(**arrays: np.ndarray) -> pyvista.ImageData:
@@ -126,6 +230,35 @@ def test_a_vti_file_whose_array_is_short_is_refused(
     assert np.array_equal(load_silently(path).ravel(), RAMP)
     path.write_bytes(path.read_bytes().replace(b"0 5 0 4 0 39", b"0 5 0 4 0 99"))
     with pytest.raises(VolumeError, match=r"v\.vti: holds \d+ bytes of voxels, .* 6000; truncated"):
+        load_volume(path)
+
+
+@pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
+def test_a_vti_file_of_digits_with_other_arrays_is_read(tmp_path: Path, mode: str) -> None:
+    """Vectors come with elements of their own, field data with text that is no voxels."""
+    from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
+
+    image = grid(labels=(RAMP % 7).astype(np.uint8), vectors=np.ones((1200, 3)))
+    image.field_data["note"] = np.arange(5000.0)
+    image.set_active_scalars("labels")
+    path = tmp_path / "v.vti"
+    writer = vtkXMLImageDataWriter()
+    writer.SetInputData(image)
+    writer.SetFileName(str(path))
+    writer.SetDataMode(getattr(writer, mode))
+    writer.Write()
+    assert (b"InformationKey" in path.read_bytes()) == (mode != "Appended")
+    assert np.array_equal(load_silently(path).ravel(), RAMP % 7)
+    path.write_bytes(path.read_bytes().replace(b"0 5 0 4 0 39", b"0 5 0 4 0 49"))
+    with pytest.raises(VolumeError, match=r"v\.vti: holds \d+ bytes of voxels, .* 1500; truncated"):
+        load_volume(path)
+
+
+@pytest.mark.parametrize("text", ["<DataArray/>", "<a></a></a>", "<AppendedData>no mark"])
+def test_a_vti_file_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "v.vti"
+    path.write_text(f"{text}</VTKFile>")
+    with pytest.raises(VolumeError, match=r"v\.vti: not readable as VTK image data"):
         load_volume(path)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolumeError, one_line, quoted
-from volspec.volume.files.query import Stored
+from volspec.volume.files.query import Query, Stored
 
 NIFTI_SUFFIXES = (".nii", ".nii.gz")
 TRUNCATED = "truncated, copy or download it again"
@@ -35,7 +35,20 @@ _MOST_LINES, _MOST_LENGTH = 10_000, 1 << 16
 _SURPLUS = 1 << 24
 # The one conversion that MetaImage defines for names of slices: slice%03d.raw.
 _PATTERN = re.compile(r"[^%]*%0?\d{0,2}d[^%]*")
-_NIFTI_FLOATS = {16: "f4", 64: "f8"}
+# Codes of NIfTI-1 for types of numbers; and the least byte at which voxels begin.
+_NIFTI_TYPES = {
+    2: "u1",
+    4: "i2",
+    8: "i4",
+    16: "f4",
+    64: "f8",
+    256: "i1",
+    512: "u2",
+    768: "u4",
+    1024: "i8",
+    1280: "u8",
+}
+_NIFTI_HEADER = 348
 
 
 def check_itk_header(path: Path) -> None:
@@ -47,8 +60,8 @@ def check_itk_header(path: Path) -> None:
         If a spacing is not positive, a size is no positive number, or the voxels are said to be
         outside of the file's folder.
     """
-    fields, _ = _read_fields(path)
-    spacing = fields.get("spacings") or fields.get("elementspacing") or ""
+    fields = _Fields.read(path).named
+    spacing = fields.get("spacings") or fields.get("ElementSpacing") or ""
     try:
         numbers = [float(word) for word in spacing.split()]
     except ValueError:
@@ -57,7 +70,7 @@ def check_itk_header(path: Path) -> None:
         raise VolumeError(
             f"{path}: spacing {spacing}; each of x, y, z must be positive, correct the header"
         )
-    sizes = fields.get("sizes") or fields.get("dimsize") or ""
+    sizes = fields.get("sizes") or fields.get("DimSize") or ""
     if not all(word.isdecimal() and int(word) > 0 for word in sizes.split()):
         raise VolumeError(f"{path}: sizes {quoted(sizes)}; each must be a positive whole number")
     for name in _data_files(path, fields):
@@ -87,7 +100,7 @@ def _data_files(path: Path, fields: dict[str, str]) -> list[str]:
 
 
 def _data_field(fields: dict[str, str]) -> str:
-    keys = ("data file", "datafile", "elementdatafile")
+    keys = ("datafile", "ElementDataFile")
     return next((fields[key] for key in keys if key in fields), "LOCAL")
 
 
@@ -95,25 +108,53 @@ def _is_meta(path: Path) -> bool:
     return path.suffix.lower() in (".mhd", ".mha")
 
 
-def _read_fields(path: Path) -> tuple[dict[str, str], int]:
-    """An NRRD's or MetaImage's fields, names in lower case, and the byte behind its header."""
-    separator = "=" if _is_meta(path) else ":"
-    fields = {}
-    with path.open("rb") as file:
-        if separator == ":" and not file.readline(80).startswith(b"NRRD"):
-            return {}, 0
-        for _ in range(_MOST_LINES):
-            line = file.readline(_MOST_LENGTH).decode("latin-1").strip()
-            if not line:
-                break
-            key, found, value = line.partition(separator)
-            if found:
-                fields[key.strip().lower()] = value.strip()
-            elif separator == "=":
-                break
-            if key.strip().lower() == "elementdatafile":  # by definition the last
-                break
-        return fields, file.tell()
+@dataclass(frozen=True, slots=True)
+class _Fields:
+    """An NRRD's or MetaImage's fields.
+
+    Parameters
+    ----------
+    named : {str: str}
+        NRRD's names in lower case and without spaces, as ``byteskip``; MetaImage's as they are.
+    end : int
+        The byte behind the header.
+    repeated : bool
+        A field is there twice: only ITK can tell which counts.
+    """
+
+    named: dict[str, str]
+    end: int = 0
+    repeated: bool = False
+
+    @classmethod
+    def read(cls, path: Path) -> _Fields:
+        is_meta = _is_meta(path)
+        separator = "=" if is_meta else ":"
+        named: dict[str, str] = {}
+        repeated = False
+        with path.open("rb") as file:
+            if not is_meta and not file.readline(80).startswith(b"NRRD"):
+                return cls({})
+            for _ in range(_MOST_LINES):
+                line = file.readline(_MOST_LENGTH).decode("latin-1").strip()
+                if not line:
+                    break
+                key, found, value = line.partition(separator)
+                key = key.strip() if is_meta else key.lower().replace(" ", "")
+                if is_meta and not found:
+                    break
+                if not found or key.startswith("#") or (not is_meta and value.startswith("=")):
+                    continue  # a comment, or a pair of NRRD's own
+                repeated |= key in named
+                named[key] = value.strip()
+                if key == "ElementDataFile":  # by definition the last
+                    break
+            return cls(named, file.tell(), repeated)
+
+
+def _is_true(word: str) -> bool:
+    """Return True for what MetaIO takes as true, which is told by the first letter."""
+    return word[:1] in ("T", "t", "1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,10 +175,10 @@ class Layout:
         Byte order, ``<`` or ``>``.
     whole_packed : bool
         The header is in the packed stream, too.
-    floats : dtype, optional
-        Of a NIfTI file with floats, whose NaN and infinities ITK sets to 0.
+    stored : dtype, optional
+        Of a NIfTI file: the type of the numbers in it, of which ITK may make floats.
     rescaled : bool
-        The stored numbers are not yet the values, which only ITK can tell.
+        These are not yet the values, which only ITK can tell.
     """
 
     path: Path
@@ -146,7 +187,7 @@ class Layout:
     encoding: str = "raw"
     order: str = "<"
     whole_packed: bool = False
-    floats: np.dtype[Any] | None = None
+    stored: np.dtype[Any] | None = None
     rescaled: bool = False
 
     @classmethod
@@ -156,33 +197,63 @@ class Layout:
         Raises
         ------
         VolumeError
-            If a NIfTI header is damaged.
+            If a packed NIfTI file is damaged.
         """
         if path.name.lower().endswith(NIFTI_SUFFIXES):
             return cls._of_nifti(path)
-        fields, start = _read_fields(path)
-        if fields.get("binarydata", "").lower() == "false":
+        header = _Fields.read(path)
+        if header.repeated:
             return None
-        name, data = _data_field(fields), path
-        if name.upper() != "LOCAL":
-            data, start = path.parent / name, 0
-        try:
-            start += (skip := int(fields.get("byte skip", fields.get("headersize", "0"))))
-        except ValueError:
-            return None
+        return cls._of_meta(path, header) if _is_meta(path) else cls._of_nrrd(path, header)
+
+    @classmethod
+    def _of_nrrd(cls, path: Path, header: _Fields) -> Layout | None:
+        fields = header.named
         encoding = fields.get("encoding", "raw").lower()
         encoding = "gzip" if encoding == "gz" else encoding
-        if fields.get("compresseddata", "").lower() == "true":
-            encoding = "zlib"
-        # A list of files, data at a file's end, or lines before it.
-        one_run = data.is_file() and skip >= 0 and fields.get("line skip", "0") == "0"
-        if not one_run or encoding not in ("raw", "gzip", "zlib") or (skip and encoding != "raw"):
+        order = ">" if fields.get("endian", "").lower() == "big" else "<"
+        # Lines before the voxels, or bytes before packed ones.
+        skip = fields.get("byteskip", "0")
+        if fields.get("lineskip", "0") != "0" or encoding not in ("raw", "gzip"):
             return None
-        big = fields.get("endian", "").lower() == "big" or "true" in (
-            fields.get("binarydatabyteordermsb", "").lower(),
-            fields.get("elementbyteordermsb", "").lower(),
+        return (
+            None
+            if encoding == "gzip" and skip != "0"
+            else cls._at(path, header, skip, encoding, order)
         )
-        return cls(path, data, start, encoding, ">" if big else "<")
+
+    @classmethod
+    def _of_meta(cls, path: Path, header: _Fields) -> Layout | None:
+        fields = header.named
+        orders = {
+            _is_true(fields[key])
+            for key in ("BinaryDataByteOrderMSB", "ElementByteOrderMSB")
+            if key in fields
+        }
+        packed = _is_true(fields.get("CompressedData", ""))
+        skip = fields.get("HeaderSize", "0")
+        is_local = _data_field(fields).upper() == "LOCAL"
+        if (
+            not _is_true(fields.get("BinaryData", "True"))
+            or len(orders) == 2
+            or (skip != "0" and (packed or is_local))
+        ):
+            return None
+        return cls._at(
+            path, header, skip, "zlib" if packed else "raw", ">" if True in orders else "<"
+        )
+
+    @classmethod
+    def _at(
+        cls, path: Path, header: _Fields, skip: str, encoding: str, order: str
+    ) -> Layout | None:
+        """Layout of voxels behind a header or in a file of their own, from a byte on."""
+        name = _data_field(header.named)
+        data, start = (path, header.end) if name.upper() == "LOCAL" else (path.parent / name, 0)
+        # Otherwise a pattern of names, or at a file's end.
+        if not data.is_file() or not skip.isdecimal():
+            return None
+        return cls(path, data, start + int(skip), encoding, order)
 
     @classmethod
     def _of_nifti(cls, path: Path) -> Layout | None:
@@ -194,15 +265,20 @@ class Layout:
             return None
         (kind,) = struct.unpack_from(order + "h", head, 70)
         start, slope, shift = struct.unpack_from(order + "3f", head, 108)
-        if not 0 <= start < 2**31:
-            raise VolumeError(
-                f"{path}: its header puts the voxels at byte {start:g}; damaged, copy or download "
-                "it again"
-            )
-        floats = np.dtype(order + _NIFTI_FLOATS[kind]) if kind in _NIFTI_FLOATS else None
-        rescaled = slope != 0 and (slope, shift) != (1, 0)
+        if kind not in _NIFTI_TYPES:
+            return None
+        # As niftilib, whatever the number says.
+        first = int(start) if _NIFTI_HEADER <= start < 2**31 else _NIFTI_HEADER
         encoding = "gzip" if packed else "raw"
-        return cls(path, path, int(start), encoding, order, packed, floats, rescaled)
+        stored = np.dtype(order + _NIFTI_TYPES[kind])
+        rescaled = (slope, shift) not in ((1, 0), (0, 0))
+        return cls(path, path, first, encoding, order, packed, stored, rescaled)
+
+    def holds(self, dtype: np.dtype[Any]) -> bool:
+        """Return True if the numbers in the file are the values, of the type that ITK gives."""
+        if self.stored is None:
+            return True
+        return not self.rescaled and self.stored.str[1:] == dtype.str[1:]
 
     def chunks(self, nbytes: int) -> Iterator[bytes]:
         """Yield the voxels' bytes, not many more than ``nbytes``; fewer if the file ends early.
@@ -260,32 +336,40 @@ class Layout:
             held += len(chunk)
         return unpacked.view(code).reshape(shape), held
 
-    def restore_non_finite(self, values: NDArray[Any]) -> NDArray[Any]:
+    def restore_non_finite(self, values: NDArray[Any], query: Query) -> NDArray[Any]:
         """Put back NaN and infinities, which ITK's NIfTI reader has set to 0.
 
         Parameters
         ----------
-        values : array of floats
-            As ITK read them.
+        values : array
+            As ITK read them from a file that does not hold them as they are (`holds`).
+        query : Query
+            For messages.
 
         Returns
         -------
         array
             ``values`` if there are none, else a copy.
+
+        Raises
+        ------
+        VolumeError
+            If a packed stream is damaged, or the file ends early: ITK makes up what is missing.
         """
-        if self.floats is None:
-            return values
-        restored, at, rest = None, 0, b""
-        for chunk in self.chunks(values.size * self.floats.itemsize):
-            whole = len(rest + chunk) // self.floats.itemsize
-            stored = np.frombuffer(rest + chunk, self.floats, whole)[: values.size - at]
-            rest = (rest + chunk)[whole * self.floats.itemsize :]
+        assert self.stored is not None
+        size = self.stored.itemsize
+        restored, at, rest = values, 0, b""
+        for chunk in self.chunks(values.size * size):
+            rest += chunk
+            stored = np.frombuffer(rest, self.stored, len(rest) // size)[: values.size - at]
+            rest = rest[stored.size * size :]
             lost = ~np.isfinite(stored)
             if lost.any():
-                restored = values.copy() if restored is None else restored
+                restored = values.copy() if restored is values else restored
                 restored.reshape(-1)[at : at + stored.size][lost] = stored[lost]
             at += stored.size
-        return values if restored is None else restored
+        query.require_held(at * size + len(rest), values.shape[::-1], values.size * size)
+        return restored
 
 
 def _unpacked(file: BinaryIO, encoding: str) -> Iterator[bytes]:

@@ -42,13 +42,14 @@ def read_itk(query: Query) -> Reading:
             layout = Layout.of(path)
             query.reserve(size, dtype.itemsize)
             held = None
-            if layout is not None and not layout.rescaled:
+            if layout is not None and layout.holds(dtype):
                 values, held = layout.voxels(size, dtype)
                 query.require_held(held, size, nbytes)
             else:
                 image = image.Execute()
                 values = sitk.GetArrayViewFromImage(image)
-                values = values if layout is None else layout.restore_non_finite(values)
+                if layout is not None:
+                    values = layout.restore_non_finite(values, query)
     except RuntimeError as error:
         raise VolumeError(
             f"{path}: cannot be read ({complaint(error, said)}); is the file complete and of the "

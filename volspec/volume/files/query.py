@@ -139,8 +139,8 @@ class Query:
             )
         return int(given)
 
-    def reserve(self, shape: Sequence[int], itemsize: int, held: int | None = None) -> None:
-        """Refuse voxels that the file cannot hold or memory cannot take, before allocating them.
+    def reserve(self, shape: Sequence[int], itemsize: int) -> None:
+        """Refuse voxels that memory cannot take, before allocating them.
 
         Parameters
         ----------
@@ -148,8 +148,6 @@ class Query:
             Voxel counts that a header declares, and components, in any order.
         itemsize : int
             Bytes of a value.
-        held : int, optional
-            Bytes of voxels in the file, where they are not compressed.
 
         Raises
         ------
@@ -161,8 +159,6 @@ class Query:
             raise VolumeError(
                 f"{self.path}: its header declares {counts or 'no'} voxels; is it damaged?"
             )
-        if held is not None:
-            self.require_held(held, shape, nbytes)
         free = host_free_bytes()
         if nbytes > free:
             raise VolumeError(

@@ -40,7 +40,8 @@ def read_npy(query: Query) -> Reading:
         if dtype.hasobject:
             raise VolumeError(f"{path}: holds Python objects; save an array of numbers")
         held = path.stat().st_size - file.tell()
-        query.reserve(shape, dtype.itemsize, held)
+        query.require_held(held, shape, math.prod(shape) * dtype.itemsize)
+        query.reserve(shape, dtype.itemsize)
         if columns_first:
             flat = np.fromfile(file, dtype, math.prod(shape))
             return Reading(flat.reshape(shape[::-1]).T)

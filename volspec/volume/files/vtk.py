@@ -17,6 +17,7 @@ import logging
 import math
 import struct
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -148,9 +149,14 @@ class _Array:
     itemsize: int
     form: str
     offset: int
-    # Of an array in the element itself: its first characters, and how many there are.
+    # Of an array in the element itself: its first characters, how many characters and words.
     text: str = ""
     length: int = 0
+    words: int = 0
+
+
+class _AppendedData(Exception):
+    """What follows need not be XML."""
 
 
 class _XmlHeader:
@@ -169,6 +175,7 @@ class _XmlHeader:
         # Of appended data: its encoding, and the first byte behind its underscore.
         self._encoding, self._start = "", 0
         self._open: list[str] = []
+        self._array: _Array | None = None
         # Of the piece being read, of all pieces so far, and of the whole.
         self._points = self._cells = self._covered = self._whole = 0
         self._parse()
@@ -185,19 +192,18 @@ class _XmlHeader:
             file.seek(0)
             parser = expat.ParserCreate()
             parser.StartElementHandler = lambda name, given: self._begin(parser, name, given)
-            parser.EndElementHandler = lambda name: self._open.pop()
+            parser.EndElementHandler = self._end
             parser.CharacterDataHandler = self._text
             try:
-                while not self._encoding and (chunk := file.read(_CHUNK)):
-                    parser.Parse(chunk)
-            except (expat.ExpatError, ValueError, KeyError) as error:
-                # Raw appended data is no XML.
-                if not self._encoding:
-                    raise _unreadable(self.path) from error
-            if self._encoding:
-                file.seek(self._start)
-                head = file.read(_CHUNK)
-                self._start += head.index(b"_", head.index(b">")) + 1
+                with suppress(_AppendedData):
+                    while chunk := file.read(_CHUNK):
+                        parser.Parse(chunk)
+                if self._start:
+                    file.seek(self._start)
+                    head = file.read(_CHUNK)
+                    self._start += head.index(b"_", head.index(b">")) + 1
+            except (expat.ExpatError, ValueError, LookupError) as error:
+                raise _unreadable(self.path) from error
 
     def _begin(self, parser: Any, name: str, given: dict[str, str]) -> None:
         self._open.append(name)
@@ -217,16 +223,25 @@ class _XmlHeader:
             values = tuples * max(int(given.get("NumberOfComponents", "1")), 1)
             itemsize = _XML_BYTES[given["type"]]
             place = int(given.get("offset", "0"))
-            self.arrays.append(_Array(values, itemsize, given.get("format", "ascii"), place))
+            self._array = _Array(values, itemsize, given.get("format", "ascii"), place)
+            self.arrays.append(self._array)
         elif name == "AppendedData":
             self._encoding = given.get("encoding", "base64")
             self._start = parser.CurrentByteIndex
+            raise _AppendedData
+
+    def _end(self, name: str) -> None:
+        self._open.pop()
+        if name == "DataArray":
+            self._array = None
 
     def _text(self, text: str) -> None:
-        if self._open[-1] == "DataArray" and self.arrays:
-            array, text = self.arrays[-1], text.strip()
-            array.length += len(text)
-            array.text = (array.text + text)[:64] if len(array.text) < 64 else array.text
+        array, text = self._array, text.strip()
+        if array is None or self._open[-1] != "DataArray":  # an InformationKey's
+            return
+        array.length += len(text)
+        array.words += len(text.split())
+        array.text = (array.text + text)[:64] if len(array.text) < 64 else array.text
 
     def check(self, query: Query) -> None:
         """Refuse arrays that are longer than what the file holds of them, or than memory.
@@ -258,8 +273,8 @@ class _XmlHeader:
 
     def _held(self, array: _Array, file: Any) -> int:
         """Bytes of an array that are in the file, by the lengths that stand before them."""
-        if array.form == "ascii":  # a value and a space are two characters
-            return (array.length + 1) // 2 * array.itemsize
+        if array.form == "ascii":
+            return array.words * array.itemsize
         raw = array.form == "appended" and self._encoding == "raw"
         if array.form == "appended":
             file.seek(self._start + array.offset)
