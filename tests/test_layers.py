@@ -20,6 +20,7 @@ LAYERS = (
         "errors",
         "_files",
         "_cache",
+        "_child",
         "_parse",
         "_toml",
         "_exr",

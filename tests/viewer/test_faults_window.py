@@ -31,10 +31,11 @@ def test_without_a_device_that_works_the_empty_picture_keeps_the_remedy(
         x, y, width, height = robot.area("picture")
         robot.grab(tmp_path / "window.png")
         with Image.open(tmp_path / "window.png") as window:
-            # In the middle, where the notice that says the same is not.
-            middle = window.crop((x, y + height // 3, x + width, y + 2 * height // 3))
-            lit = np.count_nonzero(np.asarray(middle.convert("L")) > 90)
-        assert 300 < lit < 0.3 * middle.width * middle.height
+            left = window.crop((x, y, x + 2 * width // 3, y + height))  # of cube and scale
+            picture = np.asarray(left.convert("L")) > 90
+        above, middle, below = (part.sum() for part in np.array_split(picture, 3))
+        assert 300 < middle < 0.1 * picture.size
+        assert above == below == 0  # where a notice would say the same
         robot.key("h")  # the window goes on
         robot.rest()
         assert robot.viewer.poll() is None

@@ -12,7 +12,6 @@ import os
 import re
 import secrets
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -24,6 +23,7 @@ from glob import glob
 from pathlib import Path
 
 from volspec import _cache
+from volspec._child import cause_of, child_command
 from volspec._files import write_whole
 from volspec.errors import InputError, one_line
 
@@ -34,8 +34,7 @@ _MOST_CACHED, _LARGEST_CACHE = 50, 1 << 20
 _NUMBER = "the number that the kernel writes is not there"
 # Prints its complaint and exits with 1; a driver may end it at any line.
 _TRIAL = f"""
-import json, os, sys, warnings
-sys.path[:] = json.loads(sys.argv[1])
+import os, warnings
 index, expected, number = int(sys.argv[2]), sys.argv[3], int(sys.argv[4])
 warnings.simplefilter("ignore")
 os.environ["PYOPENCL_NO_CACHE"] = "1"
@@ -116,10 +115,9 @@ def _key(index: int, devices: Sequence[DeviceInfo]) -> str:
 
 def _try(index: int, info: DeviceInfo) -> str:
     number = secrets.randbelow(2**31)  # compiled, not found in a driver's cache
-    command = [sys.executable, "-I", "-c", _TRIAL, json.dumps([*filter(_is_text, sys.path)])]
     try:
         done = subprocess.run(
-            [*command, str(index), repr(info), str(number)],
+            [*child_command(_TRIAL), str(index), repr(info), str(number)],
             capture_output=True,
             check=False,
             timeout=_LONGEST_S,
@@ -136,14 +134,9 @@ def _try(index: int, info: DeviceInfo) -> str:
     complaint = re.search(r"error: (?:.*error: )?(.*)", said)
     lines = [line for line in said.splitlines() if line.strip()]
     text = complaint[1] if complaint else lines[-1] if lines else ""
-    if done.returncode < 0:
-        with suppress(ValueError):
-            text = f"it ends the process ({signal.Signals(-done.returncode).name}) {text}"
-    return one_line(text)[:200] or f"exit code {done.returncode}"
-
-
-def _is_text(entry: object) -> bool:
-    return isinstance(entry, str)
+    if done.returncode < 0 or not text:
+        text = f"it ends the process ({cause_of(done.returncode)}) {text}".rstrip()
+    return one_line(text)[:200]
 
 
 def _missing_linker() -> bool:

@@ -270,7 +270,7 @@ class _App:
             self._mouse.take(inputs)
             self._early += [given for given in inputs if given.name == "drop"]
         painted = self._screen.painted(area, self._shown)
-        if self._notice.text:
+        if self._notice.text and self._notice.text != self._desk.fault:  # which the picture shows
             overlay.message(self._notice.text, self._desk)
         self._chores.draw(self._history.present if self._history else None)
         dark = state is None or state.interface.dark

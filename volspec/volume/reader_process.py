@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec import errors
+from volspec._child import cause_of, child_command
 from volspec.errors import DeviceError, VolspecError, VolumeError, one_line
 from volspec.volume.files.query import Query, Reading, Stored
 
@@ -48,7 +49,6 @@ _MOST_COUNTED = 5000
 # library's own, one conversion, and the shared memory).
 _SPARE_BYTES, _TIMES_DECLARED = 200 << 20, 3
 _START = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from volspec.volume.load import library_of, read_here; "
     "from volspec.volume.reader_process import serve; serve(read_here, library_of)"
 )
@@ -120,9 +120,8 @@ class _ReaderProcess:
     """The parent's end of a child; for one request at a time."""
 
     def __init__(self) -> None:
-        searched = [entry for entry in sys.path if isinstance(entry, str)]
         self._process = subprocess.Popen(
-            [sys.executable, "-I", "-c", _START, json.dumps(searched)],
+            child_command(_START),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -175,7 +174,7 @@ class _ReaderProcess:
         if self._late:
             fault = f"takes longer than {self._seconds:.0f} s to read"
         else:
-            fault = f"ends the library that reads it ({_cause(self._process.returncode)})"
+            fault = f"ends the library that reads it ({cause_of(self._process.returncode)})"
         raise VolumeError(f"{query.path}: {fault}; the file is damaged, copy or export it again")
 
     def take(self, voxels: Stored) -> NDArray[Any]:
@@ -225,12 +224,6 @@ class _ReaderProcess:
     def _expire(self) -> None:
         self._late = True
         self._process.kill()
-
-
-def _cause(code: int) -> str:
-    with suppress(ValueError):
-        return signal.Signals(-code).name
-    return f"exit code {code:#x}"
 
 
 def serve(read: Callable[[Query], Reading], library_of: Callable[[Query], str]) -> None:

@@ -83,7 +83,8 @@ class Screen:
             how = "error"
             if self._cast is None or self._cast.job.document is not done.job.document:
                 # No picture of this document is there, and the one before is another's.
-                self._desk.fault, self._cast, self._desk.image = done.error, None, None
+                self._desk.fault = one_line(done.error)
+                self._cast = self._desk.image = None
         self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
         if done.image is None or state is None or done.job.document is not state.document:
             return

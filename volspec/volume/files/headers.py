@@ -71,7 +71,7 @@ def check_itk_header(path: Path) -> None:
             f"{path}: spacing {spacing}; each of x, y, z must be positive, correct the header"
         )
     sizes = fields.get("sizes") or fields.get("DimSize") or ""
-    if not all(word.isdecimal() and int(word) > 0 for word in sizes.split()):
+    if not all(_is_count(word) and int(word) > 0 for word in sizes.split()):
         raise VolumeError(f"{path}: sizes {quoted(sizes)}; each must be a positive whole number")
     for name in _data_files(path, fields):
         parts = PurePath(name.replace("\\", "/"))
@@ -150,6 +150,11 @@ class _Fields:
                 if key == "ElementDataFile":  # by definition the last
                     break
             return cls(named, file.tell(), repeated)
+
+
+def _is_count(word: str) -> bool:
+    """Return True for a whole number that a file may have bytes for."""
+    return word.isdecimal() and len(word) < 20
 
 
 def _is_true(word: str) -> bool:
@@ -250,8 +255,10 @@ class Layout:
         """Layout of voxels behind a header or in a file of their own, from a byte on."""
         name = _data_field(header.named)
         data, start = (path, header.end) if name.upper() == "LOCAL" else (path.parent / name, 0)
+        with _told(path):
+            is_there = data.is_file()
         # Otherwise a pattern of names, or at a file's end.
-        if not data.is_file() or not skip.isdecimal():
+        if not is_there or not _is_count(skip):
             return None
         return cls(path, data, start + int(skip), encoding, order)
 
