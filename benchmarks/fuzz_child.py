@@ -205,7 +205,7 @@ def guided(
 
     def own(data: bytes, most: int, number: int) -> bytes:
         if rng.randrange(2):
-            return atheris.Mutate(data, most)  # type: ignore[no-any-return]
+            return atheris.Mutate(data, most)
         return mutated(data, seeds, tokens, rng)[:most]
 
     def one(data: bytes) -> None:
@@ -304,7 +304,7 @@ def _instrumented(engine: str) -> AbstractContextManager[Any]:
 
     # Not tomlkit, whose parser takes minutes to instrument.
     names = ["volspec", "tomllib", "csv", "xml", "zipfile"]
-    return atheris.instrument_imports(include=names)  # type: ignore[no-any-return]
+    return atheris.instrument_imports(include=names)
 
 
 def kept_inputs(name: str) -> list[Path]:

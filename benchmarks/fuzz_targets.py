@@ -52,7 +52,7 @@ def _spectral_images() -> Iterable[bytes]:
     nm = np.linspace(400.0, 700.0, 4)
     values = np.linspace(0.0, 1.0, _PIXELS * _PIXELS * nm.size)
     for kind in ("reflective", "emissive"):
-        image = SpectralImage(values.reshape(_PIXELS, _PIXELS, -1), nm, kind, {"camera": "x"})  # type: ignore[arg-type]
+        image = SpectralImage(values.reshape(_PIXELS, _PIXELS, -1), nm, kind, {"camera": "x"})
         stored = _written(image.save, "i.exr")
         yield from (stored, _uncompressed(stored))
 

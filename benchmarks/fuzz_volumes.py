@@ -39,7 +39,7 @@ def _load(path: Path) -> None:
         load_volume(path)
     except VolspecError as error:
         said = str(error).rpartition("/")[2]
-        error.place = tuple(_WORDS.findall(said)[:_PLACE])  # type: ignore[attr-defined]
+        error.place = tuple(_WORDS.findall(said)[:_PLACE])
         raise
 
 
@@ -75,7 +75,7 @@ class _Children:
             with suppress(OSError):
                 status = Path(f"/proc/{pid}/status").read_text()
                 high, now = (
-                    int(re.search(rf"{name}:\s+(\d+)", status)[1]) << 10  # type: ignore[index]
+                    int(re.search(rf"{name}:\s+(\d+)", status)[1]) << 10
                     for name in ("VmHWM", "VmRSS")
                 )
                 most = max(most, high - self._before.get(pid, high))
@@ -149,7 +149,7 @@ def _tiff() -> Iterable[bytes]:
     with tempfile.TemporaryDirectory() as folder:
         plain, ome = Path(folder, "v.tif"), Path(folder, "v.ome.tif")
         for options in ({}, {"compression": "zlib"}, {"compression": "lzma"}, {"imagej": True}):
-            imwrite(plain, stack, **options)  # type: ignore[arg-type]
+            imwrite(plain, stack, **options)
             yield plain.read_bytes()
         imwrite(ome, stack, metadata={"axes": "ZYX", **sizes}, compression="zlib")
         yield ome.read_bytes()
@@ -185,7 +185,7 @@ def _zarr(version: int) -> dict[str, bytes]:
     import zarr
 
     with tempfile.TemporaryDirectory() as folder:
-        group = zarr.open_group(folder, mode="w", zarr_format=version)  # type: ignore[arg-type]
+        group = zarr.open_group(folder, mode="w", zarr_format=version)
         array = group.create_array("0", shape=_SHORTS.shape, dtype="int16", chunks=(2, 5, 6))
         array[...] = _SHORTS
         axes = [{"name": n, "type": "space", "unit": "micrometer"} for n in "zyx"]

@@ -38,7 +38,7 @@ class Ledger:
         """Have every buffer from here on entered."""
         ledger = self
 
-        class Buffer(cl.Buffer):  # type: ignore[misc]
+        class Buffer(cl.Buffer):
             _entered = 0
 
             def __init__(

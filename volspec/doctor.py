@@ -119,7 +119,7 @@ def examine() -> Examination:
         try:
             versions[package] = version(package)
         except PackageNotFoundError:
-            # Not every system has wheels of these; what lacks without them is told below.
+            # Not every system has wheels of these; what lacks without them has rows of its own.
             if package not in ("pocl-binary-distribution", "moderngl"):
                 problems.append(f"{package}: pip install {package}")
     devices = opencl_devices.devices()

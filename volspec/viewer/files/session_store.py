@@ -28,7 +28,7 @@ EVERY_S = 30.0
 
 
 class SessionStore:
-    """The sessions of a folder, and the one that is under way.
+    """The sessions of a folder, and this program's own.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ class SessionStore:
             return self._own
 
     def last(self) -> Path | None:
-        """The newest session that is not the one under way."""
+        """The newest session that is not this program's own."""
         return next((path for path in self._files() if path != self._own), None)
 
     def read(self, path: Path) -> Session:
@@ -175,7 +175,7 @@ def _without_window(state: ViewState) -> ViewState:
 
 
 class Running:
-    """Sessions under way: a file for each in a folder, locked as long as its program lives.
+    """Sessions of running programs: a file for each in a folder, locked as long as its program lives.
 
     The system frees the locks of a dead program, so what is not locked has ended early.
 
@@ -191,7 +191,7 @@ class Running:
         self._handle = -1
 
     def begin(self, name: str) -> None:
-        """Mark a session as under way, in place of another."""
+        """Mark a session as this program's, in place of another."""
         if self._mark is not None and self._mark.name == name:
             return
         self.end()

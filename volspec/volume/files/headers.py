@@ -72,7 +72,10 @@ def check_itk_header(path: Path) -> None:
         )
     sizes = fields.get("sizes") or fields.get("DimSize") or ""
     if not all(_is_count(word) and int(word) > 0 for word in sizes.split()):
-        raise VolumeError(f"{path}: sizes {quoted(sizes)}; each must be a positive whole number")
+        raise VolumeError(
+            f"{path}: sizes {quoted(sizes)}; each must be a positive whole "
+            "number of less than 20 digits"
+        )
     for name in _data_files(path, fields):
         parts = PurePath(name.replace("\\", "/"))
         if parts.is_absolute() or ".." in parts.parts or ":" in name:
@@ -396,10 +399,9 @@ def _unpacked(file: BinaryIO, encoding: str) -> Iterator[bytes]:
 
 @contextmanager
 def _told(path: Path) -> Iterator[None]:
-    """Turn damage of a packed stream into one line."""
+    """Turn damage of a packed stream, or a path that is none, into one line."""
     try:
         yield
     except (OSError, EOFError, zlib.error) as error:
-        raise VolumeError(
-            f"{path}: cannot be read ({one_line(error)}); is the file complete?"
-        ) from error
+        cause = getattr(error, "strerror", None) or one_line(error)
+        raise VolumeError(f"{path}: cannot be read ({cause}); is the file complete?") from error
