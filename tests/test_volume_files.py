@@ -97,7 +97,7 @@ BAD_FILES = {
     "empty.nrrd": (b"", "is empty"),
     "junk.nrrd": (b"hello" * 99, "cannot be read"),
     "junk.nii.gz": (b"hello" * 99, "cannot be read"),
-    "junk.mhd": (b"hello" * 99, "cannot be read"),
+    "junk.mhd": (b"hello" * 99, "line 1 of its header, .* is not written as Name = value"),
     "junk.vti": (b"hello" * 99, "not readable"),
     "junk.npy": (b"hello" * 99, "not a readable .npy"),
     "notes.txt": (b"hello", "unknown format; known are NRRD"),

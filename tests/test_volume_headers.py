@@ -72,6 +72,9 @@ META_VARIANTS = [
     ("BinaryData = F", WORDS),
     ("BinaryData = 0", WORDS),
     ("BinaryData = true", RAW),
+    ("BinaryData: True\nBinaryDataByteOrderMSB := True", BIG),
+    ("\n \nBinaryDataByteOrderMSB = False\nBinaryDataByteOrderMSB = True", BIG),
+    ("datafile = elsewhere.raw\n\xa0BinaryDataByteOrderMSB = True", RAW),
     ("ElementNBits = 8", RAW),
     ("HeaderSize = 6", b"abcdef" + RAW),
 ]
@@ -116,12 +119,52 @@ def loaded_as_itk_does(path: Path) -> None:
         assert np.array_equal(load_volume(path).values, expected, equal_nan=True)
 
 
+def test_a_metaimage_line_that_is_no_field_is_refused(tmp_path: Path) -> None:
+    """MetaIO takes the next line, here the voxels' place, for its value."""
+    (tmp_path / "v.mha").write_text(f"{META}hello\nElementDataFile = ../voxels.raw\n")
+    with pytest.raises(VolumeError, match="line 5 of its header, 'hello', is not written as Name"):
+        load_volume(tmp_path / "v.mha")
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        *("ElementDataFile: ../v.raw", "ElementDataFile = ../v.raw", " ElementDataFile =: /v.raw"),
+        *("datafile = LOCAL\nElementDataFile = ../v.raw", "ElementDataFile = LIST\na\n../v.raw"),
+        *("ElementDataFile = %s%n.raw 1 2 1", "ElementDataFile = LIST 2D\n/v.raw"),
+    ],
+)
+def test_metaimage_voxels_lie_in_the_header_s_folder(tmp_path: Path, field: str) -> None:
+    (tmp_path / "v.mha").write_text(f"{META}{field}\n")
+    with pytest.raises(VolumeError, match=r"v\.mha: its voxels are said to be in '.*v?\.raw"):
+        load_volume(tmp_path / "v.mha")
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        *(
+            "data file: ../v.raw",
+            "datafile: /v.raw",
+            "Data File: C:v.raw",
+            "data file: %s.raw 1 2 1",
+        ),
+        *("data file: LIST\na.raw\n../v.raw", "content: a list\ndata file: LIST 2\n../v.raw"),
+    ],
+)
+def test_nrrd_voxels_lie_in_the_header_s_folder(tmp_path: Path, field: str) -> None:
+    head = NRRD.replace("encoding: raw", "encoding: raw\n" + field)
+    (tmp_path / "v.nhdr").write_text(head)
+    with pytest.raises(VolumeError, match=r"v\.nhdr: its voxels are said to be in '.*\.raw"):
+        load_volume(tmp_path / "v.nhdr")
+
+
 @pytest.mark.parametrize(("fields", "data"), META_VARIANTS)
 def test_metaimage_headers_are_taken_as_itk_takes_them(
     tmp_path: Path, fields: str, data: bytes
 ) -> None:
     path = tmp_path / "v.mha"
-    path.write_bytes(f"{META}{fields}\nElementDataFile = LOCAL\n".encode() + data)
+    path.write_bytes(f"{META}{fields}\nElementDataFile = LOCAL\n".encode("latin-1") + data)
     loaded_as_itk_does(path)
 
 

@@ -175,7 +175,7 @@ def _without_window(state: ViewState) -> ViewState:
 
 
 class Running:
-    """Sessions of running programs: a file for each in a folder, locked as long as its program lives.
+    """Sessions of running programs: a file for each in a folder, locked while it lives.
 
     The system frees the locks of a dead program, so what is not locked has ended early.
 

@@ -16,7 +16,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
@@ -34,7 +34,9 @@ _MOST_LINES, _MOST_LENGTH = 10_000, 1 << 16
 # A compressed file that yields so many bytes more than its header declares is not read on.
 _SURPLUS = 1 << 24
 # The one conversion that MetaImage defines for names of slices: slice%03d.raw.
-_PATTERN = re.compile(r"[^%]*%0?\d{0,2}d[^%]*")
+_PATTERN, _NUMBER = re.compile(r"[^%]*%0?\d{0,2}d[^%]*"), re.compile(r"-?\d+")
+# MetaIO takes a colon, too, and reads on in the next line where there is neither.
+_META_LINE = re.compile(r"([^=:\r]+)[=:]([^\r]*)")
 # Codes of NIfTI-1 for types of numbers; and the least byte at which voxels begin.
 _NIFTI_TYPES = {
     2: "u1",
@@ -60,7 +62,8 @@ def check_itk_header(path: Path) -> None:
         If a spacing is not positive, a size is no positive number, or the voxels are said to be
         outside of the file's folder.
     """
-    fields = _Fields.read(path).named
+    header = _Fields.read(path)
+    fields = header.named
     spacing = fields.get("spacings") or fields.get("ElementSpacing") or ""
     try:
         numbers = [float(word) for word in spacing.split()]
@@ -76,7 +79,7 @@ def check_itk_header(path: Path) -> None:
             f"{path}: sizes {quoted(sizes)}; each must be a positive whole "
             "number of less than 20 digits"
         )
-    for name in _data_files(path, fields):
+    for name in _data_files(path, header):
         parts = PurePath(name.replace("\\", "/"))
         if parts.is_absolute() or ".." in parts.parts or ":" in name:
             raise VolumeError(
@@ -85,25 +88,23 @@ def check_itk_header(path: Path) -> None:
             )
 
 
-def _data_files(path: Path, fields: dict[str, str]) -> list[str]:
+def _data_files(path: Path, header: _Fields) -> list[str]:
     """Names of the files of voxels beside a header; none where it holds them itself."""
-    named = _data_field(fields)
-    if _is_meta(path):
-        name, *numbers = named.split() or [""]
-        if "%" in named and not (_PATTERN.fullmatch(name) and all(map(str.isdecimal, numbers))):
-            raise VolumeError(
-                f"{path}: ElementDataFile is {quoted(named)}; a pattern of names holds one number, "
-                "as slice%03d.raw 1 110 1"
-            )
-    if named.upper().split()[:1] != ["LIST"]:
+    named = _data_field(header.named)
+    name, *numbers = named.split() or [""]
+    if "%" in named and not (_PATTERN.fullmatch(name) and all(map(_NUMBER.fullmatch, numbers))):
+        raise VolumeError(
+            f"{path}: its voxels are said to be in {quoted(named)}; a pattern of names holds one "
+            "number, as slice%03d.raw 1 110 1"
+        )
+    if name.upper() != "LIST":
         return [] if named.upper() == "LOCAL" else [named]
-    lines = path.read_bytes().decode("latin-1").splitlines()
-    first = next(k for k, line in enumerate(lines) if "list" in line.lower()) + 1
-    return [line.strip() for line in lines[first:] if line.strip()]
+    lines = path.read_bytes()[header.end :].decode("latin-1").splitlines()
+    return [line.strip() for line in lines if line.strip()]
 
 
 def _data_field(fields: dict[str, str]) -> str:
-    keys = ("datafile", "ElementDataFile")
+    keys = ("ElementDataFile", "datafile")
     return next((fields[key] for key in keys if key in fields), "LOCAL")
 
 
@@ -120,39 +121,61 @@ class _Fields:
     named : {str: str}
         NRRD's names in lower case and without spaces, as ``byteskip``; MetaImage's as they are.
     end : int
-        The byte behind the header.
-    repeated : bool
-        A field is there twice: only ITK can tell which counts.
+        The byte behind the header, or behind the line after which files are listed.
     """
 
     named: dict[str, str]
     end: int = 0
-    repeated: bool = False
 
     @classmethod
     def read(cls, path: Path) -> _Fields:
-        is_meta = _is_meta(path)
-        separator = "=" if is_meta else ":"
+        """Read a header.
+
+        Raises
+        ------
+        VolumeError
+            If a line of a MetaImage header is no field: MetaIO takes the next one for its value.
+        """
+        read_line = cls._meta_field if _is_meta(path) else cls._nrrd_field
         named: dict[str, str] = {}
-        repeated = False
         with path.open("rb") as file:
-            if not is_meta and not file.readline(80).startswith(b"NRRD"):
+            if not _is_meta(path) and not file.readline(80).startswith(b"NRRD"):
                 return cls({})
-            for _ in range(_MOST_LINES):
-                line = file.readline(_MOST_LENGTH).decode("latin-1").strip()
-                if not line:
+            for number in range(_MOST_LINES):
+                read = file.readline(_MOST_LENGTH)
+                line = read.strip().decode("latin-1")
+                if not read or not (line or _is_meta(path)):
                     break
-                key, found, value = line.partition(separator)
-                key = key.strip() if is_meta else key.lower().replace(" ", "")
-                if is_meta and not found:
+                try:
+                    field = read_line(line)
+                except ValueError as error:
+                    raise VolumeError(
+                        f"{path}: line {number + 1} of its header, {quoted(line)}, is not "
+                        "written as Name = value; correct or delete it"
+                    ) from error
+                if field is None:
+                    continue
+                key, value = field
+                named[key] = value
+                is_list = value.upper().startswith("LIST")
+                if key == "ElementDataFile" or (key == "datafile" and is_list):  # the last
                     break
-                if not found or key.startswith("#") or (not is_meta and value.startswith("=")):
-                    continue  # a comment, or a pair of NRRD's own
-                repeated |= key in named
-                named[key] = value.strip()
-                if key == "ElementDataFile":  # by definition the last
-                    break
-            return cls(named, file.tell(), repeated)
+            return cls(named, file.tell())
+
+    @staticmethod
+    def _meta_field(line: str) -> tuple[str, str] | None:
+        if not line:
+            return None
+        if (match := _META_LINE.fullmatch(line)) is None:
+            raise ValueError(line)
+        return match[1].rstrip(" \t"), match[2].lstrip("=: \t")
+
+    @staticmethod
+    def _nrrd_field(line: str) -> tuple[str, str] | None:
+        key, found, value = line.partition(":")
+        if not found or key.startswith("#") or value.startswith("="):
+            return None  # a comment, or a pair of its own
+        return key.strip().lower().replace(" ", ""), value.strip()
 
 
 def _is_count(word: str) -> bool:
@@ -210,8 +233,6 @@ class Layout:
         if path.name.lower().endswith(NIFTI_SUFFIXES):
             return cls._of_nifti(path)
         header = _Fields.read(path)
-        if header.repeated:
-            return None
         return cls._of_meta(path, header) if _is_meta(path) else cls._of_nrrd(path, header)
 
     @classmethod
@@ -233,23 +254,17 @@ class Layout:
     @classmethod
     def _of_meta(cls, path: Path, header: _Fields) -> Layout | None:
         fields = header.named
-        orders = {
-            _is_true(fields[key])
-            for key in ("BinaryDataByteOrderMSB", "ElementByteOrderMSB")
-            if key in fields
-        }
-        packed = _is_true(fields.get("CompressedData", ""))
-        skip = fields.get("HeaderSize", "0")
-        is_local = _data_field(fields).upper() == "LOCAL"
-        if (
-            not _is_true(fields.get("BinaryData", "True"))
-            or len(orders) == 2
-            or (skip != "0" and (packed or is_local))
-        ):
+        if not _is_true(fields.get("BinaryData", "True")):
             return None
-        return cls._at(
-            path, header, skip, "zlib" if packed else "raw", ">" if True in orders else "<"
-        )
+        is_packed = _is_true(fields.get("CompressedData", ""))
+        order = fields.get("BinaryDataByteOrderMSB", fields.get("ElementByteOrderMSB", ""))
+        skip = fields.get("HeaderSize", "0")
+        if is_packed and skip == "-1":  # at the file's end, but of unknown length
+            skip = "0"
+        if skip != "0":  # of the file itself, too
+            header = replace(header, end=0)
+        encoding = "zlib" if is_packed else "raw"
+        return cls._at(path, header, skip, encoding, ">" if _is_true(order) else "<")
 
     @classmethod
     def _at(
