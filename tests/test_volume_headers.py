@@ -54,6 +54,24 @@ def test_truncated_nifti_whose_values_are_rescaled_is_refused(tmp_path: Path, su
         load_volume(path)
 
 
+@pytest.mark.parametrize(
+    ("offset", "form", "number", "message"),
+    [
+        (344, "<i", 0, "holds no NIfTI-1 image"),  # ITK takes it for Analyze, and makes voxels up
+        (0, "<i", 540, "holds no NIfTI-1 image"),
+        (70, "<h", 1536, "numbers are of NIfTI's type 1536"),
+    ],
+)
+def test_a_nifti_header_of_another_kind_is_refused(
+    tmp_path: Path, offset: int, form: str, number: int, message: str
+) -> None:
+    data = bytearray(nifti(VALUES, np.eye(4)))
+    struct.pack_into(form, data, offset, number)
+    (tmp_path / "v.nii").write_bytes(data)
+    with pytest.raises(VolumeError, match=message):
+        load_volume(tmp_path / "v.nii")
+
+
 RAW = VALUES.tobytes()
 BIG = VALUES.astype(">i2").tobytes()
 WORDS = b" ".join(b"%d" % value for value in VALUES.ravel()) + b"\n"

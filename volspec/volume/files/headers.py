@@ -223,12 +223,12 @@ class Layout:
 
     @classmethod
     def of(cls, path: Path) -> Layout | None:
-        """Layout of a file; None if only ITK can tell: text, bzip2, several files, NIfTI-2.
+        """Layout of a file; None if only ITK can tell: text, bzip2, several files.
 
         Raises
         ------
         VolumeError
-            If a packed NIfTI file is damaged.
+            If it is no NIfTI file although its name says so; ITK would take it for Analyze.
         """
         if path.name.lower().endswith(NIFTI_SUFFIXES):
             return cls._of_nifti(path)
@@ -281,17 +281,23 @@ class Layout:
         return cls(path, data, start + int(skip), encoding, order)
 
     @classmethod
-    def _of_nifti(cls, path: Path) -> Layout | None:
+    def _of_nifti(cls, path: Path) -> Layout:
         packed = path.name.lower().endswith(".gz")
         with _told(path), gzip.open(path) if packed else path.open("rb") as file:
             head = file.read(352)
         order = "<" if head[:4] == struct.pack("<i", 348) else ">"
         if len(head) < 352 or head[:4] != struct.pack(order + "i", 348) or head[344:347] != b"n+1":
-            return None
+            raise VolumeError(
+                f"{path}: holds no NIfTI-1 image; is the file complete and of the type its name "
+                "says? Save NIfTI-2 and Analyze as NIfTI-1"
+            )
         (kind,) = struct.unpack_from(order + "h", head, 70)
         start, slope, shift = struct.unpack_from(order + "3f", head, 108)
         if kind not in _NIFTI_TYPES:
-            return None
+            raise VolumeError(
+                f"{path}: its numbers are of NIfTI's type {kind}; known are "
+                f"{', '.join(map(str, _NIFTI_TYPES))}, which are integers and floats"
+            )
         # As niftilib, whatever the number says.
         first = int(start) if _NIFTI_HEADER <= start < 2**31 else _NIFTI_HEADER
         encoding = "gzip" if packed else "raw"
@@ -361,20 +367,14 @@ class Layout:
             held += len(chunk)
         return unpacked.view(code).reshape(shape), held
 
-    def restore_non_finite(self, values: NDArray[Any], query: Query) -> NDArray[Any]:
-        """Put back NaN and infinities, which ITK's NIfTI reader has set to 0.
+    def non_finite(self, size: Sequence[int], query: Query) -> list[_NonFinite]:
+        """Find NaN and infinities, which ITK's NIfTI reader sets to 0.
 
         Parameters
         ----------
-        values : array
-            As ITK read them from a file that does not hold them as they are (`holds`).
+        size : (x, y, z)
         query : Query
             For messages.
-
-        Returns
-        -------
-        array
-            ``values`` if there are none, else a copy.
 
         Raises
         ------
@@ -382,19 +382,31 @@ class Layout:
             If a packed stream is damaged, or the file ends early: ITK makes up what is missing.
         """
         assert self.stored is not None
-        size = self.stored.itemsize
-        restored, at, rest = values, 0, b""
-        for chunk in self.chunks(values.size * size):
+        count, itemsize = math.prod(size), self.stored.itemsize
+        found, at, rest = [], 0, b""
+        for chunk in self.chunks(count * itemsize):
             rest += chunk
-            stored = np.frombuffer(rest, self.stored, len(rest) // size)[: values.size - at]
-            rest = rest[stored.size * size :]
-            lost = ~np.isfinite(stored)
-            if lost.any():
-                restored = values.copy() if restored is values else restored
-                restored.reshape(-1)[at : at + stored.size][lost] = stored[lost]
-            at += stored.size
-        query.require_held(at * size + len(rest), values.shape[::-1], values.size * size)
-        return restored
+            numbers = np.frombuffer(rest, self.stored, min(len(rest) // itemsize, count - at))
+            rest = rest[numbers.nbytes :]
+            mask = ~np.isfinite(numbers)
+            if mask.any():
+                found.append(_NonFinite(at, mask, numbers[mask]))
+            at += numbers.size
+        query.require_held(at * itemsize + len(rest), size, count * itemsize)
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _NonFinite:
+    """NaN and infinities of a run of voxels."""
+
+    start: int
+    mask: NDArray[np.bool_]
+    numbers: NDArray[Any]
+
+    def put_back(self, flat: NDArray[Any]) -> None:
+        """Set them among all voxels."""
+        flat[self.start : self.start + self.mask.size][self.mask] = self.numbers
 
 
 def _unpacked(file: BinaryIO, encoding: str) -> Iterator[bytes]:

@@ -31,6 +31,7 @@ def read_itk(query: Query) -> Reading:
     path = query.path
     if not path.name.lower().endswith(NIFTI_SUFFIXES):
         check_itk_header(path)
+    layout = Layout.of(path)
     said: list[str] = []
     image: Any = sitk.ImageFileReader()
     image.SetFileName(os.fspath(path))
@@ -39,17 +40,19 @@ def read_itk(query: Query) -> Reading:
             image.ReadImageInformation()
             size, dtype = image.GetSize(), _scalar_type(path, image)
             nbytes = math.prod(size) * dtype.itemsize
-            layout = Layout.of(path)
             query.reserve(size, dtype.itemsize)
             held = None
             if layout is not None and layout.holds(dtype):
                 values, held = layout.voxels(size, dtype)
                 query.require_held(held, size, nbytes)
             else:
+                lost = layout.non_finite(size, query) if layout is not None else []
                 image = image.Execute()
                 values = sitk.GetArrayViewFromImage(image)
-                if layout is not None:
-                    values = layout.restore_non_finite(values, query)
+                if lost:
+                    values = values.copy()
+                for each in lost:
+                    each.put_back(values.reshape(-1))
     except RuntimeError as error:
         raise VolumeError(
             f"{path}: cannot be read ({complaint(error, said)}); is the file complete and of the "
