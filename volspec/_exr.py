@@ -98,7 +98,8 @@ def _known(header: Mapping[str, Any]) -> dict[str, Any]:
     """Attributes of kinds that OpenEXR knows: others may not even be printed."""
     import OpenEXR
 
-    return {k: v for k, v in header.items() if not isinstance(v, OpenEXR.OpaqueAttribute)}
+    opaque = getattr(OpenEXR, "OpaqueAttribute", ())  # older ones leave them out
+    return {k: v for k, v in header.items() if not isinstance(v, opaque)}
 
 
 def _require_held(
