@@ -33,12 +33,13 @@ from PIL import Image
 from volspec import _cache, cli
 from volspec.export.demo import run_demo
 from volspec.scene import Scene
-from volspec.viewer.document import Document
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.files import as_python, as_scene
-from volspec.viewer.files.session import read_session
-from volspec.viewer.files.session_store import SessionStore
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.files import as_scene
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.files import as_python
+from volspec.viewer.work.files.session import read_session
+from volspec.viewer.work.files.session_store import SessionStore
 from volspec.volume import phantom
 
 KILLS, _SEED = 3, 11

@@ -8,13 +8,13 @@ import pytest
 
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
-from volspec.viewer.actions import ACTIONS, BY_KEY, MENUS, shown
-from volspec.viewer.files.recent import RecentFile
-from volspec.viewer.lights.lighting import shining
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.actions import ACTIONS, BY_KEY, MENUS, shown
+from volspec.viewer.model.lights.lighting import shining
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.files.recent import RecentFile
 
-commands = pytest.importorskip("volspec.viewer.panels.commands")
-keys = pytest.importorskip("volspec.viewer.panels.keys")
+commands = pytest.importorskip("volspec.viewer.ui.panels.commands")
+keys = pytest.importorskip("volspec.viewer.ui.panels.keys")
 
 RECENT = (RecentFile("/data/head.nrrd", True), RecentFile("/data/gone.nrrd", False))
 

@@ -18,26 +18,27 @@ from volspec.errors import PaletteError
 from volspec.palette import Design, Palette, PaletteSpectrum, design, load_palette
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
-from volspec.viewer.actions import BY_NAME
 from volspec.viewer.chores import Chores
-from volspec.viewer.desk import Desk
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.files import asking
-from volspec.viewer.files.asking import REQUESTS, Asking
-from volspec.viewer.files.recent import STATE_VARIABLE
-from volspec.viewer.files.tasks import Tasks
-from volspec.viewer.history import History
-from volspec.viewer.lights.lighting import MOST_ROWS
-from volspec.viewer.palette import files, service, wizards
-from volspec.viewer.palette import worker as design_worker
-from volspec.viewer.palette.service import Designing
-from volspec.viewer.palette.spectra import with_reflectances
-from volspec.viewer.palette.table import palette_of
-from volspec.viewer.palette.wishes import Pick
-from volspec.viewer.palette.worker import DesignJob, DesignWorker
-from volspec.viewer.state import ViewState
-from volspec.viewer.window.notice import Notice
-from volspec.viewer.window.trace import Trace
+from volspec.viewer.model.actions import BY_NAME
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.history import History
+from volspec.viewer.model.lights.lighting import MOST_ROWS
+from volspec.viewer.model.palette import files, wizards
+from volspec.viewer.model.palette.spectra import with_reflectances
+from volspec.viewer.model.palette.table import palette_of
+from volspec.viewer.model.palette.wishes import Pick
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.desk import Desk
+from volspec.viewer.work.files import asking
+from volspec.viewer.work.files.asking import REQUESTS, Asking
+from volspec.viewer.work.files.recent import STATE_VARIABLE
+from volspec.viewer.work.files.tasks import Tasks
+from volspec.viewer.work.palette import service
+from volspec.viewer.work.palette import worker as design_worker
+from volspec.viewer.work.palette.service import Designing
+from volspec.viewer.work.palette.worker import DesignJob, DesignWorker
+from volspec.viewer.work.window.notice import Notice
+from volspec.viewer.work.window.trace import Trace
 
 PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from volspec.viewer.lights.blending import corners
+from volspec.viewer.model.lights.blending import corners
 
-dial = pytest.importorskip("volspec.viewer.panels.lights.dial")
-names = pytest.importorskip("volspec.viewer.panels.lights.names")
+dial = pytest.importorskip("volspec.viewer.ui.panels.lights.dial")
+names = pytest.importorskip("volspec.viewer.ui.panels.lights.names")
 
 LONG = (
     *("Macbeth daylight", "Tungsten halogen", "HP1 high-pressure sodium"),

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from volspec.errors import SpectrumError
 from volspec.raycast import Camera
 from volspec.transfer import TransferFunction
-from volspec.viewer.actions import ACTIONS, BY_KEY
-from volspec.viewer.document import Document, plain_scene
-from volspec.viewer.events import EVENTS, Event, reduced
-from volspec.viewer.events.event import Action
-from volspec.viewer.lights import blending, lighting
-from volspec.viewer.picture.casting import DIVISORS, Pace
-from volspec.viewer.state import ViewState
-from volspec.viewer.view.views import View
+from volspec.viewer.model.actions import ACTIONS, BY_KEY
+from volspec.viewer.model.document import Document, plain_scene
+from volspec.viewer.model.events import EVENTS, Event, reduced
+from volspec.viewer.model.events.event import Action
+from volspec.viewer.model.lights import blending, lighting
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view.views import View
+from volspec.viewer.work.picture.casting import DIVISORS, Pace
 
 _ANY = st.floats(-1e6, 1e6) | st.floats(-2, 2) | st.just(math.nan) | st.just(math.inf)
 _EVENTS = st.builds(

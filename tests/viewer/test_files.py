@@ -21,12 +21,15 @@ from volspec.raycast import Ambient, Directional, LightGroup
 from volspec.raycast.checks import MAX_SIDE
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum, light
-from volspec.viewer.document import demo
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.files.as_python import export_python, script_of
-from volspec.viewer.files.paths import PathRequest, dropped, listing
-from volspec.viewer.files.recent import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
-from volspec.viewer.files.screenshot import (
+from volspec.viewer.model.document import demo
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.lights import lighting
+from volspec.viewer.model.lights.lighting import LightRow
+from volspec.viewer.model.paths import PathRequest, dropped, listing
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.files.as_python import export_python, script_of
+from volspec.viewer.work.files.recent import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
+from volspec.viewer.work.files.screenshot import (
     CUSTOM,
     SHOWN,
     TWICE,
@@ -36,9 +39,6 @@ from volspec.viewer.files.screenshot import (
     frame_of,
     taken,
 )
-from volspec.viewer.lights import lighting
-from volspec.viewer.lights.lighting import LightRow
-from volspec.viewer.state import ViewState
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -263,7 +263,7 @@ esac
 """
 _ASK = """
 import time
-from volspec.viewer.files.paths import NativeDialog, PathRequest, native
+from volspec.viewer.model.paths import NativeDialog, PathRequest, native
 assert native()
 read = PathRequest("o", "Open", suffixes=(".nrrd",))
 for request in (read, PathRequest("s", "Save", True, (".toml",), "x.toml")):
@@ -311,8 +311,8 @@ def test_without_a_clipboard_or_a_picture_one_line_says_so(tmp_path: Path) -> No
 
 
 _COPY = """
-from volspec.viewer.files.clipboard import ClipboardError, copy_values
-from volspec.viewer.picture.reading import Reading
+from volspec.viewer.work.files.clipboard import ClipboardError, copy_values
+from volspec.viewer.work.picture.reading import Reading
 for values in (None, Reading((("XYZ", "1 2 3"),), None, None, None)):
     try:
         print(copy_values(values))
@@ -322,7 +322,7 @@ for values in (None, Reading((("XYZ", "1 2 3"),), None, None, None)):
 
 
 def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
-    from volspec.viewer.files.tasks import Outcome, Tasks
+    from volspec.viewer.work.files.tasks import Outcome, Tasks
 
     def ends(task: Callable[[], object]) -> Outcome:
         woken = threading.Event()
@@ -343,7 +343,7 @@ def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixt
 def test_what_is_being_written_is_waited_for_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from volspec.viewer.files import tasks as module
+    from volspec.viewer.work.files import tasks as module
 
     def slow(name: str) -> None:
         time.sleep(0.05)

@@ -19,12 +19,12 @@ from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
-from volspec.viewer.document import Document
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.files.as_scene import display_table, export_scene, scene_of
-from volspec.viewer.lights import lighting
-from volspec.viewer.lights.lighting import LightRow, rig_of
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.files.as_scene import display_table, export_scene, scene_of
+from volspec.viewer.model.lights import lighting
+from volspec.viewer.model.lights.lighting import LightRow, rig_of
+from volspec.viewer.model.state import ViewState
 from volspec.volume import phantom
 
 HEAD = """

@@ -15,17 +15,17 @@ from tests.viewer.test_files_scene import opened
 from volspec.errors import CastCancelled
 from volspec.pipeline import Raycaster
 from volspec.viewer import chores
-from volspec.viewer.desk import Desk
-from volspec.viewer.files import opening
-from volspec.viewer.files.opening import Opened, Openings
-from volspec.viewer.files.recent import STATE_VARIABLE
-from volspec.viewer.files.screenshot import Progress, frame_of
-from volspec.viewer.files.session import SUFFIX, save_session
-from volspec.viewer.files.tasks import Tasks
-from volspec.viewer.latest import LatestWorker
-from volspec.viewer.state import ViewState
-from volspec.viewer.window.notice import Notice
-from volspec.viewer.window.trace import Trace
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.desk import Desk
+from volspec.viewer.work.files import opening
+from volspec.viewer.work.files.opening import Opened, Openings
+from volspec.viewer.work.files.recent import STATE_VARIABLE
+from volspec.viewer.work.files.screenshot import Progress, frame_of
+from volspec.viewer.work.files.session import SUFFIX, save_session
+from volspec.viewer.work.files.tasks import Tasks
+from volspec.viewer.work.latest import LatestWorker
+from volspec.viewer.work.window.notice import Notice
+from volspec.viewer.work.window.trace import Trace
 
 
 class Slow(LatestWorker[str, str]):

@@ -16,11 +16,11 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.lights import drawing, lighting, mixes, parts
-from volspec.viewer.lights.drawing import drawn, stroke
-from volspec.viewer.lights.lighting import LightRow, Rows, rig_of
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.lights import drawing, lighting, mixes, parts
+from volspec.viewer.model.lights.drawing import drawn, stroke
+from volspec.viewer.model.lights.lighting import LightRow, Rows, rig_of
+from volspec.viewer.model.state import ViewState
 
 _SCENES = Path(__file__).resolve().parents[2] / "data" / "scenes"
 _SHARES = {"lamp": 0.75, "sky": 0.25}
@@ -286,7 +286,7 @@ def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are() -> No
 
 
 def test_a_stroke_of_many_samples_is_one_step_of_undo(state: ViewState) -> None:
-    from volspec.viewer.history import History
+    from volspec.viewer.model.history import History
 
     history = History(state)
     pen = None

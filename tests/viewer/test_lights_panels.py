@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.events.rows import refusal
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.events.rows import refusal
+from volspec.viewer.model.state import ViewState
 
 pytest.importorskip("imgui_bundle")
 
@@ -22,7 +22,7 @@ AREA = (0, 20, 900, 600)
 def test_names_of_both_sides_stay_in_the_picture_and_apart(
     at: float, left: float, right: float
 ) -> None:
-    from volspec.viewer.panels.over.divide import label_boxes
+    from volspec.viewer.ui.panels.over.divide import label_boxes
 
     a, b = label_boxes(AREA, at, (left, right), 20.0, 16.0, 12.0)
     for x, y, width, height in (a, b):
@@ -35,7 +35,7 @@ def test_names_of_both_sides_stay_in_the_picture_and_apart(
 
 
 def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
-    from volspec.viewer.panels.lights.library import class_of, library_names, matching, verdict
+    from volspec.viewer.ui.panels.lights.library import class_of, library_names, matching, verdict
 
     rig, wrong = verdict("D65*0.7+planck:2700*0.3", DEFAULT_GRID, ".")
     assert rig is not None and wrong == ""
@@ -60,7 +60,7 @@ def test_a_notation_that_is_no_light_changes_nothing_and_says_why(state: ViewSta
 
 def test_a_light_without_its_colour_to_the_display_has_one_all_the_same() -> None:
     """Sodium lies outside of sRGB; a swatch is within it, its strongest channel at 1."""
-    from volspec.viewer.panels.lights.colours import raw_colour
+    from volspec.viewer.ui.panels.lights.colours import raw_colour
 
     for name in ("HP1", "LPS", "D65", "LED-B1"):
         colour = raw_colour(LightRig((light(name),)))
@@ -68,8 +68,8 @@ def test_a_light_without_its_colour_to_the_display_has_one_all_the_same() -> Non
 
 
 def test_columns_of_a_plot_lie_on_the_bands() -> None:
-    from volspec.viewer.panels.lights.look import column_heights
-    from volspec.viewer.panels.lights.spectrum import pen_place, wavelength_share
+    from volspec.viewer.ui.panels.lights.look import column_heights
+    from volspec.viewer.ui.panels.lights.spectrum import pen_place, wavelength_share
 
     values = np.arange(31.0)
     np.testing.assert_allclose(column_heights(values, 31), values)

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from volspec.appearance import Viewing
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.events import Event, lightstates, reduced
-from volspec.viewer.history import History
-from volspec.viewer.lights import lighting
-from volspec.viewer.lights.drawing import drawn
-from volspec.viewer.lights.fader import Fader
-from volspec.viewer.lights.lighting import LightRow, Rows, rig_of, shining
-from volspec.viewer.lights.states import faded, recalled
-from volspec.viewer.stale import stale_stage
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.events import Event, lightstates, reduced
+from volspec.viewer.model.history import History
+from volspec.viewer.model.lights import lighting
+from volspec.viewer.model.lights.drawing import drawn
+from volspec.viewer.model.lights.lighting import LightRow, Rows, rig_of, shining
+from volspec.viewer.model.lights.states import faded, recalled
+from volspec.viewer.model.stale import stale_stage
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.lights.fader import Fader
 
 _SHARE = st.floats(0.001, 0.999)
 DIM, BRIGHT = RelightSpec(), RelightSpec(Viewing(illuminance_lux=10.0, Y_b=40.0), backdrop=0.6)

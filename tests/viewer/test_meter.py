@@ -9,10 +9,10 @@ from typing import Any, cast
 
 import pytest
 
-from volspec.viewer.desk import Desk
-from volspec.viewer.picture.meter import SLOW_MS, Meter
-from volspec.viewer.picture.pictures import Relit
-from volspec.viewer.window.trace import Trace
+from volspec.viewer.ui.desk import Desk
+from volspec.viewer.work.picture.meter import SLOW_MS, Meter
+from volspec.viewer.work.picture.pictures import Relit
+from volspec.viewer.work.window.trace import Trace
 
 
 @dataclass

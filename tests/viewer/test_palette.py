@@ -17,19 +17,19 @@ from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
-from volspec.viewer.actions import BY_NAME
-from volspec.viewer.document import Document
-from volspec.viewer.events import EVENTS, Event, reduced
-from volspec.viewer.history import History
-from volspec.viewer.lights.lighting import LightRow
-from volspec.viewer.palette.ranges import assigned, ranges
-from volspec.viewer.palette.spectra import columns, with_reflectances
-from volspec.viewer.palette.table import answered, palette_of, table_of
-from volspec.viewer.palette.wishes import REFLECTANCE, STAY, Board
-from volspec.viewer.panels.palette.cells import contrast, importance
-from volspec.viewer.panels.palette.margins import levels, parts_told
-from volspec.viewer.stale import stale_stage
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.actions import BY_NAME
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.events import EVENTS, Event, reduced
+from volspec.viewer.model.history import History
+from volspec.viewer.model.lights.lighting import LightRow
+from volspec.viewer.model.palette.ranges import assigned, ranges
+from volspec.viewer.model.palette.spectra import columns, with_reflectances
+from volspec.viewer.model.palette.table import answered, palette_of, table_of
+from volspec.viewer.model.palette.wishes import REFLECTANCE, STAY, Board
+from volspec.viewer.model.stale import stale_stage
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.panels.palette.cells import contrast, importance
+from volspec.viewer.ui.panels.palette.margins import levels, parts_told
 
 # ΔE00 that side by side is just seen: what a reached wish stays below.
 SEEN = 1.0

@@ -13,17 +13,17 @@ from volspec.basis import MaterialBasis
 from volspec.palette import Cell, load_palette
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.palette import files
-from volspec.viewer.palette.service import advice_of
-from volspec.viewer.palette.spectra import columns
-from volspec.viewer.palette.table import answered, palette_of, table_of
-from volspec.viewer.palette.wishes import STAY, Wishes
-from volspec.viewer.palette.worker import DesignDone, DesignJob, DesignWorker
-from volspec.viewer.panels.palette.cells import explained
-from volspec.viewer.panels.palette.panel import summary
-from volspec.viewer.stale import stale_stage
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.palette import files
+from volspec.viewer.model.palette.spectra import columns
+from volspec.viewer.model.palette.table import answered, palette_of, table_of
+from volspec.viewer.model.palette.wishes import STAY, Wishes
+from volspec.viewer.model.stale import stale_stage
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.panels.palette.cells import explained
+from volspec.viewer.ui.panels.palette.panel import summary
+from volspec.viewer.work.palette.service import advice_of
+from volspec.viewer.work.palette.worker import DesignDone, DesignJob, DesignWorker
 
 PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 

@@ -19,12 +19,12 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer.palette import files, wizards
-from volspec.viewer.palette.spectra import columns
-from volspec.viewer.palette.table import palette_of, table_of
-from volspec.viewer.palette.wishes import LIGHT, REFLECTANCE, Board, Pick
-from volspec.viewer.stale import stale_stage
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.palette import files, wizards
+from volspec.viewer.model.palette.spectra import columns
+from volspec.viewer.model.palette.table import palette_of, table_of
+from volspec.viewer.model.palette.wishes import LIGHT, REFLECTANCE, Board, Pick
+from volspec.viewer.model.stale import stale_stage
+from volspec.viewer.model.state import ViewState
 
 
 @pytest.fixture(scope="module")

@@ -9,15 +9,15 @@ import pytest
 
 from volspec.pipeline import raycast
 from volspec.relight import LightRig, RelightSpec
-from volspec.viewer.document import Document
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.state import ViewState
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.state import ViewState
 
-desk = pytest.importorskip("volspec.viewer.desk")
+desk = pytest.importorskip("volspec.viewer.ui.desk")
 
 
 def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
-    from volspec.viewer.panels.lights.library import matching
+    from volspec.viewer.ui.panels.lights.library import matching
 
     assert matching("d65")[0] == "D65"
     found = matching("fl")
@@ -28,7 +28,7 @@ def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
 def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(
     state: ViewState,
 ) -> None:
-    from volspec.viewer.panels.lights.colours import adapted_colour, raw_colour
+    from volspec.viewer.ui.panels.lights.colours import adapted_colour, raw_colour
 
     tungsten = state.lights[1].rig
     raw, adapted = raw_colour(tungsten), adapted_colour(tungsten, state.seen)
@@ -37,7 +37,7 @@ def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(
 
 
 def test_swatches_are_kept(state: ViewState) -> None:
-    from volspec.viewer.panels.lights.colours import adapted_colour
+    from volspec.viewer.ui.panels.lights.colours import adapted_colour
 
     first = adapted_colour(state.lights[0].rig, state.seen)
     assert adapted_colour(state.lights[0].rig, state.seen) is first
@@ -45,14 +45,14 @@ def test_swatches_are_kept(state: ViewState) -> None:
 
 def test_a_colour_is_packed_with_its_own_opacity_and_one_more() -> None:
     """imgui packs alpha, blue, green, red, the highest byte first."""
-    from volspec.viewer.panels.widgets import packed
+    from volspec.viewer.ui.panels.widgets import packed
 
     assert packed((1.0, 0.0, 0.2)) == 0xFF3300FF
     assert packed((1.0, 0.0, 0.2, 0.4), 0.5) == 0x333300FF
 
 
 def test_settings_that_do_not_go_together_are_left_as_they_are() -> None:
-    from volspec.viewer.lights.viewing import changed, with_display, with_model
+    from volspec.viewer.model.lights.viewing import changed, with_display, with_model
 
     seen = changed(RelightSpec(), adapting="pixel")
     assert with_model(seen, "Hunt").viewing.adapting == "picture"
@@ -87,7 +87,7 @@ def test_settings_as_they_are_or_of_no_such_name_change_nothing(state: ViewState
 
 def test_a_room_is_named_until_its_numbers_change() -> None:
     from volspec.appearance.presets import PRESETS
-    from volspec.viewer.panels.viewing import preset_of
+    from volspec.viewer.ui.panels.viewing import preset_of
 
     for name, each in PRESETS.items():
         display = replace(each.display("Display P3", "reduce"), mark=True)
@@ -97,8 +97,8 @@ def test_a_room_is_named_until_its_numbers_change() -> None:
 
 def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
     """L_A is E_v/π · Y_b/100."""
-    from volspec.viewer.lights.viewing import luminance
-    from volspec.viewer.panels.viewing import white_told
+    from volspec.viewer.model.lights.viewing import luminance
+    from volspec.viewer.ui.panels.viewing import white_told
 
     viewing, plain = state.seen.viewing, state.lights[0].rig
     assert luminance(plain, viewing) == pytest.approx(1000 / np.pi * 0.2)
@@ -110,7 +110,7 @@ def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
 
 def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
     """Steps of 1/64 are exact in float32 up to 2^18."""
-    from volspec.viewer.document import histogram
+    from volspec.viewer.model.document import histogram
     from volspec.volume import Volume
 
     near = np.arange(64, dtype=np.float32).reshape(4, 4, 4) / 64
@@ -122,7 +122,7 @@ def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
 
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
-    from volspec.viewer.panels.transfer.axes import bars
+    from volspec.viewer.ui.panels.transfer.axes import bars
 
     for counts in (np.zeros(256), np.r_[1e9, np.ones(255)]):
         heights = bars(counts, logarithmic)
@@ -130,7 +130,7 @@ def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
 
 
 def test_the_status_line_tells_coarse_from_whole(state: ViewState, document: Document) -> None:
-    from volspec.viewer.panels.status import sizes, timings
+    from volspec.viewer.ui.panels.status import sizes, timings
 
     here = desk.Desk()
     assert sizes(state, here) == "casting …"
@@ -143,8 +143,8 @@ def test_the_status_line_tells_coarse_from_whole(state: ViewState, document: Doc
 
 
 def test_names_and_titles_are_told_in_one_line(state: ViewState) -> None:
-    from volspec.viewer.panels.commands import commands_of
-    from volspec.viewer.panels.lights.rows import described
+    from volspec.viewer.ui.panels.commands import commands_of
+    from volspec.viewer.ui.panels.lights.rows import described
 
     name = "north\nwindow\t\x07\u202e"
     row = replace(state.lights[0], name=name, label="of\r\nglass")

@@ -11,14 +11,14 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.viewer.test_tabling import SIZE, done, pixels
-from volspec.viewer.desk import Desk
-from volspec.viewer.lights import lighting
-from volspec.viewer.picture.meter import Meter
-from volspec.viewer.picture.screen import Screen
-from volspec.viewer.state import ViewState
-from volspec.viewer.window.notice import Notice
-from volspec.viewer.window.trace import Trace
-from volspec.viewer.window.window import Window
+from volspec.viewer.model.lights import lighting
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.window.window import Window
+from volspec.viewer.work.picture.meter import Meter
+from volspec.viewer.work.picture.screen import Screen
+from volspec.viewer.work.window.notice import Notice
+from volspec.viewer.work.window.trace import Trace
 
 BANDS = 3
 AREA = (0, 0, 200, 100)

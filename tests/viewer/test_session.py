@@ -21,10 +21,13 @@ from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.relight import LightRig
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
-from volspec.viewer.document import Document, plain_scene
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.files import session_store
-from volspec.viewer.files.session import (
+from volspec.viewer.model.document import Document, plain_scene
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.lights.lighting import LightRow
+from volspec.viewer.model.lights.states import Fade
+from volspec.viewer.model.state import Interface, ViewState
+from volspec.viewer.work.files import session_store
+from volspec.viewer.work.files.session import (
     SUFFIX,
     VERSION,
     BrokenSession,
@@ -34,10 +37,7 @@ from volspec.viewer.files.session import (
     save_session,
     session_of,
 )
-from volspec.viewer.files.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
-from volspec.viewer.lights.lighting import LightRow
-from volspec.viewer.lights.states import Fade
-from volspec.viewer.state import Interface, ViewState
+from volspec.viewer.work.files.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
 from volspec.volume import load_volume, phantom
 
 FIXTURES = Path(__file__).with_name("sessions")
@@ -311,8 +311,8 @@ KILLED_SAVE = """
 import os, signal, sys
 from pathlib import Path
 from tests.viewer.test_files_scene import opened
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.files.session_store import SessionStore
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.work.files.session_store import SessionStore
 
 def half(path, text, **settings):
     path.write_bytes(text[: len(text) // 2].encode())

@@ -10,14 +10,14 @@ import pytest
 from volspec.raycast import ClipPlane
 from volspec.relight import RelightSpec
 from volspec.spectra import reflectance
-from volspec.viewer.actions import ACTIONS, BY_NAME
-from volspec.viewer.document import Document
-from volspec.viewer.events import EVENTS, Event, reduced
-from volspec.viewer.history import MOST_STEPS, History
-from volspec.viewer.lights.states import Fade, LightState
-from volspec.viewer.palette.wishes import Board
-from volspec.viewer.stale import STAGES, lit_otherwise, stale_stage
-from volspec.viewer.state import Interface, ViewState
+from volspec.viewer.model.actions import ACTIONS, BY_NAME
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.events import EVENTS, Event, reduced
+from volspec.viewer.model.history import MOST_STEPS, History
+from volspec.viewer.model.lights.states import Fade, LightState
+from volspec.viewer.model.palette.wishes import Board
+from volspec.viewer.model.stale import STAGES, lit_otherwise, stale_stage
+from volspec.viewer.model.state import Interface, ViewState
 
 
 def test_every_field_of_the_state_has_its_stage() -> None:

@@ -14,23 +14,23 @@ from volspec.errors import InputError
 from volspec.palette import Cell
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.actions import BY_NAME
-from volspec.viewer.events import Event, lightstates, reduced
-from volspec.viewer.events.lights import renamed
-from volspec.viewer.files.opening import Opened, Openings
-from volspec.viewer.files.recent import RecentFiles
-from volspec.viewer.files.tasks import Tasks
-from volspec.viewer.history import History, changed_in
-from volspec.viewer.lights import lighting
-from volspec.viewer.lights.drawing import drawn, undrawn
-from volspec.viewer.lights.lighting import LightRow, shining
-from volspec.viewer.lights.parts import respelled
-from volspec.viewer.palette.wishes import LIGHT, Board, Wishes
-from volspec.viewer.state import Interface, ViewState
-from volspec.viewer.window.gestures import RUN_S, Gestures
-from volspec.viewer.window.inputs import Input
-from volspec.viewer.window.notice import Notice
-from volspec.viewer.window.trace import Trace
+from volspec.viewer.model.actions import BY_NAME
+from volspec.viewer.model.events import Event, lightstates, reduced
+from volspec.viewer.model.events.lights import renamed
+from volspec.viewer.model.history import History, changed_in
+from volspec.viewer.model.lights import lighting
+from volspec.viewer.model.lights.drawing import drawn, undrawn
+from volspec.viewer.model.lights.lighting import LightRow, shining
+from volspec.viewer.model.lights.parts import respelled
+from volspec.viewer.model.palette.wishes import LIGHT, Board, Wishes
+from volspec.viewer.model.state import Interface, ViewState
+from volspec.viewer.ui.window.gestures import RUN_S, Gestures
+from volspec.viewer.ui.window.inputs import Input
+from volspec.viewer.work.files.opening import Opened, Openings
+from volspec.viewer.work.files.recent import RecentFiles
+from volspec.viewer.work.files.tasks import Tasks
+from volspec.viewer.work.window.notice import Notice
+from volspec.viewer.work.window.trace import Trace
 
 
 def done(state: ViewState, name: str) -> ViewState:
@@ -61,7 +61,7 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) 
 
 
 def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
-    commands = pytest.importorskip("volspec.viewer.panels.commands")
+    commands = pytest.importorskip("volspec.viewer.ui.panels.commands")
     for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
         row = commands.commands_of(state, (), search)[0]
         new = row.change(state)
@@ -160,7 +160,7 @@ def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
 
 
 def test_a_drawn_light_says_from_what() -> None:
-    rows = pytest.importorskip("volspec.viewer.panels.lights.rows")
+    rows = pytest.importorskip("volspec.viewer.ui.panels.lights.rows")
     lamp = LightRow("day", "D65 at noon", LightRig((light("D65"),)), 1.0, texts=("D65",))
     assert rows.described(lamp) == "day\nD65 at noon"
     pen = drawn((lamp,), 0, 0, (0.1, 2.0), (0.5, 2.0))
@@ -169,7 +169,7 @@ def test_a_drawn_light_says_from_what() -> None:
 
 
 def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
-    scraps = pytest.importorskip("volspec.viewer.desk").LightScraps()
+    scraps = pytest.importorskip("volspec.viewer.ui.desk").LightScraps()
     scraps.complain("'Q': no such light", (1, 0), state.lights)
     assert scraps.complaint_at((1, 0), state.lights) == "'Q': no such light"
     assert scraps.complaint_at((0, 0), state.lights) == ""
@@ -180,7 +180,7 @@ def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
 def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
     state: ViewState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk = pytest.importorskip("volspec.viewer.desk")
+    desk = pytest.importorskip("volspec.viewer.ui.desk")
     monkeypatch.setenv("VOLSPEC_STATE", str(tmp_path))
     begun: list[str | None] = []
     monkeypatch.setattr(
@@ -216,7 +216,7 @@ def test_a_frame_takes_one_gesture_where_a_busy_window_hears_of_several(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A press is where the mouse was then, and a key after a drag is no part of it."""
-    module = pytest.importorskip("volspec.viewer.window.inputs")
+    module = pytest.importorskip("volspec.viewer.ui.window.inputs")
     heard: dict[str, Any] = {}
     for name in [name for name in dir(module.glfw) if name.endswith("_callback")]:
         monkeypatch.setattr(

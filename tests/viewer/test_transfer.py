@@ -21,11 +21,11 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer.actions import ACTIONS
-from volspec.viewer.events import Event, curve, reduced
-from volspec.viewer.history import History
-from volspec.viewer.state import ViewState
-from volspec.viewer.transfer.parts import parts_of, with_share
+from volspec.viewer.model.actions import ACTIONS
+from volspec.viewer.model.events import Event, curve, reduced
+from volspec.viewer.model.history import History
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer.parts import parts_of, with_share
 
 KINDS = ("points", "regions", "surfaces", "labels")
 

@@ -10,12 +10,12 @@ import pytest
 
 from volspec.spectra import Spectrum
 from volspec.transfer import MAX_SURFACES, Region, TransferFunction, TransferFunction2D
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.history import History
-from volspec.viewer.state import ViewState
-from volspec.viewer.transfer.converting import Kind, converted, left_out
-from volspec.viewer.transfer.parts import MOST_PARTS, parts_of
-from volspec.viewer.transfer.placing import MOST_FACTORS
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.history import History
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer.converting import Kind, converted, left_out
+from volspec.viewer.model.transfer.parts import MOST_PARTS, parts_of
+from volspec.viewer.model.transfer.placing import MOST_FACTORS
 
 _SPAN = (0.0, 1.0)
 

@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 
 from volspec.raycast import ClipPlane
 from volspec.transfer import TransferFunction
-from volspec.viewer.actions import BY_KEY, BY_NAME
-from volspec.viewer.document import Document
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.events.event import Action
-from volspec.viewer.panels.over import cube as drawn_cube
-from volspec.viewer.panels.over import scale
-from volspec.viewer.state import ViewState
-from volspec.viewer.view import cube, cuts
-from volspec.viewer.view.aids import Aids
-from volspec.viewer.view.fitting import fitted, shown_mm
-from volspec.viewer.view.handles import dragged, handles
-from volspec.viewer.view.hits import nearest
-from volspec.viewer.view.projection import Projection
-from volspec.viewer.view.views import View
-from volspec.viewer.window.mouse import DRAGS, WHEELS
+from volspec.viewer.model.actions import BY_KEY, BY_NAME
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.events.event import Action
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import cube, cuts
+from volspec.viewer.model.view.aids import Aids
+from volspec.viewer.model.view.fitting import fitted, shown_mm
+from volspec.viewer.model.view.handles import dragged, handles
+from volspec.viewer.model.view.hits import nearest
+from volspec.viewer.model.view.projection import Projection
+from volspec.viewer.model.view.views import View
+from volspec.viewer.ui.panels.over import cube as drawn_cube
+from volspec.viewer.ui.panels.over import scale
+from volspec.viewer.ui.window.mouse import DRAGS, WHEELS
 from volspec.volume import Volume
 
 AREA = (40, 20, 800, 600)

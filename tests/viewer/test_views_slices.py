@@ -20,14 +20,21 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer.events import Event, reduced
-from volspec.viewer.events.slices import with_slices
-from volspec.viewer.panels.over.slices import drawn_sizes, said
-from volspec.viewer.picture.slice_pictures import SlicePictures
-from volspec.viewer.state import ViewState
-from volspec.viewer.view import slice_table, slices
-from volspec.viewer.view.aids import Slices
-from volspec.viewer.view.slices import PLANES, edge_letters, layout_of, letters, pointed, sliced
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.events.slices import with_slices
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import slice_table, slices
+from volspec.viewer.model.view.aids import Slices
+from volspec.viewer.model.view.slices import (
+    PLANES,
+    edge_letters,
+    layout_of,
+    letters,
+    pointed,
+    sliced,
+)
+from volspec.viewer.ui.panels.over.slices import drawn_sizes, said
+from volspec.viewer.work.picture.slice_pictures import SlicePictures
 from volspec.volume import Volume, load_volume
 
 

@@ -2,6 +2,6 @@
 
     input, panels -> [state] -> stale -> worker (casts) | pictures (relights) -> window
 
-States are frozen; `volspec.viewer.stale` says what a change costs. Nothing is imported here: a
-window, and what draws it, is loaded by `volspec.viewer.app`.
+States are frozen; `volspec.viewer.model.stale` says what a change costs. Nothing is imported here:
+a window, and what draws it, is loaded by `volspec.viewer.app`.
 """

@@ -17,31 +17,31 @@ from queue import SimpleQueue
 
 from imgui_bundle import imgui, implot
 
-from volspec.viewer.actions import BY_KEY
 from volspec.viewer.chores import Chores
-from volspec.viewer.desk import Desk
-from volspec.viewer.document import opened
-from volspec.viewer.files.opening import Opened
-from volspec.viewer.files.session import SUFFIX
-from volspec.viewer.files.tasks import Tasks
-from volspec.viewer.history import History, changed_in
-from volspec.viewer.lights.fader import Fader
-from volspec.viewer.memory import give_back_large
-from volspec.viewer.palette.service import Designing
-from volspec.viewer.panels.over import overlay
-from volspec.viewer.panels.widgets import in_line
-from volspec.viewer.picture.casting import Casting
-from volspec.viewer.picture.meter import Meter
-from volspec.viewer.picture.screen import Area, Screen
-from volspec.viewer.stale import lit_otherwise, stale_stage
-from volspec.viewer.state import ViewState
-from volspec.viewer.window.focus import Focus
-from volspec.viewer.window.inputs import Input
-from volspec.viewer.window.layout import Docks
-from volspec.viewer.window.mouse import Mouse
-from volspec.viewer.window.notice import SHORT_SECONDS, Notice, collected_warnings
-from volspec.viewer.window.trace import Trace
-from volspec.viewer.window.window import Window, style
+from volspec.viewer.layout import Docks
+from volspec.viewer.model.actions import BY_KEY
+from volspec.viewer.model.document import opened
+from volspec.viewer.model.history import History, changed_in
+from volspec.viewer.model.stale import lit_otherwise, stale_stage
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.panels.over import overlay
+from volspec.viewer.ui.panels.widgets import in_line
+from volspec.viewer.ui.window.focus import Focus
+from volspec.viewer.ui.window.inputs import Input
+from volspec.viewer.ui.window.mouse import Mouse
+from volspec.viewer.ui.window.window import Window, style
+from volspec.viewer.work.files.opening import Opened
+from volspec.viewer.work.files.session import SUFFIX
+from volspec.viewer.work.files.tasks import Tasks
+from volspec.viewer.work.lights.fader import Fader
+from volspec.viewer.work.memory import give_back_large
+from volspec.viewer.work.palette.service import Designing
+from volspec.viewer.work.picture.casting import Casting
+from volspec.viewer.work.picture.meter import Meter
+from volspec.viewer.work.picture.screen import Area, Screen
+from volspec.viewer.work.window.notice import SHORT_SECONDS, Notice, collected_warnings
+from volspec.viewer.work.window.trace import Trace
 
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
 # imgui needs some frames after an input until everything stands where it belongs.

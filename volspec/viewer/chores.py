@@ -2,8 +2,8 @@
 
     action -> [chores] -> opening | threads -> scene, script, session, PNG
 
-Names are those of `volspec.viewer.actions`, and ``say``; a path, or what is to be said, may follow
-after a blank.
+Names are those of `volspec.viewer.model.actions`, and ``say``; a path, or what is to be said, may
+follow after a blank.
 """
 
 from __future__ import annotations
@@ -11,22 +11,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from volspec.errors import VolspecError
-from volspec.viewer.desk import Desk, Search
-from volspec.viewer.files.as_python import export_python
-from volspec.viewer.files.as_scene import export_scene
-from volspec.viewer.files.asking import REQUESTS, Asking
-from volspec.viewer.files.clipboard import copy_shown, copy_values
-from volspec.viewer.files.opening import Opened, Openings
-from volspec.viewer.files.paths import PathRequest
-from volspec.viewer.files.screenshot import CUSTOM, Progress, Shot, taken
-from volspec.viewer.files.session import save_session
-from volspec.viewer.files.tasks import Outcome, Tasks
-from volspec.viewer.palette.service import PALETTES
-from volspec.viewer.panels.dialogs import PictureDialog, progress
-from volspec.viewer.picture.pictures import Pictures
-from volspec.viewer.state import ViewState
-from volspec.viewer.window.notice import Notice
-from volspec.viewer.window.trace import Trace
+from volspec.viewer.model.files.as_scene import export_scene
+from volspec.viewer.model.paths import PathRequest
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.desk import Desk, Search
+from volspec.viewer.ui.panels.dialogs import PictureDialog, progress
+from volspec.viewer.work.files.as_python import export_python
+from volspec.viewer.work.files.asking import REQUESTS, Asking
+from volspec.viewer.work.files.clipboard import copy_shown, copy_values
+from volspec.viewer.work.files.opening import Opened, Openings
+from volspec.viewer.work.files.screenshot import CUSTOM, Progress, Shot, taken
+from volspec.viewer.work.files.session import save_session
+from volspec.viewer.work.files.tasks import Outcome, Tasks
+from volspec.viewer.work.palette.service import PALETTES
+from volspec.viewer.work.picture.pictures import Pictures
+from volspec.viewer.work.window.notice import Notice
+from volspec.viewer.work.window.trace import Trace
 
 
 class Chores:

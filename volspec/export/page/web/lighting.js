@@ -1,6 +1,6 @@
 // Weights of the lights: what counts after solo, and the dial that blends them.
 //
-// Twin of volspec/viewer/lights/{lighting,blending}.py [Bergner et al. 2005: the light dial].
+// Twin of volspec/viewer/model/lights/{lighting,blending}.py [Bergner et al. 2005: the light dial].
 
 // What counts; `solo` is the light that shines alone, or -1.
 const shining = ({ weights, solo }) => (

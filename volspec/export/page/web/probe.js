@@ -1,6 +1,6 @@
 // What the pixel under the pointer is: XYZ, look, error, and the spectrum that comes from it.
 //
-// Twin of volspec/viewer/picture/reading.py.
+// Twin of volspec/viewer/work/picture/reading.py.
 
 function probePanel(app) {
   const card = byId('probe'), rows = byId('probe-rows'), drawing = byId('probe-spectrum');

@@ -1,0 +1,1 @@
+"""State of the viewer and pure functions on it."""

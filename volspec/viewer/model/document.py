@@ -1,0 +1,208 @@
+"""What the viewer has open: a scene, its volume on a device, and how it looked at first.
+
+file -> [document] -> state
+"""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._gpu.sources import asset
+from volspec.errors import OpenCLError, VolspecWarning, one_line
+from volspec.pipeline import Raycaster
+from volspec.raycast import RaycastSpec
+from volspec.relight import RelightSpec
+from volspec.scene import Scene
+from volspec.scene.file import SceneFile
+from volspec.scene.lights import rows_by_name
+from volspec.spectra import SpectralGrid, reflectance_names
+from volspec.transfer import Transfer
+from volspec.viewer.model.lights.lighting import Rows, rows_of
+from volspec.viewer.model.paths import check_name
+from volspec.viewer.model.priority import yielding
+from volspec.viewer.model.transfer import preset_table, presets
+from volspec.viewer.model.transfer.joint import JointHistogram, joint_histogram
+from volspec.viewer.model.view.fitting import fitted
+from volspec.viewer.model.view.views import View
+from volspec.volume import Volume, load_volume
+
+_BINS = 256
+# Of a volume without a scene.
+_LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "HP1": "sodium lamp"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Document:
+    """A scene that is open.
+
+    Parameters
+    ----------
+    title : str
+    volume : Volume
+    caster : Raycaster, optional
+        Holds the volume; None if nothing will be cast, or can be.
+    view, transfer, shading, lights, seen
+        As the file has them.
+    histogram : (256,) float64
+        Voxels by value over the volume's range.
+    file : SceneFile, optional
+        What was opened, or made for a volume; None where there is neither.
+    path : Path, optional
+        Of the scene or the volume; names in the file start from its folder.
+    fault : str
+        Why nothing can be cast on this machine; empty if it can.
+    joint : JointHistogram
+        By value and gradient.
+    """
+
+    title: str
+    volume: Volume
+    caster: Raycaster | None
+    view: View
+    transfer: Transfer
+    shading: RaycastSpec
+    lights: Rows
+    seen: RelightSpec
+    histogram: NDArray[np.float64]
+    file: SceneFile | None = None
+    path: Path | None = None
+    fault: str = ""
+    joint: JointHistogram = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joint", joint_histogram(self.volume))
+
+    @property
+    def folder(self) -> str:
+        """What the relative names of its files start from."""
+        return "." if self.path is None else str(self.path.parent)
+
+    @property
+    def source(self) -> str | None:
+        """What `opened` takes to read it again; None of the bundled demo."""
+        if self.file is None or self.path is None or self.path == demo():
+            return None
+        return str(self.path) if self.path.suffix.lower() == ".toml" else self.file.volume.file
+
+    @property
+    def grid(self) -> SpectralGrid:
+        """What spectra are on."""
+        return self.transfer.basis.grid
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        volume: Volume,
+        caster: Raycaster | None,
+        view: View | None = None,
+        fault: str = "",
+    ) -> Document:
+        """A scene with its volume, seen as its file says or as given."""
+        return cls(
+            title=scene.file.title or scene.path.stem,
+            volume=volume,
+            caster=caster,
+            view=view or _view_of(scene, volume),
+            transfer=scene.transfer,
+            shading=scene.raycast,
+            lights=rows_of(scene.lights, rows_by_name(scene.file.light)),
+            seen=scene.relight,
+            histogram=histogram(volume),
+            file=scene.file,
+            path=scene.path.absolute(),
+            fault=fault,
+        )
+
+
+def opened(path: str | None, device: str | None = None) -> Document:
+    """Open a scene file, or a volume with a scene made for it; None is the bundled demo.
+
+    Raises
+    ------
+    VolspecError
+        If it cannot be read, or the device that is named cannot cast.
+    """
+    view = None
+    if path is not None:
+        check_name(path)
+    if path is None:
+        scene = Scene.load(demo())
+        volume = scene.volume()
+    elif path.lower().endswith(".toml"):
+        scene = Scene.load(path)
+        volume = scene.volume()
+    else:
+        volume = load_volume(path)
+        scene = Scene(plain_scene(path, volume), path.partition("?")[0])
+        # No window is known yet: a square that has the picture's height.
+        view = fitted(View(), volume, scene.transfer, scene.raycast, 1.0)
+    # Presets take their materials from it, when somebody waits for them.
+    threading.Thread(target=reflectance_names, daemon=True).start()
+    caster, fault = make_caster(volume, device)
+    return Document.of(scene, volume, caster, view, fault)
+
+
+def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:
+    """Make what casts a volume; or None, and why this machine cannot.
+
+    Raises
+    ------
+    OpenCLError
+        If the device that is named cannot.
+    """
+    try:
+        return yielding(lambda: Raycaster(volume, device=device)), ""
+    except OpenCLError as error:
+        if device is not None:
+            raise
+        warnings.warn(one_line(error), VolspecWarning, stacklevel=2)
+        return None, one_line(error)
+
+
+def demo() -> Path:
+    """The scene that is opened where none is named."""
+    return Path(asset("data/scenes/engine.toml")).absolute()
+
+
+def plain_scene(path: str, volume: Volume) -> SceneFile:
+    """A scene for a volume of which nothing else is known, by the preset for such."""
+    preset = preset_table.BY_NAME[preset_table.DEFAULT]
+    looks = presets.fitted(preset, volume, histogram(volume))
+    document: dict[str, Any] = {
+        "title": Path(path.partition("?")[0]).name,
+        "volume": {"file": str(Path(path).absolute())},
+        "material": [{"name": k, "reflectance": v} for k, v in preset.materials.items()],
+        "transfer": {
+            "points": [{"value": v, "opacity": o, "material": m} for v, o, m in looks],
+            "reference_step_mm": presets.step_mm(volume),
+        },
+        "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "flat_gradient": 0.02},
+        "light": [{"name": k, "label": v, "spectrum": k} for k, v in _LIGHTS.items()],
+        "viewing": {"backdrop": 0.05},
+    }
+    return SceneFile.model_validate(document)
+
+
+def histogram(volume: Volume) -> NDArray[np.float64]:
+    """(256,) voxels by value; of large volumes every n-th along each axis."""
+    every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
+    sampled = volume.values[::every, ::every, ::every]
+    low, high = volume.range
+    # From 0 on: far from it float32 has too few numbers to tell the bins' edges apart.
+    above = np.subtract(sampled, low, dtype=np.float64)
+    return np.histogram(above, bins=_BINS, range=(0.0, high - low))[0].astype(np.float64)
+
+
+def _view_of(scene: Scene, volume: Volume) -> View:
+    table = scene.file.camera
+    if table.position_mm is not None:
+        return View.of(scene.camera(volume), volume)
+    return View(**table.model_dump(exclude={"position_mm"}))

@@ -1,0 +1,196 @@
+"""The crop's box and the clip planes: how they are changed, and where they lie.
+
+    handles, panel -> events -> [cuts] -> RaycastSpec -> raycast
+
+Whatever number comes, the result is a spec that leaves something of the volume.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.raycast import ClipPlane, RaycastSpec
+from volspec.raycast.spec import MAX_PLANES, Bounds
+from volspec.viewer.model.view.projection import Place, Projection
+from volspec.viewer.model.view.views import Vector, radius_mm, vector
+from volspec.volume import Volume
+
+Array = NDArray[np.float64]
+Crop = tuple[Bounds, Bounds, Bounds]
+# Planes that lie together to this share of the volume's radius cut alike.
+_SAME = 1e-3
+# Voxels that a crop leaves at least along each axis.
+LEAST = 1.0
+
+
+def crop_of(shading: RaycastSpec, volume: Volume) -> Crop:
+    """What stays along each axis, in voxels, also where nothing is cropped."""
+    last = np.array(volume.shape_xyz) - 1.0
+    given = shading.crop_voxels or tuple((0.0, float(end)) for end in last)
+    # A scene's crop may reach beyond the volume, or miss it.
+    low = np.clip([pair[0] for pair in given], 0.0, last - LEAST)
+    high = np.clip([pair[1] for pair in given], low + LEAST, last)
+    x, y, z = ((float(a), float(b)) for a, b in zip(low, high, strict=True))
+    return x, y, z
+
+
+def cropped(shading: RaycastSpec, volume: Volume, face: int, at: float) -> RaycastSpec:
+    """One face of the crop elsewhere; a voxel is left, and a whole volume is no crop."""
+    if not 0 <= face < 6:
+        return shading
+    axis, far = divmod(face, 2)
+    crop = list(crop_of(shading, volume))
+    low, high = crop[axis]
+    last = volume.shape_xyz[axis] - 1.0
+    if far:
+        high = min(max(at, low + LEAST), last)
+    else:
+        low = min(max(at, 0.0), high - LEAST)
+    crop[axis] = low, high
+    whole = all(pair == (0.0, n - 1.0) for pair, n in zip(crop, volume.shape_xyz, strict=True))
+    x, y, z = crop
+    return replace(shading, crop_voxels=None if whole else (x, y, z))
+
+
+def world_mm(volume: Volume, index: Array) -> Array:
+    """(…, 3) voxel indices (x, y, z) as places in the world."""
+    return np.asarray(index @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3])
+
+
+def box_corners_mm(crop: Crop, volume: Volume) -> Array:
+    """(2, 2, 2, 3) corners, the axes by x, y, z."""
+    return world_mm(volume, np.stack(np.meshgrid(*crop, indexing="ij"), axis=-1))
+
+
+# The box's corners by their sides along x, y and z, and its edges: two corners and the two faces
+# that meet there (2 · axis, + 1 at the far end).
+_CORNERS = list(np.ndindex(2, 2, 2))
+_EDGES = [
+    (i, i ^ bit, [2 * o + _CORNERS[i][o] for o in range(3) if o != axis])
+    for axis, bit in enumerate((4, 2, 1))
+    for i in range(8)
+    if not i & bit
+]
+
+
+def box_edges(crop: Crop, volume: Volume, seen: Projection) -> list[tuple[Place, Place, bool]]:
+    """The box's edges in the window, and whether its own faces hide each."""
+    corners = box_corners_mm(crop, volume).reshape(8, 3)
+    facing = _facing(crop, volume, seen)
+    starts, ends = (corners[[edge[k] for edge in _EDGES]] for k in (0, 1))
+    drawn = seen.segments(starts, ends)
+    return [
+        (*line, not any(facing[face] for face in faces))
+        for line, (_, _, faces) in zip(drawn, _EDGES, strict=True)
+        if line is not None
+    ]
+
+
+def _facing(crop: Crop, volume: Volume, seen: Projection) -> NDArray[np.bool_]:
+    """(6,) whether each face is seen from outside: whether the eye is beyond it, in voxels."""
+    camera, index_from_world = seen.camera, volume.index_from_world
+    if camera.height_mm is None:
+        eye = index_from_world[:3, :3] @ camera.position_mm + index_from_world[:3, 3]
+        return np.array(
+            [[eye[k] < low, eye[k] > high] for k, (low, high) in enumerate(crop)]
+        ).ravel()
+    towards = index_from_world[:3, :3] @ camera.frame()[2]
+    return np.array([[along > 0, along < 0] for along in towards]).ravel()
+
+
+def anchor_mm(plane: ClipPlane, volume: Volume) -> Array:
+    """Where a plane is held: its own point, or where that is far off, one near the middle."""
+    centre = volume.corners_mm.mean(axis=0)
+    point, normal = np.asarray(plane.point_mm), np.asarray(plane.normal)
+    if np.linalg.norm(point - centre) <= radius_mm(volume):
+        return point
+    return np.asarray(centre + normal * ((point - centre) @ normal))
+
+
+def distance_mm(plane: ClipPlane, volume: Volume) -> float:
+    """From the volume's middle to a plane, along its normal."""
+    centre = volume.corners_mm.mean(axis=0)
+    return float((np.asarray(plane.point_mm) - centre) @ np.asarray(plane.normal))
+
+
+def with_plane(shading: RaycastSpec, volume: Volume, normal: Vector) -> RaycastSpec:
+    """Another plane through the volume's middle; not where `no_plane` says why."""
+    if no_plane(shading, volume, normal):
+        return shading
+    plane = ClipPlane(vector(volume.corners_mm.mean(axis=0)), normal)
+    return replace(shading, clip_planes=(*shading.clip_planes, plane))
+
+
+def no_plane(shading: RaycastSpec, volume: Volume, normal: Vector) -> str:
+    """Why there can be no other plane through the volume's middle; empty where there can."""
+    wanted = np.asarray(normal) / np.linalg.norm(normal)
+    for plane in shading.clip_planes:
+        near = abs(distance_mm(plane, volume)) <= _SAME * radius_mm(volume)
+        if near and np.linalg.norm(np.asarray(plane.normal) - wanted) <= _SAME:
+            return "A clip plane lies here already; move that one first"
+    full = len(shading.clip_planes) >= MAX_PLANES
+    return f"{MAX_PLANES} clip planes are the most; remove one first" if full else ""
+
+
+def changed(shading: RaycastSpec, index: int, plane: ClipPlane | None) -> RaycastSpec:
+    """One plane replaced, or removed; all as they are where there is no such plane."""
+    planes = shading.clip_planes
+    if not 0 <= index < len(planes):
+        return shading
+    new = () if plane is None else (plane,)
+    return replace(shading, clip_planes=(*planes[:index], *new, *planes[index + 1 :]))
+
+
+def shifted(shading: RaycastSpec, volume: Volume, index: int, distance: float) -> RaycastSpec:
+    """A plane at another distance from the volume's middle, within what it can cut."""
+    if not 0 <= index < len(shading.clip_planes):
+        return shading
+    plane = shading.clip_planes[index]
+    reach = radius_mm(volume)
+    by = min(max(distance, -reach), reach) - distance_mm(plane, volume)
+    point = anchor_mm(plane, volume) + by * np.asarray(plane.normal)
+    return changed(shading, index, replace(plane, point_mm=vector(point)))
+
+
+def tilted(
+    shading: RaycastSpec, volume: Volume, index: int, azimuth_deg: float, elevation_deg: float
+) -> RaycastSpec:
+    """A plane turned about where it is held; angles of its normal about the world's axes."""
+    if not 0 <= index < len(shading.clip_planes):
+        return shading
+    plane = shading.clip_planes[index]
+    azimuth, elevation = math.radians(math.fmod(azimuth_deg, 360.0)), math.radians(elevation_deg)
+    flat = math.cos(elevation)
+    normal = flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)
+    return changed(shading, index, ClipPlane(vector(anchor_mm(plane, volume)), normal))
+
+
+def flipped(shading: RaycastSpec, index: int) -> RaycastSpec:
+    """The other side of a plane stays."""
+    if not 0 <= index < len(shading.clip_planes):
+        return shading
+    plane = shading.clip_planes[index]
+    x, y, z = plane.normal
+    return changed(shading, index, replace(plane, normal=(-x, -y, -z)))
+
+
+def outline_mm(point: Array, normal: Array, corners: Array) -> Array:
+    """(N, 3) the polygon that a plane cuts out of a box; empty where it misses."""
+    flat = corners.reshape(8, 3)
+    heights = (flat - point) @ normal
+    cuts = []
+    for i, j in ((i, i ^ bit) for bit in (1, 2, 4) for i in range(8) if not i & bit):
+        a, b = heights[i], heights[j]
+        if (a <= 0 < b) or (b <= 0 < a):
+            cuts.append(flat[i] + a / (a - b) * (flat[j] - flat[i]))
+    if len(cuts) < 3:
+        return np.empty((0, 3))
+    ring = np.array(cuts)
+    spokes = ring - ring.mean(axis=0)
+    across = spokes[0] / max(float(np.linalg.norm(spokes[0])), 1e-12)
+    order = np.argsort(np.arctan2(spokes @ np.cross(normal, across), spokes @ across))
+    return np.asarray(ring[order])

@@ -1,0 +1,1 @@
+"""Drawing and input: imgui and glfw."""

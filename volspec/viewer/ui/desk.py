@@ -1,0 +1,244 @@
+"""What panels are given besides the state: measured times, areas noted down, texts under way.
+
+app -> [desk] -> panels -> app
+
+Nothing of it is part of a picture, and undo does not know it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from imgui_bundle import imgui
+
+from volspec.raycast import CoefficientImage
+from volspec.viewer.model.events.event import Action, Change
+from volspec.viewer.model.lights.lighting import Rows
+from volspec.viewer.model.palette.wishes import News
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view.projection import Projection
+from volspec.viewer.work.files.recent import RecentFile
+from volspec.viewer.work.picture.error_map import Heat
+from volspec.viewer.work.picture.reading import Reading
+from volspec.viewer.work.picture.slice_pictures import SlicePictures
+
+# Words about a state, if any.
+Said = Callable[[ViewState], str] | None
+
+
+@dataclass(slots=True)
+class Search:
+    """What is looked for in the command palette.
+
+    Parameters
+    ----------
+    text : str
+    at : int
+        The row that Enter takes.
+    fresh : bool
+        Whether the field is to take the keyboard.
+    picked : Any
+        The command that was picked; it is done once the window is seen without the palette.
+    waits : int
+        Frames until then.
+    """
+
+    text: str = ""
+    at: int = 0
+    fresh: bool = True
+    picked: Any = None
+    waits: int = 0
+
+
+@dataclass(slots=True)
+class LightScraps:
+    """What the panel of lights keeps from frame to frame.
+
+    Parameters
+    ----------
+    row : int
+        The light that was chosen in the last frame.
+    tab : str
+        The tab that is open.
+    to_tab : str
+        The one that shall be; empty where nobody asked.
+    part : int
+        Of the chosen light's spectra, the one that is drawn.
+    pen : (x, y), optional
+        Where it was in the last frame, while it draws.
+    top : float
+        Power at the plot's upper edge, which stays while it draws.
+    text, text_of
+        A notation that is being typed, and for which light and part.
+    naming : int
+        The saved state that is being renamed; -1 is none.
+    name : str
+        What it shall be called.
+    focus : bool
+        Whether its field waits for the keyboard.
+    complaint : str
+        What is wrong with what was typed.
+    complaint_of : ((light, part), rows)
+        For which spectrum that was, and the lights as they were then.
+    renaming : int
+        The light that is being renamed; -1 is none.
+    """
+
+    row: int = 0
+    tab: str = ""
+    to_tab: str = ""
+    part: int = 0
+    pen: tuple[float, float] | None = None
+    top: float = 1.0
+    text: str = ""
+    text_of: tuple[str, int] = ("", 0)
+    naming: int = -1
+    name: str = ""
+    focus: bool = False
+    complaint: str = ""
+    complaint_of: tuple[tuple[int, int], Rows] = ((0, 0), ())
+    renaming: int = -1
+
+    def rename(self, index: int, rows: Rows) -> None:
+        """Begin to rename a light."""
+        self.renaming, self.name, self.focus = index, rows[index].name, True
+        self.naming, self.row = -1, -1  # a name at a time; the row is scrolled to
+
+    def complain(self, why: str, place: tuple[int, int], rows: Rows) -> None:
+        """A notation, of a light's part, was no light."""
+        self.complaint, self.complaint_of = why, (place, rows)
+
+    def complaint_at(self, place: tuple[int, int], rows: Rows) -> str:
+        """What stands under a part's field; gone once anything else of the lights is edited."""
+        about, then = self.complaint_of
+        return self.complaint if about == place and then is rows else ""
+
+
+@dataclass(slots=True)
+class LibraryScraps:
+    """What a library, of lights or of materials, keeps from frame to frame.
+
+    Parameters
+    ----------
+    search : str
+        What is looked for.
+    complaint : str
+        Why it could not be added.
+    kelvin : float
+        The temperature that the slider of lights shows.
+    """
+
+    search: str = ""
+    complaint: str = ""
+    kelvin: float = 3200.0
+
+
+@dataclass(slots=True)
+class Desk:
+    """The panels' surroundings; new values every frame.
+
+    Parameters
+    ----------
+    scale : float
+        Pixels of the window for each at 96 dpi.
+    areas : {name: (x, y, width, height)}
+        Where things were drawn: for what stands over them, and for the trace.
+    asked : list of str
+        Actions that are the app's to do.
+    image : CoefficientImage, optional
+        What was cast last.
+    whole : bool
+        Whether that is as fine as the picture.
+    shown_at : (left, top, right, bottom)
+        Where the picture was drawn last.
+    fault : str
+        Why there is no picture; empty while one is there or awaited.
+    fps : float
+        Frames per second, while something moves.
+    ms : {stage: float}
+        What each stage took last.
+    under_mouse : Reading, optional
+        What of the picture is under the mouse.
+    heat : Heat, optional
+        The error map.
+    slices : SlicePictures, optional
+        What the slices are drawn by.
+    design : News
+        What the palette's threads have to say.
+    recent : tuple of RecentFile
+        Files opened lately.
+    commands : Search, optional
+        The command palette; None where it is closed.
+    menu : bool
+        Whether the first menu is to open now.
+    front : str
+        The panel that is to come to the front now.
+    item : str
+        Its item that is to take the keyboard.
+    lights : LightScraps
+    library : LibraryScraps
+    popup : str
+        What of the palette is to open now.
+    member : (kind, index)
+        The light or the material that this is about.
+    """
+
+    scale: float = 1.0
+    areas: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
+    asked: list[str] = field(default_factory=list)
+    image: CoefficientImage | None = None
+    whole: bool = False
+    shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    fault: str = ""
+    fps: float = 0.0
+    ms: dict[str, float] = field(default_factory=dict)
+    under_mouse: Reading | None = None
+    heat: Heat | None = None
+    slices: SlicePictures | None = None
+    design: News = field(default_factory=News)
+    recent: tuple[RecentFile, ...] = ()
+    commands: Search | None = None
+    menu: bool = False
+    front: str = ""
+    item: str = ""
+    lights: LightScraps = field(default_factory=LightScraps)
+    library: LibraryScraps = field(default_factory=LibraryScraps)
+    popup: str = ""
+    member: tuple[str, int] = ("", 0)
+    _projected: tuple[Any, Projection] | None = None
+
+    def px(self, size: float) -> float:
+        """A size in the window's pixels."""
+        return size * self.scale
+
+    def acted(
+        self, state: ViewState, change: Change, refusal: Said = None, told: Said = None
+    ) -> ViewState:
+        """What an action makes of a state; why it refuses to, or what it left out, is said."""
+        new = change(state)
+        words = refusal if new is state else told
+        if words is not None and (said := words(state)):
+            self.asked.append(f"say {said}")
+        return new
+
+    def done(self, state: ViewState, action: Action) -> ViewState:
+        """As `acted`, for an action; what is the app's to do is asked of it."""
+        if action.change is None:
+            self.asked.append(action.name)
+            return state
+        return self.acted(state, action.change, action.refusal, action.told)
+
+    def projection(self, state: ViewState) -> Projection:
+        """Where the state's camera shows things in the window."""
+        of = state.view, state.document.volume, self.areas["picture"]
+        if self._projected is None or self._projected[0] != of:
+            camera = state.view.camera(state.document.volume)
+            self._projected = of, Projection(camera, self.areas["picture"])
+        return self._projected[1]
+
+    def note(self, name: str) -> None:
+        """Note down where the last item is."""
+        (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        self.areas[name] = (int(x), int(y), int(right - x), int(bottom - y))

@@ -1,0 +1,176 @@
+"""The palette's table: spectra at the margins, in each cell what was reached around the wanted."""
+
+from __future__ import annotations
+
+import numpy as np
+from imgui_bundle import imgui
+
+from volspec.palette import Cell, CellReport
+from volspec.palette.advice import VISIBLE
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.palette.table import Table
+from volspec.viewer.model.palette.wishes import LIGHT, REFLECTANCE, clipped, stays
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.panels.palette.margins import member
+from volspec.viewer.ui.panels.widgets import BLACK, WAITING_GREYED, WHITE, packed, tip
+from volspec.viewer.ui.window.style import ACCENT
+
+CELL_POPUP = "palette cell"
+_ROW, _WIDTHS, _HEADER = 84.0, (38.0, 76.0), 42.0
+_CELL = 36.0
+# Above this luma of a cell, marks on it are black.
+_LIGHT = 0.55
+_MOST_ROWS = 12
+_MARKS = {"same": "=", "distinct": "≠", "free": "~"}
+_FLAGS = (
+    imgui.TableFlags_.scroll_x
+    | imgui.TableFlags_.scroll_y
+    | imgui.TableFlags_.sizing_fixed_fit
+    | imgui.TableFlags_.no_pad_outer_x
+)
+
+
+def draw(state: ViewState, table: Table, desk: Desk) -> ViewState:
+    """Draw it; a click on a cell chooses it and opens the editor."""
+    room = imgui.get_content_region_avail()
+    count = len(table.columns)
+    low, high = (desk.px(width) for width in _WIDTHS)
+    padding = 2 * imgui.get_style().cell_padding.x
+    wide = min(max((room.x - desk.px(_ROW) - padding) / count - padding, low), high)
+    overflows = (wide + padding) * count + desk.px(_ROW) + padding > room.x + 1
+    bar = imgui.get_style().scrollbar_size if overflows else 0.0
+    row = desk.px(_CELL) + 2 * imgui.get_style().cell_padding.y
+    tall = row * min(len(table.rows), _MOST_ROWS) + desk.px(_HEADER) + desk.px(4) + bar
+    if not imgui.begin_table("palette", count + 1, _FLAGS, (0, tall)):
+        return state
+    imgui.table_setup_scroll_freeze(1, 1)
+    imgui.table_setup_column("material", imgui.TableColumnFlags_.width_fixed, desk.px(_ROW))
+    for name in table.columns:
+        imgui.table_setup_column(name, imgui.TableColumnFlags_.width_fixed, wide)
+    new = _header(state, table, desk, wide)
+    for i in range(len(table.rows)):
+        new = _row(new, table, desk, i, wide)
+    imgui.end_table()
+    return new
+
+
+def _header(state: ViewState, table: Table, desk: Desk, wide: float) -> ViewState:
+    new = state
+    imgui.table_next_row(imgui.TableRowFlags_.headers, desk.px(_HEADER))
+    imgui.table_set_bg_color(imgui.TableBgTarget_.row_bg0, _window_colour())
+    imgui.table_next_column()
+    imgui.text_disabled("may change")
+    tip("Ticked spectra are designed; the others stay as they are", WAITING_GREYED)
+    for j, name in enumerate(table.columns):
+        if not imgui.table_next_column():  # scrolled out of view
+            continue
+        imgui.push_id(f"column {j}")
+        new = member(new, table, desk, (LIGHT, name), j, wide)
+        imgui.pop_id()
+    return new
+
+
+def _row(state: ViewState, table: Table, desk: Desk, i: int, wide: float) -> ViewState:
+    imgui.table_next_row(imgui.TableRowFlags_.none, desk.px(_CELL))
+    imgui.table_next_column()
+    imgui.push_id(f"row {i}")
+    name = table.rows[i]
+    new = member(state, table, desk, (REFLECTANCE, name), i, desk.px(_ROW))
+    imgui.pop_id()
+    for j, column in enumerate(table.columns):
+        if not imgui.table_next_column():
+            continue
+        report = table.cells[name, column]
+        number = i * len(table.columns) + j
+        imgui.push_id(number)
+        pressed = imgui.invisible_button("cell", (wide, desk.px(_CELL)))
+        desk.note(f"cell {number}")
+        wish = state.board.wishes.cells.get((name, column))
+        picked = state.interface.pick.place == (name, column)
+        _cell(report, wish, picked, state.interface.dark, desk)
+        tip(explained(report, wish))
+        imgui.pop_id()
+        if pressed:
+            new = reduced(new, Event("pick-cell", index=number))
+            desk.popup = CELL_POPUP
+    return new
+
+
+def _cell(report: CellReport, wish: Cell | None, picked: bool, dark: bool, desk: Desk) -> None:
+    (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+    draw_list = imgui.get_window_draw_list()
+    seen = clipped(report.obtained)
+    on = packed(contrast(seen), 0.85)
+    rounding = desk.px(3)
+    draw_list.add_rect_filled((x, y), (right, bottom), packed(seen), rounding)
+    middle = (x + right) / 2, (y + bottom) / 2
+    if wish is not None:
+        half = importance(wish) * min(right - x, bottom - y) / 2
+        ends = (middle[0] - half, middle[1] - half), (middle[0] + half, middle[1] + half)
+        faint = packed(contrast(seen), 0.45)
+        if report.wanted is not None:
+            draw_list.add_rect_filled(*ends, packed(clipped(report.wanted)))
+        draw_list.add_rect(*ends, faint, 0.0, desk.px(2 if np.isinf(wish.weight) else 1))
+        if wish.kind in _MARKS:
+            _write(_MARKS[wish.kind], middle, on, desk.px(14), (0.5, 0.5))
+    if report.error is not None and report.error > VISIBLE:
+        text = f"{report.error:.{1 if report.error < 9.95 else 0}f}"
+        _write(text, (right - desk.px(3), bottom - desk.px(1)), on, desk.px(11), (1.0, 1.0))
+        if wish is not None and not stays(wish):
+            draw_list.add_rect((x, y), (right, bottom), packed(ACCENT[dark]), rounding, desk.px(2))
+    if not report.in_gamut:
+        _write("!", (right - desk.px(4), y + desk.px(1)), on, desk.px(11), (1.0, 0.0))
+    if picked:
+        out = desk.px(1.5)
+        line = imgui.get_color_u32(imgui.Col_.text)
+        ends = (x - out, y - out), (right + out, bottom + out)
+        draw_list.add_rect(*ends, line, rounding + out, desk.px(1))
+
+
+def importance(cell: Cell) -> float:
+    """The side of the wanted colour's square, as a share of the cell's: heavier is larger.
+
+    >>> importance(Cell("black")), importance(Cell("black", weight=float("inf")))
+    (0.44, 0.62)
+    """
+    return float(np.clip(0.44 + 0.06 * np.log2(cell.weight), 0.26, 0.62))
+
+
+def explained(report: CellReport, wish: Cell | None) -> str:
+    """A cell in words."""
+    where = f"{report.reflectance} under {report.light}"
+    if wish is None:
+        return f"{where}\nNothing is wanted here; click to wish for a colour"
+    words = {
+        "colour": "is to stay, as far as it can" if stays(wish) else "a colour is wanted",
+        "free": f"one colour with all of “{wish.group}”",
+        "black": "is to reflect nothing",
+        "same": f"the colour of {' under '.join(wish.other or ())}",
+        "distinct": f"ΔE {wish.distance:g} or more from {' under '.join(wish.other or ())}",
+    }[wish.kind]
+    far = "" if report.delta_E_2000 is None else f"\nΔE {report.delta_E_2000:.1f}"
+    if report.error is not None:
+        far += ", reached" if report.error <= VISIBLE else ": cannot be told apart below 1"
+    outside = "" if report.in_gamut else "\n! is outside the display"
+    return f"{where}\n{words}{far}{outside}"
+
+
+def contrast(codes: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Black or white, whichever is read better on a colour."""
+    luma = float(np.dot(codes, (0.299, 0.587, 0.114)))
+    return BLACK if luma > _LIGHT else WHITE
+
+
+def _write(
+    text: str, place: tuple[float, float], colour: int, size: float, pivot: tuple[float, float]
+) -> None:
+    font = imgui.get_font()
+    whole, full = imgui.calc_text_size(text), imgui.get_font_size()
+    left = place[0] - pivot[0] * whole.x * size / full
+    top = place[1] - pivot[1] * whole.y * size / full
+    imgui.get_window_draw_list().add_text(font, size, (left, top), colour, text)
+
+
+def _window_colour() -> int:
+    return int(imgui.get_color_u32(imgui.Col_.window_bg))

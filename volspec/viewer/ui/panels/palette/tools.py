@@ -1,0 +1,180 @@
+"""Below the palette's table: wizards, which material stands for which values, criteria."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from imgui_bundle import imgui
+
+from volspec.palette.model import METRICS
+from volspec.transfer import TransferFunction
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.palette.ranges import ranges
+from volspec.viewer.model.palette.spectra import columns
+from volspec.viewer.model.palette.table import picked
+from volspec.viewer.model.palette.wishes import DISTANCES, MOST_ROUNDS, SMOOTHNESS
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer.converting import kind_of
+from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.panels.widgets import in_line, pick, tip, wrapped
+
+_BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
+_SURROUNDINGS, _BLACK = "what surrounds it", "nothing: black"
+_NO_LIGHT = "none: the light stays as it is"
+_METRICS = dict(zip(METRICS, ("as the eye does (CIELAB)", "as numbers (RGB)"), strict=True))
+
+
+def draw(state: ViewState, desk: Desk) -> ViewState:
+    """Draw those that are open."""
+    new = state
+    opened = imgui.collapsing_header("Hide, reveal, keep, merge")
+    desk.note("wizards")
+    if opened:
+        new = _wizards(new, desk)
+    opened = imgui.collapsing_header("Materials of values")
+    desk.note("values")
+    if opened:
+        new = _values(new, desk)
+    opened = imgui.collapsing_header("Criteria")
+    desk.note("criteria")
+    if opened:
+        new = _criteria(new, desk)
+    return new
+
+
+def _wizards(state: ViewState, desk: Desk) -> ViewState:
+    material, light = picked(state)
+    rows, lights = tuple(state.transfer.materials), columns(state.lights)
+    own, new = state.interface.pick, state
+    half = (imgui.get_content_region_avail().x - desk.px(_UNDER)) / 2
+    chosen = _combo("##material", material, rows, desk, half)
+    new = _told(new, "pick-material", chosen)
+    imgui.same_line(0, desk.px(7))
+    imgui.text_disabled("under")
+    imgui.same_line(0, desk.px(7))
+    new = _told(new, "pick-light", _combo("##light", light, lights, desk))
+    like = own.like if own.like in lights else ""
+    chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), desk)
+    tip("Designs a light along, under which the other materials look as under this one")
+    new = _told(new, "pick-like", "" if chosen == _NO_LIGHT else chosen)
+    imgui.spacing()
+    _ask("hide", "Hide", "Make it look like its surroundings under this light", desk)
+    others = tuple(name for name in rows if name != material)
+    # One that was taken out is none to hide in.
+    within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
+    chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), desk)
+    name = "pick-black" if chosen == _BLACK else "pick-within"
+    new = _told(new, name, "" if chosen in (_SURROUNDINGS, _BLACK) else chosen)
+    _ask("reveal", "Reveal", "Make it stand out from all others under this light", desk)
+    imgui.set_next_item_width(-1)
+    moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
+    if moved:
+        new = reduced(new, Event("pick-distance", distance))
+    _ask("keep", "Keep", "Give it one colour under all lights", desk)
+    imgui.align_text_to_frame_padding()
+    imgui.text_disabled("its colour, under all lights")
+    _ask("merge", "Merge", "Give materials one colour under this light", desk)
+    return _merged(new, rows)
+
+
+def _told(state: ViewState, name: str, key: str | None) -> ViewState:
+    """After an event with what was picked from a list, if anything was."""
+    return state if key is None else reduced(state, Event(name, key=key))
+
+
+def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
+    """A list of materials to tick."""
+    ticked, new = state.interface.pick.materials, state
+    several = [name for name in rows if name in ticked]
+    words = ", ".join(several) if len(several) > 1 else "all materials"
+    imgui.set_next_item_width(-1)
+    if imgui.begin_combo("##several", in_line(words), imgui.ComboFlags_.height_large):
+        for number, name in enumerate(rows):
+            if imgui.checkbox(f"{in_line(name)}###{number}", name in ticked)[0]:
+                new = reduced(new, Event("pick-merged", key=name))
+        imgui.end_combo()
+    return new
+
+
+def _ask(name: str, title: str, what: str, desk: Desk) -> None:
+    """A button of a wizard; what it is about follows in the line."""
+    if imgui.button(title, (desk.px(_BUTTON), 0)):
+        desk.asked.append(name)
+    desk.note(f"wizard {name}")
+    tip(what)
+    imgui.same_line()
+
+
+def _values(state: ViewState, desk: Desk) -> ViewState:
+    """The ranges of the transfer function, and a tool that makes another."""
+    curve, new = state.transfer, state
+    if not isinstance(curve, TransferFunction):
+        has = f"This transfer function has {kind_of(curve)}, not a curve's ranges."
+        imgui.text_wrapped(f"{has} The Transfer panel edits it")
+        return state
+    names = tuple(curve.materials)
+    for number, own in enumerate(ranges(curve)):
+        imgui.push_id(number)
+        imgui.align_text_to_frame_padding()
+        imgui.text(f"{own.low:.4g} – {own.high:.4g}")
+        imgui.same_line(desk.px(100))
+        chosen = _combo("##of", own.material, names, desk)
+        if chosen not in (None, own.material):
+            new = reduced(new, Event("recast", index=number, key=chosen))
+        imgui.pop_id()
+    imgui.separator()
+    told = state.interface.pick
+    low, high = state.document.volume.range
+    first, last = told.values or (low, high)
+    use = told.use if told.use in names else names[0]
+    imgui.set_next_item_width(desk.px(118))
+    speed = (high - low) / 300
+    moved, first, last = imgui.drag_float_range2(
+        "##range", first, last, speed, low, high, "%.4g", "%.4g"
+    )
+    desk.note("range")
+    if moved:
+        new = reduced(new, Event("pick-values", first, last))
+    imgui.same_line()
+    new = _told(new, "pick-use", _combo("##use", use, names, desk, -desk.px(52)))
+    imgui.same_line()
+    if imgui.button("Use", (-1, 0)):
+        new = reduced(new, Event("assign", first, last, key=use))
+    desk.note("use")
+    tip("Makes all values of this range this material; opacities stay")
+    return new
+
+
+def _criteria(state: ViewState, desk: Desk) -> ViewState:
+    criteria, new = state.board.wishes.criteria, state
+    imgui.push_item_width(-desk.px(_LABEL))
+    low, high = SMOOTHNESS
+    moved, smoothness = imgui.slider_float(
+        "Smooth", criteria.smoothness, low, high, "%.4f", imgui.SliderFlags_.logarithmic
+    )
+    desk.note("smooth")
+    tip("How much smooth spectra count; much of it misses colours")
+    if moved:
+        new = reduced(new, Event("smoothness", smoothness))
+    moved, rounds = imgui.slider_int("Rounds", criteria.rounds, 1, MOST_ROUNDS)
+    tip("How often lights and materials take turns, and colours are compared anew")
+    if moved:
+        new = reduced(new, Event("rounds", float(rounds)))
+    imgui.pop_item_width()
+    chosen = _combo("Compare", _METRICS[criteria.metric], _METRICS.values(), desk)
+    if chosen is not None:
+        key = next(name for name, words in _METRICS.items() if words == chosen)
+        new = reduced(new, Event("metric", key=key))
+    wrapped("No spectrum goes below 0, no reflectance above 1.", imgui.Col_.text_disabled)
+    return new
+
+
+def _combo(
+    label: str, now: str, names: Iterable[str], desk: Desk, width: float | None = None
+) -> str | None:
+    """As `pick`, as wide as the panel leaves."""
+    plain = label.startswith("##")
+    imgui.set_next_item_width(width or (-1 if plain else -desk.px(_LABEL)))
+    chosen = pick(label, now, names)
+    desk.note(f"pick {label.strip('#')}")
+    return chosen

@@ -1,0 +1,1 @@
+"""Threads, files and GL: values in, values out."""

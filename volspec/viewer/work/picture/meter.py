@@ -1,0 +1,102 @@
+"""How long frames take: for the status line and the trace."""
+
+from __future__ import annotations
+
+import math
+import time
+
+from volspec.viewer.ui.desk import Desk
+from volspec.viewer.work.picture.pictures import Relit
+from volspec.viewer.work.window.trace import Trace
+
+# Frames further apart belong to no movement.
+_APART_S = 0.25
+# The window not looking for input so long is noted down.
+_UNANSWERED_MS = 40.0
+# A whole relight that takes longer leaves a frame no time for the rest.
+SLOW_MS = 18.0
+_MOST_BANDS = 4
+
+
+class Meter:
+    """Measures what is drawn.
+
+    Parameters
+    ----------
+    desk : Desk
+        Told to it.
+    trace : Trace
+        And written there.
+
+    Attributes
+    ----------
+    bands : int
+        In how many frames a whole picture is to be relit, so that none takes long.
+    """
+
+    def __init__(self, desk: Desk, trace: Trace) -> None:
+        self._desk, self._trace = desk, trace
+        self._last = 0.0
+        self.bands = 1
+        self._under_way: Relit | None = None
+        self._relit_ms = 0.0
+        self._ended: bool | None = None
+        self._areas: dict[str, tuple[int, int, int, int]] = {}
+
+    @property
+    def slow(self) -> bool:
+        """Whether a whole picture takes too long to relight for lights that are dragged."""
+        return self.bands > 1
+
+    def relights(self, relit: Relit | None, first: bool, ends: bool, whole: bool) -> None:
+        """A picture, or a band of it, is being relit; in the next frame its time is known.
+
+        Parameters
+        ----------
+        relit : Relit or None
+        first, ends : bool
+            Whether the picture begins with this, and whether it is all there then.
+        whole : bool
+            Whether it has all pixels.
+        """
+        self._under_way = relit
+        if first:
+            self._relit_ms = 0.0
+        self._ended = whole if ends else None
+
+    def answered(self, late_s: float, busy_s: float) -> None:
+        """A turn of the loop is over.
+
+        Parameters
+        ----------
+        late_s : float
+            By how much the wait for input outlasted what it was given.
+        busy_s : float
+            From input to the next wait for it.
+        """
+        if (ms := 1e3 * max(late_s, busy_s)) > _UNANSWERED_MS:
+            self._trace.note("unanswered", None, ms)
+
+    def frame(self, began: float) -> None:
+        """A frame has been shown that began at a time of `time.perf_counter`."""
+        if self._under_way is not None:
+            self._relit_ms += self._under_way.ms
+            self._under_way = None
+            if self._ended is not None:
+                self._tell(self._relit_ms, self._ended)
+        now = time.perf_counter()
+        self._desk.ms["frame"] = 1e3 * (now - began)
+        self._trace.note("frame", "frame", self._desk.ms["frame"])
+        if now - self._last < _APART_S:
+            self._desk.fps += 0.1 * (1.0 / (now - self._last) - self._desk.fps)
+        self._last = now
+        if self._areas != self._desk.areas:
+            self._areas = dict(self._desk.areas)
+            self._trace.note("layout", areas=self._areas)
+
+    def _tell(self, ms: float, whole: bool) -> None:
+        """A picture has been relit."""
+        if whole:
+            self.bands = min(max(math.ceil(ms / SLOW_MS), 1), _MOST_BANDS)
+        self._desk.ms["relight"] = ms
+        self._trace.note("relight", "relight", ms, whole=whole)

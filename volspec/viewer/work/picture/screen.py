@@ -1,0 +1,255 @@
+"""What the window shows of a scene: the picture of the last cast, relit, and where it stands.
+
+casts, state -> [screen] -> Painted -> window
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from imgui_bundle import imgui
+
+from volspec.errors import VolspecError, one_line
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.tables import TableKey, is_tabled
+from volspec.viewer.model.lights.lighting import rig_of
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.panels.widgets import packed
+from volspec.viewer.ui.window.window import Painted, Window
+from volspec.viewer.work.picture.error_map import Heat
+from volspec.viewer.work.picture.meter import Meter
+from volspec.viewer.work.picture.pictures import Pictures
+from volspec.viewer.work.picture.reading import Reading, read
+from volspec.viewer.work.picture.slice_pictures import SlicePictures
+from volspec.viewer.work.picture.tabling import TableWorker
+from volspec.viewer.work.picture.worker import CastDone
+from volspec.viewer.work.window.notice import Notice
+from volspec.viewer.work.window.trace import Trace
+
+# The longest that a table is waited for is told; it is gone when the table is there.
+_TABLE_S = 60.0
+_NOTHING = "Nothing is seen: the opacity is 0 everywhere in view, or the view misses it"
+Area = tuple[int, int, int, int]
+
+
+class Screen:
+    """Relights what was cast, only where something has changed.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        That of the window.
+    desk, meter, trace
+        What is measured is told to them.
+    notice : Notice
+        Where the user is told.
+    """
+
+    def __init__(
+        self, context: Any, desk: Desk, meter: Meter, trace: Trace, notice: Notice
+    ) -> None:
+        self.pictures = Pictures(context)
+        self._tabling = TableWorker(Window.wake, self.pictures.tables)
+        self._tables: tuple[TableKey, ...] = ()  # that the picture waits for
+        self._slices = desk.slices = SlicePictures(context)
+        self._desk, self._meter, self._trace, self._notice = desk, meter, trace, notice
+        self._cast: CastDone | None = None
+        self._shape = (0, 0)  # of the cast whose picture is shown
+        self._relit = self._coarse = self._drawing = self._hurries = False
+        self._band = 0  # that is drawn next
+        self._working_out = ""
+        self._heat = Heat(context, Window.wake)
+        self._read_of: tuple[Any, ...] | None = None
+        self._reading: Reading | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether tables or an error map are being worked out."""
+        return self._tabling.busy or self._heat.busy
+
+    @property
+    def ready(self) -> bool:
+        """Whether all that shall be drawn of the picture is drawn."""
+        return self._relit or self.pictures.image is None
+
+    def take(self, done: CastDone, state: ViewState | None) -> None:
+        """A pass of a cast that has ended."""
+        how = "cancel" if done.image is None else "cast"
+        size = [-(-side // done.divisor) for side in done.job.size]
+        if done.error:
+            self._notice.say(done.error)
+            how = "error"
+            if self._cast is None or self._cast.job.document is not done.job.document:
+                # No picture of this document is there, and the one before is another's.
+                self._desk.fault = one_line(done.error)
+                self._cast = self._desk.image = None
+        self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
+        if done.image is None or state is None or done.job.document is not state.document:
+            return
+        try:
+            self.pictures.show(done.image, done.packed)
+        except VolspecError as error:
+            self._notice.say(str(error))
+            return
+        if done.divisor == 1 and not done.image.alpha.any():
+            self._notice.say(_NOTHING)
+        # Its texture holds what was packed.
+        self._cast, self._desk.fault = replace(done, packed=None), ""
+        self.stale()
+        self._desk.image, self._desk.whole = done.image, done.divisor == 1
+        self._desk.ms["cast"] = done.ms
+
+    def stale(self) -> None:
+        """The picture no longer shows the state's light."""
+        # Where light follows on light, as under a key held down, the last bands would never come.
+        self._hurries |= self._band > 0
+        self._relit, self._band = False, 0
+
+    def relight(self, state: ViewState, held: bool) -> bool:
+        """Begin to draw the picture under the state's lights, where it does not show them yet.
+
+        What follows waits for what is drawn: panels are best made meanwhile, and of what takes
+        long only a band is drawn in each frame, unless the light before was not drawn to its end.
+
+        Parameters
+        ----------
+        state : ViewState
+        held : bool
+            Whether a mouse button is down: then few pixels are drawn where many take long.
+
+        Returns
+        -------
+        bool
+            Whether anything is drawn, for the next frame to show or to go on with.
+        """
+        self._drawing = False
+        if self._coarse and not held:
+            self.stale()
+        if self._relit or self.pictures.image is None:
+            return False
+        self._relit = True
+        self.pictures.repaint(state.transfer.basis)
+        self._desk.image = self.pictures.image
+        # What is measured in fewer pixels would want tables of its own.
+        few = self._desk.whole and self._meter.slow and not is_tabled(state.seen.viewing.model)
+        self._coarse = held and few
+        whole = self._desk.whole and not self._coarse
+        bands = 1 if held or self._hurries or not whole else self._meter.bands
+        first, self._band = self._band % bands, 0
+        rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
+        try:
+            if self._tables_missing(rig, state.seen, other):
+                return False
+            band = first / bands, (first + 1) / bands
+            relit = self.pictures.relight(rig, state.seen, other, state.divide, self._coarse, band)
+        except VolspecError as error:
+            self._notice.say(one_line(error))
+            return False
+        self._drawing = relit is not None
+        self._relit = not self._drawing or first + 1 == bands
+        self._band = 0 if self._relit else first + 1
+        if self._relit:
+            self._hurries = False
+            if self._cast is not None:
+                self._shape = self._cast.job.size
+        self._meter.relights(relit, first == 0, self._relit, whole)
+        return True
+
+    def _tables_missing(
+        self, rig: LightRig | None, seen: RelightSpec, other: LightRig | None
+    ) -> bool:
+        """Whether the light must wait for tables; they are then being worked out."""
+        missing = self.pictures.missing(rig, seen, other)
+        if missing:
+            self._working_out = f"{seen.viewing.model}: working out its table …"
+            self._notice.say(self._working_out, _TABLE_S)
+            if missing != self._tables:
+                self._tabling.request(missing)
+        elif self._tables and self._notice.text == self._working_out:
+            self._notice.say("")
+        self._tables = missing
+        return bool(missing)
+
+    def tabled(self) -> bool:
+        """Take tables that have been worked out; whether there are any."""
+        said = self._tabling.take()
+        for error in said:
+            if error:
+                self._tables = ()
+                self._notice.say(error)
+            else:
+                self._relit = False
+        return bool(said)
+
+    def probe(
+        self, state: ViewState, place: tuple[float, float] | None, held: bool
+    ) -> Reading | None:
+        """What is under the mouse; None where nothing is, or where a button is down.
+
+        While a picture is being drawn it is what was told before, as to read waits for it.
+        """
+        right = state.other is not None and place is not None and place[0] > state.divide
+        lights = state.other if right and state.other else state.lights
+        rig = rig_of(lights)
+        image, cast = self.pictures.image, self._cast
+        if place is None or rig is None or image is None or cast is None:
+            return None
+        if held or not self.pictures.framebuffer:
+            return None
+        if self._drawing:
+            return self._desk.under_mouse
+        if not self.pictures.current:
+            return None
+        width, height = image.size
+        pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
+        key = image, lights, state.seen, pixel
+        if key != self._read_of:
+            self._read_of = key
+            code = self.pictures.code(*pixel)
+            camera, volume = cast.job.camera, cast.job.document.volume
+            try:
+                self._reading = read(image, camera, volume, rig, state.seen, pixel, code)
+            except VolspecError:  # said when it was relit
+                self._reading = None
+        return self._reading
+
+    def heated(self, state: ViewState, held: bool) -> bool:
+        """Have the error map made where it is wanted; whether a new one has come."""
+        image = self.pictures.image
+        if state.interface.error_map and not held and self._desk.whole and image is not None:
+            self._desk.heat = self._heat
+            self._heat.want(image, state.lights, state.seen)
+        return self._heat.take()
+
+    def painted(self, area: Area, shown: ViewState | None) -> Painted | None:
+        """The picture behind the panels; one of another shape keeps its own."""
+        x, y, width, height = area
+        if not self.pictures.framebuffer or self._cast is None or shown is None:
+            dark = self._cast is not None and shown is not None and rig_of(shown.lights) is None
+            _write("No light is on" if dark else self._desk.fault or "Opening …", area)
+            return None
+        of, now = self._shape, shown.size
+        wide = width if of == now else height * of[0] / of[1]
+        left = x + (width - wide) / 2
+        to = self._desk.shown_at = left, y, left + wide, y + height
+        return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
+
+    def close(self) -> None:
+        """Release everything; nobody waits for a table."""
+        self._tabling.close(0.0)
+        self._heat.close()
+        self.pictures.close()
+        self._slices.close()
+
+
+def _write(text: str, area: Area) -> None:
+    """Text in the middle of where the picture will be, in lines as long as that is wide."""
+    x, y, width, height = area
+    wrap = 0.9 * width
+    size = imgui.calc_text_size(text, wrap_width=wrap)
+    place = x + (width - size.x) / 2, y + (height - size.y) / 2
+    grey, font, font_size = packed((0.6, 0.6, 0.6)), imgui.get_font(), imgui.get_font_size()
+    draw_list = imgui.get_background_draw_list()
+    draw_list.add_text(font, font_size, place, grey, text, wrap_width=wrap)
