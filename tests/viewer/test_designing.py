@@ -28,9 +28,9 @@ from volspec.viewer.model.palette.spectra import with_reflectances
 from volspec.viewer.model.palette.table import palette_of
 from volspec.viewer.model.palette.wishes import Pick
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
-from volspec.viewer.work.files import asking
-from volspec.viewer.work.files.asking import REQUESTS, Asking
+from volspec.viewer.ui import asking
+from volspec.viewer.ui.asking import REQUESTS, Asking
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.work.files.recent import STATE_VARIABLE
 from volspec.viewer.work.files.tasks import Tasks
 from volspec.viewer.work.palette import service
@@ -47,8 +47,8 @@ class Bench:
     """A `Designing` without a window."""
 
     def __init__(self) -> None:
-        self.desk, self.notice = Desk(), Notice()
-        self.designing = Designing(lambda: None, self.desk, self.notice, Trace())
+        self.notice = Notice()
+        self.designing = Designing(lambda: None, self.notice, Trace())
 
     def until(self, history: History, ended: Callable[[History], bool]) -> History:
         end = time.time() + 20
@@ -117,11 +117,11 @@ def test_closing_does_not_wait_for_a_design(
 def test_wishes_that_were_answered_are_designed_again_from_scratch(state: ViewState) -> None:
     bench, asked = Bench(), wished(state)
     bench.designing.follow(asked)
-    history = bench.until(History(asked), lambda h: not bench.desk.design.busy)
+    history = bench.until(History(asked), lambda h: not bench.designing.news.busy)
     anew = acted("palette-anew", history.present)
     assert anew.board.waits
     bench.designing.follow(anew)
-    assert bench.desk.design.busy == "Designing …"
+    assert bench.designing.news.busy == "Designing …"
     bench.until(History(anew), lambda h: not h.present.board.waits)
     bench.designing.close()
 
@@ -139,13 +139,13 @@ def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
     bench.designing.do("hide", begun)
     bench.designing.taken(History(begun))
     bench.designing.forget()  # as undo does
-    assert bench.desk.design.busy.startswith("Hiding gold")
+    assert bench.designing.news.busy.startswith("Hiding gold")
     silver = with_reflectances(state.transfer, {"gold": reflectance("silver")})
     history = History(replace(begun, transfer=silver) if other else begun)
     may_end.set()
-    after = bench.until(history, lambda h: not bench.desk.design.busy)
+    after = bench.until(history, lambda h: not bench.designing.news.busy)
     assert (after.present is history.present) == other
-    assert ("dropped: the materials changed" in bench.desk.design.complaint) == other
+    assert ("dropped: the materials changed" in bench.designing.news.complaint) == other
     assert ("dropped: the materials changed" in bench.notice.text) == other
 
 
@@ -165,14 +165,14 @@ def test_a_wizard_waits_for_the_design_under_way_and_lands_on_what_it_brings(
     bench.designing.follow(begun)
     bench.designing.do("hide", begun)
     history = bench.designing.taken(History(begun))
-    assert not began_with and bench.desk.design.busy.startswith("Hiding gold")
+    assert not began_with and bench.designing.news.busy.startswith("Hiding gold")
     # Wishes that come later are designed after it.
     later = wished(history.present, "#906050")
     bench.designing.follow(later)
     may_end.set()
-    history = bench.until(history, lambda h: not bench.desk.design.busy)
+    history = bench.until(history, lambda h: not bench.designing.news.busy)
     assert began_with[0].transfer is not begun.transfer
-    assert "dropped" not in bench.notice.text + bench.desk.design.complaint
+    assert "dropped" not in bench.notice.text + bench.designing.news.complaint
     assert history.past[-1] is began_with[0] and history.present.transfer is not begun.transfer
     bench.designing.close()
 
@@ -193,7 +193,7 @@ def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
     monkeypatch.setattr(asking, "native", lambda: False)
     path, bench, asked = str(tmp_path / "mine.toml"), Bench(), wished(state)
-    rest = (bench.desk, bench.notice, Trace(), None, None)
+    rest = (UiContext(), bench.notice, Trace(), None, None)
     chores = Chores(Tasks(lambda: None), cast(Any, None), *rest, bench.designing.file)
     history = History(asked)
     for name in ("palette-save", "palette-load"):
@@ -217,7 +217,7 @@ def test_files_asked_for_are_there_when_the_window_has_closed(
     monkeypatch.setattr("volspec.viewer.chores.export_scene", slow)
     monkeypatch.setattr(files, "saved", slow)
     scene, palette, bench = tmp_path / "scene.toml", tmp_path / "palette.toml", Bench()
-    rest = (bench.desk, bench.notice, Trace(), None, None)
+    rest = (UiContext(), bench.notice, Trace(), None, None)
     chores = Chores(Tasks(lambda: None), cast(Any, None), *rest, bench.designing.file)
     for name, path in (("export-scene", scene), ("palette-save", palette)):
         answer = REQUESTS[name], str(path)

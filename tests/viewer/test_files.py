@@ -263,7 +263,8 @@ esac
 """
 _ASK = """
 import time
-from volspec.viewer.model.paths import NativeDialog, PathRequest, native
+from volspec.viewer.model.paths import PathRequest
+from volspec.viewer.ui.asking import NativeDialog, native
 assert native()
 read = PathRequest("o", "Open", suffixes=(".nrrd",))
 for request in (read, PathRequest("s", "Save", True, (".toml",), "x.toml")):

@@ -16,7 +16,7 @@ from volspec.errors import CastCancelled
 from volspec.pipeline import Raycaster
 from volspec.viewer import chores
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.work.files import opening
 from volspec.viewer.work.files.opening import Opened, Openings
 from volspec.viewer.work.files.recent import STATE_VARIABLE
@@ -130,7 +130,7 @@ def test_of_two_files_the_one_asked_for_last_is_opened(
     resumed = replace(state, document=replace(state.document, title="resumed"))
     monkeypatch.setattr(opening, "resumed", slow("session", resumed))
     tasks = Tasks(lambda: None)
-    each = Openings(tasks, Desk(), Notice(), Trace(), None)
+    each = Openings(tasks, Notice(), Trace(), None)
     found: list[Opened] = []
 
     def taken() -> bool:
@@ -159,7 +159,7 @@ def test_only_what_was_said_of_the_opening_goes_with_it(
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     state, notice = opened(tmp_path), Notice()
     monkeypatch.setattr(opening, "opened", lambda *_: state.document)
-    each = Openings(Tasks(lambda: None), Desk(), notice, Trace(), None)
+    each = Openings(Tasks(lambda: None), notice, Trace(), None)
     each.open("a.toml")
     assert notice.text == "Opening a.toml …"
     each.begin(Opened(state), state)
@@ -183,7 +183,7 @@ def test_a_picture_that_is_written_is_said_to_be_saved_though_it_was_given_up(
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     monkeypatch.setattr(chores, "taken", taken)
     notice, came = Notice(), threading.Event()
-    rest: tuple[Any, ...] = (Desk(), notice, Trace(), None, None, lambda *_: None)
+    rest: tuple[Any, ...] = (UiContext(), notice, Trace(), None, None, lambda *_: None)
     each = chores.Chores(Tasks(came.set), cast(Any, None), *rest)
     each.do("screenshot", opened(tmp_path))
     assert came.wait(20) and each.take(first=False)[0]

@@ -9,7 +9,6 @@ from typing import Any, cast
 
 import pytest
 
-from volspec.viewer.ui.desk import Desk
 from volspec.viewer.work.picture.meter import SLOW_MS, Meter
 from volspec.viewer.work.picture.pictures import Relit
 from volspec.viewer.work.window.trace import Trace
@@ -29,21 +28,21 @@ def relit(ms: float) -> Relit:
 def test_a_picture_relit_in_bands_is_one_relight_of_all_their_time(tmp_path: Path) -> None:
     file = tmp_path / "trace.jsonl"
     with Trace(file) as trace:
-        meter = Meter(Desk(), trace)
+        meter = Meter(trace)
         assert meter.bands == 1 and not meter.slow
         meter.relights(relit(2.5 * SLOW_MS), first=True, ends=True, whole=True)
-        meter.frame(0.0)
+        meter.frame(0.0, {})
         # Each of three bands takes less than what is slow.
         assert meter.bands == 3 and meter.slow
         for i in range(3):
             meter.relights(relit(5.0), first=i == 0, ends=i == 2, whole=True)
-            meter.frame(0.0)
+            meter.frame(0.0, {})
         assert meter.bands == 1
         # Fewer pixels teach nothing of the whole; no light is nothing.
         meter.relights(relit(9 * SLOW_MS), first=True, ends=True, whole=False)
-        meter.frame(0.0)
+        meter.frame(0.0, {})
         meter.relights(None, first=True, ends=True, whole=True)
-        meter.frame(0.0)
+        meter.frame(0.0, {})
         assert meter.bands == 1
     rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
     said = [(row["ms"], row["whole"]) for row in rows if row["event"] == "relight"]

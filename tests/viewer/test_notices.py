@@ -17,13 +17,14 @@ from volspec.viewer.model.lights.states import MOST_STATES, LightState
 from volspec.viewer.model.palette.table import Table, table_of
 from volspec.viewer.model.palette.wishes import STAY
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
 
-desk = pytest.importorskip("volspec.viewer.ui.desk")
+ui = pytest.importorskip("volspec.viewer.ui.ui")
 
 
 def said(state: ViewState, name: str) -> str:
     """What an action says that leaves the state as it is."""
-    here = desk.Desk()
+    here = UiContext()
     assert here.done(state, BY_NAME[name]) is state
     assert len(here.asked) == 1
     return str(here.asked[0]).removeprefix("say ")
@@ -51,7 +52,7 @@ def test_labels_say_that_no_preset_and_no_other_kind_fits_them(state: ViewState,
 
 
 def test_actions_that_do_something_or_have_nothing_to_do_say_nothing(state: ViewState) -> None:
-    here = desk.Desk()
+    here = UiContext()
     for name in ("keep-mix", "save-state", "palette-light", "remove-light", "preset-bone"):
         assert here.done(state, BY_NAME[name]) is not state, name
     # It is a curve already.
@@ -64,7 +65,7 @@ def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> 
 
     command = next(c for c in commands_of(state, (), "add light hp1") if c.title == "HP1")
     assert command.change is not None
-    here, full = desk.Desk(), full_of_lights(state)
+    here, full = UiContext(), full_of_lights(state)
     assert here.acted(full, command.change, command.refusal) is full
     assert here.asked == ["say 99 lights are the most; remove one first"]
     assert here.acted(state, command.change, command.refusal) is not state
@@ -74,7 +75,7 @@ def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> 
 def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state: ViewState) -> None:
     from volspec.viewer.ui.panels.transfer.library import added
 
-    here = desk.Desk()
+    here = UiContext()
     here.library.search = "silver"
     new = added(state, here, 0, "silver")
     assert "silver" in new.transfer.materials and here.library.search == ""
@@ -97,8 +98,8 @@ def test_a_colour_that_is_not_made_yet_is_waited_for(
     def unmade(*_: object) -> Unmade:
         return Unmade()
 
-    monkeypatch.setattr(library.css, "colours", unmade)
-    here = desk.Desk()
+    monkeypatch.setattr(library.css_colours, "colours", unmade)
+    here = UiContext()
     assert library.added(state, here, 0, "tomato") is state
     assert here.library.search == "tomato"
     assert here.library.complaint == "Colours are being made ready …"

@@ -12,8 +12,9 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import Results, UiContext
 
-desk = pytest.importorskip("volspec.viewer.ui.desk")
+ui = pytest.importorskip("volspec.viewer.ui.ui")
 
 
 def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
@@ -132,13 +133,13 @@ def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
 def test_the_status_line_tells_coarse_from_whole(state: ViewState, document: Document) -> None:
     from volspec.viewer.ui.panels.status import sizes, timings
 
-    here = desk.Desk()
+    here = UiContext()
     assert sizes(state, here) == "casting …"
-    here.image = raycast(
-        document.volume, document.transfer, state.view.camera(document.volume), (40, 30)
-    )
+    camera = state.view.camera(document.volume)
+    coarse = Results(raycast(document.volume, document.transfer, camera, (40, 30)))
+    here.results = coarse
     assert sizes(state, here) == "160 × 120, refining (1/4)"
-    here.whole, here.fps, here.ms = True, 59.9, {"cast": 12.3}
+    here.results = replace(coarse, whole=True, fps=59.9, ms={"cast": 12.3})
     assert sizes(state, here) == "160 × 120" and timings(here) == "60 fps   cast 12 ms"
 
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from tests.viewer.test_tabling import SIZE, done, pixels
 from volspec.viewer.model.lights import lighting
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
-from volspec.viewer.ui.window.window import Window
 from volspec.viewer.work.picture.meter import Meter
 from volspec.viewer.work.picture.screen import Screen
 from volspec.viewer.work.window.notice import Notice
@@ -27,10 +25,9 @@ AREA = (0, 0, 200, 100)
 @pytest.fixture
 def slow(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
     """A screen that shows a picture; the next one is to be relit in bands."""
-    monkeypatch.setattr(Window, "wake", lambda: None)
-    desk, trace = Desk(), Trace()
-    meter = Meter(desk, trace)
-    screen = Screen(context, desk, meter, trace, Notice())
+    trace = Trace()
+    meter = Meter(trace)
+    screen = Screen(context, lambda: None, meter, trace, Notice())
     screen.take(done(state, 0), state)
     screen.relight(under(state, 0), held=False)
     screen.relight(under(state, 0), held=False)
@@ -82,15 +79,17 @@ def test_of_lights_that_change_in_every_frame_each_second_one_is_drawn_whole(
 
 
 def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: ViewState) -> None:
-    before = slow.probe(under(state, 0), (0.5, 0.5), held=False)
+    slow.probe(under(state, 0), (0.5, 0.5), held=False)
+    before = slow.under_mouse
     assert before is not None
-    slow._desk.under_mouse = before
     slow.stale()
     for _ in range(BANDS):
         slow.relight(under(state, 1), held=False)
-        assert slow.probe(under(state, 1), (0.5, 0.5), held=False) is before
+        slow.probe(under(state, 1), (0.5, 0.5), held=False)
+        assert slow.under_mouse is before
     slow.relight(under(state, 1), held=False)
-    after = slow.probe(under(state, 1), (0.5, 0.5), held=False)
+    slow.probe(under(state, 1), (0.5, 0.5), held=False)
+    after = slow.under_mouse
     assert after is not None and str(after) != str(before)
 
 

@@ -169,7 +169,7 @@ def test_a_drawn_light_says_from_what() -> None:
 
 
 def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
-    scraps = pytest.importorskip("volspec.viewer.ui.desk").LightScraps()
+    scraps = pytest.importorskip("volspec.viewer.ui.context").LightScraps()
     scraps.complain("'Q': no such light", (1, 0), state.lights)
     assert scraps.complaint_at((1, 0), state.lights) == "'Q': no such light"
     assert scraps.complaint_at((0, 0), state.lights) == ""
@@ -180,7 +180,6 @@ def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
 def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
     state: ViewState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk = pytest.importorskip("volspec.viewer.ui.desk")
     monkeypatch.setenv("VOLSPEC_STATE", str(tmp_path))
     begun: list[str | None] = []
     monkeypatch.setattr(
@@ -190,7 +189,7 @@ def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
     def resumed(path: str | None) -> tuple[Any, Notice]:
         begun.clear()
         notice = Notice()
-        made = Openings(Tasks(lambda: None), desk.Desk(), notice, Trace(), None)
+        made = Openings(Tasks(lambda: None), notice, Trace(), None)
         made.resume(path, last=True)
         return made, notice
 

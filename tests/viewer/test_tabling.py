@@ -16,7 +16,6 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import tables
 from volspec.viewer.model.lights import lighting
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
 from volspec.viewer.ui.window.window import Window
 from volspec.viewer.work.picture.meter import Meter
 from volspec.viewer.work.picture.screen import Screen
@@ -31,8 +30,8 @@ SIZE = (8, 6)
 def screen(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
     """Without a window, with a picture of all colours in it."""
     monkeypatch.setattr(Window, "wake", lambda: None)
-    desk, trace = Desk(), Trace()
-    shown = Screen(context, desk, Meter(desk, trace), trace, Notice())
+    trace = Trace()
+    shown = Screen(context, lambda: None, Meter(trace), trace, Notice())
     shown.take(done(state, 0), state)
     yield shown
     shown.close()

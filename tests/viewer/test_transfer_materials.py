@@ -21,9 +21,15 @@ from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.events.materials import refusal
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer import css
-from volspec.viewer.model.transfer.materials import MOST_MATERIALS, told, why_kept, without_material
+from volspec.viewer.model.transfer.materials import (
+    MOST_MATERIALS,
+    colour_names,
+    told,
+    why_kept,
+    without_material,
+)
 from volspec.viewer.model.transfer.parts import parts_of
+from volspec.viewer.work.css_colours import Colours
 from volspec.viewer.work.files.as_python import export_python
 from volspec.viewer.work.files.session import read_session, resumed, save_session
 
@@ -164,10 +170,10 @@ def test_a_colour_is_a_material_and_a_metal_comes_before_a_colour_of_its_name(
 
 
 def test_colours_of_the_web_are_made_beside_whoever_asks(state: ViewState) -> None:
-    made, end = css.Colours(state.transfer.basis.grid, 2), time.monotonic() + 60
+    made, end = Colours(state.transfer.basis.grid, 2), time.monotonic() + 60
     while made.spectra is None and time.monotonic() < end:
         time.sleep(0.01)
-    assert made.spectra is not None and set(made.spectra) == set(css.names())
+    assert made.spectra is not None and set(made.spectra) == set(colour_names())
     tomato = reflectance_of("tomato")
     np.testing.assert_allclose(made.spectra["tomato"].values, tomato.values, atol=1e-12)
 

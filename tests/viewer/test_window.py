@@ -115,3 +115,12 @@ def test_the_least_volume_on_a_dense_screen_in_a_window_of_next_to_nothing(
         robot.whole(before)
         assert not [row for row in robot.rows() if row["event"] == "gl-error"]
         assert robot.viewer.poll() is None
+
+
+def test_opengl_is_not_asked_after_every_call_whether_it_went_well() -> None:
+    """PyOpenGL asks unless it is told not to before its first import."""
+    code = (
+        "import volspec.viewer.app, sys, OpenGL._configflags as flags; "
+        "sys.exit(flags.ERROR_CHECKING)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -18,19 +18,19 @@ from queue import SimpleQueue
 from imgui_bundle import imgui, implot
 
 from volspec.viewer.chores import Chores
-from volspec.viewer.layout import Docks
 from volspec.viewer.model.actions import BY_KEY
-from volspec.viewer.model.document import opened
 from volspec.viewer.model.history import History, changed_in
 from volspec.viewer.model.stale import lit_otherwise, stale_stage
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import Results, UiContext
+from volspec.viewer.ui.layout import Docks
 from volspec.viewer.ui.panels.over import overlay
 from volspec.viewer.ui.panels.widgets import in_line
 from volspec.viewer.ui.window.focus import Focus
 from volspec.viewer.ui.window.inputs import Input
 from volspec.viewer.ui.window.mouse import Mouse
 from volspec.viewer.ui.window.window import Window, style
+from volspec.viewer.work.documents import opened
 from volspec.viewer.work.files.opening import Opened
 from volspec.viewer.work.files.session import SUFFIX
 from volspec.viewer.work.files.tasks import Tasks
@@ -129,14 +129,14 @@ class _App:
         warned: SimpleQueue[str],
     ) -> None:
         self._trace, self._window, self._warned = trace, window, warned
-        self._desk = Desk()
-        self._meter, self._notice = Meter(self._desk, trace), Notice()
+        self._ui = UiContext()
+        self._meter, self._notice = Meter(trace), Notice()
         if window.note:
             self._notice.say(window.note)
-        self._screen = Screen(window.context, self._desk, self._meter, trace, self._notice)
-        self._designing = Designing(Window.wake, self._desk, self._notice, trace)
+        self._screen = Screen(window.context, Window.wake, self._meter, trace, self._notice)
+        self._designing = Designing(Window.wake, self._notice, trace)
         self._chores = Chores(
-            *(tasks, self._screen.pictures, self._desk, self._notice, trace),
+            *(tasks, self._screen.pictures, self._ui, self._notice, trace),
             *(options.device, options.screenshot, self._designing.file),
         )
         if options.restore or (options.path or "").lower().endswith(SUFFIX):
@@ -246,14 +246,15 @@ class _App:
     def _draw(self, inputs: list[Input]) -> None:
         started = time.perf_counter()
         self._window.begin()
-        self._desk.scale = self._mouse.scale = self._window.scale
+        self._ui.scale = self._mouse.scale = self._window.scale
+        self._ui.results = self._results()
         self._focus.frame()
         self._set_theme()
         kept = self._history.present if self._history else None
         state = shown = self._fader.shown(kept, started) if kept else None
         if state is not None:
-            state = self._docks.bars(state, self._desk)
-        area = self._docks.picture(self._desk, state is not None)
+            state = self._docks.bars(state, self._ui)
+        area = self._docks.picture(self._ui, state is not None)
         if state is not None and self._history is not None:
             state = self._next(state, [*self._early, *inputs], area)
             self._early = []
@@ -270,17 +271,35 @@ class _App:
             self._mouse.take(inputs)
             self._early += [given for given in inputs if given.name == "drop"]
         painted = self._screen.painted(area, self._shown)
-        if self._notice.text and self._notice.text != self._desk.fault:  # which the picture shows
-            overlay.message(self._notice.text, self._desk)
+        if painted is None:
+            overlay.in_place(self._screen.absence(self._shown), self._ui)
+        if self._notice.text and self._notice.text != self._screen.fault:  # which the picture shows
+            overlay.message(self._notice.text, self._ui)
         self._chores.draw(self._history.present if self._history else None)
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
         if said := self._window.error:
             self._trace.note("gl-error", message=said)
-        self._meter.frame(started)
+        self._meter.frame(started, self._ui.areas)
         if self._shown is not None:
             # Where a CPU draws it, it does so while the next frame's panels are made.
             self._relight(self._shown)
+
+    def _results(self) -> Results:
+        screen, meter = self._screen, self._meter
+        return Results(
+            screen.image,
+            screen.whole,
+            screen.shown_at,
+            screen.fault,
+            meter.fps,
+            meter.ms,
+            screen.under_mouse,
+            screen.heat,
+            screen.slices,
+            self._designing.news,
+            self._chores.openings.recent,
+        )
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
         """What input and panels make of a state."""
@@ -297,13 +316,13 @@ class _App:
             elif given.name != "key" or typing or self._focus.takes(given.key):
                 continue
             elif given.key in BY_KEY:
-                state = self._desk.done(state, BY_KEY[given.key])
+                state = self._ui.done(state, BY_KEY[given.key])
         state = self._mouse.applied(state, inputs, area)
-        return self._docks.panels(state, self._desk)
+        return self._docks.panels(state, self._ui)
 
     def _ask(self) -> None:
         """What was asked for beyond the state."""
-        asked, self._desk.asked = self._desk.asked, []
+        asked, self._ui.asked = self._ui.asked, []
         assert self._history is not None
         for name in asked:
             if name in ("undo", "redo"):
@@ -315,10 +334,10 @@ class _App:
             elif name == "focus":
                 self._focus.next(self._docks.open_panels(self._history.present))
             elif name == "menu":
-                self._desk.menu = True
+                self._ui.menu = True
                 self._focus.enter(menu=True)
             elif name == "copy-picture" and not self._screen.ready:
-                self._desk.asked.append(name)  # until it is
+                self._ui.asked.append(name)  # until it is
             else:
                 self._chores.do(name, self._history.present)
 
@@ -340,7 +359,7 @@ class _App:
         held = self._mouse.held or self._fader.running
         if stage == "cast":
             self._casting.change(state, now, held)
-            self._desk.whole = False
+            self._screen.whole = False
         if relights:
             self._screen.stale()
 
@@ -349,7 +368,7 @@ class _App:
         held = self._mouse.held or self._fader.running
         if self._screen.relight(state, held):
             self._settle = max(self._settle, 1)
-        self._desk.under_mouse = self._screen.probe(state, self._mouse.over_picture, held)
+        self._screen.probe(state, self._mouse.over_picture, held)
 
     def _set_theme(self) -> None:
         dark = self._history is None or self._history.present.interface.dark

@@ -14,10 +14,10 @@ from volspec.errors import VolspecError
 from volspec.viewer.model.files.as_scene import export_scene
 from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk, Search
+from volspec.viewer.ui.asking import REQUESTS, Asking
+from volspec.viewer.ui.context import Search, UiContext
 from volspec.viewer.ui.panels.dialogs import PictureDialog, progress
 from volspec.viewer.work.files.as_python import export_python
-from volspec.viewer.work.files.asking import REQUESTS, Asking
 from volspec.viewer.work.files.clipboard import copy_shown, copy_values
 from volspec.viewer.work.files.opening import Opened, Openings
 from volspec.viewer.work.files.screenshot import CUSTOM, Progress, Shot, taken
@@ -37,7 +37,7 @@ class Chores:
     tasks : Tasks
     pictures : Pictures
         What is shown, to be copied.
-    desk, notice, trace
+    ui, notice, trace
         What came of it is told to them.
     device : str, optional
         For casts.
@@ -55,16 +55,16 @@ class Chores:
         self,
         tasks: Tasks,
         pictures: Pictures,
-        desk: Desk,
+        ui: UiContext,
         notice: Notice,
         trace: Trace,
         device: str | None,
         size: tuple[int, int] | None,
         palette: Callable[[str, str, ViewState], None],
     ) -> None:
-        self._tasks, self._desk, self._palette = tasks, desk, palette
+        self._tasks, self._ui, self._palette = tasks, ui, palette
         self._notice, self._trace = notice, trace
-        self.openings = Openings(tasks, desk, notice, trace, device)
+        self.openings = Openings(tasks, notice, trace, device)
         self._asking, self._picture = Asking(), PictureDialog()
         if size is not None:
             self._picture.shot = Shot(CUSTOM, size)
@@ -79,7 +79,7 @@ class Chores:
             "cancel": lambda *_: self._give_up(),
             "clear-recent": lambda *_: self.openings.clear_recent(),
             "copy-picture": lambda *_: self._copied(lambda: copy_shown(pictures)),
-            "copy-values": lambda *_: self._copied(lambda: copy_values(desk.under_mouse)),
+            "copy-values": lambda *_: self._copied(lambda: copy_values(ui.results.under_mouse)),
             "commands": self._commands,
             "rename-light": self._rename,
             "say": lambda _, text: notice.say(text),
@@ -141,11 +141,11 @@ class Chores:
 
     def draw(self, state: ViewState | None) -> None:
         """Dialogs, and how far a picture is."""
-        if answer := self._asking.draw(self._desk):
+        if answer := self._asking.draw(self._ui):
             self._answered(*answer)
-        if state is not None and self._picture.draw(state, self._desk):
+        if state is not None and self._picture.draw(state, self._ui):
             self._cast(state)
-        if self._progress is not None and progress(self._progress, self._desk):
+        if self._progress is not None and progress(self._progress, self._ui):
             self._give_up()
 
     def _ask(self, name: str) -> Callable[[ViewState, str], None]:
@@ -196,13 +196,13 @@ class Chores:
             self._notice.say(done)
 
     def _commands(self, *_: object) -> None:
-        self._desk.commands = None if self._desk.commands else Search()
+        self._ui.commands = None if self._ui.commands else Search()
 
     def _rename(self, state: ViewState, _: str) -> None:
         if "Lights" not in state.interface.panels:
             self._notice.say("Lights are renamed in their list: open the Lights panel")
             return
-        self._desk.lights.rename(state.interface.light, state.lights)
+        self._ui.lights.rename(state.interface.light, state.lights)
 
     def _say_error(self, message: str) -> None:
         self._notice.say(message)

@@ -5,8 +5,6 @@ file -> [document] -> state
 
 from __future__ import annotations
 
-import threading
-import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,23 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.sources import asset
-from volspec.errors import OpenCLError, VolspecWarning, one_line
 from volspec.pipeline import Raycaster
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import rows_by_name
-from volspec.spectra import SpectralGrid, reflectance_names
+from volspec.spectra import SpectralGrid
 from volspec.transfer import Transfer
 from volspec.viewer.model.lights.lighting import Rows, rows_of
-from volspec.viewer.model.paths import check_name
-from volspec.viewer.model.priority import yielding
 from volspec.viewer.model.transfer import preset_table, presets
 from volspec.viewer.model.transfer.joint import JointHistogram, joint_histogram
-from volspec.viewer.model.view.fitting import fitted
 from volspec.viewer.model.view.views import View
-from volspec.volume import Volume, load_volume
+from volspec.volume import Volume
 
 _BINS = 256
 # Of a volume without a scene.
@@ -120,51 +114,6 @@ class Document:
             path=scene.path.absolute(),
             fault=fault,
         )
-
-
-def opened(path: str | None, device: str | None = None) -> Document:
-    """Open a scene file, or a volume with a scene made for it; None is the bundled demo.
-
-    Raises
-    ------
-    VolspecError
-        If it cannot be read, or the device that is named cannot cast.
-    """
-    view = None
-    if path is not None:
-        check_name(path)
-    if path is None:
-        scene = Scene.load(demo())
-        volume = scene.volume()
-    elif path.lower().endswith(".toml"):
-        scene = Scene.load(path)
-        volume = scene.volume()
-    else:
-        volume = load_volume(path)
-        scene = Scene(plain_scene(path, volume), path.partition("?")[0])
-        # No window is known yet: a square that has the picture's height.
-        view = fitted(View(), volume, scene.transfer, scene.raycast, 1.0)
-    # Presets take their materials from it, when somebody waits for them.
-    threading.Thread(target=reflectance_names, daemon=True).start()
-    caster, fault = make_caster(volume, device)
-    return Document.of(scene, volume, caster, view, fault)
-
-
-def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:
-    """Make what casts a volume; or None, and why this machine cannot.
-
-    Raises
-    ------
-    OpenCLError
-        If the device that is named cannot.
-    """
-    try:
-        return yielding(lambda: Raycaster(volume, device=device)), ""
-    except OpenCLError as error:
-        if device is not None:
-            raise
-        warnings.warn(one_line(error), VolspecWarning, stacklevel=2)
-        return None, one_line(error)
 
 
 def demo() -> Path:

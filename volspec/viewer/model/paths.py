@@ -6,17 +6,13 @@ window -> [paths] -> chores
 from __future__ import annotations
 
 import os
-import shutil
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
 
 from volspec.errors import InputError
 
-_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
 # Slices: of DICOM one file stands for its series, of pictures their folder for all.
 _DICOM = (".dcm", ".dicom", ".ima")
 _PICTURES = ((".tif", ".tiff"), (".png",))
@@ -163,48 +159,6 @@ class PathRequest:
         path = os.path.expanduser(text.strip())
         ends = not self.save or path.lower().endswith(self.suffixes)
         return path if not path or ends else path + self.suffixes[0]
-
-
-def native() -> bool:
-    """Whether the system has dialogs for files."""
-    if sys.platform in ("win32", "darwin"):
-        return True
-    return any(shutil.which(program) for program in _PROGRAMS)
-
-
-class NativeDialog:
-    """The system's own dialog, in a process of its own; `answer` is asked for, not waited for.
-
-    A program that ends while it is open waits for it, unless it is closed.
-
-    Parameters
-    ----------
-    request : PathRequest
-    """
-
-    def __init__(self, request: PathRequest) -> None:
-        from imgui_bundle import portable_file_dialogs as dialogs
-
-        self.request = request
-        start = os.path.abspath(os.path.expanduser(request.start or "."))
-        patterns = " ".join(f"*{suffix}" for suffix in request.suffixes)
-        filters = [request.title, patterns, "All files", "*"] if patterns else ["All files", "*"]
-        self._dialog: Any
-        if request.save:
-            self._dialog = dialogs.save_file(request.title, start, filters)
-        else:
-            self._dialog = dialogs.open_file(request.title, start, filters)
-
-    def answer(self) -> str | None:
-        """The path; empty where none was chosen, None while the dialog is open."""
-        if not self._dialog.ready(0):
-            return None
-        result = self._dialog.result()
-        return str(result[0] if result else "") if isinstance(result, list) else str(result)
-
-    def close(self) -> None:
-        """End it."""
-        self._dialog.kill()
 
 
 def is_there(path: str) -> bool:

@@ -27,7 +27,6 @@ from volspec.transfer import (
 from volspec.transfer.mixes import used
 from volspec.viewer.model.files.as_lights import same_spectrum
 from volspec.viewer.model.palette.spectra import exact
-from volspec.viewer.model.transfer.css import is_colour
 from volspec.viewer.model.transfer.parts import parts_of, with_mix
 
 # One channel is white's.
@@ -40,6 +39,30 @@ _PARTS: dict[type, str] = {
     LabelFunction: "label",
 }
 _MOST_NAMED = 6
+# Of CSS Color 4; `volspec.reflectance_of` knows those of CSS Color 3.
+_LATER = frozenset(["rebeccapurple"])
+
+
+@lru_cache(maxsize=1)
+def colour_names() -> tuple[str, ...]:
+    """The names of CSS Color 3.
+
+    >>> len(colour_names()), colour_names()[:2]
+    (147, ('aliceblue', 'antiquewhite'))
+    """
+    from PIL import ImageColor
+
+    return tuple(name for name in ImageColor.colormap if name not in _LATER)
+
+
+def is_colour(text: str) -> bool:
+    """Whether a text is meant as a colour.
+
+    >>> is_colour("#c08040"), is_colour("Steel Blue"), is_colour("PMC/Banana")
+    (True, True, False)
+    """
+    word = "".join(text.split()).casefold()
+    return word.startswith("#") or word in colour_names()
 
 
 def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: str) -> Spectrum:

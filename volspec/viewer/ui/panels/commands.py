@@ -24,7 +24,7 @@ from volspec.viewer.model.events.event import Action, Change
 from volspec.viewer.model.events.rows import refusal
 from volspec.viewer.model.finding import found
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk, Search
+from volspec.viewer.ui.context import Search, UiContext
 from volspec.viewer.ui.panels.viewing import SETTINGS
 from volspec.viewer.ui.panels.widgets import in_line, key_text, text_width
 from volspec.viewer.work.files.recent import RecentFile
@@ -160,26 +160,26 @@ def _after(name: str, key: str = "", index: int = 0) -> Change:
     return lambda state: reduced(state, Event(name, key=key, index=index))
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw it over the picture's upper part; what is picked is done."""
-    search = desk.commands
+    search = ui.commands
     if search is None:
         return None
     if search.picked is not None:
         search.waits -= 1
-        return _act(search.picked, state, desk) if search.waits < 0 else None
+        return _act(search.picked, state, ui) if search.waits < 0 else None
     viewport = imgui.get_main_viewport()
     (x, y), room = viewport.work_pos, viewport.work_size
-    gap = min(desk.px(28), room.y * 0.04)
-    wide = min(desk.px(560), room.x * 0.94)
-    tall = (imgui.get_frame_height() + desk.px(4)) * (_ROWS + 1) + desk.px(24)
+    gap = min(ui.px(28), room.y * 0.04)
+    wide = min(ui.px(560), room.x * 0.94)
+    tall = (imgui.get_frame_height() + ui.px(4)) * (_ROWS + 1) + ui.px(24)
     tall = min(tall, room.y - 2 * gap)
     imgui.set_next_window_pos((x + room.x / 2, y + gap), imgui.Cond_.always, (0.5, 0.0))
     imgui.set_next_window_size((wide, tall))
-    imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(8))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(8))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1)
     imgui.begin("##commands", None, _FLAGS)
-    picked = _body(search, state, desk)
+    picked = _body(search, state, ui)
     outside = imgui.is_mouse_clicked(0) and not imgui.is_window_hovered(
         imgui.HoveredFlags_.child_windows
     )
@@ -188,22 +188,22 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     if picked is not None:
         search.picked, search.waits = picked, 1
     elif outside or imgui.is_key_pressed(imgui.Key.escape, False):
-        desk.commands = None
+        ui.commands = None
     return None
 
 
-def _act(command: Command, state: ViewState, desk: Desk) -> ViewState | None:
+def _act(command: Command, state: ViewState, ui: UiContext) -> ViewState | None:
     """Do what was picked, or have it done."""
-    desk.commands = None
+    ui.commands = None
     if command.item:
-        desk.front, desk.item = "Viewing", command.item
+        ui.front, ui.item = "Viewing", command.item
     if command.change is not None:
-        return desk.acted(state, command.change, command.refusal, command.told)
-    desk.asked.append(command.ask)
+        return ui.acted(state, command.change, command.refusal, command.told)
+    ui.asked.append(command.ask)
     return None
 
 
-def _body(search: Search, state: ViewState, desk: Desk) -> Command | None:
+def _body(search: Search, state: ViewState, ui: UiContext) -> Command | None:
     """The field and the rows; what was picked."""
     if search.fresh:
         imgui.set_keyboard_focus_here()
@@ -216,10 +216,10 @@ def _body(search: Search, state: ViewState, desk: Desk) -> Command | None:
         search.text,
         imgui.InputTextFlags_.enter_returns_true,
     )
-    desk.note("commands")
+    ui.note("commands")
     if text != search.text:
         search.text, search.at = text, 0
-    rows = commands_of(state, desk.recent, search.text)
+    rows = commands_of(state, ui.results.recent, search.text)
     step = _pressed(imgui.Key.down_arrow) - _pressed(imgui.Key.up_arrow)
     step += _ROWS * (_pressed(imgui.Key.page_down) - _pressed(imgui.Key.page_up))
     search.at = min(max(search.at + step, 0), max(len(rows) - 1, 0))
@@ -233,7 +233,7 @@ def _body(search: Search, state: ViewState, desk: Desk) -> Command | None:
             clipper.include_item_by_index(search.at)
         while clipper.step():
             for number in range(clipper.display_start, clipper.display_end):
-                if _row(rows[number], number == search.at, bool(step), desk):
+                if _row(rows[number], number == search.at, bool(step), ui):
                     picked = rows[number]
         if not rows:
             imgui.text_disabled("There is nothing of that name")
@@ -241,7 +241,7 @@ def _body(search: Search, state: ViewState, desk: Desk) -> Command | None:
     return picked
 
 
-def _row(command: Command, chosen: bool, follow: bool, desk: Desk) -> bool:
+def _row(command: Command, chosen: bool, follow: bool, ui: UiContext) -> bool:
     """One row: its group, what it does, its key at the right."""
     imgui.push_id(command.text + command.ask)
     left = imgui.get_cursor_pos_x()
@@ -249,13 +249,13 @@ def _row(command: Command, chosen: bool, follow: bool, desk: Desk) -> bool:
     pressed = bool(imgui.selectable("##row", chosen, 0, (0, imgui.get_frame_height()))[0])
     if chosen and follow:
         imgui.set_scroll_here_y(0.5)
-    imgui.same_line(left + desk.px(6))
+    imgui.same_line(left + ui.px(6))
     imgui.align_text_to_frame_padding()
     imgui.text_disabled(command.group)
-    imgui.same_line(left + desk.px(92))
+    imgui.same_line(left + ui.px(92))
     imgui.text(command.title)
     if command.key:
-        imgui.same_line(right - text_width(command.key) - desk.px(8))
+        imgui.same_line(right - text_width(command.key) - ui.px(8))
         imgui.text_disabled(command.key)
     imgui.pop_id()
     return pressed

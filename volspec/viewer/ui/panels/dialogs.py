@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 from volspec.raycast.checks import MAX_SIDE
 from volspec.viewer.model.paths import Listing, PathRequest, is_there, listing
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.widgets import pick, wrapped
 from volspec.viewer.work.files.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
 
@@ -51,7 +51,7 @@ class PathDialog:
         self.request, self._text, self._opens, self._focus = request, request.start, True, True
         self._replaces = ""
 
-    def draw(self, desk: Desk) -> str:
+    def draw(self, ui: UiContext) -> str:
         """Draw it; the path that was entered, or nothing."""
         request = self.request
         if request is None:
@@ -60,17 +60,17 @@ class PathDialog:
         if self._opens:
             imgui.open_popup(name)
             self._opens = False
-        if not _begun(name, desk, 560):
+        if not _begun(name, ui, 560):
             self.request = None
             return ""
-        entered = self._body(request, desk)
+        entered = self._body(request, ui)
         if entered or _escaped():
             self.request = None
             imgui.close_current_popup()
         imgui.end_popup()
         return request.named(entered)
 
-    def _body(self, request: PathRequest, desk: Desk) -> str:
+    def _body(self, request: PathRequest, ui: UiContext) -> str:
         found = _listed(self._text, request.suffixes, int(imgui.get_time()))
         if self._focus:
             imgui.set_keyboard_focus_here()
@@ -80,7 +80,7 @@ class PathDialog:
         done, self._text = imgui.input_text_with_hint(
             "##path", _hint(request), self._text, flags, _completing(found)
         )
-        desk.note("path")
+        ui.note("path")
         # Where a file is written its neighbours are of interest, not those of its name.
         shown = (
             _listed(found.folder, request.suffixes, int(imgui.get_time()))
@@ -98,11 +98,11 @@ class PathDialog:
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Tab completes")
         label = "Replace" if there else "Save" if request.save else "Open"
-        width = desk.px(84)
-        imgui.same_line(right - 2 * width - desk.px(8))
+        width = ui.px(84)
+        imgui.same_line(right - 2 * width - ui.px(8))
         pressed = imgui.button(label, (width, 0)) or done
-        desk.note("path ok")
-        imgui.same_line(0, desk.px(8))
+        ui.note("path ok")
+        imgui.same_line(0, ui.px(8))
         if imgui.button("Cancel", (width, 0)):
             self.request = None
             imgui.close_current_popup()
@@ -164,32 +164,32 @@ class PictureDialog:
         """Open it."""
         self._opens = True
 
-    def draw(self, state: ViewState, desk: Desk) -> bool:
+    def draw(self, state: ViewState, ui: UiContext) -> bool:
         """Draw it; whether the picture shall be saved now."""
         name = "Save the picture"
         if self._opens:
             imgui.open_popup(name)
             self._opens = False
-        if not _begun(name, desk, 420):
+        if not _begun(name, ui, 420):
             return False
-        imgui.push_item_width(-desk.px(64))
-        self._fields(state, desk)
+        imgui.push_item_width(-ui.px(64))
+        self._fields(state, ui)
         imgui.pop_item_width()
         imgui.spacing()
-        width = desk.px(84)
-        imgui.set_cursor_pos_x(_right() - 2 * width - desk.px(8))
+        width = ui.px(84)
+        imgui.set_cursor_pos_x(_right() - 2 * width - ui.px(8))
         saved = imgui.button("Save", (width, 0)) or imgui.is_key_pressed(imgui.Key.enter, False)
-        desk.note("picture ok")
-        imgui.same_line(0, desk.px(8))
+        ui.note("picture ok")
+        imgui.same_line(0, ui.px(8))
         if imgui.button("Cancel", (width, 0)) or saved or _escaped():
             imgui.close_current_popup()
         imgui.end_popup()
         return saved
 
-    def _fields(self, state: ViewState, desk: Desk) -> None:
+    def _fields(self, state: ViewState, ui: UiContext) -> None:
         shot = self.shot
         shot = replace(shot, preset=pick("Size", shot.preset, PRESETS) or shot.preset)
-        desk.note("picture size")
+        ui.note("picture size")
         width, height = shot.size(state.size)
         imgui.begin_disabled(shot.preset != CUSTOM)
         changed, sides = imgui.input_int2("Pixels", [width, height])
@@ -207,37 +207,37 @@ class PictureDialog:
         self.shot = shot
 
 
-def progress(under_way: Progress, desk: Desk) -> bool:
+def progress(under_way: Progress, ui: UiContext) -> bool:
     """A bar at the picture's bottom; whether its cast shall be given up."""
-    x, y, width, height = desk.areas["picture"]
+    x, y, width, height = ui.areas["picture"]
     imgui.set_next_window_pos(
-        (x + width / 2, y + height - desk.px(18)), imgui.Cond_.always, (0.5, 1.0)
+        (x + width / 2, y + height - ui.px(18)), imgui.Cond_.always, (0.5, 1.0)
     )
     imgui.set_next_window_bg_alpha(0.92)
-    imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(6))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(6))
     flags = _FLAGS | imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_focus_on_appearing
     imgui.begin("##progress", None, flags)
     imgui.align_text_to_frame_padding()
     imgui.text(under_way.what)
     imgui.same_line()
     imgui.push_style_color(imgui.Col_.plot_histogram, imgui.get_style_color_vec4(_DIM))
-    imgui.progress_bar(under_way.share, (desk.px(140), 0), "")
+    imgui.progress_bar(under_way.share, (ui.px(140), 0), "")
     imgui.pop_style_color()
     imgui.same_line()
     imgui.text(f"{100 * under_way.share:3.0f} %" if under_way.share < 1 else "relighting")
     imgui.same_line()
     ended = bool(imgui.button("Cancel"))
-    desk.note("cancel")
+    ui.note("cancel")
     imgui.end()
     imgui.pop_style_var()
     return ended
 
 
-def _begun(name: str, desk: Desk, wide: float) -> bool:
+def _begun(name: str, ui: UiContext, wide: float) -> bool:
     """Begin a dialog that was opened; the picture behind it is dimmed little, as it is judged."""
     viewport = imgui.get_main_viewport()
     middle, room = viewport.get_work_center(), viewport.work_size
-    width = min(desk.px(wide), room.x * 0.94)
+    width = min(ui.px(wide), room.x * 0.94)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, (0.5, 0.5))
     imgui.set_next_window_size((width, 0))
     imgui.set_next_window_size_constraints((width, 0), (width, room.y * 0.98))

@@ -8,7 +8,7 @@ from imgui_bundle import imgui
 
 from volspec.viewer.model.actions import ACTIONS, BY_NAME, MENUS, shown
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.widgets import text_width
 
 Row = tuple[str, str]
@@ -78,34 +78,34 @@ def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
     return [list(parts)]
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw it in the middle of the window; a click, Esc or what opens over it closes it."""
     if not state.interface.keys:
         return None
-    if desk.commands is not None or imgui.internal.get_top_most_popup_modal() is not None:
-        return desk.done(state, BY_NAME["keys"])
+    if ui.commands is not None or imgui.internal.get_top_most_popup_modal() is not None:
+        return ui.done(state, BY_NAME["keys"])
     viewport = imgui.get_main_viewport()
     imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, (0.5, 0.5))
-    imgui.push_style_var(imgui.StyleVar_.window_padding, (desk.px(22), desk.px(16)))
-    imgui.push_style_var(imgui.StyleVar_.window_rounding, desk.px(8))
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(8), desk.px(3)))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(22), ui.px(16)))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(8))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(3)))
     imgui.set_next_window_size_constraints((0, 0), viewport.work_size)
     imgui.set_next_window_bg_alpha(0.95)
     imgui.begin("##keys", None, _FLAGS)
-    _columns(desk, viewport.work_size.x)
+    _columns(ui, viewport.work_size.x)
     # Not by its scrollbar.
     free = imgui.is_window_hovered() and not imgui.is_any_item_active()
     closed = free and imgui.is_mouse_clicked(0)
     closed = closed or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()
     imgui.pop_style_var(3)
-    return desk.done(state, BY_NAME["keys"]) if closed else None
+    return ui.done(state, BY_NAME["keys"]) if closed else None
 
 
-def _columns(desk: Desk, width: float) -> None:
+def _columns(ui: UiContext, width: float) -> None:
     """Side by side, each as wide as it must be."""
-    gap, apart = desk.px(14), desk.px(30)
-    count = _fitting(width - desk.px(60), gap, apart)
+    gap, apart = ui.px(14), ui.px(30)
+    count = _fitting(width - ui.px(60), gap, apart)
     left = imgui.get_cursor_pos_x()
     top = imgui.get_cursor_pos_y()
     for column in columns(SHEET, count):
@@ -115,7 +115,7 @@ def _columns(desk: Desk, width: float) -> None:
         imgui.begin_group()
         for number, (title, part) in enumerate(column):
             if number:
-                imgui.dummy((0, desk.px(8)))
+                imgui.dummy((0, ui.px(8)))
             imgui.text_disabled(title)
             for keys, what in part:
                 imgui.text(keys)

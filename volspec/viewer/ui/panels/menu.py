@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 from volspec.viewer.model.actions import ACTIONS, MENUS
 from volspec.viewer.model.events.event import Action
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.widgets import key_text, whole_label
 
 # Actions that begin another part of their menu; the recent files follow the first.
@@ -17,46 +17,46 @@ _AFTER = "open"
 _ELSEWHERE = ("clear-recent", "cancel")
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw it; what is picked changes the state, or is noted down for the app."""
     new = state
     if not imgui.begin_main_menu_bar():
         return None
     for title in MENUS:
-        if desk.menu:
-            desk.menu = False
+        if ui.menu:
+            ui.menu = False
             imgui.open_popup(title)
         opened = imgui.begin_menu(title)
-        desk.note(f"menu {title}")
+        ui.note(f"menu {title}")
         if not opened:
             continue
         for action in ACTIONS:
             if action.menu == title and action.name not in _ELSEWHERE:
-                new = _row(action, new, desk)
+                new = _row(action, new, ui)
         imgui.end_menu()
     imgui.end_main_menu_bar()
     return None if new is state else new
 
 
-def _row(action: Action, state: ViewState, desk: Desk) -> ViewState:
+def _row(action: Action, state: ViewState, ui: UiContext) -> ViewState:
     if action.name in _PARTS:
         imgui.separator()
     on = action.on is not None and action.on(state)
     picked = imgui.menu_item(action.title, key_text(action), on)[0]
-    desk.note(f"action {action.name}")
+    ui.note(f"action {action.name}")
     if action.name == _AFTER:
-        _recent(desk)
-    return desk.done(state, action) if picked else state
+        _recent(ui)
+    return ui.done(state, action) if picked else state
 
 
-def _recent(desk: Desk) -> None:
-    if not imgui.begin_menu("Open recent", bool(desk.recent)):
+def _recent(ui: UiContext) -> None:
+    if not imgui.begin_menu("Open recent", bool(ui.results.recent)):
         return
-    for number, row in enumerate(desk.recent):
+    for number, row in enumerate(ui.results.recent):
         if imgui.menu_item(f"{whole_label(row.label)}##{number}", "", False, row.there)[0]:
-            desk.asked.append(f"open {row.path}")
-        desk.note(f"recent {number}")
+            ui.asked.append(f"open {row.path}")
+        ui.note(f"recent {number}")
     imgui.separator()
     if imgui.menu_item("Clear the list", "", False)[0]:
-        desk.asked.append("clear-recent")
+        ui.asked.append("clear-recent")
     imgui.end_menu()

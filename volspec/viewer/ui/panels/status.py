@@ -7,7 +7,7 @@ from collections.abc import Callable
 from imgui_bundle import imgui
 
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.widgets import in_line, shortened, text_width
 
 _FLAGS = (
@@ -19,22 +19,22 @@ _FLAGS = (
 HEIGHT = 26
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw it along the whole window."""
     viewport = imgui.get_main_viewport()
-    imgui.push_style_var(imgui.StyleVar_.window_padding, (desk.px(12), desk.px(4)))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(12), ui.px(4)))
     imgui.internal.begin_viewport_side_bar(
-        "##status", viewport, imgui.Dir.down, desk.px(HEIGHT), _FLAGS
+        "##status", viewport, imgui.Dir.down, ui.px(HEIGHT), _FLAGS
     )
-    texts = (in_line(state.document.title), sizes(state, desk), f"H: keys    {timings(desk)}")
+    texts = (in_line(state.document.title), sizes(state, ui), f"H: keys    {timings(ui)}")
     room = imgui.get_content_region_avail().x
-    title, shown, times = fitting_texts(texts, room, desk.px(16), text_width)
+    title, shown, times = fitting_texts(texts, room, ui.px(16), text_width)
     imgui.text(title)
     if shown:
-        imgui.same_line(0, desk.px(16))
+        imgui.same_line(0, ui.px(16))
         imgui.text_disabled(shown)
     if times:
-        imgui.same_line(imgui.get_window_width() - text_width(times) - desk.px(12))
+        imgui.same_line(imgui.get_window_width() - text_width(times) - ui.px(12))
         imgui.text_disabled(times)
     imgui.end()
     imgui.pop_style_var()
@@ -60,19 +60,19 @@ def fitting_texts(
     return shortened(title, room, measure), "", ""
 
 
-def sizes(state: ViewState, desk: Desk) -> str:
+def sizes(state: ViewState, ui: UiContext) -> str:
     """The picture's size, and whether it is still coarse."""
-    if desk.image is None:
-        return "no picture" if desk.fault else "casting …"
+    if ui.results.image is None:
+        return "no picture" if ui.results.fault else "casting …"
     width, height = state.size
-    if desk.whole:
+    if ui.results.whole:
         return f"{width} × {height}"
-    shown, _ = desk.image.size
+    shown, _ = ui.results.image.size
     return f"{width} × {height}, refining (1/{max(1, round(width / shown))})"
 
 
-def timings(desk: Desk) -> str:
+def timings(ui: UiContext) -> str:
     """What the stages took last."""
-    parts = [f"{desk.fps:.0f} fps"] if desk.fps else []
-    parts += [f"{stage} {ms:.0f} ms" for stage, ms in desk.ms.items()]
+    parts = [f"{ui.results.fps:.0f} fps"] if ui.results.fps else []
+    parts += [f"{stage} {ms:.0f} ms" for stage, ms in ui.results.ms.items()]
     return "   ".join(parts)

@@ -20,7 +20,7 @@ from volspec.viewer.model.events.viewing import EXPOSURE_RANGE, LEAST_LUX
 from volspec.viewer.model.lights.lighting import Rows, rig_of
 from volspec.viewer.model.lights.viewing import luminance
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.lights.colours import white_of
 from volspec.viewer.ui.panels.widgets import pick, tip
 
@@ -34,22 +34,22 @@ SETTINGS = (
     *("Illuminance", "Background", "Surround", "Adaptation", "Room", "Space", "White", "Gamut"),
     *("Exposure", "Backdrop"),
 )
-"""Labels of what takes the keyboard by `Desk.item`."""
+"""Labels of what takes the keyboard by `UiContext.item`."""
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
-    imgui.push_item_width(-desk.px(_LABELS))
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(8), desk.px(4)))
-    new = _eye(state, desk)
-    new = _level(new, desk)
-    new = _adaptation(new, desk)
+    imgui.push_item_width(-ui.px(_LABELS))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(4)))
+    new = _eye(state, ui)
+    new = _level(new, ui)
+    new = _adaptation(new, ui)
     imgui.text_disabled(white_told(state.lights))
     tip("Of a perfect diffuser in this light, which the eye takes for white")
     imgui.separator_text("Display")
-    new = _display(new, desk)
+    new = _display(new, ui)
     imgui.separator_text("Picture")
-    new = _picture(new, desk)
+    new = _picture(new, ui)
     imgui.pop_style_var()
     imgui.pop_item_width()
     return None if new is state else new
@@ -77,10 +77,10 @@ def white_told(lights: Rows) -> str:
     return f"Adopted white: x {X / total:.4f}, y {Y / total:.4f}"
 
 
-def _eye(state: ViewState, desk: Desk) -> ViewState:
+def _eye(state: ViewState, ui: UiContext) -> ViewState:
     viewing = state.seen.viewing
     new = _picked(state, "model", "Model", viewing.model, MODELS)
-    desk.note("model")
+    ui.note("model")
     viewing = new.seen.viewing
     measurable = ADAPTING if viewing.model in PER_PIXEL else ADAPTING[:2]
     new = _picked(new, "adapting", "Adapting", viewing.adapting, measurable)
@@ -88,16 +88,16 @@ def _eye(state: ViewState, desk: Desk) -> ViewState:
     return new
 
 
-def _level(state: ViewState, desk: Desk) -> ViewState:
+def _level(state: ViewState, ui: UiContext) -> ViewState:
     """L_A, from the light or by itself, background and surround."""
     viewing, rig, new = state.seen.viewing, rig_of(state.lights), state
     lux = rig.total_lux if rig is not None else None
-    _reach("Illuminance", desk)
+    _reach("Illuminance", ui)
     imgui.begin_disabled(lux is not None or viewing.L_A is not None)
     moved, given = imgui.slider_float(
         "Illuminance", lux or viewing.illuminance_lux, *_LUX, "%.4g lx", _LOG
     )
-    desk.note("illuminance")
+    ui.note("illuminance")
     imgui.end_disabled()
     tip("The lights' own lux count" if lux else "What lights without lux of their own give")
     if moved:
@@ -115,19 +115,19 @@ def _level(state: ViewState, desk: Desk) -> ViewState:
     tip("Luminance that the eye adapts to; else it follows from light and background")
     if pressed:
         new = reduced(new, Event("own-luminance"))
-    _reach("Background", desk)
+    _reach("Background", ui)
     moved, Y_b = imgui.slider_float("Background", viewing.Y_b, 1.0, 100.0, "Y_b %.0f %%")
     if moved:
         new = reduced(new, Event("background", Y_b))
-    _reach("Surround", desk)
+    _reach("Surround", ui)
     return _picked(new, "surround", "Surround", _surround_text(viewing.surround), SURROUNDS)
 
 
-def _adaptation(state: ViewState, desk: Desk) -> ViewState:
+def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
     viewing, new = state.seen.viewing, state
     imgui.begin_disabled(viewing.discount)
     share = 1.0 if viewing.discount else viewing.D
-    _reach("Adaptation", desk)
+    _reach("Adaptation", ui)
     text = "model's D" if viewing.D is None and not viewing.discount else "D %.2f"
     moved, D = imgui.slider_float("Adaptation", -0.01 if share is None else share, -0.01, 1.0, text)
     imgui.end_disabled()
@@ -137,37 +137,37 @@ def _adaptation(state: ViewState, desk: Desk) -> ViewState:
     return reduced(new, Event("discount")) if pressed else new
 
 
-def _display(state: ViewState, desk: Desk) -> ViewState:
+def _display(state: ViewState, ui: UiContext) -> ViewState:
     display = state.seen.viewing.display
-    _reach("Room", desk)
+    _reach("Room", ui)
     new = _picked(state, "room", "Room", preset_of(display), PRESETS)
-    desk.note("room")
+    ui.note("room")
     space = display.space.name if isinstance(display.space, ColourSpace) else str(display.space)
-    _reach("Space", desk)
+    _reach("Space", ui)
     new = _picked(new, "space", "Space", space, SPACES)
-    _reach("White", desk)
+    _reach("White", ui)
     moved, white = imgui.slider_float("White", display.white_cd_m2, *_WHITE, "%.4g cd/m²", _LOG)
     if moved:
         new = reduced(new, Event("white", white))
     surround = _surround_text(display.surround)
     new = _picked(new, "display-surround", "Surround##display", surround, SURROUNDS)
-    _reach("Gamut", desk)
+    _reach("Gamut", ui)
     new = _picked(new, "gamut", "Gamut", display.gamut, GAMUTS)
     pressed, _ = imgui.checkbox("Mark what it cannot show", display.mark)
-    return desk.done(new, BY_NAME["mark"]) if pressed else new
+    return ui.done(new, BY_NAME["mark"]) if pressed else new
 
 
-def _picture(state: ViewState, desk: Desk) -> ViewState:
+def _picture(state: ViewState, ui: UiContext) -> ViewState:
     seen, new = state.seen, state
-    _reach("Exposure", desk)
+    _reach("Exposure", ui)
     moved, exposure = imgui.slider_float(
         "Exposure", seen.viewing.exposure, *EXPOSURE_RANGE, "× %.2f", _LOG
     )
-    desk.note("exposure")
+    ui.note("exposure")
     if moved:
         new = reduced(new, Event("exposure", exposure))
     if not isinstance(seen.backdrop, Spectrum):
-        _reach("Backdrop", desk)
+        _reach("Backdrop", ui)
         moved, backdrop = imgui.slider_float("Backdrop", seen.backdrop, 0.0, 1.0, "%.2f")
         if moved:
             new = reduced(new, Event("backdrop", backdrop))
@@ -184,10 +184,10 @@ def _picked(state: ViewState, event: str, label: str, now: str, names: Iterable[
     return state if key is None else reduced(state, Event(event, key=key))
 
 
-def _reach(name: str, desk: Desk) -> None:
+def _reach(name: str, ui: UiContext) -> None:
     """The next item takes the keyboard where it was asked for, and is scrolled to."""
-    if desk.item == name:
-        desk.item = ""
+    if ui.item == name:
+        ui.item = ""
         imgui.set_keyboard_focus_here()
 
 

@@ -16,7 +16,7 @@ from volspec.export.overview import printable
 from volspec.viewer.model.actions import shown
 from volspec.viewer.model.events.event import Action
 from volspec.viewer.model.lights.lighting import KELVIN
-from volspec.viewer.ui.desk import Desk, LightScraps
+from volspec.viewer.ui.context import LightScraps, UiContext
 from volspec.viewer.ui.window.style import ACCENT
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
@@ -53,9 +53,9 @@ def packed(colour: Sequence[float], alpha: float = 1.0) -> int:
 
 
 @contextmanager
-def over_picture(desk: Desk) -> Iterator[imgui.ImDrawList]:
+def over_picture(ui: UiContext) -> Iterator[imgui.ImDrawList]:
     """The draw list of what stands behind the panels, cut at the picture's edges."""
-    x, y, width, height = desk.areas["picture"]
+    x, y, width, height = ui.areas["picture"]
     draw_list = imgui.get_background_draw_list()
     draw_list.push_clip_rect((x, y), (x + width, y + height))
     yield draw_list

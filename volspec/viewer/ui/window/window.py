@@ -7,22 +7,18 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
 
 import glfw
-import OpenGL
 
-# Asking the driver after every call whether it went well takes longer than the calls.
-OpenGL.ERROR_CHECKING = False
+from volspec.viewer.work.gl import GL  # isort: skip
+from imgui_bundle import imgui, implot
+from imgui_bundle.python_backends.glfw_backend import GlfwRenderer
 
-from imgui_bundle import imgui, implot  # noqa: E402
-from imgui_bundle.python_backends.glfw_backend import GlfwRenderer  # noqa: E402
-from OpenGL import GL  # noqa: E402
-
-from volspec._gpu.opengl import window_context  # noqa: E402
-from volspec.errors import OpenGLError  # noqa: E402
-from volspec.viewer.ui.window import style  # noqa: E402
-from volspec.viewer.ui.window.inputs import Input, Inputs  # noqa: E402
+from volspec._gpu.opengl import window_context
+from volspec.errors import OpenGLError
+from volspec.viewer.ui.window import style
+from volspec.viewer.ui.window.inputs import Input, Inputs
+from volspec.viewer.work.picture.pictures import Painted
 
 INSTEAD = (
     "without a window: volspec render SCENE -o IMAGE.exr, then "
@@ -42,34 +38,6 @@ _HINTS = (
     (glfw.STENCIL_BITS, 0),
     (glfw.ALPHA_BITS, 0),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Painted:
-    """A framebuffer to be shown.
-
-    Parameters
-    ----------
-    framebuffer : int
-        Its GL name.
-    size : (width, height)
-        Pixels.
-    to : (left, top, right, bottom)
-        Where in the window, in its coordinates.
-    within : (x, y, width, height)
-        What is seen of that.
-    """
-
-    framebuffer: int
-    size: tuple[int, int]
-    to: tuple[float, float, float, float]
-    within: tuple[int, int, int, int]
-
-    @property
-    def fills(self) -> bool:
-        """Whether it covers all that is seen of it; panels cover the rest."""
-        x, y, width, height = self.within
-        return self.to == (x, y, x + width, y + height)
 
 
 class Window:

@@ -9,22 +9,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from volspec.errors import InputError, VolspecError
-from volspec.viewer.model.document import Document, opened
+from volspec.viewer.model.document import Document
 from volspec.viewer.model.lights.lighting import brightest
 from volspec.viewer.model.paths import check_name, dropped
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.documents import opened
 from volspec.viewer.work.files.recent import RecentFiles, state_folder
 from volspec.viewer.work.files.session import SUFFIX, BrokenSession, resumed
 from volspec.viewer.work.files.session_store import SessionStore
 from volspec.viewer.work.files.tasks import Outcome, Tasks
 from volspec.viewer.work.window.notice import Notice
 from volspec.viewer.work.window.trace import Trace
-
-if TYPE_CHECKING:  # what is opened needs no window
-    from volspec.viewer.ui.desk import Desk
 
 _EARLY = "The last session ended early; File › Restore the last session brings it back"
 
@@ -67,23 +64,26 @@ class Openings:
     Parameters
     ----------
     tasks : Tasks
-    desk, notice, trace
+    notice, trace
         What came of it is told to them.
     device : str, optional
         For casts.
+
+    Attributes
+    ----------
+    recent : tuple of RecentFile
+        Files opened lately.
     """
 
-    def __init__(
-        self, tasks: Tasks, desk: Desk, notice: Notice, trace: Trace, device: str | None
-    ) -> None:
-        self._tasks, self._desk, self._device = tasks, desk, device
+    def __init__(self, tasks: Tasks, notice: Notice, trace: Trace, device: str | None) -> None:
+        self._tasks, self._device = tasks, device
         self._notice, self._trace = notice, trace
         folder = state_folder()
         self._recent, self._store = RecentFiles(folder), SessionStore(folder)
         # What is opened at the start where the last session cannot be restored.
         self._besides: list[str | None] = []
         self._under_way = ""  # as it was told
-        self._desk.recent = self._recent.rows()
+        self.recent = self._recent.rows()
 
     def open(self, path: str | None, say: bool = True) -> None:
         """Read a scene, a volume or a session; `came` gives it when it is there.
@@ -167,7 +167,7 @@ class Openings:
             self._trace.note("ended-early")
         if opened.path is not None:
             self._recent.add(opened.path)
-            self._desk.recent = self._recent.rows()
+            self.recent = self._recent.rows()
 
     def tick(self, state: ViewState, now: float, moves: bool) -> None:
         """Keep the session where it is time to, and nothing moves that it could disturb."""
@@ -211,7 +211,7 @@ class Openings:
     def clear_recent(self) -> None:
         """Forget the files that were opened lately."""
         self._recent.clear()
-        self._desk.recent = ()
+        self.recent = ()
 
     def _resume(self, path: Path) -> None:
         self._say_under_way("Restoring the session …")

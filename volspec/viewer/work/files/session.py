@@ -27,8 +27,9 @@ from volspec._tables import explained
 from volspec.errors import InputError, SceneError
 from volspec.scene.file import SceneFile
 from volspec.scene.resolve import Resolver
-from volspec.viewer.model.document import Document, histogram, make_caster
+from volspec.viewer.model.document import Document, histogram
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.documents import make_caster
 from volspec.viewer.work.files.session_values import Reader, ValueFault, Writer
 
 FORMAT = "volspec-session"

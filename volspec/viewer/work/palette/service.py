@@ -20,10 +20,9 @@ from volspec.viewer.model.history import History
 from volspec.viewer.model.palette import files
 from volspec.viewer.model.palette.spectra import columns
 from volspec.viewer.model.palette.table import answered, palette_of, picked, table_of
-from volspec.viewer.model.palette.wishes import Wishes, stays
+from volspec.viewer.model.palette.wishes import News, Wishes, stays
 from volspec.viewer.model.palette.wizards import WIZARDS, applied, asked, told
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
 from volspec.viewer.work.files.tasks import Outcome, Tasks
 from volspec.viewer.work.palette.worker import DesignDone, DesignJob, DesignWorker
 from volspec.viewer.work.window.notice import Notice
@@ -57,19 +56,23 @@ class Designing:
     ----------
     wake : callable
         Called from threads when there is something to take.
-    desk, notice, trace
+    notice, trace
         What came of it is told to them.
+
+    Attributes
+    ----------
+    news : News
+        What the threads have to say.
     """
 
     asks = frozenset(WIZARDS)
 
-    def __init__(
-        self, wake: Callable[[], object], desk: Desk, notice: Notice, trace: Trace
-    ) -> None:
+    def __init__(self, wake: Callable[[], object], notice: Notice, trace: Trace) -> None:
         self._worker, self._tasks = DesignWorker(wake), Tasks(wake)
-        self._desk, self._notice, self._trace = desk, notice, trace
+        self._notice, self._trace = notice, trace
+        self.news = News()
         self._requested: Wishes | None = None
-        self._told: Wishes | None = None  # what the desk's news are about
+        self._told: Wishes | None = None  # what the news are about
         self._advising: Wishes | None = None
         self._missed: tuple[Design, Wishes] | None = None
         self._document: Document | None = None
@@ -227,7 +230,7 @@ class Designing:
         return state
 
     def _tell(self, **news: Any) -> None:
-        self._desk.design = replace(self._desk.design, **news)
+        self.news = replace(self.news, **news)
 
 
 def advice_of(advice: tuple[str, ...], wishes: Wishes) -> tuple[str, ...]:

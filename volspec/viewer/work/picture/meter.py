@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 
-from volspec.viewer.ui.desk import Desk
 from volspec.viewer.work.picture.pictures import Relit
 from volspec.viewer.work.window.trace import Trace
 
@@ -23,19 +22,23 @@ class Meter:
 
     Parameters
     ----------
-    desk : Desk
-        Told to it.
     trace : Trace
-        And written there.
+        Written there.
 
     Attributes
     ----------
     bands : int
         In how many frames a whole picture is to be relit, so that none takes long.
+    ms : {stage: float}
+        What each stage took last.
+    fps : float
+        Frames per second, while something moves.
     """
 
-    def __init__(self, desk: Desk, trace: Trace) -> None:
-        self._desk, self._trace = desk, trace
+    def __init__(self, trace: Trace) -> None:
+        self._trace = trace
+        self.ms: dict[str, float] = {}
+        self.fps = 0.0
         self._last = 0.0
         self.bands = 1
         self._under_way: Relit | None = None
@@ -77,26 +80,34 @@ class Meter:
         if (ms := 1e3 * max(late_s, busy_s)) > _UNANSWERED_MS:
             self._trace.note("unanswered", None, ms)
 
-    def frame(self, began: float) -> None:
-        """A frame has been shown that began at a time of `time.perf_counter`."""
+    def frame(self, began: float, areas: dict[str, tuple[int, int, int, int]]) -> None:
+        """Note a frame that has been shown.
+
+        Parameters
+        ----------
+        began : float
+            A time of `time.perf_counter`.
+        areas : {name: (x, y, width, height)}
+            Where things are in it.
+        """
         if self._under_way is not None:
             self._relit_ms += self._under_way.ms
             self._under_way = None
             if self._ended is not None:
                 self._tell(self._relit_ms, self._ended)
         now = time.perf_counter()
-        self._desk.ms["frame"] = 1e3 * (now - began)
-        self._trace.note("frame", "frame", self._desk.ms["frame"])
+        self.ms["frame"] = 1e3 * (now - began)
+        self._trace.note("frame", "frame", self.ms["frame"])
         if now - self._last < _APART_S:
-            self._desk.fps += 0.1 * (1.0 / (now - self._last) - self._desk.fps)
+            self.fps += 0.1 * (1.0 / (now - self._last) - self.fps)
         self._last = now
-        if self._areas != self._desk.areas:
-            self._areas = dict(self._desk.areas)
+        if self._areas != areas:
+            self._areas = dict(areas)
             self._trace.note("layout", areas=self._areas)
 
     def _tell(self, ms: float, whole: bool) -> None:
         """A picture has been relit."""
         if whole:
             self.bands = min(max(math.ceil(ms / SLOW_MS), 1), _MOST_BANDS)
-        self._desk.ms["relight"] = ms
+        self.ms["relight"] = ms
         self._trace.note("relight", "relight", ms, whole=whole)

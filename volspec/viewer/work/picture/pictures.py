@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from OpenGL import GL
 
 from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Relighter
@@ -20,10 +19,39 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.packed import PackedLayers
 from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.viewer.model.palette.spectra import same_channels
+from volspec.viewer.work.gl import GL
 
 WHOLE = (0.0, 1.0)
 # Sizes kept: the whole picture, two coarser, and those of a window before it was resized.
 MOST_SIZES = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Painted:
+    """A framebuffer to be shown.
+
+    Parameters
+    ----------
+    framebuffer : int
+        Its GL name.
+    size : (width, height)
+        Pixels.
+    to : (left, top, right, bottom)
+        Where in the window, in its coordinates.
+    within : (x, y, width, height)
+        What is seen of that.
+    """
+
+    framebuffer: int
+    size: tuple[int, int]
+    to: tuple[float, float, float, float]
+    within: tuple[int, int, int, int]
+
+    @property
+    def fills(self) -> bool:
+        """Whether it covers all that is seen of it; panels cover the rest."""
+        x, y, width, height = self.within
+        return self.to == (x, y, x + width, y + height)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,22 +5,19 @@ casts, state -> [screen] -> Painted -> window
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from imgui_bundle import imgui
-
 from volspec.errors import VolspecError, one_line
+from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.tables import TableKey, is_tabled
 from volspec.viewer.model.lights.lighting import rig_of
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
-from volspec.viewer.ui.panels.widgets import packed
-from volspec.viewer.ui.window.window import Painted, Window
 from volspec.viewer.work.picture.error_map import Heat
 from volspec.viewer.work.picture.meter import Meter
-from volspec.viewer.work.picture.pictures import Pictures
+from volspec.viewer.work.picture.pictures import Painted, Pictures
 from volspec.viewer.work.picture.reading import Reading, read
 from volspec.viewer.work.picture.slice_pictures import SlicePictures
 from volspec.viewer.work.picture.tabling import TableWorker
@@ -41,26 +38,55 @@ class Screen:
     ----------
     context : moderngl.Context
         That of the window.
-    desk, meter, trace
+    wake : callable
+        Called from threads when there is something to take.
+    meter, trace
         What is measured is told to them.
     notice : Notice
         Where the user is told.
+
+    Attributes
+    ----------
+    image : CoefficientImage, optional
+        What was cast last.
+    whole : bool
+        It is as fine as the picture.
+    fault : str
+        Why there is no picture; empty while one is there or awaited.
+    under_mouse : Reading, optional
+        What of the picture is under the mouse.
+    heat : Heat, optional
+        The error map.
+    slices : SlicePictures
+    shown_at : (left, top, right, bottom)
+        Where the picture was drawn last.
     """
 
     def __init__(
-        self, context: Any, desk: Desk, meter: Meter, trace: Trace, notice: Notice
+        self,
+        context: Any,
+        wake: Callable[[], object],
+        meter: Meter,
+        trace: Trace,
+        notice: Notice,
     ) -> None:
         self.pictures = Pictures(context)
-        self._tabling = TableWorker(Window.wake, self.pictures.tables)
+        self._tabling = TableWorker(wake, self.pictures.tables)
         self._tables: tuple[TableKey, ...] = ()  # that the picture waits for
-        self._slices = desk.slices = SlicePictures(context)
-        self._desk, self._meter, self._trace, self._notice = desk, meter, trace, notice
+        self.slices = SlicePictures(context)
+        self.image: CoefficientImage | None = None
+        self.whole = False
+        self.fault = ""
+        self.under_mouse: Reading | None = None
+        self.heat: Heat | None = None
+        self.shown_at = 0.0, 0.0, 0.0, 0.0
+        self._meter, self._trace, self._notice = meter, trace, notice
         self._cast: CastDone | None = None
         self._shape = (0, 0)  # of the cast whose picture is shown
         self._relit = self._coarse = self._drawing = self._hurries = False
         self._band = 0  # that is drawn next
         self._working_out = ""
-        self._heat = Heat(context, Window.wake)
+        self._heat = Heat(context, wake)
         self._read_of: tuple[Any, ...] | None = None
         self._reading: Reading | None = None
 
@@ -83,8 +109,8 @@ class Screen:
             how = "error"
             if self._cast is None or self._cast.job.document is not done.job.document:
                 # No picture of this document is there, and the one before is another's.
-                self._desk.fault = one_line(done.error)
-                self._cast = self._desk.image = None
+                self.fault = one_line(done.error)
+                self._cast = self.image = None
         self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
         if done.image is None or state is None or done.job.document is not state.document:
             return
@@ -96,10 +122,10 @@ class Screen:
         if done.divisor == 1 and not done.image.alpha.any():
             self._notice.say(_NOTHING)
         # Its texture holds what was packed.
-        self._cast, self._desk.fault = replace(done, packed=None), ""
+        self._cast, self.fault = replace(done, packed=None), ""
         self.stale()
-        self._desk.image, self._desk.whole = done.image, done.divisor == 1
-        self._desk.ms["cast"] = done.ms
+        self.image, self.whole = done.image, done.divisor == 1
+        self._meter.ms["cast"] = done.ms
 
     def stale(self) -> None:
         """The picture no longer shows the state's light."""
@@ -131,11 +157,11 @@ class Screen:
             return False
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
-        self._desk.image = self.pictures.image
+        self.image = self.pictures.image
         # What is measured in fewer pixels would want tables of its own.
-        few = self._desk.whole and self._meter.slow and not is_tabled(state.seen.viewing.model)
+        few = self.whole and self._meter.slow and not is_tabled(state.seen.viewing.model)
         self._coarse = held and few
-        whole = self._desk.whole and not self._coarse
+        whole = self.whole and not self._coarse
         bands = 1 if held or self._hurries or not whole else self._meter.bands
         first, self._band = self._band % bands, 0
         rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
@@ -183,13 +209,16 @@ class Screen:
                 self._relit = False
         return bool(said)
 
-    def probe(
+    def probe(self, state: ViewState, place: tuple[float, float] | None, held: bool) -> None:
+        """Read what is under the mouse; nothing if a button is down.
+
+        While a picture is being drawn the last reading stays, as to read waits for it.
+        """
+        self.under_mouse = self._read(state, place, held)
+
+    def _read(
         self, state: ViewState, place: tuple[float, float] | None, held: bool
     ) -> Reading | None:
-        """What is under the mouse; None where nothing is, or where a button is down.
-
-        While a picture is being drawn it is what was told before, as to read waits for it.
-        """
         right = state.other is not None and place is not None and place[0] > state.divide
         lights = state.other if right and state.other else state.lights
         rig = rig_of(lights)
@@ -199,7 +228,7 @@ class Screen:
         if held or not self.pictures.framebuffer:
             return None
         if self._drawing:
-            return self._desk.under_mouse
+            return self.under_mouse
         if not self.pictures.current:
             return None
         width, height = image.size
@@ -218,8 +247,8 @@ class Screen:
     def heated(self, state: ViewState, held: bool) -> bool:
         """Have the error map made where it is wanted; whether a new one has come."""
         image = self.pictures.image
-        if state.interface.error_map and not held and self._desk.whole and image is not None:
-            self._desk.heat = self._heat
+        if state.interface.error_map and not held and self.whole and image is not None:
+            self.heat = self._heat
             self._heat.want(image, state.lights, state.seen)
         return self._heat.take()
 
@@ -227,29 +256,21 @@ class Screen:
         """The picture behind the panels; one of another shape keeps its own."""
         x, y, width, height = area
         if not self.pictures.framebuffer or self._cast is None or shown is None:
-            dark = self._cast is not None and shown is not None and rig_of(shown.lights) is None
-            _write("No light is on" if dark else self._desk.fault or "Opening …", area)
             return None
         of, now = self._shape, shown.size
         wide = width if of == now else height * of[0] / of[1]
         left = x + (width - wide) / 2
-        to = self._desk.shown_at = left, y, left + wide, y + height
+        to = self.shown_at = left, y, left + wide, y + height
         return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
+
+    def absence(self, shown: ViewState | None) -> str:
+        """Return why no picture is painted of a state."""
+        dark = self._cast is not None and shown is not None and rig_of(shown.lights) is None
+        return "No light is on" if dark else self.fault or "Opening …"
 
     def close(self) -> None:
         """Release everything; nobody waits for a table."""
         self._tabling.close(0.0)
         self._heat.close()
         self.pictures.close()
-        self._slices.close()
-
-
-def _write(text: str, area: Area) -> None:
-    """Text in the middle of where the picture will be, in lines as long as that is wide."""
-    x, y, width, height = area
-    wrap = 0.9 * width
-    size = imgui.calc_text_size(text, wrap_width=wrap)
-    place = x + (width - size.x) / 2, y + (height - size.y) / 2
-    grey, font, font_size = packed((0.6, 0.6, 0.6)), imgui.get_font(), imgui.get_font_size()
-    draw_list = imgui.get_background_draw_list()
-    draw_list.add_text(font, font_size, place, grey, text, wrap_width=wrap)
+        self.slices.close()

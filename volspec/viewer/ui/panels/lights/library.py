@@ -14,7 +14,7 @@ from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.events.rows import refusal
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.lights.colours import raw_colour
 from volspec.viewer.ui.panels.widgets import (
     kelvin_slider,
@@ -43,15 +43,15 @@ _CLASSES = (
 _CIE = frozenset(["A", "B", "C", "E", "D50", "D55", "D60", "D65", "D75"])
 
 
-def open_popup(desk: Desk) -> None:
+def open_popup(ui: UiContext) -> None:
     """Open it with nothing searched for."""
-    desk.library.search, desk.library.complaint = "", ""
+    ui.library.search, ui.library.complaint = "", ""
     imgui.open_popup(_POPUP)
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState:
+def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw it while it is open."""
-    imgui.set_next_window_size((desk.px(340), 0))
+    imgui.set_next_window_size((ui.px(340), 0))
     if not imgui.begin_popup(_POPUP):
         return state
     if imgui.is_window_appearing():
@@ -60,19 +60,19 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
     if imgui.is_key_pressed(imgui.Key.escape):
         imgui.close_current_popup()
     imgui.set_next_item_width(-1)
-    scraps = desk.library
+    scraps = ui.library
     entered, text = imgui.input_text_with_hint("##search", _HINT, scraps.search, _ENTER)
     if text != scraps.search:
         scraps.search, scraps.complaint = text, ""
     found = matching(scraps.search)
     grid, folder = state.document.grid, state.document.folder
-    wanted = _found(found, desk, grid, folder)
+    wanted = _found(found, ui, grid, folder)
     typed = scraps.search.strip()
     if entered and typed:
         wanted = found[0] if found and not _is_notation(typed) else typed
     imgui.separator()
-    wanted = _temperatures(desk) or wanted
-    new = _added(state, desk, wanted) if wanted else state
+    wanted = _temperatures(ui) or wanted
+    new = _added(state, ui, wanted) if wanted else state
     if scraps.complaint:
         imgui.text_wrapped(scraps.complaint)
     imgui.end_popup()
@@ -130,11 +130,11 @@ def _is_notation(text: str) -> bool:
     return split_address(text) is not None or bool(set("*+") & set(text))
 
 
-def _found(found: list[str], desk: Desk, grid: SpectralGrid, folder: str) -> str:
+def _found(found: list[str], ui: UiContext, grid: SpectralGrid, folder: str) -> str:
     """The list; what was clicked in it, or nothing."""
     wanted = ""
-    if imgui.begin_child("found", (0, desk.px(208))):
-        typed = desk.library.search.strip()
+    if imgui.begin_child("found", (0, ui.px(208))):
+        typed = ui.library.search.strip()
         rig, wrong = verdict(typed, grid, folder) if typed else (None, "")
         if rig is not None and typed.casefold() not in {n.casefold() for n in found}:
             found = [typed, *found]
@@ -142,9 +142,9 @@ def _found(found: list[str], desk: Desk, grid: SpectralGrid, folder: str) -> str
         clipper.begin(len(found))
         while clipper.step():
             for i in range(clipper.display_start, clipper.display_end):
-                if _entry(found[i], desk, grid, folder):
+                if _entry(found[i], ui, grid, folder):
                     wanted = found[i]
-                desk.note(f"found {i}")
+                ui.note(f"found {i}")
         clipper.end()
         if not found:
             wrapped(wrong, imgui.Col_.text_disabled)
@@ -152,39 +152,39 @@ def _found(found: list[str], desk: Desk, grid: SpectralGrid, folder: str) -> str
     return wanted
 
 
-def _entry(name: str, desk: Desk, grid: SpectralGrid, folder: str) -> bool:
+def _entry(name: str, ui: UiContext, grid: SpectralGrid, folder: str) -> bool:
     """Colour, name, class; whether it was clicked."""
     x, y = imgui.get_cursor_screen_pos()
     width, line = imgui.get_content_region_avail().x, imgui.get_text_line_height()
     clicked, _ = imgui.selectable(f"##{name}", False, size=(width, line))
     draw_list = imgui.get_window_draw_list()
     rig, _ = verdict(name, grid, folder)
-    side = desk.px(13)
+    side = ui.px(13)
     if rig is not None:
         top = y + (line - side) / 2
         ends = (x, top), (x + side, top + side)
-        draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), desk.px(3))
-    left = x + side + desk.px(8)
+        draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), ui.px(3))
+    left = x + side + ui.px(8)
     what = class_of(name) if name in library_names() else "as typed"
-    own = min(text_width(name), width - side - desk.px(16))
-    room = width - side - desk.px(20) - own
+    own = min(text_width(name), width - side - ui.px(16))
+    room = width - side - ui.px(20) - own
     text, dim = (imgui.get_color_u32(c) for c in (imgui.Col_.text, imgui.Col_.text_disabled))
-    draw_list.add_text((left, y), text, shortened(name, width - side - desk.px(16)))
-    kind = shortened(what, room) if room > desk.px(40) else ""
+    draw_list.add_text((left, y), text, shortened(name, width - side - ui.px(16)))
+    kind = shortened(what, room) if room > ui.px(40) else ""
     draw_list.add_text((x + width - text_width(kind), y), dim, kind)
     tip(f"{name}\n{what}")
     return bool(clicked)
 
 
-def _temperatures(desk: Desk) -> str:
+def _temperatures(ui: UiContext) -> str:
     """A radiator or a daylight of any temperature; its notation where it was asked for."""
-    wanted, scraps = "", desk.library
-    imgui.set_next_item_width(-desk.px(150))
+    wanted, scraps = "", ui.library
+    imgui.set_next_item_width(-ui.px(150))
     _, scraps.kelvin = kelvin_slider("##planck", scraps.kelvin)
     imgui.same_line()
-    if imgui.button("Planck", (desk.px(64), 0)):
+    if imgui.button("Planck", (ui.px(64), 0)):
         wanted = f"planck:{scraps.kelvin:.0f}"
-    desk.note("planck")
+    ui.note("planck")
     tip("A Planck radiator of this temperature")
     imgui.same_line()
     low, high = _DAYLIGHT
@@ -196,10 +196,10 @@ def _temperatures(desk: Desk) -> str:
     return wanted
 
 
-def _added(state: ViewState, desk: Desk, wanted: str) -> ViewState:
+def _added(state: ViewState, ui: UiContext, wanted: str) -> ViewState:
     event = Event("add-light", key=wanted)
     new = reduced(state, event)
-    desk.library.complaint = refusal(state, event) if new is state else ""
+    ui.library.complaint = refusal(state, event) if new is state else ""
     if new is not state:
         imgui.close_current_popup()
     return new

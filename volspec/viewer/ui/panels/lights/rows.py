@@ -8,7 +8,7 @@ from volspec.viewer.model.actions import BY_NAME
 from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.lights import lighting
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.lights.colours import adapted_colour, raw_colour
 from volspec.viewer.ui.panels.lights.look import spark
 from volspec.viewer.ui.panels.widgets import (
@@ -31,38 +31,38 @@ _FLAGS = (
 _MENU = ("alone", "solo", "mute", "rename-light", "reset-spectrum", "remove-light")
 
 
-def draw(state: ViewState, desk: Desk, height: float) -> ViewState:
+def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
     """Draw them within a height."""
     if not imgui.begin_table("lights", 5, _FLAGS, (0, height)):
         return state
     fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
-    imgui.table_setup_column("colour", fixed, desk.px(_SWATCH))
-    imgui.table_setup_column("spectrum", fixed, desk.px(_SPARK))
+    imgui.table_setup_column("colour", fixed, ui.px(_SWATCH))
+    imgui.table_setup_column("spectrum", fixed, ui.px(_SPARK))
     imgui.table_setup_column("name", stretch, 1.0)
     imgui.table_setup_column("weight", stretch, 0.95)
-    imgui.table_setup_column("solo", fixed, desk.px(_BOTH))
+    imgui.table_setup_column("solo", fixed, ui.px(_BOTH))
     shining = lighting.shining(state.lights)
     new = state
-    _scroll(state, desk, height)
+    _scroll(state, ui, height)
     clipper = imgui.ListClipper()
     clipper.begin(len(state.lights))
     while clipper.step():
         for i in range(clipper.display_start, clipper.display_end):
             imgui.push_id(i)
             imgui.table_next_row()
-            new = _row(new, state, desk, i, shining[i] > 0)
+            new = _row(new, state, ui, i, shining[i] > 0)
             imgui.pop_id()
     clipper.end()
     imgui.end_table()
     return new
 
 
-def _scroll(state: ViewState, desk: Desk, height: float) -> None:
+def _scroll(state: ViewState, ui: UiContext, height: float) -> None:
     """Bring a light into view that has been chosen since the last frame."""
     chosen = state.interface.light
-    if chosen == desk.lights.row:
+    if chosen == ui.lights.row:
         return
-    desk.lights.row = chosen
+    ui.lights.row = chosen
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
     imgui.set_scroll_y(scrolled(imgui.get_scroll_y(), chosen * line, line, height))
 
@@ -76,38 +76,38 @@ def scrolled(scroll: float, top: float, line: float, height: float) -> float:
     return min(max(scroll, top + line - height), top)
 
 
-def _row(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> ViewState:
+def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> ViewState:
     row = state.lights[i]
     imgui.table_next_column()
-    _swatch(state, desk, i)
+    _swatch(state, ui, i)
     imgui.table_next_column()
-    if _spark(state, desk, i, lit):
+    if _spark(state, ui, i, lit):
         new = reduced(new, Event("select", index=i))
-        desk.lights.to_tab = "Spectrum"
+        ui.lights.to_tab = "Spectrum"
     imgui.table_next_column()
-    new = _name(new, state, desk, i, lit)
+    new = _name(new, state, ui, i, lit)
     imgui.table_next_column()
     imgui.set_next_item_width(-1)
     moved, weight = imgui.slider_float("##weight", row.weight, 0.0, 1.0, "%.2f")
-    desk.note(f"weight {i}")
+    ui.note(f"weight {i}")
     if moved:
         new = reduced(new, Event("weight", weight, index=i))
         new = reduced(new, Event("select", index=i))
     imgui.table_next_column()
     if _toggle("S", row.solo, state, "Solo: only lights with S shine"):
         new = reduced(new, Event("solo", index=i))
-    desk.note(f"solo {i}")
-    imgui.same_line(0, desk.px(3))
+    ui.note(f"solo {i}")
+    imgui.same_line(0, ui.px(3))
     if _toggle("M", row.muted, state, "Mute"):
         new = reduced(new, Event("mute", index=i))
-    desk.note(f"mute {i}")
+    ui.note(f"mute {i}")
     return new
 
 
-def _name(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> ViewState:
+def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> ViewState:
     row = state.lights[i]
-    if desk.lights.renaming == i:
-        return _rename(new, desk, i)
+    if ui.lights.renaming == i:
+        return _rename(new, ui, i)
     colour = imgui.Col_.text if lit else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
     imgui.align_text_to_frame_padding()
@@ -115,16 +115,16 @@ def _name(new: ViewState, state: ViewState, desk: Desk, i: int, lit: bool) -> Vi
     label = f"{shortened(row.name, room)}##name"
     if imgui.selectable(label, state.interface.light == i)[0]:
         new = reduced(new, Event("select", index=i))
-        if desk.lights.tab != "Spectrum":
-            desk.lights.to_tab = "Light"
+        if ui.lights.tab != "Spectrum":
+            ui.lights.to_tab = "Light"
     imgui.pop_style_color()
-    desk.note(f"name {i}")
+    ui.note(f"name {i}")
     lux = row.rig.total_lux
     level = f"\n{lux:.4g} lx at weight 1" if lux else ""
     tip(f"{described(row)}{level}\nDouble-click: this light alone; F2: another name")
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
         new = reduced(new, Event("alone", index=i))
-    return _context(new, desk, i)
+    return _context(new, ui, i)
 
 
 def described(row: lighting.LightRow) -> str:
@@ -137,11 +137,11 @@ def described(row: lighting.LightRow) -> str:
     return "\n".join(dict.fromkeys((name, in_line(row.label))))
 
 
-def _rename(new: ViewState, desk: Desk, i: int) -> ViewState:
+def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
     """The name's field, in its place."""
-    scraps = desk.lights
+    scraps = ui.lights
     entered, ended = name_field("##rename", scraps)
-    desk.note(f"rename {i}")
+    ui.note(f"rename {i}")
     if entered:
         new = reduced(new, Event("rename-light", index=i, key=scraps.name))
     if ended:
@@ -149,7 +149,7 @@ def _rename(new: ViewState, desk: Desk, i: int) -> ViewState:
     return new
 
 
-def _context(new: ViewState, desk: Desk, i: int) -> ViewState:
+def _context(new: ViewState, ui: UiContext, i: int) -> ViewState:
     """What a right click offers: actions of the chosen light, for this one."""
     if not imgui.begin_popup_context_item("row"):
         return new
@@ -157,21 +157,21 @@ def _context(new: ViewState, desk: Desk, i: int) -> ViewState:
         action = BY_NAME[name]
         title = action.title.replace("the chosen ", "the ").replace("The chosen ", "This ")
         if imgui.menu_item(title, key_text(action), False)[0]:
-            new = desk.done(reduced(new, Event("select", index=i)), action)
-        desk.note(f"row {name}")
+            new = ui.done(reduced(new, Event("select", index=i)), action)
+        ui.note(f"row {name}")
     imgui.end_popup()
     return new
 
 
-def _swatch(state: ViewState, desk: Desk, index: int) -> None:
+def _swatch(state: ViewState, ui: UiContext, index: int) -> None:
     """Left as the light is, right as an adapted eye sees it."""
     rig = state.lights[index].rig
     raw, adapted = raw_colour(rig), adapted_colour(rig, state.seen)
     x, y = imgui.get_cursor_screen_pos()
-    width, height = desk.px(_SWATCH), imgui.get_frame_height()
+    width, height = ui.px(_SWATCH), imgui.get_frame_height()
     imgui.dummy((width, height))
-    draw_list, round_by = imgui.get_window_draw_list(), desk.px(3)
-    half, inset = x + width / 2, desk.px(2)
+    draw_list, round_by = imgui.get_window_draw_list(), ui.px(3)
+    half, inset = x + width / 2, ui.px(2)
     for left, right, colour, corners in (
         (x, half, raw, imgui.ImDrawFlags_.round_left),
         (half, x + width, adapted, imgui.ImDrawFlags_.round_right),
@@ -183,13 +183,13 @@ def _swatch(state: ViewState, desk: Desk, index: int) -> None:
     tip("White paper under this light\nleft: as it is, right: to an eye adapted to it")
 
 
-def _spark(state: ViewState, desk: Desk, index: int, lit: bool) -> bool:
+def _spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
     """The spectrum in small; whether it was clicked."""
     x, y = imgui.get_cursor_screen_pos()
-    width, height = desk.px(_SPARK), imgui.get_frame_height()
+    width, height = ui.px(_SPARK), imgui.get_frame_height()
     clicked: bool = imgui.invisible_button("spark", (width, height))
-    desk.note(f"spark {index}")
-    inset = desk.px(2)
+    ui.note(f"spark {index}")
+    inset = ui.px(2)
     rect = x, y + inset, width, height - 2 * inset
     draw_list, grid = imgui.get_window_draw_list(), state.document.grid
     ends = (x, y + inset), (x + width, y + height - inset)

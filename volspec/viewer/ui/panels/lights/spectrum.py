@@ -12,7 +12,7 @@ from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.lights.lighting import rig_of
 from volspec.viewer.model.lights.parts import row_at
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.lights.look import Rect, fill, mixed_values, outline
 from volspec.viewer.ui.panels.widgets import in_line, shortened, text_width, tip
 
@@ -23,9 +23,9 @@ _SMALL = 0.87
 _TICKS = (400, 450, 500, 550, 600, 650, 700, 750)
 
 
-def draw_mix(state: ViewState, desk: Desk, width: float, height: float) -> None:
+def draw_mix(state: ViewState, ui: UiContext, width: float, height: float) -> None:
     """What shines, filled; the chosen light alone as a line."""
-    rect = _frame(desk, state.document.grid, width, height, "mix")
+    rect = _frame(ui, state.document.grid, width, height, "mix")
     grid, draw_list = state.document.grid, imgui.get_window_draw_list()
     rig = rig_of(state.lights)
     if rig is not None:
@@ -35,30 +35,30 @@ def draw_mix(state: ViewState, desk: Desk, width: float, height: float) -> None:
     if row is not None:
         values = mixed_values(row.rig, grid)
         text = imgui.get_color_u32(imgui.Col_.text)
-        outline(draw_list, rect, values, float(values.max()) * _MIX_TOP, text, desk.px(1.5))
+        outline(draw_list, rect, values, float(values.max()) * _MIX_TOP, text, ui.px(1.5))
     tip("Filled: what shines; line: the chosen light. Each to its own peak")
 
 
-def draw_pen(state: ViewState, desk: Desk, height: float) -> ViewState:
+def draw_pen(state: ViewState, ui: UiContext, height: float) -> ViewState:
     """The chosen light's spectrum; the mouse draws on it."""
     index, grid = state.interface.light, state.document.grid
     row = row_at(state.lights, index)
     if row is None:
         return state
-    scraps, new = desk.lights, _heading(state, desk)
+    scraps, new = ui.lights, _heading(state, ui)
     scraps.part = min(scraps.part, len(row.rig.lights) - 1)
     values = row.rig.lights[scraps.part].values
     taken = imgui.get_frame_height_with_spacing()
     width = imgui.get_content_region_avail().x
-    rect = _frame(desk, grid, width, height - taken, "pen")
-    desk.areas["spectrum"] = int(rect[0]), int(rect[1]), int(rect[2]), int(rect[3])
+    rect = _frame(ui, grid, width, height - taken, "pen")
+    ui.areas["spectrum"] = int(rect[0]), int(rect[1]), int(rect[2]), int(rect[3])
     held = imgui.is_item_active()
     if not held:
         scraps.pen, scraps.top = None, float(values.max()) * _PEN_TOP
     draw_list = imgui.get_window_draw_list()
     fill(draw_list, rect, values, scraps.top, grid)
     ink = imgui.get_color_u32(imgui.Col_.text)
-    outline(draw_list, rect, values, scraps.top, ink, desk.px(1.5))
+    outline(draw_list, rect, values, scraps.top, ink, ui.px(1.5))
     if not (held or imgui.is_item_hovered()):
         return new
     mouse = imgui.get_mouse_pos()
@@ -66,7 +66,7 @@ def draw_pen(state: ViewState, desk: Desk, height: float) -> ViewState:
     if held:
         event = Event("draw", *place, index, part=scraps.part, start=scraps.pen)
         new, scraps.pen = reduced(new, event), place
-    _cross(desk, rect, (mouse.x, mouse.y), place, grid)
+    _cross(ui, rect, (mouse.x, mouse.y), place, grid)
     return new
 
 
@@ -83,7 +83,7 @@ def pen_place(
     return band / (bands - 1), max(top * (1 - (mouse[1] - y) / height), 0.0)
 
 
-def _heading(state: ViewState, desk: Desk) -> ViewState:
+def _heading(state: ViewState, ui: UiContext) -> ViewState:
     """Which spectrum it is, and the way back."""
     row = state.lights[state.interface.light]
     groups, new = row.rig.groups, state
@@ -92,9 +92,9 @@ def _heading(state: ViewState, desk: Desk) -> ViewState:
     imgui.text(shortened(row.name, room * 0.4))
     if len(groups) > 1:
         imgui.same_line()
-        imgui.set_next_item_width(desk.px(84))
+        imgui.set_next_item_width(ui.px(84))
         parts = [f"{in_line(group) or 'all groups'}##{j}" for j, group in enumerate(groups)]
-        _, desk.lights.part = imgui.combo("##part", min(desk.lights.part, len(parts) - 1), parts)
+        _, ui.lights.part = imgui.combo("##part", min(ui.lights.part, len(parts) - 1), parts)
     imgui.same_line()
     if row.before is None:
         imgui.align_text_to_frame_padding()
@@ -104,25 +104,25 @@ def _heading(state: ViewState, desk: Desk) -> ViewState:
     button = text_width(label) + 2 * imgui.get_style().frame_padding.x
     imgui.same_line(room - button)
     if imgui.button(label):
-        new = desk.done(new, BY_NAME["reset-spectrum"])
-    desk.note("reset spectrum")
+        new = ui.done(new, BY_NAME["reset-spectrum"])
+    ui.note("reset spectrum")
     tip(f"Back to {in_line(row.before.name)}")
     return new
 
 
-def _frame(desk: Desk, grid: SpectralGrid, width: float, height: float, name: str) -> Rect:
+def _frame(ui: UiContext, grid: SpectralGrid, width: float, height: float, name: str) -> Rect:
     """The plot's ground with its wavelengths beneath; an item of the panel."""
     x, y = imgui.get_cursor_screen_pos()
     imgui.invisible_button(name, (width, height))
-    desk.note(name)
+    ui.note(name)
     draw_list, small = imgui.get_window_draw_list(), imgui.get_font_size() * _SMALL
-    rect = x, y + desk.px(2), width, height - small - desk.px(8)
+    rect = x, y + ui.px(2), width, height - small - ui.px(8)
     bottom = rect[1] + rect[3]
     draw_list.add_rect_filled(
         (x, rect[1]), (x + width, bottom), imgui.get_color_u32(imgui.Col_.frame_bg, 0.45)
     )
     dim = imgui.get_color_u32(imgui.Col_.text_disabled)
-    every = 1 if width > desk.px(260) else 2 if width > desk.px(100) else 3
+    every = 1 if width > ui.px(260) else 2 if width > ui.px(100) else 3
     for nm in _TICKS[::every]:
         at = x + wavelength_share(nm, grid) * width
         text = f"{nm} nm" if nm == _TICKS[0] and every == 1 else f"{nm}"
@@ -130,9 +130,9 @@ def _frame(desk: Desk, grid: SpectralGrid, width: float, height: float, name: st
         wide = text_width(text) * _SMALL
         if not x <= at <= x + width:
             continue
-        draw_list.add_line((at, bottom), (at, bottom + desk.px(3)), dim)
+        draw_list.add_line((at, bottom), (at, bottom + ui.px(3)), dim)
         left = min(max(at - wide / 2, x), x + width - wide)
-        draw_list.add_text(font, small, (left, bottom + desk.px(4)), dim, text)
+        draw_list.add_text(font, small, (left, bottom + ui.px(4)), dim, text)
     return rect
 
 
@@ -144,7 +144,7 @@ def wavelength_share(nm: float, grid: SpectralGrid) -> float:
 
 
 def _cross(
-    desk: Desk,
+    ui: UiContext,
     rect: Rect,
     mouse: tuple[float, float],
     place: tuple[float, float],
@@ -160,5 +160,5 @@ def _cross(
     first, last = grid.wavelengths_nm[[0, -1]]
     text = f"{first + share * (last - first):.0f} nm  {place[1]:.2f}"
     wide = text_width(text)
-    left = at + desk.px(6) if at + wide + desk.px(8) < x + width else at - wide - desk.px(6)
-    draw_list.add_text((left, y + desk.px(3)), imgui.get_color_u32(imgui.Col_.text), text)
+    left = at + ui.px(6) if at + wide + ui.px(8) < x + width else at - wide - ui.px(6)
+    draw_list.add_text((left, y + ui.px(3)), imgui.get_color_u32(imgui.Col_.text), text)

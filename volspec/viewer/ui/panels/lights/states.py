@@ -12,7 +12,7 @@ from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.lights.lighting import Rows, rig_of
 from volspec.viewer.model.lights.states import MOST_SECONDS, recalled
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.lights.colours import raw_colour
 from volspec.viewer.ui.panels.lights.look import spark
 from volspec.viewer.ui.panels.widgets import in_line, name_field, packed, shortened, tip
@@ -21,18 +21,18 @@ _SWATCH, _SPARK = 16.0, 46.0
 _MENU = "state menu"
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState:
+def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the tab."""
     new = state
     if imgui.button("Save state"):
-        new = desk.done(new, BY_NAME["save-state"])
-    desk.note("save state")
+        new = ui.done(new, BY_NAME["save-state"])
+    ui.note("save state")
     tip("All lights and the viewing, to come back to (Alt+S)")
     imgui.same_line()
-    imgui.set_next_item_width(-desk.px(40))
+    imgui.set_next_item_width(-ui.px(40))
     text = "at once" if state.interface.fade_s <= 0 else "%.1f s"
     moved, seconds = imgui.slider_float("Fade", state.interface.fade_s, 0.0, MOST_SECONDS, text)
-    desk.note("fade")
+    ui.note("fade")
     if moved:
         new = reduced(new, Event("fade", seconds))
     if not state.kept:
@@ -40,49 +40,49 @@ def draw(state: ViewState, desk: Desk) -> ViewState:
         return new
     for i in range(len(state.kept)):
         imgui.push_id(i)
-        new = _line(new, state, desk, i)
+        new = _line(new, state, ui, i)
         imgui.pop_id()
     return new
 
 
-def _line(new: ViewState, state: ViewState, desk: Desk, i: int) -> ViewState:
+def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     saved = state.kept[i]
-    if desk.lights.naming == i:
-        return _rename(new, desk, i)
+    if ui.lights.naming == i:
+        return _rename(new, ui, i)
     x, y = imgui.get_cursor_screen_pos()
     height, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
     here = saved.seen == state.seen and recalled(state.lights, saved.lights) == state.lights
     button = height
-    pressed, _ = imgui.selectable("##recall", here, size=(width - button - desk.px(6), height))
-    desk.note(f"state {i}")
+    pressed, _ = imgui.selectable("##recall", here, size=(width - button - ui.px(6), height))
+    ui.note(f"state {i}")
     tip(f"Fade to {in_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
     if pressed:
         new = reduced(new, Event("recall-state", index=i))
-    _look(state, desk, i, (x, y))
+    _look(state, ui, i, (x, y))
     imgui.same_line(width - button)
     if imgui.button("…", (button, 0)):
         imgui.open_popup(_MENU)
-    desk.note(f"more {i}")
-    return _menu(new, state, desk, i)
+    ui.note(f"more {i}")
+    return _menu(new, state, ui, i)
 
 
-def _look(state: ViewState, desk: Desk, i: int, at: tuple[float, float]) -> None:
+def _look(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) -> None:
     """Number, colour, spectrum, name."""
     (x, y), saved, grid = at, state.kept[i], state.document.grid
-    height, inset = imgui.get_frame_height(), desk.px(3)
+    height, inset = imgui.get_frame_height(), ui.px(3)
     draw_list = imgui.get_window_draw_list()
     dim, text = (imgui.get_color_u32(c) for c in (imgui.Col_.text_disabled, imgui.Col_.text))
     top = y + (height - imgui.get_font_size()) / 2
-    draw_list.add_text((x + desk.px(4), top), dim, f"{i + 1}")
-    left = x + desk.px(22)
+    draw_list.add_text((x + ui.px(4), top), dim, f"{i + 1}")
+    left = x + ui.px(22)
     rig = kept_rig(saved.lights)
     if rig is not None:
-        ends = (left, y + inset), (left + desk.px(_SWATCH), y + height - inset)
-        draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), desk.px(3))
-        rect = left + desk.px(_SWATCH + 6), y + inset, desk.px(_SPARK), height - 2 * inset
+        ends = (left, y + inset), (left + ui.px(_SWATCH), y + height - inset)
+        draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), ui.px(3))
+        rect = left + ui.px(_SWATCH + 6), y + inset, ui.px(_SPARK), height - 2 * inset
         spark(draw_list, rect, rig, grid)
-    left += desk.px(_SWATCH + _SPARK + 14)
-    room = x + imgui.get_content_region_avail().x - height - desk.px(12) - left
+    left += ui.px(_SWATCH + _SPARK + 14)
+    room = x + imgui.get_content_region_avail().x - height - ui.px(12) - left
     draw_list.add_text((left, top), text, shortened(saved.name, room))
 
 
@@ -92,10 +92,10 @@ def kept_rig(rows: Rows) -> LightRig | None:
     return rig_of(rows)
 
 
-def _rename(new: ViewState, desk: Desk, i: int) -> ViewState:
-    scraps = desk.lights
+def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
+    scraps = ui.lights
     entered, ended = name_field("##name", scraps)
-    desk.note("state name")
+    ui.note("state name")
     if entered:
         new = reduced(new, Event("rename-state", index=i, key=scraps.name))
     if ended:
@@ -103,13 +103,13 @@ def _rename(new: ViewState, desk: Desk, i: int) -> ViewState:
     return new
 
 
-def _menu(new: ViewState, state: ViewState, desk: Desk, i: int) -> ViewState:
+def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     if not imgui.begin_popup(_MENU):
         return new
     if imgui.menu_item("Rename", "", False)[0]:
-        desk.lights.naming, desk.lights.name = i, state.kept[i].name
-        desk.lights.focus = True
-    desk.note("rename state")
+        ui.lights.naming, ui.lights.name = i, state.kept[i].name
+        ui.lights.focus = True
+    ui.note("rename state")
     if imgui.menu_item("Save the present lights here", "", False)[0]:
         new = reduced(new, Event("save-over-state", index=i))
     if imgui.menu_item("Delete", "", False)[0]:

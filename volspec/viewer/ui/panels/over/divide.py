@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from volspec.viewer.model.lights.lighting import Rows, shining
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.widgets import (
     BLACK,
     WHITE,
@@ -20,43 +20,43 @@ Box = tuple[float, float, float, float]
 _TOP, _GAP, _WIDEST = 16.0, 12.0, 260.0
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw it over the picture, and which lights are on either side."""
     if state.other is None:
-        desk.areas.pop("sides", None)
+        ui.areas.pop("sides", None)
         return None
-    area = desk.areas["picture"]
+    area = ui.areas["picture"]
     x, y, width, height = area
     at = round(x + state.divide * width)
-    with over_picture(desk) as draw_list:
+    with over_picture(ui) as draw_list:
         # White on black: seen over any picture.
-        draw_list.add_line((at, y), (at, y + height), packed(BLACK, 0.5), desk.px(3.5))
-        draw_list.add_line((at, y), (at, y + height), packed(WHITE, 0.95), desk.px(1.5))
-        _handle(desk, (at, y + height / 2))
-        _labels(desk, area, at, (state.lights, state.other))
+        draw_list.add_line((at, y), (at, y + height), packed(BLACK, 0.5), ui.px(3.5))
+        draw_list.add_line((at, y), (at, y + height), packed(WHITE, 0.95), ui.px(1.5))
+        _handle(ui, (at, y + height / 2))
+        _labels(ui, area, at, (state.lights, state.other))
     return None
 
 
 def _labels(
-    desk: Desk, area: tuple[int, int, int, int], at: float, sides: tuple[Rows, Rows]
+    ui: UiContext, area: tuple[int, int, int, int], at: float, sides: tuple[Rows, Rows]
 ) -> None:
     """Which lights are at the left and the right of the line."""
     _, y, width, _ = area
     draw_list = imgui.get_background_draw_list()
-    pad, most = desk.px(8), min(width * 0.45, desk.px(_WIDEST))
+    pad, most = ui.px(8), min(width * 0.45, ui.px(_WIDEST))
     texts = [shortened(names_of(rows), most) for rows in sides]
     letters = text_width("A") + 2 * pad
     sizes = [imgui.calc_text_size(text) for text in texts]
     wide = sizes[0].x + 2 * pad + letters, sizes[1].x + 2 * pad + letters
     tall = sizes[0].y + pad
-    boxes = label_boxes(area, at, wide, tall, desk.px(_TOP), desk.px(_GAP))
+    boxes = label_boxes(area, at, wide, tall, ui.px(_TOP), ui.px(_GAP))
     lowest = max(top for _, top, _, _ in boxes) + tall
-    desk.areas["sides"] = area[0], y, width, int(lowest - y)
+    ui.areas["sides"] = area[0], y, width, int(lowest - y)
     for letter, text, (left, top, breadth, _) in zip("AB", texts, boxes, strict=True):
         ends = (left, top), (left + breadth, top + tall)
-        draw_list.add_rect_filled(*ends, packed(BLACK, 0.72), desk.px(5))
+        draw_list.add_rect_filled(*ends, packed(BLACK, 0.72), ui.px(5))
         badge = (left, top), (left + letters, top + tall)
-        draw_list.add_rect_filled(*badge, packed(WHITE, 0.92), desk.px(5))
+        draw_list.add_rect_filled(*badge, packed(WHITE, 0.92), ui.px(5))
         draw_list.add_text((left + pad, top + pad / 2), packed(BLACK), letter)
         draw_list.add_text((left + letters + pad, top + pad / 2), packed(WHITE), text)
 
@@ -94,11 +94,11 @@ def label_boxes(
     return a, b
 
 
-def _handle(desk: Desk, at: tuple[float, float]) -> None:
-    draw_list, radius, (x, y) = imgui.get_background_draw_list(), desk.px(11), at
-    draw_list.add_circle_filled(at, radius + desk.px(1), packed(BLACK, 0.5))
+def _handle(ui: UiContext, at: tuple[float, float]) -> None:
+    draw_list, radius, (x, y) = imgui.get_background_draw_list(), ui.px(11), at
+    draw_list.add_circle_filled(at, radius + ui.px(1), packed(BLACK, 0.5))
     draw_list.add_circle_filled(at, radius, packed(WHITE, 0.95))
-    near, far, half = desk.px(2.5), desk.px(7), desk.px(4)
+    near, far, half = ui.px(2.5), ui.px(7), ui.px(4)
     for side in (-1, 1):
         end, upper, lower = (x + side * far, y), (x + side * near, y - half), y + half
         dark = packed((0.15, 0.15, 0.15))

@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 
 from volspec.relight.error_map import ErrorMap
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.widgets import BLACK, WHITE, over_picture, packed, text_width
 
 _STEPS = 48
@@ -17,22 +17,22 @@ _STEPS = 48
 _TOLD_APART = 1.0
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw it."""
-    heat = desk.heat
+    heat = ui.results.heat
     if heat is None or not state.interface.error_map:
         return None
-    if heat.texture and heat.image is desk.image:
-        left, top, right, bottom = desk.shown_at
-        with over_picture(desk) as draw_list:
+    if heat.texture and heat.image is ui.results.image:
+        left, top, right, bottom = ui.results.shown_at
+        with over_picture(ui) as draw_list:
             draw_list.add_image(imgui.ImTextureRef(heat.texture), (left, top), (right, bottom))
-    x, y, _, _ = desk.areas["picture"]
-    _legend(desk, (x + desk.px(14), y + desk.px(14)))
+    x, y, _, _ = ui.areas["picture"]
+    _legend(ui, (x + ui.px(14), y + ui.px(14)))
     return None
 
 
-def _legend(desk: Desk, corner: tuple[float, float]) -> None:
-    heat = desk.heat
+def _legend(ui: UiContext, corner: tuple[float, float]) -> None:
+    heat = ui.results.heat
     assert heat is not None
     found = heat.map
     lines = told(found, heat.problem)
@@ -40,12 +40,12 @@ def _legend(desk: Desk, corner: tuple[float, float]) -> None:
     x, y = corner
     wide = max(text_width(line) for line in lines)
     tall = imgui.get_text_line_height_with_spacing()
-    bar = desk.px(10) if found is not None else 0.0
+    bar = ui.px(10) if found is not None else 0.0
     rows = len(lines) + int(found is not None)
-    pad = desk.px(8)
+    pad = ui.px(8)
     white = packed(WHITE)
     end = x + wide + 2 * pad, y + rows * tall + bar + 2 * pad
-    draw_list.add_rect_filled((x, y), end, packed(BLACK, 0.55), desk.px(5))
+    draw_list.add_rect_filled((x, y), end, packed(BLACK, 0.55), ui.px(5))
     for i, line in enumerate(lines):
         draw_list.add_text((x + pad, y + pad + i * tall), white, line)
     if found is None:
@@ -58,7 +58,7 @@ def _legend(desk: Desk, corner: tuple[float, float]) -> None:
     for share in (0.0, 0.5, 1.0):
         text = f"{share * found.top:.3g}"
         at = x + pad + share * (wide - text_width(text))
-        draw_list.add_text((at, top + bar + desk.px(1)), white, text)
+        draw_list.add_text((at, top + bar + ui.px(1)), white, text)
 
 
 def told(found: ErrorMap | None, problem: str) -> list[str]:

@@ -7,7 +7,7 @@ import math
 from imgui_bundle import imgui
 
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.widgets import BLACK, WHITE, over_picture, packed
 
 # Pixels at 96 dpi; a narrower picture has no bar.
@@ -42,18 +42,18 @@ def length_text(mm: float) -> str:
     return f"{mm / size:.6g} {unit}"
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw it."""
     if not state.interface.aids.scale:
         return None
-    x, y, width, height = desk.areas["picture"]
-    if width < desk.px(_NARROW):
+    x, y, width, height = ui.areas["picture"]
+    if width < ui.px(_NARROW):
         return None
-    seen = desk.projection(state)
-    mm = length_mm(seen.mm_per_px, min(desk.px(_LONGEST), width / 3))
+    seen = ui.projection(state)
+    mm = length_mm(seen.mm_per_px, min(ui.px(_LONGEST), width / 3))
     long = mm / seen.mm_per_px
-    right, low = x + width - desk.px(_MARGIN), y + height - desk.px(_MARGIN)
-    left, tick = right - long, desk.px(_TICK)
+    right, low = x + width - ui.px(_MARGIN), y + height - ui.px(_MARGIN)
+    left, tick = right - long, ui.px(_TICK)
     text = length_text(mm)
     size = imgui.calc_text_size(text)
     line, shade = packed(WHITE, 0.9), packed(BLACK, 0.55)
@@ -62,12 +62,12 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
         ((left, low - tick), (left, low + tick)),
         ((right, low - tick), (right, low + tick)),
     )
-    with over_picture(desk) as draw_list:
+    with over_picture(ui) as draw_list:
         # The shade first, so that it is legible on any picture.
         for colour, thick, shift in ((shade, 3.5, 1.0), (line, 1.5, 0.0)):
             for ends in strokes:
-                draw_list.add_line(*ends, colour, desk.px(thick))
+                draw_list.add_line(*ends, colour, ui.px(thick))
             place = (left + right - size.x) / 2 + shift, low - size.y - tick + shift
             draw_list.add_text(place, colour, text)
-    desk.areas["scale"] = int(left), int(low - tick), int(long), int(2 * tick)
+    ui.areas["scale"] = int(left), int(low - tick), int(long), int(2 * tick)
     return None

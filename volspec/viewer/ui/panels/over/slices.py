@@ -21,7 +21,7 @@ from volspec.viewer.model.view.slices import (
     size_mm,
     window_of,
 )
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.over.cuts import SLICE_COLOURS
 from volspec.viewer.ui.panels.widgets import BLACK, WHITE, packed, text_width, tip
 from volspec.viewer.work.picture.slice_pictures import SlicePictures
@@ -39,9 +39,9 @@ _CRAMPED = 2.6
 _LINES = 7
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
-    if desk.slices is None:
+    if ui.results.slices is None:
         return None
     new, volume = state, state.document.volume
     layouts = [layout_of(volume, plane) for plane in PLANES]
@@ -49,14 +49,14 @@ def draw(state: ViewState, desk: Desk) -> ViewState | None:
     below = _LINES * imgui.get_frame_height_with_spacing() + 4 * imgui.get_style().item_spacing.y
     sizes = drawn_sizes(
         [size_mm(volume, layout) for layout in layouts],
-        (wide, max(avail.y - below, desk.px(_LEAST))),
-        desk.px(_FLATTEST),
+        (wide, max(avail.y - below, ui.px(_LEAST))),
+        ui.px(_FLATTEST),
     )
     beside = _widest(state, layouts) + imgui.get_style().item_inner_spacing.x
     for index, (layout, size) in enumerate(zip(layouts, sizes, strict=True)):
-        new = _slider(new, desk, index, layout, (wide - beside, wide))
-        new = _picture(new, desk, desk.slices, index, layout, size)
-    new = _looks(new, desk)
+        new = _slider(new, ui, index, layout, (wide - beside, wide))
+        new = _picture(new, ui, ui.results.slices, index, layout, size)
+    new = _looks(new, ui)
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wide)
     imgui.text_disabled(said(state))
     imgui.pop_text_wrap_pos()
@@ -108,20 +108,20 @@ def _where(title: str, number: int, last: int) -> str:
 
 
 def _slider(
-    state: ViewState, desk: Desk, index: int, layout: Layout, widths: tuple[float, float]
+    state: ViewState, ui: UiContext, index: int, layout: Layout, widths: tuple[float, float]
 ) -> ViewState:
     """With its words at the right; above, where the first of the widths is too short for it."""
     volume, plane = state.document.volume, PLANES[index]
     last = volume.shape_xyz[layout.normal] - 1
     number = number_of(volume, layout.normal, state.interface.slices.at[layout.normal])
     room, wide = widths
-    fits = room >= desk.px(_SHORTEST)
+    fits = room >= ui.px(_SHORTEST)
     if not fits:
         short = wide < text_width(_where(_title(state, index), last, last))
         imgui.text(_where("" if short else _title(state, index), number, last))
     imgui.set_next_item_width(room if fits else wide)
     moved, new = imgui.slider_int(f"##{plane.name}", number, 0, last, "")
-    desk.note(f"slider {plane.name}")
+    ui.note(f"slider {plane.name}")
     if fits:
         imgui.same_line(0, imgui.get_style().item_inner_spacing.x)
         imgui.text(_where(_title(state, index), number, last))
@@ -130,7 +130,7 @@ def _slider(
 
 def _picture(
     state: ViewState,
-    desk: Desk,
+    ui: UiContext,
     pictures: SlicePictures,
     index: int,
     layout: Layout,
@@ -145,7 +145,7 @@ def _picture(
     imgui.image(imgui.ImTextureRef(texture), size)
     imgui.set_cursor_screen_pos((x, y))
     imgui.invisible_button(f"slice {name}", size)
-    desk.note(f"slice {name}")
+    ui.note(f"slice {name}")
     new = state
     if imgui.is_item_active():
         mouse = imgui.get_mouse_pos()
@@ -155,12 +155,12 @@ def _picture(
         imgui.set_item_key_owner(imgui.Key.mouse_wheel_y)
         if turned := imgui.get_io().mouse_wheel:
             new = reduced(new, Event("slice-step", round(turned) or turned, index=index))
-    _crosshair(new, desk, layout, (x, y, width, high))
+    _crosshair(new, ui, layout, (x, y, width, high))
     return new
 
 
 def _crosshair(
-    state: ViewState, desk: Desk, layout: Layout, area: tuple[float, float, float, float]
+    state: ViewState, ui: UiContext, layout: Layout, area: tuple[float, float, float, float]
 ) -> None:
     """What a crop leaves, and the other two slices' lines in their colours."""
     x, y, width, height = area
@@ -179,14 +179,14 @@ def _crosshair(
         (layout.across, ((at[0], y), (at[0], y + height))),
         (layout.down, ((x, at[1]), (x + width, at[1]))),
     ):
-        draw_list.add_line(*ends, packed(SLICE_COLOURS[axis], 0.75), desk.px(1))
+        draw_list.add_line(*ends, packed(SLICE_COLOURS[axis], 0.75), ui.px(1))
     own = packed(SLICE_COLOURS[layout.normal], 0.9)
-    draw_list.add_rect((x, y), (x + width, y + height), own, 0.0, desk.px(1))
-    _letters(state, desk, layout, area)
+    draw_list.add_rect((x, y), (x + width, y + height), own, 0.0, ui.px(1))
+    _letters(state, ui, layout, area)
 
 
 def _letters(
-    state: ViewState, desk: Desk, layout: Layout, area: tuple[float, float, float, float]
+    state: ViewState, ui: UiContext, layout: Layout, area: tuple[float, float, float, float]
 ) -> None:
     """Where the edges look, on a shade that is legible on any slice."""
     (x, y, width, height), volume = area, state.document.volume
@@ -194,7 +194,7 @@ def _letters(
     shade, ink = packed(BLACK, 0.85), packed(WHITE, 0.95)
     letters = edge_letters(volume, layout, is_patient(volume, state.interface.aids.patient))
     edges = (0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0)
-    margin = desk.px(_MARGIN)
+    margin = ui.px(_MARGIN)
     for text, (px, py) in zip(letters, edges, strict=True):
         size = imgui.calc_text_size(text)
         if (width if py == 0.5 else height) < _CRAMPED * size.y:
@@ -204,24 +204,24 @@ def _letters(
             y + margin / 2 + py * (height - size.y - margin),
         )
         for around in _AROUND:
-            at = place[0] + desk.px(around[0]), place[1] + desk.px(around[1])
+            at = place[0] + ui.px(around[0]), place[1] + ui.px(around[1])
             draw_list.add_text(at, shade, text)
         draw_list.add_text(place, ink, text)
 
 
-def _looks(state: ViewState, desk: Desk) -> ViewState:
+def _looks(state: ViewState, ui: UiContext) -> ViewState:
     slices = state.interface.slices
     pressed, _ = imgui.checkbox("Lit", slices.lit)
-    desk.note("lit")
+    ui.note("lit")
     tip("Under the same lights as the volume; else plain greys")
-    new = desk.done(state, BY_NAME["slices-lit"]) if pressed else state
+    new = ui.done(state, BY_NAME["slices-lit"]) if pressed else state
     wanted = text_width("Auto greys") + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
     if imgui.get_content_region_avail().x < wanted:
         imgui.new_line()
     imgui.begin_disabled(slices.greys is None)
     if imgui.button("Auto greys"):
-        new = desk.done(new, BY_NAME["slices-greys"])
+        new = ui.done(new, BY_NAME["slices-greys"])
     imgui.end_disabled()
     low, high = state.document.volume.range
     span = (high - low) or 1.0
@@ -232,7 +232,7 @@ def _looks(state: ViewState, desk: Desk) -> ViewState:
     moved, black, white = imgui.drag_float_range2(
         "##greys", black, white, span / 300, low, high, digits, digits
     )
-    desk.note("greys")
+    ui.note("greys")
     tip("Values shown black and white, where the transfer function shows nothing")
     if moved:
         new = reduced(new, Event("slice-greys", (black - low) / span, (white - low) / span))

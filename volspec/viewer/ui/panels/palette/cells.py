@@ -11,7 +11,7 @@ from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.palette.table import Table
 from volspec.viewer.model.palette.wishes import LIGHT, REFLECTANCE, clipped, stays
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.palette.margins import member
 from volspec.viewer.ui.panels.widgets import BLACK, WAITING_GREYED, WHITE, packed, tip
 from volspec.viewer.ui.window.style import ACCENT
@@ -31,33 +31,33 @@ _FLAGS = (
 )
 
 
-def draw(state: ViewState, table: Table, desk: Desk) -> ViewState:
+def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     """Draw it; a click on a cell chooses it and opens the editor."""
     room = imgui.get_content_region_avail()
     count = len(table.columns)
-    low, high = (desk.px(width) for width in _WIDTHS)
+    low, high = (ui.px(width) for width in _WIDTHS)
     padding = 2 * imgui.get_style().cell_padding.x
-    wide = min(max((room.x - desk.px(_ROW) - padding) / count - padding, low), high)
-    overflows = (wide + padding) * count + desk.px(_ROW) + padding > room.x + 1
+    wide = min(max((room.x - ui.px(_ROW) - padding) / count - padding, low), high)
+    overflows = (wide + padding) * count + ui.px(_ROW) + padding > room.x + 1
     bar = imgui.get_style().scrollbar_size if overflows else 0.0
-    row = desk.px(_CELL) + 2 * imgui.get_style().cell_padding.y
-    tall = row * min(len(table.rows), _MOST_ROWS) + desk.px(_HEADER) + desk.px(4) + bar
+    row = ui.px(_CELL) + 2 * imgui.get_style().cell_padding.y
+    tall = row * min(len(table.rows), _MOST_ROWS) + ui.px(_HEADER) + ui.px(4) + bar
     if not imgui.begin_table("palette", count + 1, _FLAGS, (0, tall)):
         return state
     imgui.table_setup_scroll_freeze(1, 1)
-    imgui.table_setup_column("material", imgui.TableColumnFlags_.width_fixed, desk.px(_ROW))
+    imgui.table_setup_column("material", imgui.TableColumnFlags_.width_fixed, ui.px(_ROW))
     for name in table.columns:
         imgui.table_setup_column(name, imgui.TableColumnFlags_.width_fixed, wide)
-    new = _header(state, table, desk, wide)
+    new = _header(state, table, ui, wide)
     for i in range(len(table.rows)):
-        new = _row(new, table, desk, i, wide)
+        new = _row(new, table, ui, i, wide)
     imgui.end_table()
     return new
 
 
-def _header(state: ViewState, table: Table, desk: Desk, wide: float) -> ViewState:
+def _header(state: ViewState, table: Table, ui: UiContext, wide: float) -> ViewState:
     new = state
-    imgui.table_next_row(imgui.TableRowFlags_.headers, desk.px(_HEADER))
+    imgui.table_next_row(imgui.TableRowFlags_.headers, ui.px(_HEADER))
     imgui.table_set_bg_color(imgui.TableBgTarget_.row_bg0, _window_colour())
     imgui.table_next_column()
     imgui.text_disabled("may change")
@@ -66,17 +66,17 @@ def _header(state: ViewState, table: Table, desk: Desk, wide: float) -> ViewStat
         if not imgui.table_next_column():  # scrolled out of view
             continue
         imgui.push_id(f"column {j}")
-        new = member(new, table, desk, (LIGHT, name), j, wide)
+        new = member(new, table, ui, (LIGHT, name), j, wide)
         imgui.pop_id()
     return new
 
 
-def _row(state: ViewState, table: Table, desk: Desk, i: int, wide: float) -> ViewState:
-    imgui.table_next_row(imgui.TableRowFlags_.none, desk.px(_CELL))
+def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> ViewState:
+    imgui.table_next_row(imgui.TableRowFlags_.none, ui.px(_CELL))
     imgui.table_next_column()
     imgui.push_id(f"row {i}")
     name = table.rows[i]
-    new = member(state, table, desk, (REFLECTANCE, name), i, desk.px(_ROW))
+    new = member(state, table, ui, (REFLECTANCE, name), i, ui.px(_ROW))
     imgui.pop_id()
     for j, column in enumerate(table.columns):
         if not imgui.table_next_column():
@@ -84,25 +84,25 @@ def _row(state: ViewState, table: Table, desk: Desk, i: int, wide: float) -> Vie
         report = table.cells[name, column]
         number = i * len(table.columns) + j
         imgui.push_id(number)
-        pressed = imgui.invisible_button("cell", (wide, desk.px(_CELL)))
-        desk.note(f"cell {number}")
+        pressed = imgui.invisible_button("cell", (wide, ui.px(_CELL)))
+        ui.note(f"cell {number}")
         wish = state.board.wishes.cells.get((name, column))
         picked = state.interface.pick.place == (name, column)
-        _cell(report, wish, picked, state.interface.dark, desk)
+        _cell(report, wish, picked, state.interface.dark, ui)
         tip(explained(report, wish))
         imgui.pop_id()
         if pressed:
             new = reduced(new, Event("pick-cell", index=number))
-            desk.popup = CELL_POPUP
+            ui.popup = CELL_POPUP
     return new
 
 
-def _cell(report: CellReport, wish: Cell | None, picked: bool, dark: bool, desk: Desk) -> None:
+def _cell(report: CellReport, wish: Cell | None, picked: bool, dark: bool, ui: UiContext) -> None:
     (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     draw_list = imgui.get_window_draw_list()
     seen = clipped(report.obtained)
     on = packed(contrast(seen), 0.85)
-    rounding = desk.px(3)
+    rounding = ui.px(3)
     draw_list.add_rect_filled((x, y), (right, bottom), packed(seen), rounding)
     middle = (x + right) / 2, (y + bottom) / 2
     if wish is not None:
@@ -111,21 +111,21 @@ def _cell(report: CellReport, wish: Cell | None, picked: bool, dark: bool, desk:
         faint = packed(contrast(seen), 0.45)
         if report.wanted is not None:
             draw_list.add_rect_filled(*ends, packed(clipped(report.wanted)))
-        draw_list.add_rect(*ends, faint, 0.0, desk.px(2 if np.isinf(wish.weight) else 1))
+        draw_list.add_rect(*ends, faint, 0.0, ui.px(2 if np.isinf(wish.weight) else 1))
         if wish.kind in _MARKS:
-            _write(_MARKS[wish.kind], middle, on, desk.px(14), (0.5, 0.5))
+            _write(_MARKS[wish.kind], middle, on, ui.px(14), (0.5, 0.5))
     if report.error is not None and report.error > VISIBLE:
         text = f"{report.error:.{1 if report.error < 9.95 else 0}f}"
-        _write(text, (right - desk.px(3), bottom - desk.px(1)), on, desk.px(11), (1.0, 1.0))
+        _write(text, (right - ui.px(3), bottom - ui.px(1)), on, ui.px(11), (1.0, 1.0))
         if wish is not None and not stays(wish):
-            draw_list.add_rect((x, y), (right, bottom), packed(ACCENT[dark]), rounding, desk.px(2))
+            draw_list.add_rect((x, y), (right, bottom), packed(ACCENT[dark]), rounding, ui.px(2))
     if not report.in_gamut:
-        _write("!", (right - desk.px(4), y + desk.px(1)), on, desk.px(11), (1.0, 0.0))
+        _write("!", (right - ui.px(4), y + ui.px(1)), on, ui.px(11), (1.0, 0.0))
     if picked:
-        out = desk.px(1.5)
+        out = ui.px(1.5)
         line = imgui.get_color_u32(imgui.Col_.text)
         ends = (x - out, y - out), (right + out, bottom + out)
-        draw_list.add_rect(*ends, line, rounding + out, desk.px(1))
+        draw_list.add_rect(*ends, line, rounding + out, ui.px(1))
 
 
 def importance(cell: Cell) -> float:

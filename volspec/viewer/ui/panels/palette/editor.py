@@ -15,7 +15,7 @@ from volspec.viewer.model.events.palette import MUST
 from volspec.viewer.model.palette.table import Table
 from volspec.viewer.model.palette.wishes import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clipped
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.palette.cells import CELL_POPUP
 from volspec.viewer.ui.panels.palette.margins import COLUMN_POPUP, ROW_POPUP, parts_told
 from volspec.viewer.ui.panels.widgets import AT_ONCE, pick, tip
@@ -48,54 +48,54 @@ _PICKER = (
 )
 
 
-def draw(state: ViewState, table: Table, desk: Desk) -> ViewState:
+def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     """Draw what is open, if anything is."""
-    if desk.popup:
-        imgui.open_popup(desk.popup)
-        desk.popup = ""
+    if ui.popup:
+        imgui.open_popup(ui.popup)
+        ui.popup = ""
     new = state
     if imgui.is_popup_open(CELL_POPUP):
         # Beside the table, which shows what comes of it.
         at = imgui.get_window_pos()
-        corner = at.x - desk.px(8), at.y + imgui.get_window_height() - desk.px(8)
+        corner = at.x - ui.px(8), at.y + imgui.get_window_height() - ui.px(8)
         imgui.set_next_window_pos(corner, imgui.Cond_.always, (1.0, 1.0))
     if imgui.begin_popup(CELL_POPUP):
         place = state.interface.pick.place
         if place is not None and place in table.cells:
-            new = _cell(new, table, desk, place)
+            new = _cell(new, table, ui, place)
         imgui.end_popup()
     if imgui.begin_popup(COLUMN_POPUP):
-        new = _light(new, table, desk)
+        new = _light(new, table, ui)
         imgui.end_popup()
     if imgui.begin_popup(ROW_POPUP):
-        new = _material(new, table, desk)
+        new = _material(new, table, ui)
         imgui.end_popup()
     return new
 
 
-def _cell(state: ViewState, table: Table, desk: Desk, place: Place) -> ViewState:
+def _cell(state: ViewState, table: Table, ui: UiContext, place: Place) -> ViewState:
     report, own = table.cells[place], state.board.wishes.cells.get(place)
     number, new = table.index(place), state
     imgui.text(f"{place[0]} under {place[1]}")
-    imgui.push_item_width(desk.px(_WIDTH))
+    imgui.push_item_width(ui.px(_WIDTH))
     kind = own.kind if own else ""
     chosen = pick("##kind", KINDS[kind], _OF_WORDS, lambda each: tip(_TIPS[each], AT_ONCE))
-    desk.note("wish kind")
+    ui.note("wish kind")
     if chosen is not None:
         new = reduced(new, Event("wish-kind", -1.0, index=number, key=_OF_WORDS[chosen]))
     if kind in ("", "colour"):
         # Where nothing is wanted yet, picking a colour wishes for it.
         codes = own.colour if own and own.colour else clipped(report.obtained)
         moved, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
-        desk.note("picker")
+        ui.note("picker")
         if moved:
             key = " ".join(f"{code:.5f}" for code in clipped((picked[0], picked[1], picked[2])))
             new = reduced(new, Event("wish", index=number, key=key))
     elif own is not None:
-        new = _other(new, table, number, own, desk)
+        new = _other(new, table, number, own, ui)
     # Always there, so that nothing moves under the mouse with the first wish.
     imgui.begin_disabled(own is None)
-    new = _weight(new, number, own or Cell("black"), desk)
+    new = _weight(new, number, own or Cell("black"), ui)
     imgui.end_disabled()
     imgui.pop_item_width()
     far = "" if report.delta_E_2000 is None else f", ΔE {report.delta_E_2000:.1f}"
@@ -103,7 +103,7 @@ def _cell(state: ViewState, table: Table, desk: Desk, place: Place) -> ViewState
     return new
 
 
-def _other(state: ViewState, table: Table, number: int, own: Cell, desk: Desk) -> ViewState:
+def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext) -> ViewState:
     """What a wish that is no colour is about: a group, or another cell."""
     if own.kind == "free":
         entered, name = imgui.input_text("##group", own.group, _ENTER)
@@ -114,7 +114,7 @@ def _other(state: ViewState, table: Table, number: int, own: Cell, desk: Desk) -
         places = {" under ".join(place): table.index(place) for place in table.cells}
         others = [words for words, at in places.items() if at != number]
         chosen = pick("##other", " under ".join(own.other), others)
-        desk.note("wish other")
+        ui.note("wish other")
         if chosen is not None:
             at = float(places[chosen])
             new = reduced(new, Event("wish-kind", at, index=number, key=own.kind))
@@ -125,12 +125,12 @@ def _other(state: ViewState, table: Table, number: int, own: Cell, desk: Desk) -
     return new
 
 
-def _weight(state: ViewState, number: int, own: Cell, desk: Desk) -> ViewState:
+def _weight(state: ViewState, number: int, own: Cell, ui: UiContext) -> ViewState:
     must, new = math.isinf(own.weight), state
     imgui.begin_disabled(must)
     now = 1.0 if must else own.weight
     moved, weight = imgui.slider_float("##weight", now, *WEIGHTS, "Weight %.2g", _LOG)
-    desk.note("wish weight")
+    ui.note("wish weight")
     imgui.end_disabled()
     tip("How much it counts beside the other wishes")
     if moved and not must:
@@ -144,8 +144,8 @@ def _weight(state: ViewState, number: int, own: Cell, desk: Desk) -> ViewState:
     return new
 
 
-def _light(state: ViewState, table: Table, desk: Desk) -> ViewState:
-    kind, index = desk.member
+def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+    kind, index = ui.member
     if kind != LIGHT or index >= len(table.columns):
         return state
     name, new = table.columns[index], state
@@ -156,7 +156,7 @@ def _light(state: ViewState, table: Table, desk: Desk) -> ViewState:
     imgui.separator()
     if imgui.menu_item("Show in the picture", "", False)[0]:
         new = reduced(new, Event("show-light", index=index))
-    desk.note("show light")
+    ui.note("show light")
     opened = (LIGHT, name) in state.board.wishes.open
     single = len(state.lights[index].rig.lights) == 1
     if imgui.menu_item("May change", "", opened, single)[0]:
@@ -164,7 +164,7 @@ def _light(state: ViewState, table: Table, desk: Desk) -> ViewState:
     if imgui.begin_menu("A sum of real lamps", single):
         chosen = state.board.wishes.lamps.get(name, ())
         imgui.text_disabled("None ticked: any spectrum")
-        if imgui.begin_child("lamps", (desk.px(230), desk.px(220))):
+        if imgui.begin_child("lamps", (ui.px(230), ui.px(220))):
             for lamp in light_names():
                 if imgui.checkbox(lamp, lamp in chosen)[0]:
                     new = reduced(new, Event("lamp", index=index, key=lamp))
@@ -173,8 +173,8 @@ def _light(state: ViewState, table: Table, desk: Desk) -> ViewState:
     return new
 
 
-def _material(state: ViewState, table: Table, desk: Desk) -> ViewState:
-    kind, index = desk.member
+def _material(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+    kind, index = ui.member
     if kind != REFLECTANCE or index >= len(table.rows):
         return state
     name, new = table.rows[index], state
@@ -190,5 +190,5 @@ def _material(state: ViewState, table: Table, desk: Desk) -> ViewState:
     for action, title in (("hide", "Hide …"), ("reveal", "Reveal …"), ("keep", "Keep its colour")):
         if imgui.menu_item(f"{title}##{action}", "", False)[0]:
             new = reduced(new, Event("pick-material", key=name))
-            desk.asked.append(action)
+            ui.asked.append(action)
     return new

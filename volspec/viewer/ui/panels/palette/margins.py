@@ -17,7 +17,7 @@ from volspec.viewer.model.lights.lighting import LightRow, shining
 from volspec.viewer.model.palette.table import Table
 from volspec.viewer.model.palette.wishes import LIGHT, Member
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.lights.look import fill, outline
 from volspec.viewer.ui.panels.widgets import WAITING_GREYED, in_line, shortened, tip
 from volspec.viewer.ui.window.style import ACCENT
@@ -28,7 +28,7 @@ _SEVERAL = "Several lights in one are not designed; the Lights panel has each of
 
 
 def member(
-    state: ViewState, table: Table, desk: Desk, which: Member, index: int, wide: float
+    state: ViewState, table: Table, ui: UiContext, which: Member, index: int, wide: float
 ) -> ViewState:
     """A spectrum at the margin: whether it may change, its name, its curve."""
     kind, name = which
@@ -36,7 +36,7 @@ def member(
     opened = which in state.board.wishes.open
     imgui.begin_group()
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (0, 0))
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(5), desk.px(2)))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(5), ui.px(2)))
     lit = is_light and shining(state.lights)[index] > 0
     colour = ACCENT[state.interface.dark] if lit else imgui.get_style_color_vec4(imgui.Col_.text)
     imgui.push_style_color(imgui.Col_.text, colour)
@@ -51,23 +51,23 @@ def member(
     imgui.begin_disabled(not single)
     pressed, _ = imgui.checkbox("##open", opened)
     imgui.end_disabled()
-    desk.note(f"open {kind} {index}")
+    ui.note(f"open {kind} {index}")
     tip(_MAY_CHANGE if single else _SEVERAL, WAITING_GREYED)
     if pressed:
         new = reduced(new, Event("open", index=index, key=kind))
     imgui.same_line()
     x, y = imgui.get_cursor_screen_pos()
-    size = wide - imgui.get_frame_height() - desk.px(5), imgui.get_frame_height()
+    size = wide - imgui.get_frame_height() - ui.px(5), imgui.get_frame_height()
     imgui.invisible_button("curve", size)
     clicked = clicked or imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
-    desk.note(f"{kind} {index}")
+    ui.note(f"{kind} {index}")
     tip(words, WAITING_GREYED)
-    _curve(table.spectra[which], (x, y), size, is_light, desk)
+    _curve(table.spectra[which], (x, y), size, is_light, ui)
     imgui.pop_style_var(2)
     imgui.end_group()
     if clicked:
-        desk.member = kind, index
-        desk.popup = COLUMN_POPUP if is_light else ROW_POPUP
+        ui.member = kind, index
+        ui.popup = COLUMN_POPUP if is_light else ROW_POPUP
     return new
 
 
@@ -76,7 +76,7 @@ def _curve(
     place: tuple[float, float],
     size: tuple[float, float],
     is_light: bool,
-    desk: Desk,
+    ui: UiContext,
 ) -> None:
     """A light filled with the colours of its wavelengths; a reflectance as a line from 0 to 1."""
     heights = levels(spectrum, is_light)
@@ -88,7 +88,7 @@ def _curve(
     base = imgui.get_color_u32(imgui.Col_.button_active)
     draw_list.add_line((x, y + tall), (x + wide, y + tall), base)
     line = imgui.get_color_u32(imgui.Col_.text_disabled)
-    outline(draw_list, rect, heights, 1.0, line, desk.px(1.3))
+    outline(draw_list, rect, heights, 1.0, line, ui.px(1.3))
 
 
 @lru_cache(maxsize=256)

@@ -14,7 +14,7 @@ from volspec.viewer.model.actions import BY_NAME
 from volspec.viewer.model.palette.spectra import can_be_exact
 from volspec.viewer.model.palette.table import Table, table_of
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.palette import cells, editor, tools
 from volspec.viewer.ui.panels.widgets import AT_ONCE, WAITING_GREYED, packed, tip, wrapped
 from volspec.viewer.ui.window.style import ACCENT
@@ -41,36 +41,36 @@ _MENU = (
 )
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
     table = table_of(state)
-    new = _head(state, table, desk)
+    new = _head(state, table, ui)
     if table.complaint:
         imgui.text_wrapped(table.complaint)
     else:
-        new = cells.draw(new, table, desk)
-        new = editor.draw(new, table, desk)
-        _legend(state, desk)
-    _news(desk)
-    new = tools.draw(new, desk)
+        new = cells.draw(new, table, ui)
+        new = editor.draw(new, table, ui)
+        _legend(state, ui)
+    _news(ui)
+    new = tools.draw(new, ui)
     return None if new is state else new
 
 
-def _head(state: ViewState, table: Table, desk: Desk) -> ViewState:
+def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     """How near the wishes are, and what can be done about all of them."""
     new = state
     imgui.align_text_to_frame_padding()
-    busy = desk.design.busy
+    busy = ui.results.design.busy
     imgui.text(busy or summary(table))
     right = imgui.get_window_width() - imgui.get_style().window_padding.x
-    imgui.same_line(right - desk.px(56))
-    if imgui.button("…", (desk.px(26), 0)):
+    imgui.same_line(right - ui.px(56))
+    if imgui.button("…", (ui.px(26), 0)):
         imgui.open_popup("palette menu")
-    desk.note("palette menu")
-    imgui.same_line(right - desk.px(26))
-    imgui.button("?", (desk.px(26), 0))
+    ui.note("palette menu")
+    imgui.same_line(right - ui.px(26))
+    imgui.button("?", (ui.px(26), 0))
     if imgui.is_item_hovered():
-        imgui.set_next_window_size((desk.px(320), 0))
+        imgui.set_next_window_size((ui.px(320), 0))
         if imgui.begin_tooltip():
             imgui.text_wrapped(_HELP if can_be_exact(state.transfer) else f"{_HELP}\n\n{_FILTERED}")
             imgui.end_tooltip()
@@ -81,8 +81,8 @@ def _head(state: ViewState, table: Table, desk: Desk) -> ViewState:
                 continue
             action = BY_NAME[name]
             if imgui.menu_item(action.title, "", False)[0]:
-                new = desk.done(new, action)
-            desk.note(f"palette {name}")
+                new = ui.done(new, action)
+            ui.note(f"palette {name}")
         imgui.end_popup()
     return new
 
@@ -101,7 +101,7 @@ def summary(table: Table) -> str:
     return f"All met, ΔE ≤ {worst:.1f}{others}"
 
 
-def _legend(state: ViewState, desk: Desk) -> None:
+def _legend(state: ViewState, ui: UiContext) -> None:
     """What the marks mean: a cell drawn small, and words."""
     side = imgui.get_text_line_height()
     x, y = imgui.get_cursor_screen_pos()
@@ -110,29 +110,29 @@ def _legend(state: ViewState, desk: Desk) -> None:
         imgui.get_color_u32(imgui.Col_.button_active),
         imgui.get_color_u32(imgui.Col_.text_disabled),
     )
-    draw_list.add_rect_filled((x, y), (x + side, y + side), outer, desk.px(2))
+    draw_list.add_rect_filled((x, y), (x + side, y + side), outer, ui.px(2))
     inset = side * 0.3
     draw_list.add_rect_filled((x + inset, y + inset), (x + side - inset, y + side - inset), inner)
     imgui.dummy((side, side))
-    imgui.same_line(0, desk.px(6))
+    imgui.same_line(0, ui.px(6))
     imgui.text_disabled("reached, around wanted")
     tip("The larger the square, the more the wish counts.\n" + _MARKS, WAITING_GREYED)
-    imgui.same_line(0, desk.px(14))
+    imgui.same_line(0, ui.px(14))
     x, y = imgui.get_cursor_screen_pos()
     accent = packed(ACCENT[state.interface.dark])
-    draw_list.add_rect((x, y), (x + side, y + side), accent, desk.px(2), desk.px(2))
+    draw_list.add_rect((x, y), (x + side, y + side), accent, ui.px(2), ui.px(2))
     imgui.dummy((side, side))
-    imgui.same_line(0, desk.px(6))
+    imgui.same_line(0, ui.px(6))
     imgui.text_disabled("missed, by ΔE")
     tip(_MISSED, WAITING_GREYED)
 
 
-def _news(desk: Desk) -> None:
+def _news(ui: UiContext) -> None:
     """Why something was refused, what would help, what a wizard reached."""
-    news = desk.design
+    news = ui.results.design
     if news.complaint:
         wrapped(news.complaint, imgui.Col_.check_mark)
-        desk.note("palette complaint")
+        ui.note("palette complaint")
     for line in (*news.reached, *news.advice)[:_MOST_SAID]:
         imgui.text_wrapped(line)
     rest = (*news.reached, *news.advice)[_MOST_SAID:]

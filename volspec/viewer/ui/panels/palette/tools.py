@@ -15,7 +15,7 @@ from volspec.viewer.model.palette.table import picked
 from volspec.viewer.model.palette.wishes import DISTANCES, MOST_ROUNDS, SMOOTHNESS
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer.converting import kind_of
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.widgets import in_line, pick, tip, wrapped
 
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
@@ -24,56 +24,56 @@ _NO_LIGHT = "none: the light stays as it is"
 _METRICS = dict(zip(METRICS, ("as the eye does (CIELAB)", "as numbers (RGB)"), strict=True))
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState:
+def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw those that are open."""
     new = state
     opened = imgui.collapsing_header("Hide, reveal, keep, merge")
-    desk.note("wizards")
+    ui.note("wizards")
     if opened:
-        new = _wizards(new, desk)
+        new = _wizards(new, ui)
     opened = imgui.collapsing_header("Materials of values")
-    desk.note("values")
+    ui.note("values")
     if opened:
-        new = _values(new, desk)
+        new = _values(new, ui)
     opened = imgui.collapsing_header("Criteria")
-    desk.note("criteria")
+    ui.note("criteria")
     if opened:
-        new = _criteria(new, desk)
+        new = _criteria(new, ui)
     return new
 
 
-def _wizards(state: ViewState, desk: Desk) -> ViewState:
+def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     material, light = picked(state)
     rows, lights = tuple(state.transfer.materials), columns(state.lights)
     own, new = state.interface.pick, state
-    half = (imgui.get_content_region_avail().x - desk.px(_UNDER)) / 2
-    chosen = _combo("##material", material, rows, desk, half)
+    half = (imgui.get_content_region_avail().x - ui.px(_UNDER)) / 2
+    chosen = _combo("##material", material, rows, ui, half)
     new = _told(new, "pick-material", chosen)
-    imgui.same_line(0, desk.px(7))
+    imgui.same_line(0, ui.px(7))
     imgui.text_disabled("under")
-    imgui.same_line(0, desk.px(7))
-    new = _told(new, "pick-light", _combo("##light", light, lights, desk))
+    imgui.same_line(0, ui.px(7))
+    new = _told(new, "pick-light", _combo("##light", light, lights, ui))
     like = own.like if own.like in lights else ""
-    chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), desk)
+    chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), ui)
     tip("Designs a light along, under which the other materials look as under this one")
     new = _told(new, "pick-like", "" if chosen == _NO_LIGHT else chosen)
     imgui.spacing()
-    _ask("hide", "Hide", "Make it look like its surroundings under this light", desk)
+    _ask("hide", "Hide", "Make it look like its surroundings under this light", ui)
     others = tuple(name for name in rows if name != material)
     # One that was taken out is none to hide in.
     within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
-    chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), desk)
+    chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), ui)
     name = "pick-black" if chosen == _BLACK else "pick-within"
     new = _told(new, name, "" if chosen in (_SURROUNDINGS, _BLACK) else chosen)
-    _ask("reveal", "Reveal", "Make it stand out from all others under this light", desk)
+    _ask("reveal", "Reveal", "Make it stand out from all others under this light", ui)
     imgui.set_next_item_width(-1)
     moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
     if moved:
         new = reduced(new, Event("pick-distance", distance))
-    _ask("keep", "Keep", "Give it one colour under all lights", desk)
+    _ask("keep", "Keep", "Give it one colour under all lights", ui)
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("its colour, under all lights")
-    _ask("merge", "Merge", "Give materials one colour under this light", desk)
+    _ask("merge", "Merge", "Give materials one colour under this light", ui)
     return _merged(new, rows)
 
 
@@ -96,16 +96,16 @@ def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
     return new
 
 
-def _ask(name: str, title: str, what: str, desk: Desk) -> None:
+def _ask(name: str, title: str, what: str, ui: UiContext) -> None:
     """A button of a wizard; what it is about follows in the line."""
-    if imgui.button(title, (desk.px(_BUTTON), 0)):
-        desk.asked.append(name)
-    desk.note(f"wizard {name}")
+    if imgui.button(title, (ui.px(_BUTTON), 0)):
+        ui.asked.append(name)
+    ui.note(f"wizard {name}")
     tip(what)
     imgui.same_line()
 
 
-def _values(state: ViewState, desk: Desk) -> ViewState:
+def _values(state: ViewState, ui: UiContext) -> ViewState:
     """The ranges of the transfer function, and a tool that makes another."""
     curve, new = state.transfer, state
     if not isinstance(curve, TransferFunction):
@@ -117,8 +117,8 @@ def _values(state: ViewState, desk: Desk) -> ViewState:
         imgui.push_id(number)
         imgui.align_text_to_frame_padding()
         imgui.text(f"{own.low:.4g} – {own.high:.4g}")
-        imgui.same_line(desk.px(100))
-        chosen = _combo("##of", own.material, names, desk)
+        imgui.same_line(ui.px(100))
+        chosen = _combo("##of", own.material, names, ui)
         if chosen not in (None, own.material):
             new = reduced(new, Event("recast", index=number, key=chosen))
         imgui.pop_id()
@@ -127,32 +127,32 @@ def _values(state: ViewState, desk: Desk) -> ViewState:
     low, high = state.document.volume.range
     first, last = told.values or (low, high)
     use = told.use if told.use in names else names[0]
-    imgui.set_next_item_width(desk.px(118))
+    imgui.set_next_item_width(ui.px(118))
     speed = (high - low) / 300
     moved, first, last = imgui.drag_float_range2(
         "##range", first, last, speed, low, high, "%.4g", "%.4g"
     )
-    desk.note("range")
+    ui.note("range")
     if moved:
         new = reduced(new, Event("pick-values", first, last))
     imgui.same_line()
-    new = _told(new, "pick-use", _combo("##use", use, names, desk, -desk.px(52)))
+    new = _told(new, "pick-use", _combo("##use", use, names, ui, -ui.px(52)))
     imgui.same_line()
     if imgui.button("Use", (-1, 0)):
         new = reduced(new, Event("assign", first, last, key=use))
-    desk.note("use")
+    ui.note("use")
     tip("Makes all values of this range this material; opacities stay")
     return new
 
 
-def _criteria(state: ViewState, desk: Desk) -> ViewState:
+def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     criteria, new = state.board.wishes.criteria, state
-    imgui.push_item_width(-desk.px(_LABEL))
+    imgui.push_item_width(-ui.px(_LABEL))
     low, high = SMOOTHNESS
     moved, smoothness = imgui.slider_float(
         "Smooth", criteria.smoothness, low, high, "%.4f", imgui.SliderFlags_.logarithmic
     )
-    desk.note("smooth")
+    ui.note("smooth")
     tip("How much smooth spectra count; much of it misses colours")
     if moved:
         new = reduced(new, Event("smoothness", smoothness))
@@ -161,7 +161,7 @@ def _criteria(state: ViewState, desk: Desk) -> ViewState:
     if moved:
         new = reduced(new, Event("rounds", float(rounds)))
     imgui.pop_item_width()
-    chosen = _combo("Compare", _METRICS[criteria.metric], _METRICS.values(), desk)
+    chosen = _combo("Compare", _METRICS[criteria.metric], _METRICS.values(), ui)
     if chosen is not None:
         key = next(name for name, words in _METRICS.items() if words == chosen)
         new = reduced(new, Event("metric", key=key))
@@ -170,11 +170,11 @@ def _criteria(state: ViewState, desk: Desk) -> ViewState:
 
 
 def _combo(
-    label: str, now: str, names: Iterable[str], desk: Desk, width: float | None = None
+    label: str, now: str, names: Iterable[str], ui: UiContext, width: float | None = None
 ) -> str | None:
     """As `pick`, as wide as the panel leaves."""
     plain = label.startswith("##")
-    imgui.set_next_item_width(width or (-1 if plain else -desk.px(_LABEL)))
+    imgui.set_next_item_width(width or (-1 if plain else -ui.px(_LABEL)))
     chosen = pick(label, now, names)
-    desk.note(f"pick {label.strip('#')}")
+    ui.note(f"pick {label.strip('#')}")
     return chosen

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer import presets
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 
 # Opacities of a step are small: their root shows them apart, and its axis says so.
 _TICKS = (0.0, 0.01, 0.1, 0.3, 0.6, 1.0)
@@ -51,22 +51,20 @@ def bars(
 
 
 @contextmanager
-def opacity_plot(state: ViewState, desk: Desk, height: float) -> Iterator[bool]:
+def opacity_plot(state: ViewState, ui: UiContext, height: float) -> Iterator[bool]:
     """A plot of opacity over value, with the histogram; whether anything is to be drawn."""
-    with low_plot("##transfer", height, desk) as shown:
+    with low_plot("##transfer", height, ui) as shown:
         if shown:
             _set_axes(state)
-            note_area(desk, "transfer")
+            note_area(ui, "transfer")
             _histogram(state)
         yield shown
 
 
 @contextmanager
-def low_plot(label: str, height: float, desk: Desk) -> Iterator[bool]:
+def low_plot(label: str, height: float, ui: UiContext) -> Iterator[bool]:
     """A plot with less around it, as its panel has little room; whether it is to be drawn."""
-    implot.push_style_var(
-        implot.StyleVar_.plot_padding, (desk.px(_PADDING[0]), desk.px(_PADDING[1]))
-    )
+    implot.push_style_var(implot.StyleVar_.plot_padding, (ui.px(_PADDING[0]), ui.px(_PADDING[1])))
     shown = bool(implot.begin_plot(label, (-1, height), FLAGS))
     yield shown
     if shown:
@@ -94,10 +92,10 @@ def set_values_axis(state: ViewState, margin: float) -> None:
     implot.setup_axis_format(implot.ImAxis_.x1, f"%g{unit}")
 
 
-def note_area(desk: Desk, name: str) -> None:
+def note_area(ui: UiContext, name: str) -> None:
     """Note down where the plot is."""
     (x, y), (width, height) = implot.get_plot_pos(), implot.get_plot_size()
-    desk.areas[name] = int(x), int(y), int(width), int(height)
+    ui.areas[name] = int(x), int(y), int(width), int(height)
 
 
 def _histogram(state: ViewState) -> None:

@@ -11,7 +11,7 @@ from volspec.transfer import TransferFunction
 from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer.placing import factors_top
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.transfer.axes import bars, low_plot, note_area
 from volspec.viewer.ui.panels.transfer.handles import Handle, ink, touched
 from volspec.viewer.ui.panels.widgets import WAITING_GREYED, tip
@@ -31,20 +31,20 @@ _EVENTS = {
 }
 
 
-def height(curve: TransferFunction, desk: Desk) -> float:
+def height(curve: TransferFunction, ui: UiContext) -> float:
     """Of all that is drawn here, with the gap below it."""
     gap = imgui.get_style().item_spacing.y
-    plot = desk.px(_HEIGHT) + gap if curve.gradient_opacity else 0.0
+    plot = ui.px(_HEIGHT) + gap if curve.gradient_opacity else 0.0
     return plot + imgui.get_frame_height_with_spacing()
 
 
-def draw(state: ViewState, curve: TransferFunction, desk: Desk) -> ViewState:
+def draw(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState:
     """Draw what turns it on and off, and the plot while it is on."""
     new, on = state, bool(curve.gradient_opacity)
     imgui.begin_disabled(bool(curve.filters))
     pressed, _ = imgui.checkbox("Opacity by gradient", on)
     imgui.end_disabled()
-    desk.note("by gradient")
+    ui.note("by gradient")
     tip(_FILTERED if curve.filters else _TIP, WAITING_GREYED)
     if pressed:
         new = reduced(new, Event("by-gradient"))
@@ -52,13 +52,13 @@ def draw(state: ViewState, curve: TransferFunction, desk: Desk) -> ViewState:
         return new
     imgui.same_line()
     imgui.text_disabled("factor over value per mm")
-    with low_plot("##gradients", desk.px(_HEIGHT), desk) as shown:
+    with low_plot("##gradients", ui.px(_HEIGHT), ui) as shown:
         if shown:
-            new = _plot(new, curve, desk)
+            new = _plot(new, curve, ui)
     return new
 
 
-def _plot(state: ViewState, curve: TransferFunction, desk: Desk) -> ViewState:
+def _plot(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState:
     joint, new = state.document.joint, state
     end = factors_top(curve, joint.top)
     implot.setup_axis(implot.ImAxis_.x1, "", implot.AxisFlags_.no_grid_lines)
@@ -69,18 +69,18 @@ def _plot(state: ViewState, curve: TransferFunction, desk: Desk) -> ViewState:
     implot.setup_axis_limits(implot.ImAxis_.y1, -_ABOVE, 1 + _ABOVE, imgui.Cond_.always)
     implot.setup_axis_ticks(implot.ImAxis_.y1, [0.0, 1.0], ["0", "1"])
     implot.setup_finish()
-    note_area(desk, "gradients")
+    note_area(ui, "gradients")
     _histogram(state)
     factors = curve.gradient_opacity or ()
-    _line(factors, end, desk)
+    _line(factors, end, ui)
     handles = [
         Handle(place, f"gradient {place[0]:.4g} per mm\nopacity × {place[1]:.3g}")
         for place in factors
     ]
     for i, handle in enumerate(handles):
         x, y = implot.plot_to_pixels(*handle.place)
-        desk.areas[f"gradient {i}"] = int(x), int(y), 0, 0
-    for touch in touched(handles, -1, desk, state.interface.dark):
+        ui.areas[f"gradient {i}"] = int(x), int(y), 0, 0
+    for touch in touched(handles, -1, ui, state.interface.dark):
         if touch.what in _EVENTS:
             new = reduced(new, Event(_EVENTS[touch.what], touch.x, touch.y, touch.index))
     return new
@@ -97,7 +97,7 @@ def _histogram(state: ViewState) -> None:
     implot.plot_shaded("voxels", (edges[:-1] + edges[1:]) / 2, heights, spec=shade)
 
 
-def _line(factors: Sequence[tuple[float, float]], end: float, desk: Desk) -> None:
+def _line(factors: Sequence[tuple[float, float]], end: float, ui: UiContext) -> None:
     """The factors; before the first and beyond the last they stay."""
     at, heights = np.array(factors).T
     places = [0.0, *at.tolist(), max(end, float(at[-1]))]
@@ -105,6 +105,6 @@ def _line(factors: Sequence[tuple[float, float]], end: float, desk: Desk) -> Non
     line: list[imgui.ImVec2Like] = [
         implot.plot_to_pixels(x, y) for x, y in zip(places, levels, strict=True)
     ]
-    implot.push_plot_clip_rect(desk.px(1))
-    implot.get_plot_draw_list().add_polyline(line, ink(), desk.px(1.4), 0)
+    implot.push_plot_clip_rect(ui.px(1))
+    implot.get_plot_draw_list().add_polyline(line, ink(), ui.px(1.4), 0)
     implot.pop_plot_clip_rect()

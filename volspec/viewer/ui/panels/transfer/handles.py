@@ -11,7 +11,7 @@ from typing import Literal
 
 from imgui_bundle import imgui, implot
 
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.lights.colours import Colour
 from volspec.viewer.ui.panels.widgets import packed
 from volspec.viewer.ui.window.style import ACCENT
@@ -55,13 +55,13 @@ class Touch:
     index: int = 0
 
 
-def touched(handles: Sequence[Handle], chosen: int, desk: Desk, dark: bool) -> Iterator[Touch]:
+def touched(handles: Sequence[Handle], chosen: int, ui: UiContext, dark: bool) -> Iterator[Touch]:
     """Draw them in the plot that was begun, the chosen one ringed; what the mouse does."""
     held = False
     for i, handle in enumerate(handles):
         # The last three ask for what it tells of the mouse; `_mark` is what is seen.
         moved, x, y, clicked, hovered, down = implot.drag_point(
-            i, *handle.place, (0, 0, 0, 0), desk.px(5), 0, False, False, False
+            i, *handle.place, (0, 0, 0, 0), ui.px(5), 0, False, False, False
         )
         held = held or bool(down) or bool(hovered)
         if hovered and imgui.is_mouse_clicked(1):
@@ -72,7 +72,7 @@ def touched(handles: Sequence[Handle], chosen: int, desk: Desk, dark: bool) -> I
             yield Touch("choose", index=i)
         if hovered or down:
             imgui.set_tooltip(handle.words)
-        _mark(desk, handle, packed(ACCENT[dark]) if i == chosen else ink(), i == chosen)
+        _mark(ui, handle, packed(ACCENT[dark]) if i == chosen else ink(), i == chosen)
     if implot.is_plot_hovered() and not held and imgui.is_mouse_double_clicked(0):
         mouse = implot.get_plot_mouse_pos()
         yield Touch("add", mouse.x, mouse.y)
@@ -83,11 +83,11 @@ def ink() -> int:
     return int(imgui.get_color_u32(imgui.Col_.text))
 
 
-def _mark(desk: Desk, handle: Handle, ring: int, chosen: bool) -> None:
+def _mark(ui: UiContext, handle: Handle, ring: int, chosen: bool) -> None:
     """A handle in its colour, ringed so that it is seen on any ground."""
-    implot.push_plot_clip_rect(desk.px(6))
+    implot.push_plot_clip_rect(ui.px(6))
     draw_list, place = implot.get_plot_draw_list(), implot.plot_to_pixels(*handle.place)
-    draw_list.add_circle_filled(place, desk.px(5.5 if chosen else 4.5), ring)
+    draw_list.add_circle_filled(place, ui.px(5.5 if chosen else 4.5), ring)
     if handle.colour is not None:
-        draw_list.add_circle_filled(place, desk.px(3.5), packed(handle.colour))
+        draw_list.add_circle_filled(place, ui.px(3.5), packed(handle.colour))
     implot.pop_plot_clip_rect()

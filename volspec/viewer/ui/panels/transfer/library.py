@@ -17,12 +17,12 @@ from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.events.materials import refusal
 from volspec.viewer.model.finding import found
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer import css
-from volspec.viewer.model.transfer.materials import reflectance_for, told
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.model.transfer.materials import colour_names, is_colour, reflectance_for, told
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.transfer.colours import spectrum_colour
 from volspec.viewer.ui.panels.transfer.swatches import swatch
 from volspec.viewer.ui.panels.widgets import shortened, text_width, tip, wrapped
+from volspec.viewer.work import css_colours
 
 _ENTER = imgui.InputTextFlags_.enter_returns_true
 _HINT = "Another: gold, skin, steelblue, #c08040, FILE.csv"
@@ -45,9 +45,9 @@ _SETS = {
 _FLAT = frozenset(["white", "black"])
 
 
-def draw(state: ViewState, desk: Desk, index: int) -> ViewState:
+def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
     """Draw the search, and while something is searched for what is found; for one part."""
-    scraps = desk.library
+    scraps = ui.library
     if imgui.is_window_appearing():
         scraps.search, scraps.complaint = "", ""
         imgui.set_keyboard_focus_here()
@@ -56,7 +56,7 @@ def draw(state: ViewState, desk: Desk, index: int) -> ViewState:
         imgui.close_current_popup()
     imgui.set_next_item_width(-1)
     entered, text = imgui.input_text_with_hint("##library", _HINT, scraps.search, _ENTER)
-    desk.note("library")
+    ui.note("library")
     if text != scraps.search:
         scraps.search, scraps.complaint = text, ""
     typed = scraps.search.strip()
@@ -67,12 +67,12 @@ def draw(state: ViewState, desk: Desk, index: int) -> ViewState:
     waits = _waits(state.transfer.basis, first)
     if entered and not waits:  # Enter has taken the keyboard from the field
         imgui.set_keyboard_focus_here(-1)
-    wanted = _listed(state, rows, desk)
+    wanted = _listed(state, rows, ui)
     if entered or (scraps.complaint == _WAITS and not waits):
         wanted = first
     if scraps.complaint:
         wrapped(scraps.complaint, imgui.Col_.text)
-    return added(state, desk, index, wanted) if wanted else state
+    return added(state, ui, index, wanted) if wanted else state
 
 
 def matching(search: str) -> list[str]:
@@ -92,7 +92,7 @@ def matching(search: str) -> list[str]:
 def library_names() -> tuple[str, ...]:
     """All that can be picked; of a colour that is a measured reflectance's name, that."""
     measured = reflectance_names()
-    return (*measured, *(name for name in css.names() if name not in measured))
+    return (*measured, *(name for name in colour_names() if name not in measured))
 
 
 @lru_cache(maxsize=1024)
@@ -129,17 +129,17 @@ def _spectrum(state: ViewState, name: str) -> Spectrum | None:
     if _waits(basis, name):
         return None
     of = basis.grid, basis.observer_deg
-    made = css.colours(*of).spectra if _is_colour(name) else None
+    made = css_colours.colours(*of).spectra if _is_colour(name) else None
     return (made or {}).get(name.casefold()) or _looked_up(name, *of)
 
 
 def _is_colour(name: str) -> bool:
-    return css.is_colour(name) and name.casefold() not in reflectance_names()
+    return is_colour(name) and name.casefold() not in reflectance_names()
 
 
 def _waits(basis: Basis, name: str) -> bool:
     """Whether a name is a colour's, and colours are still made ready beside the window."""
-    return _is_colour(name) and css.colours(basis.grid, basis.observer_deg).spectra is None
+    return _is_colour(name) and css_colours.colours(basis.grid, basis.observer_deg).spectra is None
 
 
 @lru_cache(maxsize=1024)
@@ -152,7 +152,7 @@ def _looked_up(name: str, grid: SpectralGrid, observer_deg: int) -> Spectrum | N
         return None
 
 
-def _listed(state: ViewState, rows: list[str], desk: Desk) -> str:
+def _listed(state: ViewState, rows: list[str], ui: UiContext) -> str:
     """The list; what was clicked in it, or nothing."""
     wanted = ""
     line = imgui.get_frame_height_with_spacing()
@@ -161,50 +161,50 @@ def _listed(state: ViewState, rows: list[str], desk: Desk) -> str:
         clipper.begin(len(rows), line)
         while clipper.step():
             for i in range(clipper.display_start, clipper.display_end):
-                if _entry(state, rows[i], desk):
+                if _entry(state, rows[i], ui):
                     wanted = rows[i]
-                desk.note(f"found {i}")
+                ui.note(f"found {i}")
         clipper.end()
         if not rows:
-            file = split_address(desk.library.search.strip()) is not None
+            file = split_address(ui.library.search.strip()) is not None
             said = "Enter reads the file" if file else "There is nothing of that name"
             wrapped(said, imgui.Col_.text_disabled)
     imgui.end_child()
     return wanted
 
 
-def _entry(state: ViewState, name: str, desk: Desk) -> bool:
+def _entry(state: ViewState, name: str, ui: UiContext) -> bool:
     """Look, name, class; whether it was clicked."""
     spectrum = _spectrum(state, name)
     if spectrum is not None:
-        swatch(desk, spectrum_colour(state, spectrum))
+        swatch(ui, spectrum_colour(state, spectrum))
     else:
         imgui.dummy((imgui.get_frame_height(), imgui.get_frame_height()))
-    imgui.same_line(0, desk.px(6))
+    imgui.same_line(0, ui.px(6))
     imgui.align_text_to_frame_padding()
     what = class_of(name) if name in library_names() else "as typed"
-    room = imgui.get_content_region_avail().x - text_width(what) - desk.px(8)
+    room = imgui.get_content_region_avail().x - text_width(what) - ui.px(8)
     left = imgui.get_cursor_pos_x()
     flags = imgui.SelectableFlags_.no_auto_close_popups
     clicked, _ = imgui.selectable(f"{shortened(name, room)}###{name}", False, flags)
     tip(f"{name}, {what}")
-    imgui.same_line(left + room + desk.px(8))
+    imgui.same_line(left + room + ui.px(8))
     imgui.text_disabled(what)
     return bool(clicked)
 
 
-def added(state: ViewState, desk: Desk, index: int, wanted: str) -> ViewState:
+def added(state: ViewState, ui: UiContext, index: int, wanted: str) -> ViewState:
     """The part of what was picked; why not, where it cannot be."""
-    scraps, event = desk.library, Event("add-material", index=index, key=wanted)
+    scraps, event = ui.library, Event("add-material", index=index, key=wanted)
     if _waits(state.transfer.basis, wanted):
         # It is added as soon as it is made; the window goes on drawing while a notice stands.
         scraps.search, scraps.complaint = wanted, _WAITS
-        desk.asked.append(f"say {_WAITS}")
+        ui.asked.append(f"say {_WAITS}")
         return state
     new = reduced(state, event)
     scraps.complaint = refusal(state, event) if new is state else ""
     if not scraps.complaint:
         scraps.search = ""
     if said := told(state.transfer, new.transfer):
-        desk.asked.append(f"say {said}")
+        ui.asked.append(f"say {said}")
     return new

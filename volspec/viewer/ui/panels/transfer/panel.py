@@ -10,7 +10,7 @@ from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.events.curve import KIND_TITLES, THICKNESSES
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer import converting, presets
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.transfer import labels, points, regions
 from volspec.viewer.ui.panels.widgets import AT_ONCE, pick, tip
 from volspec.viewer.ui.window.style import ACCENT
@@ -32,47 +32,47 @@ _KIND_TIP = (
 _LOG = imgui.SliderFlags_.logarithmic
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
     new = state
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, (desk.px(6), desk.px(5)))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(6), ui.px(5)))
     if not isinstance(new.transfer, LabelFunction):
-        new = _kinds(new, desk)
-    new = _sliders(new, desk)
+        new = _kinds(new, ui)
+    new = _sliders(new, ui)
     if isinstance(new.transfer, LabelFunction):
-        new = labels.draw(new, desk)
+        new = labels.draw(new, ui)
     elif isinstance(new.transfer, TransferFunction2D):
-        new = regions.draw(new, desk)
+        new = regions.draw(new, ui)
     else:
-        new = points.draw(new, desk)
+        new = points.draw(new, ui)
     imgui.pop_style_var()
     return None if new is state else new
 
 
-def _kinds(state: ViewState, desk: Desk) -> ViewState:
+def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     """Presets, what is edited, and the histogram's scale."""
-    room = imgui.get_content_region_avail().x - desk.px(70)
+    room = imgui.get_content_region_avail().x - ui.px(70)
     imgui.set_next_item_width(room * 0.5)
-    new = _presets(state, desk)
+    new = _presets(state, ui)
     tip("Begin anew with a named look and its materials; Ctrl+Z brings yours back")
     imgui.same_line()
-    imgui.set_next_item_width(room * 0.5 - desk.px(6))
+    imgui.set_next_item_width(room * 0.5 - ui.px(6))
     kind = converting.kind_of(state.transfer)
     kinds = {title: other for other, title in KIND_TITLES.items()}
-    chosen = pick("##kind", KIND_TITLES[kind], kinds, lambda each: desk.note(f"kind {kinds[each]}"))
+    chosen = pick("##kind", KIND_TITLES[kind], kinds, lambda each: ui.note(f"kind {kinds[each]}"))
     if chosen is not None:
-        new = desk.done(new, BY_NAME[f"transfer-{kinds[chosen]}"])
-    desk.note("kind")
+        new = ui.done(new, BY_NAME[f"transfer-{kinds[chosen]}"])
+    ui.note("kind")
     tip(_KIND_TIP)
     imgui.same_line()
     on = state.interface.logarithmic
     if on:
         imgui.push_style_color(imgui.Col_.text, ACCENT[state.interface.dark])
-    if imgui.button("log", (desk.px(40), 0)):
+    if imgui.button("log", (ui.px(40), 0)):
         new = reduced(new, Event("logarithmic"))
     if on:
         imgui.pop_style_color()
-    desk.note("log")
+    ui.note("log")
     tip("Logarithmic histogram")
     imgui.same_line()
     imgui.align_text_to_frame_padding()
@@ -81,25 +81,25 @@ def _kinds(state: ViewState, desk: Desk) -> ViewState:
     return new
 
 
-def _presets(state: ViewState, desk: Desk) -> ViewState:
+def _presets(state: ViewState, ui: UiContext) -> ViewState:
     """A list of named looks; the present one, picked again, is as it was at first."""
     offered = {preset.title: preset.name for preset in presets.offered(state.document.volume)}
     title = presets.picked(state.transfer) or "Presets"
-    chosen = pick("##preset", title, offered, lambda each: desk.note(f"preset {offered[each]}"))
-    desk.note("presets")
-    return state if chosen is None else desk.done(state, BY_NAME[f"preset-{offered[chosen]}"])
+    chosen = pick("##preset", title, offered, lambda each: ui.note(f"preset {offered[each]}"))
+    ui.note("presets")
+    return state if chosen is None else ui.done(state, BY_NAME[f"preset-{offered[chosen]}"])
 
 
-def _sliders(state: ViewState, desk: Desk) -> ViewState:
+def _sliders(state: ViewState, ui: UiContext) -> ViewState:
     new = state
     wide = imgui.get_content_region_avail().x
     if not isinstance(state.transfer, LabelFunction):
         low, high = presets.span(state.document.volume)
         half = (high - low) / 2
-        wide = (wide - desk.px(6)) / 2
+        wide = (wide - ui.px(6)) / 2
         imgui.set_next_item_width(wide)
         moved, shift = imgui.slider_float("##shift", state.shift, -half, half, "shift %.4g")
-        desk.note("shift")
+        ui.note("shift")
         tip("Moves all values. In the picture: Ctrl+drag sideways; up and down spreads them")
         if moved:
             new = reduced(new, Event("shift", shift))
@@ -108,6 +108,6 @@ def _sliders(state: ViewState, desk: Desk) -> ViewState:
     moved, factor = imgui.slider_float(
         "##thickness", state.thickness, *THICKNESSES, "opacity × %.3g", _LOG
     )
-    desk.note("thickness")
+    ui.note("thickness")
     tip("Multiplies all opacities, great ones near 1. In the picture: Ctrl+right drag")
     return reduced(new, Event("thicken", factor)) if moved else new

@@ -14,7 +14,7 @@ from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer import presets
 from volspec.viewer.model.transfer.joint import JointHistogram
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.transfer import detail
 from volspec.viewer.ui.panels.transfer.axes import FLAGS, bars, note_area, set_values_axis
 from volspec.viewer.ui.panels.transfer.colours import part_colours
@@ -27,15 +27,15 @@ _GRIP = 6
 _MARGIN, _ABOVE = 0.14, 1.14
 
 
-def draw(state: ViewState, desk: Desk) -> ViewState:
+def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the plot, and the chosen region below."""
     # Above the plot: inside it would lie across what is drawn there.
     imgui.text_disabled("gradient per mm, over value")
-    new = _plot(state, desk, detail.height_above(3, desk))
-    return _numbers(new, desk)
+    new = _plot(state, ui, detail.height_above(3, ui))
+    return _numbers(new, ui)
 
 
-def _plot(state: ViewState, desk: Desk, height: float) -> ViewState:
+def _plot(state: ViewState, ui: UiContext, height: float) -> ViewState:
     if not implot.begin_plot("##regions", (-1, height), FLAGS):
         return state
     joint = state.document.joint
@@ -46,7 +46,7 @@ def _plot(state: ViewState, desk: Desk, height: float) -> ViewState:
         implot.ImAxis_.y1, -0.02 * joint.top, _ABOVE * joint.top, imgui.Cond_.always
     )
     implot.setup_finish()
-    note_area(desk, "transfer")
+    note_area(ui, "transfer")
     low, high = presets.span(state.document.volume)
     implot.plot_heatmap(
         *("voxels", shades(joint, state.interface.logarithmic), 0.0, 1.0, ""),
@@ -54,12 +54,12 @@ def _plot(state: ViewState, desk: Desk, height: float) -> ViewState:
         implot.Point(high, joint.top),
     )
     implot.pop_colormap()
-    new = _rectangles(state, desk)
+    new = _rectangles(state, ui)
     implot.end_plot()
     return new
 
 
-def _rectangles(state: ViewState, desk: Desk) -> ViewState:
+def _rectangles(state: ViewState, ui: UiContext) -> ViewState:
     transfer, top = state.transfer, state.document.joint.top
     assert isinstance(transfer, TransferFunction2D)
     new, held, chosen = state, False, detail.chosen(state)
@@ -70,11 +70,11 @@ def _rectangles(state: ViewState, desk: Desk) -> ViewState:
         (x1, x2), (y1, y2) = region.values, shown_gradients(region, top)
         box = implot.plot_to_pixels(x1, y2), implot.plot_to_pixels(x2, y1)
         (left, above), (right, below) = box
-        desk.areas[f"region {i}"] = int(left), int(above), int(right - left), int(below - above)
+        ui.areas[f"region {i}"] = int(left), int(above), int(right - left), int(below - above)
         draw_list.add_rect_filled(*box, packed(colours[i], 0.3))
         if i == chosen:
             ring = packed(ACCENT[state.interface.dark])
-            draw_list.add_rect(*box, ring, 0.0, desk.px(3), 0)
+            draw_list.add_rect(*box, ring, 0.0, ui.px(3), 0)
         moved, a, b, c, d, clicked, hovered, down = implot.drag_rect(
             i, x1, y1, x2, y2, (*colours[i], 1.0), implot.DragToolFlags_.no_fit, False, False, False
         )
@@ -83,7 +83,7 @@ def _rectangles(state: ViewState, desk: Desk) -> ViewState:
             new = reduced(new, Event("remove-point", index=i))
         elif moved:
             new = _placed(new, i, region, (a, c), (b, d))
-        elif down and _well_inside(box, desk):
+        elif down and _well_inside(box, ui):
             # implot takes hold of the whole rectangle, and moves it by its middle only.
             across, up = _step()
             new = _placed(new, i, region, (x1 + across, x2 + across), (y1 + up, y2 + up))
@@ -96,10 +96,10 @@ def _rectangles(state: ViewState, desk: Desk) -> ViewState:
     return new
 
 
-def _well_inside(box: tuple[imgui.ImVec2, imgui.ImVec2], desk: Desk) -> bool:
+def _well_inside(box: tuple[imgui.ImVec2, imgui.ImVec2], ui: UiContext) -> bool:
     """Whether the mouse is further in than edges and corners reach."""
     (left, above), (right, below) = box
-    (x, y), grip = imgui.get_mouse_pos(), desk.px(_GRIP)
+    (x, y), grip = imgui.get_mouse_pos(), ui.px(_GRIP)
     return left + grip < x < right - grip and above + grip < y < below - grip
 
 
@@ -135,7 +135,7 @@ def shown_gradients(region: Region, top: float) -> tuple[float, float]:
     return bottom, end if math.isfinite(end) else max(top, bottom)
 
 
-def _numbers(state: ViewState, desk: Desk) -> ViewState:
+def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     """The chosen region: values and gradients, opacity and softness, material."""
     transfer, top = state.transfer, state.document.joint.top
     assert isinstance(transfer, TransferFunction2D)
@@ -143,12 +143,12 @@ def _numbers(state: ViewState, desk: Desk) -> ViewState:
     region = transfer.regions[index]
     low, high = presets.span(state.document.volume)
     new = state
-    wide = imgui.get_content_region_avail().x / 2 - desk.px(5)
+    wide = imgui.get_content_region_avail().x / 2 - ui.px(5)
     imgui.set_next_item_width(wide)
     moved, *values = imgui.drag_float_range2(
         "##values", *region.values, (high - low) / 500, 0.0, 0.0, "≥ %.4g", "≤ %.4g"
     )
-    desk.note("region values")
+    ui.note("region values")
     tip("From value to value")
     if moved:
         new = reduced(new, Event("region-values", values[0], values[1], index))
@@ -159,21 +159,21 @@ def _numbers(state: ViewState, desk: Desk) -> ViewState:
     moved, *gradients = imgui.drag_float_range2(
         "##gradients", bottom, end, top / 500, 0.0, top, "≥ %.4g", most
     )
-    desk.note("region gradients")
+    ui.note("region gradients")
     tip("From gradient to gradient, value per mm; at the axis' end and above: any")
     if moved:
         new = reduced(new, Event("region-gradients", gradients[0], gradients[1], index))
-    wide = (imgui.get_content_region_avail().x - desk.px(36)) / 2
-    new = detail.opacity(new, desk, index, wide)
+    wide = (imgui.get_content_region_avail().x - ui.px(36)) / 2
+    new = detail.opacity(new, ui, index, wide)
     imgui.same_line()
     imgui.set_next_item_width(wide)
     moved, softness = imgui.slider_float("##softness", region.softness, 0.0, 1.0, "softness %.2f")
-    desk.note("softness")
+    ui.note("softness")
     if moved:
         new = reduced(new, Event("softness", softness, index=index))
     imgui.same_line()
-    new = detail.remove(new, desk, index, "Remove the region")
-    return detail.material(new, desk, detail.chosen(new))
+    new = detail.remove(new, ui, index, "Remove the region")
+    return detail.material(new, ui, detail.chosen(new))
 
 
 # By the histogram, as a cache of documents would keep volumes that were closed.

@@ -1,6 +1,6 @@
 """What panels are given besides the state: measured times, areas noted down, texts under way.
 
-app -> [desk] -> panels -> app
+app -> [ui] -> panels -> app
 
 Nothing of it is part of a picture, and undo does not know it.
 """
@@ -135,18 +135,12 @@ class LibraryScraps:
     kelvin: float = 3200.0
 
 
-@dataclass(slots=True)
-class Desk:
-    """The panels' surroundings; new values every frame.
+@dataclass(frozen=True, slots=True)
+class Results:
+    """Results of the viewer's services by this frame.
 
     Parameters
     ----------
-    scale : float
-        Pixels of the window for each at 96 dpi.
-    areas : {name: (x, y, width, height)}
-        Where things were drawn: for what stands over them, and for the trace.
-    asked : list of str
-        Actions that are the app's to do.
     image : CoefficientImage, optional
         What was cast last.
     whole : bool
@@ -169,6 +163,34 @@ class Desk:
         What the palette's threads have to say.
     recent : tuple of RecentFile
         Files opened lately.
+    """
+
+    image: CoefficientImage | None = None
+    whole: bool = False
+    shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    fault: str = ""
+    fps: float = 0.0
+    ms: dict[str, float] = field(default_factory=dict)
+    under_mouse: Reading | None = None
+    heat: Heat | None = None
+    slices: SlicePictures | None = None
+    design: News = field(default_factory=News)
+    recent: tuple[RecentFile, ...] = ()
+
+
+@dataclass(slots=True)
+class UiContext:
+    """The panels' surroundings; new values every frame.
+
+    Parameters
+    ----------
+    scale : float
+        Pixels of the window for each at 96 dpi.
+    areas : {name: (x, y, width, height)}
+        Where things were drawn: for what stands over them, and for the trace.
+    asked : list of str
+        Actions that are the app's to do.
+    results : Results
     commands : Search, optional
         The command palette; None where it is closed.
     menu : bool
@@ -188,17 +210,7 @@ class Desk:
     scale: float = 1.0
     areas: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
     asked: list[str] = field(default_factory=list)
-    image: CoefficientImage | None = None
-    whole: bool = False
-    shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    fault: str = ""
-    fps: float = 0.0
-    ms: dict[str, float] = field(default_factory=dict)
-    under_mouse: Reading | None = None
-    heat: Heat | None = None
-    slices: SlicePictures | None = None
-    design: News = field(default_factory=News)
-    recent: tuple[RecentFile, ...] = ()
+    results: Results = field(default_factory=Results)
     commands: Search | None = None
     menu: bool = False
     front: str = ""

@@ -8,15 +8,19 @@ Neither keeps the window waiting.
 from __future__ import annotations
 
 import os
+import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.paths import NativeDialog, PathRequest, native
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.model.paths import PathRequest
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels.dialogs import PathDialog
 from volspec.viewer.work.files.session import SUFFIX
 
+_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
 _FILES = (
     *(".toml", SUFFIX, ".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk"),
     *(".npy", ".tif", ".tiff", ".dcm", ".dicom", ".ima"),
@@ -59,10 +63,10 @@ class Asking:
         if self._native is not None:
             self._native.close()
 
-    def draw(self, desk: Desk) -> tuple[PathRequest, str] | None:
+    def draw(self, ui: UiContext) -> tuple[PathRequest, str] | None:
         """Draw our own, where it is open; what it has answered."""
         request = self._own.request
-        path = self._own.draw(desk)
+        path = self._own.draw(ui)
         return (request, path) if request is not None and path else None
 
 
@@ -75,3 +79,45 @@ def proposed(request: PathRequest, document: Document) -> str:
     if request.save:
         return os.fspath(path.with_name(f"{path.stem}-view{request.suffixes[0]}"))
     return "" if path.parent == Path() else f"{path.parent}/"
+
+
+def native() -> bool:
+    """Whether the system has dialogs for files."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return any(shutil.which(program) for program in _PROGRAMS)
+
+
+class NativeDialog:
+    """The system's own dialog, in a process of its own; `answer` is asked for, not waited for.
+
+    A program that ends while it is open waits for it, unless it is closed.
+
+    Parameters
+    ----------
+    request : PathRequest
+    """
+
+    def __init__(self, request: PathRequest) -> None:
+        from imgui_bundle import portable_file_dialogs as dialogs
+
+        self.request = request
+        start = os.path.abspath(os.path.expanduser(request.start or "."))
+        patterns = " ".join(f"*{suffix}" for suffix in request.suffixes)
+        filters = [request.title, patterns, "All files", "*"] if patterns else ["All files", "*"]
+        self._dialog: Any
+        if request.save:
+            self._dialog = dialogs.save_file(request.title, start, filters)
+        else:
+            self._dialog = dialogs.open_file(request.title, start, filters)
+
+    def answer(self) -> str | None:
+        """The path; empty where none was chosen, None while the dialog is open."""
+        if not self._dialog.ready(0):
+            return None
+        result = self._dialog.result()
+        return str(result[0] if result else "") if isinstance(result, list) else str(result)
+
+    def close(self) -> None:
+        """End it."""
+        self._dialog.kill()

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from imgui_bundle import imgui
 
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.desk import Desk
+from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.panels import commands, keys, menu, status, transfer, viewing
 from volspec.viewer.ui.panels.lights import panel as lights
 from volspec.viewer.ui.panels.over import cube, cuts, divide, error_map, probe, scale, slices
 from volspec.viewer.ui.panels.palette import panel as palette
 
-Draw = Callable[[ViewState, Desk], ViewState | None]
+Draw = Callable[[ViewState, UiContext], ViewState | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,39 +83,39 @@ class Docks:
         """Whether the areas hold: imgui lays out what the frame before has asked for."""
         return self._frames > _LAG
 
-    def picture(self, desk: Desk, panels: bool) -> tuple[int, int, int, int]:
+    def picture(self, ui: UiContext, panels: bool) -> tuple[int, int, int, int]:
         """Lay the dock out; x, y, width and height of what is left for the picture.
 
         Parameters
         ----------
-        desk : Desk
+        ui : UiContext
         panels : bool
             Whether they will be drawn; a dock that stands empty would be given up.
         """
         space = imgui.dock_space_over_viewport(imgui.get_id("dock"), flags=_DOCKED)
         if panels:
             if self._frames == 0:
-                self._dock(space, desk)
+                self._dock(space, ui)
             self._frames += 1
-            self._share(desk)
+            self._share(ui)
         node = imgui.internal.dock_builder_get_central_node(space)
         area = int(node.pos.x), int(node.pos.y), int(node.size.x), int(node.size.y)
-        desk.areas["picture"] = area
+        ui.areas["picture"] = area
         return area
 
-    def panels(self, state: ViewState, desk: Desk) -> ViewState:
+    def panels(self, state: ViewState, ui: UiContext) -> ViewState:
         """Draw those that are open; the state that comes out."""
         self._open = set()
         for panel in _PANELS:
             if panel.title not in state.interface.panels:
                 continue
             self._open.add("left" if panel.place == "left" else "right")
-            if desk.front == panel.title:
-                desk.front = ""
+            if ui.front == panel.title:
+                ui.front = ""
                 imgui.set_next_window_focus()
             shown, kept = imgui.begin(panel.title, True, imgui.WindowFlags_.no_collapse)
             if shown:
-                state = panel.draw(state, desk) or state
+                state = panel.draw(state, ui) or state
             imgui.end()
             if not kept:
                 rest = state.interface.panels - {panel.title}
@@ -123,7 +123,7 @@ class Docks:
         if self._frames == 1:
             imgui.set_window_focus(_FIRST)
         for overlay in _OVERLAYS:
-            state = overlay(state, desk) or state
+            state = overlay(state, ui) or state
         return state
 
     @staticmethod
@@ -132,19 +132,19 @@ class Docks:
         return [panel.title for panel in _PANELS if panel.title in state.interface.panels]
 
     @staticmethod
-    def bars(state: ViewState, desk: Desk) -> ViewState:
+    def bars(state: ViewState, ui: UiContext) -> ViewState:
         """The menu at the top and the line at the bottom; `picture` gets what they leave."""
-        status.draw(state, desk)
-        return menu.draw(state, desk) or state
+        status.draw(state, ui)
+        return menu.draw(state, ui) or state
 
-    def _share(self, desk: Desk) -> None:
+    def _share(self, ui: UiContext) -> None:
         """Leave the picture half of a window that has become narrow; undo it in a wide one."""
         builder = imgui.internal
         room = _MOST * imgui.get_main_viewport().work_size.x
         open_ = [dock for side, dock in self._sides.items() if side in self._open]
         seen = [node for dock in open_ if (node := builder.dock_builder_get_node(dock))]
         wide = sum(node.size.x for node in seen)
-        wanted = desk.px(PANEL_WIDTH) if len(seen) == 1 else wide
+        wanted = ui.px(PANEL_WIDTH) if len(seen) == 1 else wide
         if wide > room + 1:
             self._narrowed = True
         elif self._narrowed and wide < min(wanted, room) - 1:
@@ -155,13 +155,13 @@ class Docks:
         for node in seen:
             builder.dock_builder_set_node_size(node.id_, (node.size.x * room / wide, node.size.y))
 
-    def _dock(self, space: int, desk: Desk) -> None:
+    def _dock(self, space: int, ui: UiContext) -> None:
         builder = imgui.internal
         viewport = imgui.get_main_viewport()
-        share = min(desk.px(PANEL_WIDTH) / max(viewport.work_size.x, 1.0), _MOST)
+        share = min(ui.px(PANEL_WIDTH) / max(viewport.work_size.x, 1.0), _MOST)
         builder.dock_builder_remove_node_child_nodes(space)
         right = builder.dock_builder_split_node(space, imgui.Dir.right, share)
-        left_share = min(desk.px(_LEFT_WIDTH) / max(viewport.work_size.x * (1 - share), 1.0), 0.4)
+        left_share = min(ui.px(_LEFT_WIDTH) / max(viewport.work_size.x * (1 - share), 1.0), 0.4)
         left = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.left, left_share)
         self._sides = {"right": right.id_at_dir, "left": left.id_at_dir}
         lower = builder.dock_builder_split_node(right.id_at_dir, imgui.Dir.down, 1 - _UPPER)

@@ -1,6 +1,6 @@
-"""The colours of the web as reflectances, made beside the window.
+"""The colours of the web as reflectances, made in the background.
 
-names -> [css] -> panels
+    names -> [css_colours] -> panels
 
 The first reflectance of a colour takes seconds, as colour-science and its base spectra are read
 for it; those after it take milliseconds.
@@ -15,32 +15,9 @@ from functools import lru_cache
 from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_of, white_XYZ
 from volspec.spectra.construct.colours import colour_XYZ
+from volspec.viewer.model.transfer.materials import colour_names
 
 _LIGHT = "D65"
-# Of CSS Color 4; `volspec.reflectance_of` knows those of CSS Color 3.
-_LATER = frozenset(["rebeccapurple"])
-
-
-@lru_cache(maxsize=1)
-def names() -> tuple[str, ...]:
-    """The names of CSS Color 3.
-
-    >>> len(names()), names()[:2]
-    (147, ('aliceblue', 'antiquewhite'))
-    """
-    from PIL import ImageColor
-
-    return tuple(name for name in ImageColor.colormap if name not in _LATER)
-
-
-def is_colour(text: str) -> bool:
-    """Whether a text is meant as a colour.
-
-    >>> is_colour("#c08040"), is_colour("Steel Blue"), is_colour("PMC/Banana")
-    (True, True, False)
-    """
-    word = "".join(text.split()).casefold()
-    return word.startswith("#") or word in names()
 
 
 class Colours:
@@ -81,7 +58,7 @@ def colours(grid: SpectralGrid, observer_deg: int) -> Colours:
 def _made(grid: SpectralGrid, observer_deg: int) -> dict[str, Spectrum]:
     lamp = light(_LIGHT, grid)
     white = white_XYZ(lamp, observer_deg)
-    XYZ = [colour_XYZ(name, white) for name in names()]
+    XYZ = [colour_XYZ(name, white) for name in colour_names()]
     rows = reflectances_of(XYZ, light=lamp, observer_deg=observer_deg, grid=grid).values
-    pairs = zip(names(), rows, strict=True)
+    pairs = zip(colour_names(), rows, strict=True)
     return {name: Spectrum(grid.wavelengths_nm, row, name) for name, row in pairs}
