@@ -36,7 +36,7 @@ from volspec.relight import LightRig
 from volspec.relight.tables import is_tabled
 from volspec.scene import Scene
 from volspec.spectra import SpectralGrid, Spectrum
-from volspec.viewer.work.memory import give_back_large
+from volspec.viewer.work.pictures import give_back_large
 
 ASKED = 1.0
 LOADS, WARM = 20, 5

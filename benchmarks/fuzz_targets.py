@@ -231,7 +231,7 @@ def _rewrite_palette(path: Path) -> None:
 
 
 def _read_session(path: Path) -> None:
-    from volspec.viewer.work.files.session import read_session, resumed
+    from volspec.viewer.work.session import read_session, resumed
 
     resumed(read_session(path), cast=False)
 
@@ -243,7 +243,7 @@ def _session_parts() -> dict[str, bytes]:
 def _read_kept(path: Path) -> None:
     """Read what the user's own folders keep; damaged files are done without."""
     from volspec.export.manifest import Folder
-    from volspec.viewer.work.files.recent import RecentFiles
+    from volspec.viewer.work.session_store import RecentFiles
 
     data = path.read_bytes()
     for name in ("recent.json", "export.json"):

@@ -33,13 +33,13 @@ from PIL import Image
 from volspec import _cache, cli
 from volspec.export.demo import run_demo
 from volspec.scene import Scene
+from volspec.viewer.model import scene_file
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.files import as_scene
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.files import as_python
-from volspec.viewer.work.files.session import read_session
-from volspec.viewer.work.files.session_store import SessionStore
+from volspec.viewer.work import script
+from volspec.viewer.work.session import read_session
+from volspec.viewer.work.session_store import SessionStore
 from volspec.volume import phantom
 
 KILLS, _SEED = 3, 11
@@ -183,8 +183,8 @@ def jobs(inputs: Path) -> Iterator[Job]:
     yield command("basis", "basis", "general-5", "--reflectances", "patches", *basis)
     state = ViewState.first(Document.of(opened, opened.volume(), None), (32, 32))
     moved = reduced(state, Event("orbit", 0.2, 0.1))
-    yield Job("viewer: scene", lambda out: as_scene.export_scene(moved, out / "saved.toml"))
-    yield Job("viewer: Python", lambda out: as_python.export_python(moved, out / "saved.py"))
+    yield Job("viewer: scene", lambda out: scene_file.export_scene(moved, out / "saved.toml"))
+    yield Job("viewer: Python", lambda out: script.export_python(moved, out / "saved.py"))
     yield Job("viewer: session", lambda out: sessions(out, state), varies=("*.volspec.json",))
     arrays = {"values": np.random.default_rng(_SEED).standard_normal((512, 512))}
     yield Job("cache", lambda out: cache(out, arrays), replaces=False)

@@ -26,7 +26,7 @@ from volspec.export.compositing import Recipe
 from volspec.export.recipes import blender_script, nuke_group, python_text
 from volspec.palette import load_palette, save_palette
 from volspec.spectra import light
-from volspec.viewer.work.files.as_python import script_of
+from volspec.viewer.work.script import script_of
 
 # Each leaves a mark where it is run: Tcl calls `hurt`, Python sets `hurt`, TOML gets a key `hurt`.
 HOSTILE = (

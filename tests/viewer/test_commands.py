@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
-
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
-from volspec.viewer.model.actions import ACTIONS, BY_KEY, MENUS, shown
-from volspec.viewer.model.lights.lighting import shining
+from volspec.viewer.model.commands import ACTIONS, BY_KEY, MENUS, shown
+from volspec.viewer.model.lights import shining
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.files.recent import RecentFile
-
-commands = pytest.importorskip("volspec.viewer.ui.panels.commands")
-keys = pytest.importorskip("volspec.viewer.ui.panels.keys")
+from volspec.viewer.ui import commands
+from volspec.viewer.ui import menus as keys
+from volspec.viewer.work.session_store import RecentFile
 
 RECENT = (RecentFile("/data/head.nrrd", True), RecentFile("/data/gone.nrrd", False))
 

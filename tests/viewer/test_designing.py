@@ -19,26 +19,24 @@ from volspec.palette import Design, Palette, PaletteSpectrum, design, load_palet
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
 from volspec.viewer.chores import Chores
-from volspec.viewer.model.actions import BY_NAME
+from volspec.viewer.model import palette_files, palette_wizards
+from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.history import History
-from volspec.viewer.model.lights.lighting import MOST_ROWS
-from volspec.viewer.model.palette import files, wizards
-from volspec.viewer.model.palette.spectra import with_reflectances
-from volspec.viewer.model.palette.table import palette_of
-from volspec.viewer.model.palette.wishes import Pick
+from volspec.viewer.model.lights import MOST_ROWS
+from volspec.viewer.model.palette_spectra import with_reflectances
+from volspec.viewer.model.palette_table import palette_of
+from volspec.viewer.model.palette_targets import Pick
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import asking
-from volspec.viewer.ui.asking import REQUESTS, Asking
+from volspec.viewer.ui import dialogs
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.work.files.recent import STATE_VARIABLE
-from volspec.viewer.work.files.tasks import Tasks
-from volspec.viewer.work.palette import service
-from volspec.viewer.work.palette import worker as design_worker
-from volspec.viewer.work.palette.service import Designing
-from volspec.viewer.work.palette.worker import DesignJob, DesignWorker
-from volspec.viewer.work.window.notice import Notice
-from volspec.viewer.work.window.trace import Trace
+from volspec.viewer.ui.dialogs import REQUESTS, Asking
+from volspec.viewer.work import designs
+from volspec.viewer.work import designs as design_worker
+from volspec.viewer.work.background import Tasks
+from volspec.viewer.work.designs import Designing, DesignJob, DesignWorker
+from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.session_store import STATE_VARIABLE
 
 PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 
@@ -132,8 +130,8 @@ def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
 ) -> None:
     pick = Pick(place=("gold", "A"))
     begun = replace(state, interface=replace(state.interface, pick=pick))
-    result, may_end = wizards.asked(begun, "hide"), threading.Event()
-    monkeypatch.setattr(service, "asked", lambda *_: (may_end.wait(20), result)[1])
+    result, may_end = palette_wizards.asked(begun, "hide"), threading.Event()
+    monkeypatch.setattr(designs, "asked", lambda *_: (may_end.wait(20), result)[1])
     bench = Bench()
     bench.designing.follow(begun)
     bench.designing.do("hide", begun)
@@ -155,12 +153,12 @@ def test_a_wizard_waits_for_the_design_under_way_and_lands_on_what_it_brings(
     """It began at once, and was dropped when the design's last pass changed the materials."""
     pick = Pick(place=("gold", "A"))
     begun = wished(replace(state, interface=replace(state.interface, pick=pick)))
-    result, may_end = wizards.asked(begun, "hide"), threading.Event()
+    result, may_end = palette_wizards.asked(begun, "hide"), threading.Event()
     monkeypatch.setattr(
         design_worker, "design", lambda palette: (may_end.wait(20), design(palette))[1]
     )
     began_with: list[ViewState] = []
-    monkeypatch.setattr(service, "asked", lambda state, _: (began_with.append(state), result)[1])
+    monkeypatch.setattr(designs, "asked", lambda state, _: (began_with.append(state), result)[1])
     bench = Bench()
     bench.designing.follow(begun)
     bench.designing.do("hide", begun)
@@ -191,7 +189,7 @@ def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
     state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
-    monkeypatch.setattr(asking, "native", lambda: False)
+    monkeypatch.setattr(dialogs, "native", lambda: False)
     path, bench, asked = str(tmp_path / "mine.toml"), Bench(), wished(state)
     rest = (UiContext(), bench.notice, Trace(), None, None)
     chores = Chores(Tasks(lambda: None), cast(Any, None), *rest, bench.designing.file)
@@ -215,7 +213,7 @@ def test_files_asked_for_are_there_when_the_window_has_closed(
 
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
     monkeypatch.setattr("volspec.viewer.chores.export_scene", slow)
-    monkeypatch.setattr(files, "saved", slow)
+    monkeypatch.setattr(palette_files, "saved", slow)
     scene, palette, bench = tmp_path / "scene.toml", tmp_path / "palette.toml", Bench()
     rest = (UiContext(), bench.notice, Trace(), None, None)
     chores = Chores(Tasks(lambda: None), cast(Any, None), *rest, bench.designing.file)
@@ -232,7 +230,7 @@ def test_files_asked_for_are_there_when_the_window_has_closed(
 def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
     wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
     viewing = replace(state.seen.viewing, display=Display(space=wall))
-    scene = wizards.scene_of(replace(state, seen=replace(state.seen, viewing=viewing)))
+    scene = palette_wizards.scene_of(replace(state, seen=replace(state.seen, viewing=viewing)))
     assert scene.relight.viewing.display.colours == wall
 
 
@@ -242,7 +240,9 @@ def test_a_palette_s_model_that_cannot_adapt_to_pixels_measures_the_picture(
     palette = load_palette(PALETTES / "figure-2.toml")
     palette = replace(palette, viewing=replace(palette.viewing, model="CAT02"))
     eye = replace(state.seen.viewing, model="CAM16", adapting="pixel")
-    loaded = files.with_palette(replace(state, seen=replace(state.seen, viewing=eye)), palette)
+    loaded = palette_files.with_palette(
+        replace(state, seen=replace(state.seen, viewing=eye)), palette
+    )
     found = loaded.seen.viewing
     assert (found.model, found.adapting) == ("CAT02", "picture")
 
@@ -252,4 +252,4 @@ def test_a_palette_whose_lights_find_no_room_is_refused(state: ViewState) -> Non
     many = tuple(PaletteSpectrum(f"lamp {n}", light("A")) for n in range(MOST_ROWS))
     crowded = replace(palette, lights=(*palette.lights, *many))
     with pytest.raises(PaletteError, match=f"no room for light .*{MOST_ROWS} lights are the most"):
-        files.with_palette(state, crowded)
+        palette_files.with_palette(state, crowded)

@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from volspec.viewer.model.lights.blending import corners
-
-dial = pytest.importorskip("volspec.viewer.ui.panels.lights.dial")
-names = pytest.importorskip("volspec.viewer.ui.panels.lights.names")
+from volspec.viewer.model.light_mixes import corners
+from volspec.viewer.ui import lights_dial as dial
+from volspec.viewer.ui import lights_dial as names
 
 LONG = (
     *("Macbeth daylight", "Tungsten halogen", "HP1 high-pressure sodium"),

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from volspec.errors import SpectrumError
 from volspec.raycast import Camera
 from volspec.transfer import TransferFunction
-from volspec.viewer.model.actions import ACTIONS, BY_KEY
+from volspec.viewer.model import light_mixes, lights
+from volspec.viewer.model.camera import View
+from volspec.viewer.model.commands import ACTIONS, BY_KEY
 from volspec.viewer.model.document import Document, plain_scene
+from volspec.viewer.model.event import Action
 from volspec.viewer.model.events import EVENTS, Event, reduced
-from volspec.viewer.model.events.event import Action
-from volspec.viewer.model.lights import blending, lighting
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view.views import View
-from volspec.viewer.work.picture.casting import DIVISORS, Pace
+from volspec.viewer.work.casts import DIVISORS, Pace
 
 _ANY = st.floats(-1e6, 1e6) | st.floats(-2, 2) | st.just(math.nan) | st.just(math.inf)
 _EVENTS = st.builds(
@@ -46,10 +46,10 @@ def test_ten_thousand_random_events_never_raise(
         elif event.change is not None:
             state = event.change(state)
     state.view.camera(state.document.volume)
-    rig = lighting.rig_of(state.lights)
+    rig = lights.rig_of(state.lights)
     assert rig is None or any(rig.weights)
     assert state.lights and state.transfer.bake(1.0).opacity.max() <= 1
-    assert 0 <= state.interface.light < lighting.MOST_ROWS
+    assert 0 <= state.interface.light < lights.MOST_ROWS
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
@@ -94,18 +94,18 @@ def test_front_right_and_top_look_along_the_axes(document: Document) -> None:
 def test_dial_weights_share_one_and_come_back_to_their_place(
     count: int, x: float, y: float
 ) -> None:
-    weights = blending.dial_weights(count, x, y)
+    weights = light_mixes.dial_weights(count, x, y)
     assert min(weights) >= 0 and sum(weights) == pytest.approx(1.0)
     # Weights on the dial are those of its place, which is where they are drawn.
-    again = blending.dial_weights(count, *blending.dial_place(weights))
+    again = light_mixes.dial_weights(count, *light_mixes.dial_place(weights))
     np.testing.assert_allclose(again, weights, atol=1e-9)
 
 
 def test_lights_stand_where_the_dial_takes_them_alone() -> None:
     for count in (2, 3, 5, 8):
-        for i, place in enumerate(blending.corners(count)):
+        for i, place in enumerate(light_mixes.corners(count)):
             np.testing.assert_allclose(
-                blending.dial_weights(count, *place), np.eye(count)[i], atol=1e-12
+                light_mixes.dial_weights(count, *place), np.eye(count)[i], atol=1e-12
             )
 
 
@@ -113,20 +113,20 @@ def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
     lit = state
     for i in range(3):
         lit = reduced(lit, Event("weight", 0.5, index=i))
-    assert lighting.shining(lit.lights) == (0.5, 0.5, 0.5, 0.0)
+    assert lights.shining(lit.lights) == (0.5, 0.5, 0.5, 0.0)
     solo = reduced(lit, Event("solo", index=1))
-    assert lighting.shining(solo.lights) == (0.0, 0.5, 0.0, 0.0)
-    assert lighting.shining(reduced(solo, Event("mute", index=1)).lights) == (0.0,) * 4
-    assert lighting.rig_of(reduced(solo, Event("mute", index=1)).lights) is None
+    assert lights.shining(solo.lights) == (0.0, 0.5, 0.0, 0.0)
+    assert lights.shining(reduced(solo, Event("mute", index=1)).lights) == (0.0,) * 4
+    assert lights.rig_of(reduced(solo, Event("mute", index=1)).lights) is None
 
 
 def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState) -> None:
-    rows = lighting.added(state.lights, "planck:2700", state.document.grid)
-    assert lighting.shining(rows) == (0.0, 0.0, 0.0, 0.0, 1.0) and rows[-1].kelvin == 2700
-    hotter = lighting.heated(rows, 4, 5000.4)
+    rows = lights.added(state.lights, "planck:2700", state.document.grid)
+    assert lights.shining(rows) == (0.0, 0.0, 0.0, 0.0, 1.0) and rows[-1].kelvin == 2700
+    hotter = lights.heated(rows, 4, 5000.4)
     assert hotter[4].name == "5000 K" and hotter[4].rig is not rows[4].rig
     with pytest.raises(SpectrumError, match="D65"):
-        lighting.added(rows, "D66", state.document.grid)
+        lights.added(rows, "D66", state.document.grid)
 
 
 def pressed(state: ViewState, key: str) -> ViewState:
@@ -146,9 +146,9 @@ def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
 def test_space_goes_round_all_lights(state: ViewState) -> None:
     seen = []
     for _ in state.lights:
-        seen.append(lighting.brightest(state.lights))
+        seen.append(lights.brightest(state.lights))
         state = pressed(state, "space")
-    assert seen == [0, 1, 2, 3] and lighting.brightest(state.lights) == 0
+    assert seen == [0, 1, 2, 3] and lights.brightest(state.lights) == 0
 
 
 def test_points_stay_in_order_and_shift_together(state: ViewState) -> None:

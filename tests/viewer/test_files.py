@@ -21,15 +21,13 @@ from volspec.raycast import Ambient, Directional, LightGroup
 from volspec.raycast.checks import MAX_SIDE
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum, light
+from volspec.viewer.model import lights
 from volspec.viewer.model.document import demo
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.lights import lighting
-from volspec.viewer.model.lights.lighting import LightRow
+from volspec.viewer.model.lights import LightRow
 from volspec.viewer.model.paths import PathRequest, dropped, listing
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.files.as_python import export_python, script_of
-from volspec.viewer.work.files.recent import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
-from volspec.viewer.work.files.screenshot import (
+from volspec.viewer.work.screenshot import (
     CUSTOM,
     SHOWN,
     TWICE,
@@ -39,6 +37,8 @@ from volspec.viewer.work.files.screenshot import (
     frame_of,
     taken,
 )
+from volspec.viewer.work.script import export_python, script_of
+from volspec.viewer.work.session_store import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -207,8 +207,8 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
     from volspec.export.frames import read_frame_text
 
     state = replace(opened(tmp_path), size=(40, 30))
-    compared = replace(state, other=lighting.alone(state.lights, 1), divide=0.5)
-    tungsten = replace(state, lights=lighting.alone(state.lights, 1))
+    compared = replace(state, other=lights.alone(state.lights, 1), divide=0.5)
+    tungsten = replace(state, lights=lights.alone(state.lights, 1))
     # What the light does is plain where no eye adapts to it.
     plain = replace(state.seen, viewing=replace(state.seen.viewing, model="none"))
     left, both, right = (
@@ -264,7 +264,7 @@ esac
 _ASK = """
 import time
 from volspec.viewer.model.paths import PathRequest
-from volspec.viewer.ui.asking import NativeDialog, native
+from volspec.viewer.ui.dialogs import NativeDialog, native
 assert native()
 read = PathRequest("o", "Open", suffixes=(".nrrd",))
 for request in (read, PathRequest("s", "Save", True, (".toml",), "x.toml")):
@@ -312,8 +312,8 @@ def test_without_a_clipboard_or_a_picture_one_line_says_so(tmp_path: Path) -> No
 
 
 _COPY = """
-from volspec.viewer.work.files.clipboard import ClipboardError, copy_values
-from volspec.viewer.work.picture.reading import Reading
+from volspec.viewer.work.clipboard import ClipboardError, copy_values
+from volspec.viewer.work.probe import Reading
 for values in (None, Reading((("XYZ", "1 2 3"),), None, None, None)):
     try:
         print(copy_values(values))
@@ -323,7 +323,7 @@ for values in (None, Reading((("XYZ", "1 2 3"),), None, None, None)):
 
 
 def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
-    from volspec.viewer.work.files.tasks import Outcome, Tasks
+    from volspec.viewer.work.background import Outcome, Tasks
 
     def ends(task: Callable[[], object]) -> Outcome:
         woken = threading.Event()
@@ -344,7 +344,7 @@ def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixt
 def test_what_is_being_written_is_waited_for_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from volspec.viewer.work.files import tasks as module
+    from volspec.viewer.work import background as module
 
     def slow(name: str) -> None:
         time.sleep(0.05)

@@ -19,11 +19,11 @@ from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
+from volspec.viewer.model import lights
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.files.as_scene import display_table, export_scene, scene_of
-from volspec.viewer.model.lights import lighting
-from volspec.viewer.model.lights.lighting import LightRow, rig_of
+from volspec.viewer.model.lights import LightRow, rig_of
+from volspec.viewer.model.scene_file import display_table, export_scene, scene_of
 from volspec.viewer.model.state import ViewState
 from volspec.volume import phantom
 
@@ -170,7 +170,7 @@ def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
         transfer=replace(state.transfer, materials=materials),
         lights=(*state.lights, LightRow("edited", "mine", LightRig((ramp,)), 0.0)),
     )
-    state = replace(state, lights=lighting.alone(state.lights, 2))
+    state = replace(state, lights=lights.alone(state.lights, 2))
     again = assert_same_picture(state, tmp_path)
     assert again.lights[0].name == "edited" and again.lights[0].label == "mine"
     text = (tmp_path / "again.toml").read_text(encoding="utf-8")
@@ -195,7 +195,7 @@ def test_a_basis_that_a_scene_trains_is_kept_where_new_lights_would_change_it(
     state = opened(tmp_path, basis='train = "scene"\nsize = 4')
     assert_same_picture(state, tmp_path)
     assert not (tmp_path / "again.basis.json").exists()
-    more = replace(state, lights=lighting.added(state.lights, "HP1", state.document.grid))
+    more = replace(state, lights=lights.added(state.lights, "HP1", state.document.grid))
     assert_same_picture(more, tmp_path)
     assert (tmp_path / "again.basis.json").exists()
 

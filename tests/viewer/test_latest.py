@@ -17,15 +17,13 @@ from volspec.pipeline import Raycaster
 from volspec.viewer import chores
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.work.files import opening
-from volspec.viewer.work.files.opening import Opened, Openings
-from volspec.viewer.work.files.recent import STATE_VARIABLE
-from volspec.viewer.work.files.screenshot import Progress, frame_of
-from volspec.viewer.work.files.session import SUFFIX, save_session
-from volspec.viewer.work.files.tasks import Tasks
-from volspec.viewer.work.latest import LatestWorker
-from volspec.viewer.work.window.notice import Notice
-from volspec.viewer.work.window.trace import Trace
+from volspec.viewer.work import opening
+from volspec.viewer.work.background import LatestWorker, Tasks
+from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.opening import Opened, Openings
+from volspec.viewer.work.screenshot import Progress, frame_of
+from volspec.viewer.work.session import SUFFIX, save_session
+from volspec.viewer.work.session_store import STATE_VARIABLE
 
 
 class Slow(LatestWorker[str, str]):

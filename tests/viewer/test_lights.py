@@ -16,10 +16,10 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
+from volspec.viewer.model import light_mixes, light_parts, lights
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.lights import drawing, lighting, mixes, parts
-from volspec.viewer.model.lights.drawing import drawn, stroke
-from volspec.viewer.model.lights.lighting import LightRow, Rows, rig_of
+from volspec.viewer.model.light_parts import drawn, stroke
+from volspec.viewer.model.lights import LightRow, Rows, rig_of
 from volspec.viewer.model.state import ViewState
 
 _SCENES = Path(__file__).resolve().parents[2] / "data" / "scenes"
@@ -30,7 +30,7 @@ _PLACE = st.tuples(st.floats(-0.5, 1.5), _POWER)
 
 def row(text: str, weight: float = 0.0, lux: float | None = None) -> LightRow:
     rig = LightRig((light(text),), illuminance_lux=None if lux is None else (lux,))
-    return LightRow(text, text, rig, weight, texts=(text,), kelvin=lighting.kelvin_of(text))
+    return LightRow(text, text, rig, weight, texts=(text,), kelvin=lights.kelvin_of(text))
 
 
 def grouped() -> LightRow:
@@ -73,15 +73,15 @@ def test_two_strokes_meet_where_the_pen_was() -> None:
 
 
 def test_a_drawn_light_is_one_of_its_own_until_it_is_reset() -> None:
-    rows = lighting.weighted(ROWS, 2, 0.4)
+    rows = lights.weighted(ROWS, 2, 0.4)
     edited = drawn(rows, 2, 0, (0.2, 1.0), (0.4, 2.0))
     again = drawn(edited, 2, 0, (0.6, 1.0), (0.7, 2.0))
     assert again[2].name == "planck:3000 edited" and again[2].text is None
     assert again[2].kelvin is None and again[2].weight == 0.4
     assert again[:2] == rows[:2] and again[3] == rows[3]
-    back = drawing.undrawn(again, 2)
+    back = light_parts.undrawn(again, 2)
     assert back[2] == rows[2]
-    assert drawing.undrawn(back, 2) is back
+    assert light_parts.undrawn(back, 2) is back
 
 
 def test_a_pen_cannot_put_a_light_out() -> None:
@@ -102,83 +102,88 @@ def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time() -> None:
 
 
 def test_lux_count_where_all_that_shines_has_them() -> None:
-    rows = parts.lit_with(ROWS, 0, 500.0)
+    rows = light_parts.lit_with(ROWS, 0, 500.0)
     rig = rig_of(rows)
     assert rig is not None and rig.total_lux == 500.0
-    assert parts.lux_note(rows, _SHARES, RelightSpec()).startswith("Together 500 lx")
-    both = lighting.weighted(rows, 1, 1.0)
+    assert light_parts.lux_note(rows, _SHARES, RelightSpec()).startswith("Together 500 lx")
+    both = lights.weighted(rows, 1, 1.0)
     rig = rig_of(both)
     assert rig is not None and rig.total_lux is None
     assert (
-        parts.lux_note(both, _SHARES, RelightSpec())
+        light_parts.lux_note(both, _SHARES, RelightSpec())
         == "As A has no lux, Viewing's 1000 lx count for all"
     )
-    assert parts.lux_note(ROWS, _SHARES, RelightSpec()) == "No lux given: Viewing's 1000 lx count"
+    assert (
+        light_parts.lux_note(ROWS, _SHARES, RelightSpec())
+        == "No lux given: Viewing's 1000 lx count"
+    )
     absolute = RelightSpec(level="absolute")
-    assert "needs lux, and A has none" in parts.lux_note(both, _SHARES, absolute)
-    assert parts.lit_with(rows, 0, 0.0)[0].rig.illuminance_lux is None
+    assert "needs lux, and A has none" in light_parts.lux_note(both, _SHARES, absolute)
+    assert light_parts.lit_with(rows, 0, 0.0)[0].rig.illuminance_lux is None
 
 
 def test_lux_of_groups_are_told_for_what_faces_them_all() -> None:
     """500 lx from a group with three quarters of the light, half of 100 from the rest."""
-    rows = parts.lit_with(parts.lit_with(ROWS, 3, 500.0), 3, 100.0, part=1)
+    rows = light_parts.lit_with(light_parts.lit_with(ROWS, 3, 500.0), 3, 100.0, part=1)
     assert rows[3].rig.illuminance_lux == (500.0, 100.0)
-    assert parts.facing_lux(rows[3].rig, _SHARES) == pytest.approx(0.75 * 500 + 0.25 * 0.5 * 100)
-    assert parts.facing_lux(rows[3].rig, {"other": 1.0}) is None
+    assert light_parts.facing_lux(rows[3].rig, _SHARES) == pytest.approx(
+        0.75 * 500 + 0.25 * 0.5 * 100
+    )
+    assert light_parts.facing_lux(rows[3].rig, {"other": 1.0}) is None
 
 
 def test_a_light_added_among_lights_with_lux_has_as_many() -> None:
     lit = (row("D65", 0.5, 400.0), row("A", 0.0, 50.0))
-    assert lighting.added(lit, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux == (200.0,)
-    assert lighting.added(ROWS, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux is None
+    assert lights.added(lit, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux == (200.0,)
+    assert lights.added(ROWS, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux is None
 
 
 # Groups
 
 
 def test_a_spectrum_for_all_groups_is_parted_and_joined_again() -> None:
-    split = parts.parted(parts.lit_with(ROWS, 0, 300.0), 0, ("lamp", "sky"))[0]
+    split = light_parts.parted(light_parts.lit_with(ROWS, 0, 300.0), 0, ("lamp", "sky"))[0]
     assert split.rig.groups == ("lamp", "sky") and split.texts == ("D65", "D65")
     assert split.rig.illuminance_lux == (300.0, 300.0)
     # All groups at 300 lx, and each at 300 lx times its share, are the same light.
-    assert parts.facing_lux(split.rig, _SHARES) == pytest.approx(300.0)
-    less = parts.part_removed((split,), 0, 1)
+    assert light_parts.facing_lux(split.rig, _SHARES) == pytest.approx(300.0)
+    less = light_parts.part_removed((split,), 0, 1)
     assert less[0].rig.groups == ("lamp",) and less[0].text == "D65"
-    assert parts.part_removed(less, 0, 0) is less
-    assert parts.regrouped(less, 0, 0, "")[0].rig.groups == ("",)
-    assert parts.part_added(less, 0, "sky")[0].rig.groups == ("lamp", "sky")
+    assert light_parts.part_removed(less, 0, 0) is less
+    assert light_parts.regrouped(less, 0, 0, "")[0].rig.groups == ("",)
+    assert light_parts.part_added(less, 0, "sky")[0].rig.groups == ("lamp", "sky")
 
 
 def test_a_group_cannot_be_weighted_until_all_is_dark() -> None:
-    rows = parts.part_weighted(ROWS, 3, 0, 0.0)
+    rows = light_parts.part_weighted(ROWS, 3, 0, 0.0)
     assert rows[3].rig.weights == (0.0, 0.5)
-    assert parts.part_weighted(rows, 3, 1, 0.0) is rows
-    assert parts.part_weighted(rows, 3, 1, 99.0)[3].rig.weights[1] == parts.MOST_WEIGHT
+    assert light_parts.part_weighted(rows, 3, 1, 0.0) is rows
+    assert light_parts.part_weighted(rows, 3, 1, 99.0)[3].rig.weights[1] == light_parts.MOST_WEIGHT
 
 
 def test_a_spectrum_is_respelled_or_refused_with_the_name() -> None:
-    rows = parts.respelled(ROWS, 0, 0, "planck:2700", DEFAULT_GRID)
+    rows = light_parts.respelled(ROWS, 0, 0, "planck:2700", DEFAULT_GRID)
     assert rows[0].name == "2700 K" and rows[0].kelvin == 2700.0 and rows[0].weight == 1.0
-    sky = parts.respelled(ROWS, 3, 1, "daylight:7500", DEFAULT_GRID)
+    sky = light_parts.respelled(ROWS, 3, 1, "daylight:7500", DEFAULT_GRID)
     assert sky[3].name == "evening" and sky[3].texts == ("A", "daylight:7500")
-    assert parts.respelled(ROWS, 0, 0, " D65 ", DEFAULT_GRID) is ROWS
+    assert light_parts.respelled(ROWS, 0, 0, " D65 ", DEFAULT_GRID) is ROWS
     with pytest.raises(SpectrumError, match="D6"):
-        parts.respelled(ROWS, 0, 0, "D6", DEFAULT_GRID)
+        light_parts.respelled(ROWS, 0, 0, "D6", DEFAULT_GRID)
 
 
 def edit(rows: Rows, what: int, index: int, part: int, x: float) -> Rows:
     """One of all edits."""
     if what == 0:
-        return parts.lit_with(rows, index, x, part)
+        return light_parts.lit_with(rows, index, x, part)
     if what == 1:
-        return parts.part_weighted(rows, index, part, x)
+        return light_parts.part_weighted(rows, index, part, x)
     if what == 2:
-        return parts.regrouped(rows, index, part, ("", "lamp", "sky")[part % 3])
+        return light_parts.regrouped(rows, index, part, ("", "lamp", "sky")[part % 3])
     if what == 3:
-        return parts.part_added(rows, index, "sky")
+        return light_parts.part_added(rows, index, "sky")
     if what == 4:
-        return parts.part_removed(rows, index, part)
-    return parts.parted(rows, index, ("lamp", "sky"))
+        return light_parts.part_removed(rows, index, part)
+    return light_parts.parted(rows, index, ("lamp", "sky"))
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
@@ -206,7 +211,7 @@ def test_no_edit_of_parts_makes_a_row_that_gives_no_light(
 def test_scenes_keep_the_notation_of_their_lights() -> None:
     for name in ("engine.toml", "engine-groups.toml"):
         scene = Scene.load(_SCENES / name)
-        rows = lighting.rows_of(scene.lights, rows_by_name(scene.file.light))
+        rows = lights.rows_of(scene.lights, rows_by_name(scene.file.light))
         texts = [text for each in rows for text in each.texts]
         assert texts == [table.spectrum for table in scene.file.light]
 
@@ -226,37 +231,37 @@ def test_a_file_is_found_beside_the_scene_and_else_where_the_program_runs(
         lines = [f"{nm},{1 + nm / 1000}" for nm in range(380, 741, 10)]
         (folder / f"{folder.name}.csv").write_text("nm,lamp\n" + "\n".join(lines))
     monkeypatch.chdir(here)
-    assert lighting.spectrum_of("scene.csv", DEFAULT_GRID, str(scene))[1] == "scene.csv"
-    assert lighting.spectrum_of("here.csv", DEFAULT_GRID, str(scene))[1] == str(here / "here.csv")
+    assert lights.spectrum_of("scene.csv", DEFAULT_GRID, str(scene))[1] == "scene.csv"
+    assert lights.spectrum_of("here.csv", DEFAULT_GRID, str(scene))[1] == str(here / "here.csv")
     with pytest.raises(SpectrumError, match=r"nosuch\.csv"):
-        lighting.added(ROWS, "nosuch.csv", DEFAULT_GRID, str(scene))
+        lights.added(ROWS, "nosuch.csv", DEFAULT_GRID, str(scene))
 
 
 def test_names_stay_apart_as_rows_of_one_name_are_one_setting() -> None:
     rows = ROWS
     for _ in range(3):
-        rows = lighting.added(rows, "d65", DEFAULT_GRID)
+        rows = lights.added(rows, "d65", DEFAULT_GRID)
     assert [each.name for each in rows[4:]] == ["D65 (2)", "D65 (3)", "D65 (4)"]
     assert {each.text for each in rows[4:]} == {"D65"}
 
 
 def test_forty_lights_have_room_and_more_are_refused_in_words() -> None:
     rows = ROWS
-    for _ in range(lighting.MOST_ROWS - len(rows)):
-        rows = lighting.added(rows, "A", DEFAULT_GRID)
+    for _ in range(lights.MOST_ROWS - len(rows)):
+        rows = lights.added(rows, "A", DEFAULT_GRID)
     assert len(rows) >= 64
     with pytest.raises(SpectrumError, match="remove one first"):
-        lighting.added(rows, "A", DEFAULT_GRID)
+        lights.added(rows, "A", DEFAULT_GRID)
 
 
 # Mixes
 
 
 def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed() -> None:
-    rows = lighting.weighted(lighting.weighted(ROWS[:3], 0, 0.7), 1, 0.3)
-    before, kept = rig_of(rows), mixes.with_mix(rows, DEFAULT_GRID)
+    rows = lights.weighted(lights.weighted(ROWS[:3], 0, 0.7), 1, 0.3)
+    before, kept = rig_of(rows), light_mixes.with_mix(rows, DEFAULT_GRID)
     assert before is not None
-    assert kept[-1].text == "D65*0.7+A*0.3" and lighting.shining(kept) == (0, 0, 0, 1)
+    assert kept[-1].text == "D65*0.7+A*0.3" and lights.shining(kept) == (0, 0, 0, 1)
     # The text has four digits.
     expected = before.mixed(DEFAULT_GRID).values
     np.testing.assert_allclose(kept[-1].rig.lights[0].values, expected, rtol=1e-3)
@@ -265,21 +270,21 @@ def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed() -> None
 
 def test_a_kept_mix_of_mixes_names_each_lamp_once() -> None:
     rows = (row("D65*0.5+A*0.5", 0.5), row("A", 0.25))
-    assert mixes.with_mix(rows, DEFAULT_GRID)[-1].text == "D65*0.25+A*0.5"
+    assert light_mixes.with_mix(rows, DEFAULT_GRID)[-1].text == "D65*0.25+A*0.5"
 
 
 def test_a_kept_mix_with_lux_has_their_sum_and_shares_of_it() -> None:
     rows = (row("D65", 0.5, 400.0), row("A*2", 1.0, 600.0))
-    kept = mixes.with_mix(rows, DEFAULT_GRID)[-1]
+    kept = light_mixes.with_mix(rows, DEFAULT_GRID)[-1]
     assert kept.rig.illuminance_lux == (800.0,) and kept.text == "D65*0.25+A*0.75"
 
 
 def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are() -> None:
-    edited = lighting.weighted(drawn(ROWS, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
-    kept = mixes.with_mix(edited, DEFAULT_GRID)[-1]
+    edited = lights.weighted(drawn(ROWS, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
+    kept = light_mixes.with_mix(edited, DEFAULT_GRID)[-1]
     assert kept.rig.groups == ("", "lamp", "sky") and kept.texts == (None, "A", "D65*0.5")
-    dark = lighting.changed(lighting.changed(edited, 0, weight=0.0), 3, muted=True)
-    assert mixes.with_mix(dark, DEFAULT_GRID) is dark
+    dark = lights.changed(lights.changed(edited, 0, weight=0.0), 3, muted=True)
+    assert light_mixes.with_mix(dark, DEFAULT_GRID) is dark
 
 
 # Events

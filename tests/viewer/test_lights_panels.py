@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.events.rows import refusal
+from volspec.viewer.model.lights_edits import refusal
 from volspec.viewer.model.state import ViewState
-
-pytest.importorskip("imgui_bundle")
 
 AREA = (0, 20, 900, 600)
 
@@ -22,7 +20,7 @@ AREA = (0, 20, 900, 600)
 def test_names_of_both_sides_stay_in_the_picture_and_apart(
     at: float, left: float, right: float
 ) -> None:
-    from volspec.viewer.ui.panels.over.divide import label_boxes
+    from volspec.viewer.ui.compare import label_boxes
 
     a, b = label_boxes(AREA, at, (left, right), 20.0, 16.0, 12.0)
     for x, y, width, height in (a, b):
@@ -35,7 +33,7 @@ def test_names_of_both_sides_stay_in_the_picture_and_apart(
 
 
 def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
-    from volspec.viewer.ui.panels.lights.library import class_of, library_names, matching, verdict
+    from volspec.viewer.ui.lights_library import class_of, library_names, matching, verdict
 
     rig, wrong = verdict("D65*0.7+planck:2700*0.3", DEFAULT_GRID, ".")
     assert rig is not None and wrong == ""
@@ -60,7 +58,7 @@ def test_a_notation_that_is_no_light_changes_nothing_and_says_why(state: ViewSta
 
 def test_a_light_without_its_colour_to_the_display_has_one_all_the_same() -> None:
     """Sodium lies outside of sRGB; a swatch is within it, its strongest channel at 1."""
-    from volspec.viewer.ui.panels.lights.colours import raw_colour
+    from volspec.viewer.ui.light_look import raw_colour
 
     for name in ("HP1", "LPS", "D65", "LED-B1"):
         colour = raw_colour(LightRig((light(name),)))
@@ -68,8 +66,8 @@ def test_a_light_without_its_colour_to_the_display_has_one_all_the_same() -> Non
 
 
 def test_columns_of_a_plot_lie_on_the_bands() -> None:
-    from volspec.viewer.ui.panels.lights.look import column_heights
-    from volspec.viewer.ui.panels.lights.spectrum import pen_place, wavelength_share
+    from volspec.viewer.ui.light_look import column_heights
+    from volspec.viewer.ui.lights_spectrum import pen_place, wavelength_share
 
     values = np.arange(31.0)
     np.testing.assert_allclose(column_heights(values, 31), values)

@@ -12,15 +12,14 @@ from hypothesis import strategies as st
 from volspec.appearance import Viewing
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model.events import Event, lightstates, reduced
-from volspec.viewer.model.history import History
-from volspec.viewer.model.lights import lighting
-from volspec.viewer.model.lights.drawing import drawn
-from volspec.viewer.model.lights.lighting import LightRow, Rows, rig_of, shining
-from volspec.viewer.model.lights.states import faded, recalled
-from volspec.viewer.model.stale import stale_stage
+from volspec.viewer.model import light_states_edits, lights
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.history import History, stale_stage
+from volspec.viewer.model.light_parts import drawn
+from volspec.viewer.model.light_states import faded, recalled
+from volspec.viewer.model.lights import LightRow, Rows, rig_of, shining
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.lights.fader import Fader
+from volspec.viewer.work.fader import Fader
 
 _SHARE = st.floats(0.001, 0.999)
 DIM, BRIGHT = RelightSpec(), RelightSpec(Viewing(illuminance_lux=10.0, Y_b=40.0), backdrop=0.6)
@@ -28,7 +27,7 @@ DIM, BRIGHT = RelightSpec(), RelightSpec(Viewing(illuminance_lux=10.0, Y_b=40.0)
 
 def row(text: str, weight: float, lux: float | None = None) -> LightRow:
     rig = LightRig((light(text),), illuminance_lux=None if lux is None else (lux,))
-    return LightRow(text, text, rig, weight, texts=(text,), kelvin=lighting.kelvin_of(text))
+    return LightRow(text, text, rig, weight, texts=(text,), kelvin=lights.kelvin_of(text))
 
 
 START: Rows = (row("D65", 1.0, 100.0), row("A", 0.5, 200.0), row("planck:2000", 0.2, 50.0))
@@ -36,8 +35,8 @@ START: Rows = (row("D65", 1.0, 100.0), row("A", 0.5, 200.0), row("planck:2000", 
 
 def after(rows: Rows) -> Rows:
     """D65 muted, A solo and drawn, the radiator hotter, and one light more."""
-    rows = drawn(lighting.changed(rows, 0, muted=True), 1, 0, (0.1, 3.0), (0.4, 3.0))
-    rows = lighting.heated(rows, 2, 8000.0)
+    rows = drawn(lights.changed(rows, 0, muted=True), 1, 0, (0.1, 3.0), (0.4, 3.0))
+    rows = lights.heated(rows, 2, 8000.0)
     return (*rows, row("FL2", 0.8, 400.0))
 
 
@@ -105,35 +104,35 @@ def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
 
 
 def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None:
-    one = lightstates.saved(state)
-    two = lightstates.saved(reduced(one, Event("weight", 0.3, index=2)))
+    one = light_states_edits.saved(state)
+    two = light_states_edits.saved(reduced(one, Event("weight", 0.3, index=2)))
     assert [kept.name for kept in two.kept] == ["State 1", "State 2"]
-    assert lightstates.renamed(two, 0, "  Day\n light ").kept[0].name == "Day light"
-    assert lightstates.renamed(two, 0, "State 2") is two
-    assert lightstates.renamed(two, 0, " ") is two
-    over = lightstates.saved_over(two, 0)
+    assert light_states_edits.renamed(two, 0, "  Day\n light ").kept[0].name == "Day light"
+    assert light_states_edits.renamed(two, 0, "State 2") is two
+    assert light_states_edits.renamed(two, 0, " ") is two
+    over = light_states_edits.saved_over(two, 0)
     assert over.kept[0].lights is two.lights and over.kept[0].name == "State 1"
-    back = lightstates.recall(two, 0)
+    back = light_states_edits.recall(two, 0)
     assert back.lights == state.lights and back.seen == state.seen and back.fade is not None
-    gone = lightstates.deleted(two, 0)
-    assert [kept.name for kept in lightstates.saved(gone).kept] == ["State 2", "State 1"]
+    gone = light_states_edits.deleted(two, 0)
+    assert [kept.name for kept in light_states_edits.saved(gone).kept] == ["State 2", "State 1"]
     for index in (-1, 2, 99):
-        assert lightstates.recall(two, index) is two
-        assert lightstates.deleted(two, index) is two
-        assert lightstates.saved_over(two, index) is two
+        assert light_states_edits.recall(two, index) is two
+        assert light_states_edits.deleted(two, index) is two
+        assert light_states_edits.saved_over(two, index) is two
 
 
 def test_saving_and_deleting_a_state_can_be_undone(state: ViewState) -> None:
-    history = History(state).then(lightstates.saved(state), 1)
-    history = history.then(lightstates.deleted(history.present, 0), 2)
+    history = History(state).then(light_states_edits.saved(state), 1)
+    history = history.then(light_states_edits.deleted(history.present, 0), 2)
     assert history.present.kept == () and len(history.undone().present.kept) == 1
 
 
 def recalling(state: ViewState, seconds: float) -> ViewState:
     """A state on its way from A alone to D65 alone."""
-    kept = lightstates.saved(lightstates.fade_lasting(state, seconds))
-    other = replace(kept, lights=lighting.alone(kept.lights, 1))
-    return lightstates.recall(other, 0)
+    kept = light_states_edits.saved(light_states_edits.fade_lasting(state, seconds))
+    other = replace(kept, lights=lights.alone(kept.lights, 1))
+    return light_states_edits.recall(other, 0)
 
 
 def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> None:
@@ -148,9 +147,9 @@ def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) 
 
 
 def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
-    fader, before = Fader(), replace(state, lights=lighting.alone(state.lights, 1))
-    before = replace(before, kept=lightstates.saved(state).kept)
-    history = History(before).then(lightstates.recall(before, 0), 1)
+    fader, before = Fader(), replace(state, lights=lights.alone(state.lights, 1))
+    before = replace(before, kept=light_states_edits.saved(state).kept)
+    history = History(before).then(light_states_edits.recall(before, 0), 1)
     for i in range(1, 4):
         present = history.present
         shown = fader.shown(present, float(i) / 10)
@@ -179,7 +178,7 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
     fader, new = Fader(), recalling(state, 1.0)
     fader.shown(new, 0.0)
     shown = fader.shown(new, 0.5)
-    again = fader.to_keep(new, shown, lightstates.recall(shown, 0))
+    again = fader.to_keep(new, shown, light_states_edits.recall(shown, 0))
     assert again.fade is not None and shining(again.fade.lights)[:2] == (0.5, 0.5)
     assert shining(fader.shown(again, 0.7).lights)[:2] == (0.5, 0.5)
 
@@ -187,4 +186,4 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
 def test_a_fade_of_no_time_is_a_cut(state: ViewState) -> None:
     fader, new = Fader(), recalling(state, 0.0)
     assert fader.shown(new, 0.0) is new and not fader.running
-    assert lightstates.fade_lasting(state, 99.0).interface.fade_s == 10.0
+    assert light_states_edits.fade_lasting(state, 99.0).interface.fade_s == 10.0

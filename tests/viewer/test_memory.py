@@ -17,7 +17,7 @@ def taken():
     (kilobytes,) = re.findall(r"RssAnon:\\s*(\\d+)", Path("/proc/self/status").read_text())
     return int(kilobytes) / 1024
 
-from volspec.viewer.work.memory import give_back_large
+from volspec.viewer.work.pictures import give_back_large
 if {given}:
     give_back_large()
 import numpy as np

@@ -9,9 +9,9 @@ from typing import Any, cast
 
 import pytest
 
-from volspec.viewer.work.picture.meter import SLOW_MS, Meter
-from volspec.viewer.work.picture.pictures import Relit
-from volspec.viewer.work.window.trace import Trace
+from volspec.viewer.work.meter import SLOW_MS, Meter
+from volspec.viewer.work.notify import Trace
+from volspec.viewer.work.pictures import Relit
 
 
 @dataclass

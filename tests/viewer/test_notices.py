@@ -10,16 +10,14 @@ import pytest
 from tests.viewer.test_transfer import of_kind
 from volspec.palette import Cell, CellReport
 from volspec.relight.error_map import ErrorMap
-from volspec.viewer.model.actions import BY_NAME
+from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.lights.lighting import MOST_ROWS
-from volspec.viewer.model.lights.states import MOST_STATES, LightState
-from volspec.viewer.model.palette.table import Table, table_of
-from volspec.viewer.model.palette.wishes import STAY
+from volspec.viewer.model.light_states import MOST_STATES, LightState
+from volspec.viewer.model.lights import MOST_ROWS
+from volspec.viewer.model.palette_table import Table, table_of
+from volspec.viewer.model.palette_targets import STAY
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-
-ui = pytest.importorskip("volspec.viewer.ui.ui")
 
 
 def said(state: ViewState, name: str) -> str:
@@ -61,7 +59,7 @@ def test_actions_that_do_something_or_have_nothing_to_do_say_nothing(state: View
 
 
 def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> None:
-    from volspec.viewer.ui.panels.commands import commands_of
+    from volspec.viewer.ui.commands import commands_of
 
     command = next(c for c in commands_of(state, (), "add light hp1") if c.title == "HP1")
     assert command.change is not None
@@ -73,7 +71,7 @@ def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> 
 
 
 def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state: ViewState) -> None:
-    from volspec.viewer.ui.panels.transfer.library import added
+    from volspec.viewer.ui.transfer_library import added
 
     here = UiContext()
     here.library.search = "silver"
@@ -90,13 +88,14 @@ def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state: Vi
 def test_a_colour_that_is_not_made_yet_is_waited_for(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from volspec.viewer.ui.panels.transfer import library
 
     class Unmade:
         spectra = None
 
     def unmade(*_: object) -> Unmade:
         return Unmade()
+
+    from volspec.viewer.ui import transfer_library as library
 
     monkeypatch.setattr(library.css_colours, "colours", unmade)
     here = UiContext()
@@ -116,7 +115,7 @@ def report(
 
 
 def test_a_cell_says_what_is_wanted_and_how_far_it_is() -> None:
-    from volspec.viewer.ui.panels.palette.cells import explained
+    from volspec.viewer.ui.palette_cells import explained
 
     assert "Nothing is wanted here" in explained(report(), None)
     for cell, words in (
@@ -135,7 +134,7 @@ def test_a_cell_says_what_is_wanted_and_how_far_it_is() -> None:
 
 
 def test_the_palette_sums_up_what_is_missed_and_what_drifts(state: ViewState) -> None:
-    from volspec.viewer.ui.panels.palette.panel import summary
+    from volspec.viewer.ui.palette_panel import summary
 
     def of(*errors: tuple[float, float]) -> Table:
         cells = {
@@ -151,7 +150,7 @@ def test_the_palette_sums_up_what_is_missed_and_what_drifts(state: ViewState) ->
 
 
 def test_the_error_map_says_whether_an_eye_would_see_it() -> None:
-    from volspec.viewer.ui.panels.over.error_map import told
+    from volspec.viewer.ui.compare import told
 
     whole = np.ones((2, 2), np.float32)
     assert told(None, "") == ["Error map: working …"]
@@ -163,7 +162,7 @@ def test_the_error_map_says_whether_an_eye_would_see_it() -> None:
 
 
 def test_the_adopted_white_is_told_of_what_shines_alone(state: ViewState) -> None:
-    from volspec.viewer.ui.panels.viewing import white_told
+    from volspec.viewer.ui.viewing import white_told
 
     muted = reduced(state, Event("mute", index=0))
     assert white_told(muted.lights) == white_told(())

@@ -17,19 +17,16 @@ from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
-from volspec.viewer.model.actions import BY_NAME
+from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.events import EVENTS, Event, reduced
-from volspec.viewer.model.history import History
-from volspec.viewer.model.lights.lighting import LightRow
-from volspec.viewer.model.palette.ranges import assigned, ranges
-from volspec.viewer.model.palette.spectra import columns, with_reflectances
-from volspec.viewer.model.palette.table import answered, palette_of, table_of
-from volspec.viewer.model.palette.wishes import REFLECTANCE, STAY, Board
-from volspec.viewer.model.stale import stale_stage
+from volspec.viewer.model.history import History, stale_stage
+from volspec.viewer.model.lights import LightRow
+from volspec.viewer.model.palette_spectra import columns, with_reflectances
+from volspec.viewer.model.palette_table import answered, assigned, palette_of, ranges, table_of
+from volspec.viewer.model.palette_targets import REFLECTANCE, STAY, Board
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.panels.palette.cells import contrast, importance
-from volspec.viewer.ui.panels.palette.margins import levels, parts_told
+from volspec.viewer.ui.palette_cells import contrast, importance, levels, parts_told
 
 # ΔE00 that side by side is just seen: what a reached wish stays below.
 SEEN = 1.0

@@ -13,17 +13,16 @@ from volspec.basis import MaterialBasis
 from volspec.palette import Cell, load_palette
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
+from volspec.viewer.model import palette_files
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.palette import files
-from volspec.viewer.model.palette.spectra import columns
-from volspec.viewer.model.palette.table import answered, palette_of, table_of
-from volspec.viewer.model.palette.wishes import STAY, Wishes
-from volspec.viewer.model.stale import stale_stage
+from volspec.viewer.model.history import stale_stage
+from volspec.viewer.model.palette_spectra import columns
+from volspec.viewer.model.palette_table import answered, palette_of, table_of
+from volspec.viewer.model.palette_targets import STAY, Wishes
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.panels.palette.cells import explained
-from volspec.viewer.ui.panels.palette.panel import summary
-from volspec.viewer.work.palette.service import advice_of
-from volspec.viewer.work.palette.worker import DesignDone, DesignJob, DesignWorker
+from volspec.viewer.ui.palette_cells import explained
+from volspec.viewer.ui.palette_panel import summary
+from volspec.viewer.work.designs import DesignDone, DesignJob, DesignWorker, advice_of
 
 PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 
@@ -70,7 +69,7 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState)
     transfer = TransferFunction([(0.2, 0.0, "a"), (0.5, 0.2, "b")], grey, MaterialBasis(grey))
     empty = replace(state, transfer=transfer, lights=state.lights[:1])
     palette = load_palette(PALETTES / "figure-2.toml")
-    begun = files.with_palette(empty, palette)
+    begun = palette_files.with_palette(empty, palette)
     assert columns(begun.lights) == ("D65", "split 1", "split 2")
     assert begun.board.waits and begun.board.anew
     found = answers(begun)[-1].made

@@ -19,11 +19,11 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer.model.palette import files, wizards
-from volspec.viewer.model.palette.spectra import columns
-from volspec.viewer.model.palette.table import palette_of, table_of
-from volspec.viewer.model.palette.wishes import LIGHT, REFLECTANCE, Board, Pick
-from volspec.viewer.model.stale import stale_stage
+from volspec.viewer.model import palette_files, palette_wizards
+from volspec.viewer.model.history import stale_stage
+from volspec.viewer.model.palette_spectra import columns
+from volspec.viewer.model.palette_table import palette_of, table_of
+from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Board, Pick
 from volspec.viewer.model.state import ViewState
 
 
@@ -31,7 +31,7 @@ from volspec.viewer.model.state import ViewState
 def hidden(state: ViewState) -> ViewState:
     pick = Pick(place=("gold", "A"))
     asked = replace(state, interface=replace(state.interface, pick=pick))
-    return wizards.applied(asked, wizards.asked(asked, "hide"))
+    return palette_wizards.applied(asked, palette_wizards.asked(asked, "hide"))
 
 
 def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: ViewState) -> None:
@@ -47,7 +47,7 @@ def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: Vi
 def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
     pick = Pick(place=("gold", "A"), like="D65")
     asked = replace(state, interface=replace(state.interface, pick=pick))
-    made = wizards.applied(asked, wizards.asked(asked, "hide"))
+    made = palette_wizards.applied(asked, palette_wizards.asked(asked, "hide"))
     assert columns(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
     assert (LIGHT, "new 1") in made.board.wishes.open
     assert stale_stage(undressed(state), replace(made, board=Board())) == "relight"
@@ -62,7 +62,7 @@ def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState) -
         LabelFunction({1: (0.5, "gold"), 2: (0.2, {"copper": 0.5})}, metals, basis),
         Isosurfaces([(0.3, 0.5, "copper"), (0.6, 1.0, "gold")], metals, basis),
     ):
-        scene = wizards.scene_of(replace(state, transfer=transfer))
+        scene = palette_wizards.scene_of(replace(state, transfer=transfer))
         assert list(scene.materials) == ["copper", "gold"]
         assert type(scene.transfer) is type(transfer)
         assert [each.name for each in scene.lights] == list(columns(state.lights))
@@ -76,20 +76,20 @@ def test_filters_keep_their_basis_and_no_wizard_touches_them(state: ViewState) -
     assert asked.transfer is glass and asked.board.waits
     assert stale_stage(asked, designed(asked)) == "cast"
     with pytest.raises(PaletteError, match="filter"):
-        wizards.asked(asked, "hide")
+        palette_wizards.asked(asked, "hide")
 
 
 def test_a_wizard_that_refuses_says_why(state: ViewState) -> None:
     pick = Pick(place=("gold", "A"), distance=99.0)
     asked = replace(state, interface=replace(state.interface, pick=pick))
     with pytest.raises(PaletteError, match="comes no further than"):
-        wizards.asked(asked, "reveal")
+        palette_wizards.asked(asked, "reveal")
 
 
 def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
-    files.saved(hidden, str(file))
-    again = files.with_palette(hidden, load_palette(file))
+    palette_files.saved(hidden, str(file))
+    again = palette_files.with_palette(hidden, load_palette(file))
     assert not again.board.waits
     assert again.board.wishes.cells == hidden.board.wishes.cells
     assert again.board.wishes.open == hidden.board.wishes.open

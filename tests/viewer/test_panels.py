@@ -14,11 +14,9 @@ from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Results, UiContext
 
-ui = pytest.importorskip("volspec.viewer.ui.ui")
-
 
 def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
-    from volspec.viewer.ui.panels.lights.library import matching
+    from volspec.viewer.ui.lights_library import matching
 
     assert matching("d65")[0] == "D65"
     found = matching("fl")
@@ -29,7 +27,7 @@ def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
 def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(
     state: ViewState,
 ) -> None:
-    from volspec.viewer.ui.panels.lights.colours import adapted_colour, raw_colour
+    from volspec.viewer.ui.light_look import adapted_colour, raw_colour
 
     tungsten = state.lights[1].rig
     raw, adapted = raw_colour(tungsten), adapted_colour(tungsten, state.seen)
@@ -38,7 +36,7 @@ def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(
 
 
 def test_swatches_are_kept(state: ViewState) -> None:
-    from volspec.viewer.ui.panels.lights.colours import adapted_colour
+    from volspec.viewer.ui.light_look import adapted_colour
 
     first = adapted_colour(state.lights[0].rig, state.seen)
     assert adapted_colour(state.lights[0].rig, state.seen) is first
@@ -46,14 +44,14 @@ def test_swatches_are_kept(state: ViewState) -> None:
 
 def test_a_colour_is_packed_with_its_own_opacity_and_one_more() -> None:
     """imgui packs alpha, blue, green, red, the highest byte first."""
-    from volspec.viewer.ui.panels.widgets import packed
+    from volspec.viewer.ui.widgets import packed
 
     assert packed((1.0, 0.0, 0.2)) == 0xFF3300FF
     assert packed((1.0, 0.0, 0.2, 0.4), 0.5) == 0x333300FF
 
 
 def test_settings_that_do_not_go_together_are_left_as_they_are() -> None:
-    from volspec.viewer.model.lights.viewing import changed, with_display, with_model
+    from volspec.viewer.model.viewing import changed, with_display, with_model
 
     seen = changed(RelightSpec(), adapting="pixel")
     assert with_model(seen, "Hunt").viewing.adapting == "picture"
@@ -88,7 +86,7 @@ def test_settings_as_they_are_or_of_no_such_name_change_nothing(state: ViewState
 
 def test_a_room_is_named_until_its_numbers_change() -> None:
     from volspec.appearance.presets import PRESETS
-    from volspec.viewer.ui.panels.viewing import preset_of
+    from volspec.viewer.ui.viewing import preset_of
 
     for name, each in PRESETS.items():
         display = replace(each.display("Display P3", "reduce"), mark=True)
@@ -98,8 +96,8 @@ def test_a_room_is_named_until_its_numbers_change() -> None:
 
 def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
     """L_A is E_v/π · Y_b/100."""
-    from volspec.viewer.model.lights.viewing import luminance
-    from volspec.viewer.ui.panels.viewing import white_told
+    from volspec.viewer.model.viewing import luminance
+    from volspec.viewer.ui.viewing import white_told
 
     viewing, plain = state.seen.viewing, state.lights[0].rig
     assert luminance(plain, viewing) == pytest.approx(1000 / np.pi * 0.2)
@@ -123,7 +121,7 @@ def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
 
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
-    from volspec.viewer.ui.panels.transfer.axes import bars
+    from volspec.viewer.ui.transfer_plot import bars
 
     for counts in (np.zeros(256), np.r_[1e9, np.ones(255)]):
         heights = bars(counts, logarithmic)
@@ -131,7 +129,7 @@ def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
 
 
 def test_the_status_line_tells_coarse_from_whole(state: ViewState, document: Document) -> None:
-    from volspec.viewer.ui.panels.status import sizes, timings
+    from volspec.viewer.ui.menus import sizes, timings
 
     here = UiContext()
     assert sizes(state, here) == "casting …"
@@ -144,8 +142,8 @@ def test_the_status_line_tells_coarse_from_whole(state: ViewState, document: Doc
 
 
 def test_names_and_titles_are_told_in_one_line(state: ViewState) -> None:
-    from volspec.viewer.ui.panels.commands import commands_of
-    from volspec.viewer.ui.panels.lights.rows import described
+    from volspec.viewer.ui.commands import commands_of
+    from volspec.viewer.ui.lights_rows import described
 
     name = "north\nwindow\t\x07\u202e"
     row = replace(state.lights[0], name=name, label="of\r\nglass")

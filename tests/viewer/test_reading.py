@@ -15,9 +15,9 @@ from volspec.relight import Illumination, LightRig
 from volspec.relight.error_map import error_map
 from volspec.spectra import color_matching_functions
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.lights.lighting import rig_of
+from volspec.viewer.model.lights import rig_of
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.picture.reading import place_mm, read, spectra, value_at
+from volspec.viewer.work.probe import place_mm, read, spectra, value_at
 
 MIDDLE = (16, 16)
 
@@ -94,7 +94,8 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
 def test_the_map_is_made_once_for_a_picture_and_light_and_says_where_none_shines(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    heat = pytest.importorskip("volspec.viewer.work.picture.error_map")
+    from volspec.viewer.work import error_map as heat
+
     _, image, _ = shot(state)
     begun = []
     monkeypatch.setattr(heat.Tasks, "start", lambda self, kind, task: begun.append(task))

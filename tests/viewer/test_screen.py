@@ -11,12 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.viewer.test_tabling import SIZE, done, pixels
-from volspec.viewer.model.lights import lighting
+from volspec.viewer.model import lights
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.picture.meter import Meter
-from volspec.viewer.work.picture.screen import Screen
-from volspec.viewer.work.window.notice import Notice
-from volspec.viewer.work.window.trace import Trace
+from volspec.viewer.work.meter import Meter
+from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.screen import Screen
 
 BANDS = 3
 AREA = (0, 0, 200, 100)
@@ -37,7 +36,7 @@ def slow(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Ite
 
 
 def under(state: ViewState, light: int) -> ViewState:
-    return replace(state, lights=lighting.alone(state.lights, light))
+    return replace(state, lights=lights.alone(state.lights, light))
 
 
 def lit(screen: Screen, state: ViewState) -> NDArray[np.uint8]:

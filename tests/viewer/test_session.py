@@ -23,11 +23,11 @@ from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
 from volspec.viewer.model.document import Document, plain_scene
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.lights.lighting import LightRow
-from volspec.viewer.model.lights.states import Fade
+from volspec.viewer.model.light_states import Fade
+from volspec.viewer.model.lights import LightRow
 from volspec.viewer.model.state import Interface, ViewState
-from volspec.viewer.work.files import session_store
-from volspec.viewer.work.files.session import (
+from volspec.viewer.work import session_store
+from volspec.viewer.work.session import (
     SUFFIX,
     VERSION,
     BrokenSession,
@@ -37,7 +37,7 @@ from volspec.viewer.work.files.session import (
     save_session,
     session_of,
 )
-from volspec.viewer.work.files.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
+from volspec.viewer.work.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
 from volspec.volume import load_volume, phantom
 
 FIXTURES = Path(__file__).with_name("sessions")
@@ -312,7 +312,7 @@ import os, signal, sys
 from pathlib import Path
 from tests.viewer.test_files_scene import opened
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.work.files.session_store import SessionStore
+from volspec.viewer.work.session_store import SessionStore
 
 def half(path, text, **settings):
     path.write_bytes(text[: len(text) // 2].encode())

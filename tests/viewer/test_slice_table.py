@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from volspec.transfer import MAX_LABEL
-from volspec.viewer.model.view import slice_table
+from volspec.viewer.model import slice_table
 from volspec.volume import Volume
 
 

@@ -10,13 +10,12 @@ import pytest
 from volspec.raycast import ClipPlane
 from volspec.relight import RelightSpec
 from volspec.spectra import reflectance
-from volspec.viewer.model.actions import ACTIONS, BY_NAME
+from volspec.viewer.model.commands import ACTIONS, BY_NAME
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.events import EVENTS, Event, reduced
-from volspec.viewer.model.history import MOST_STEPS, History
-from volspec.viewer.model.lights.states import Fade, LightState
-from volspec.viewer.model.palette.wishes import Board
-from volspec.viewer.model.stale import STAGES, lit_otherwise, stale_stage
+from volspec.viewer.model.history import MOST_STEPS, STAGES, History, lit_otherwise, stale_stage
+from volspec.viewer.model.light_states import Fade, LightState
+from volspec.viewer.model.palette_targets import Board
 from volspec.viewer.model.state import Interface, ViewState
 
 

@@ -14,23 +14,21 @@ from volspec.errors import InputError
 from volspec.palette import Cell
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model.actions import BY_NAME
-from volspec.viewer.model.events import Event, lightstates, reduced
-from volspec.viewer.model.events.lights import renamed
+from volspec.viewer.model import light_states_edits, lights
+from volspec.viewer.model.commands import BY_NAME
+from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.history import History, changed_in
-from volspec.viewer.model.lights import lighting
-from volspec.viewer.model.lights.drawing import drawn, undrawn
-from volspec.viewer.model.lights.lighting import LightRow, shining
-from volspec.viewer.model.lights.parts import respelled
-from volspec.viewer.model.palette.wishes import LIGHT, Board, Wishes
+from volspec.viewer.model.light_parts import drawn, respelled, undrawn
+from volspec.viewer.model.lights import LightRow, shining
+from volspec.viewer.model.lights_edits import renamed
+from volspec.viewer.model.palette_targets import LIGHT, Board, Wishes
 from volspec.viewer.model.state import Interface, ViewState
-from volspec.viewer.ui.window.gestures import RUN_S, Gestures
-from volspec.viewer.ui.window.inputs import Input
-from volspec.viewer.work.files.opening import Opened, Openings
-from volspec.viewer.work.files.recent import RecentFiles
-from volspec.viewer.work.files.tasks import Tasks
-from volspec.viewer.work.window.notice import Notice
-from volspec.viewer.work.window.trace import Trace
+from volspec.viewer.ui.inputs import Input
+from volspec.viewer.ui.mouse import RUN_S, Gestures
+from volspec.viewer.work.background import Tasks
+from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.opening import Opened, Openings
+from volspec.viewer.work.session_store import RecentFiles
 
 
 def done(state: ViewState, name: str) -> ViewState:
@@ -61,7 +59,8 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) 
 
 
 def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
-    commands = pytest.importorskip("volspec.viewer.ui.panels.commands")
+    from volspec.viewer.ui import commands
+
     for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
         row = commands.commands_of(state, (), search)[0]
         new = row.change(state)
@@ -71,7 +70,7 @@ def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
 
 def test_another_file_chooses_its_shining_light_and_keeps_the_window(state: ViewState) -> None:
     before = replace(state, size=(40, 30), interface=Interface(dark=False, light=3))
-    lit = replace(state, lights=lighting.alone(state.lights, 2))
+    lit = replace(state, lights=lights.alone(state.lights, 2))
     new = Opened(lit).after(before).state
     assert new.interface.light == 2 and not new.interface.dark and new.size == (40, 30)
     session = Opened(reduced(state, Event("select", index=1)), session=Path("x")).after(before)
@@ -110,7 +109,7 @@ def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
         ("view", lambda s: done(s, "view-right")),
         ("lights", lambda s: done(s, "next-light")),
         ("lights", lambda s: done(s, "compare")),
-        ("light states", lightstates.saved),
+        ("light states", light_states_edits.saved),
         ("transfer function", lambda s: reduced(s, Event("shift", 0.1))),
         ("viewing", lambda s: done(s, "mark")),
         ("cuts", lambda s: reduced(s, Event("crop", 0.3, 0.0, 0))),
@@ -123,27 +122,27 @@ def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> 
 
 
 def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
-    rows = lighting.renamed(state.lights, 1, "  my\n lamp ")
+    rows = lights.renamed(state.lights, 1, "  my\n lamp ")
     assert rows[1].name == "my lamp" and rows[1].rig is state.lights[1].rig
-    assert lighting.renamed(rows, 2, "my lamp")[2].name == "my lamp (2)"
+    assert lights.renamed(rows, 2, "my lamp")[2].name == "my lamp (2)"
     for index, name in ((1, "my lamp"), (1, " "), (9, "x"), (-1, "x")):
-        assert lighting.renamed(rows, index, name) is rows
+        assert lights.renamed(rows, index, name) is rows
 
 
 def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
-    rows = lighting.renamed(state.lights, 3, "lamp")
-    assert lighting.heated(rows, 3, 5000.0)[3].name == "lamp"
+    rows = lights.renamed(state.lights, 3, "lamp")
+    assert lights.heated(rows, 3, 5000.0)[3].name == "lamp"
     assert respelled(rows, 3, 0, "D50", DEFAULT_GRID)[3].name == "lamp"
     pen = drawn(rows, 3, 0, (0.1, 2.0), (0.5, 2.0))
     assert pen[3].name == "lamp" == undrawn(pen, 3)[3].name
     # Also where it was given after the drawing.
-    later = lighting.renamed(drawn(state.lights, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
+    later = lights.renamed(drawn(state.lights, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
     assert drawn(later, 1, 0, (0.6, 2.0), (0.9, 2.0))[1].name == "mine"
 
 
 def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
-    kept = lightstates.saved(state)
-    back = lightstates.recall(replace(kept, lights=lighting.renamed(kept.lights, 0, "x")), 0)
+    kept = light_states_edits.saved(state)
+    back = light_states_edits.recall(replace(kept, lights=lights.renamed(kept.lights, 0, "x")), 0)
     assert back.lights == state.lights
 
 
@@ -160,7 +159,8 @@ def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
 
 
 def test_a_drawn_light_says_from_what() -> None:
-    rows = pytest.importorskip("volspec.viewer.ui.panels.lights.rows")
+    from volspec.viewer.ui import lights_rows as rows
+
     lamp = LightRow("day", "D65 at noon", LightRig((light("D65"),)), 1.0, texts=("D65",))
     assert rows.described(lamp) == "day\nD65 at noon"
     pen = drawn((lamp,), 0, 0, (0.1, 2.0), (0.5, 2.0))
@@ -169,7 +169,9 @@ def test_a_drawn_light_says_from_what() -> None:
 
 
 def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
-    scraps = pytest.importorskip("volspec.viewer.ui.context").LightScraps()
+    from volspec.viewer.ui.context import LightScraps
+
+    scraps = LightScraps()
     scraps.complain("'Q': no such light", (1, 0), state.lights)
     assert scraps.complaint_at((1, 0), state.lights) == "'Q': no such light"
     assert scraps.complaint_at((0, 0), state.lights) == ""
@@ -215,7 +217,8 @@ def test_a_frame_takes_one_gesture_where_a_busy_window_hears_of_several(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A press is where the mouse was then, and a key after a drag is no part of it."""
-    module = pytest.importorskip("volspec.viewer.ui.window.inputs")
+    from volspec.viewer.ui import inputs as module
+
     heard: dict[str, Any] = {}
     for name in [name for name in dir(module.glfw) if name.endswith("_callback")]:
         monkeypatch.setattr(

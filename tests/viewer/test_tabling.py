@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from volspec.errors import ViewingError
 from volspec.raycast import CoefficientImage
 from volspec.relight import tables
-from volspec.viewer.model.lights import lighting
+from volspec.viewer.model import lights as lighting
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.window.window import Window
-from volspec.viewer.work.picture.meter import Meter
-from volspec.viewer.work.picture.screen import Screen
-from volspec.viewer.work.picture.worker import CastDone, CastJob
-from volspec.viewer.work.window.notice import Notice
-from volspec.viewer.work.window.trace import Trace
+from volspec.viewer.ui.window import Window
+from volspec.viewer.work.casts import CastDone, CastJob
+from volspec.viewer.work.meter import Meter
+from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.screen import Screen
 
 SIZE = (8, 6)
 

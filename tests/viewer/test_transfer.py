@@ -21,11 +21,12 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer.model.actions import ACTIONS
-from volspec.viewer.model.events import Event, curve, reduced
+from volspec.viewer.model import transfer_edits
+from volspec.viewer.model.commands import ACTIONS
+from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer.parts import parts_of, with_share
+from volspec.viewer.model.transfer_parts import parts_of, with_share
 
 KINDS = ("points", "regions", "surfaces", "labels")
 
@@ -55,7 +56,7 @@ def of_kind(state: ViewState, kind: str) -> ViewState:
 _NUMBERS = st.floats(-3, 3) | st.floats(-1e9, 1e9) | st.sampled_from([0.0, math.nan, math.inf])
 _EDITS = st.builds(
     Event,
-    st.sampled_from(sorted(curve.EVENTS)),
+    st.sampled_from(sorted(transfer_edits.EVENTS)),
     _NUMBERS,
     _NUMBERS,
     st.integers(-2, 12),

@@ -13,9 +13,9 @@ from volspec.transfer import MAX_SURFACES, Region, TransferFunction, TransferFun
 from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer.converting import Kind, converted, left_out
-from volspec.viewer.model.transfer.parts import MOST_PARTS, parts_of
-from volspec.viewer.model.transfer.placing import MOST_FACTORS
+from volspec.viewer.model.transfer_convert import Kind, converted, left_out
+from volspec.viewer.model.transfer_parts import MOST_PARTS, parts_of
+from volspec.viewer.model.transfer_placing import MOST_FACTORS
 
 _SPAN = (0.0, 1.0)
 

@@ -11,11 +11,11 @@ import pytest
 
 from tests.viewer.test_transfer import of_kind
 from volspec.transfer import Isosurfaces, Region, TransferFunction, TransferFunction2D
-from volspec.viewer.model.actions import ACTIONS, BY_NAME
+from volspec.viewer.model.commands import ACTIONS, BY_NAME
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer.converting import converted, kind_of
-from volspec.viewer.model.transfer.parts import MOST_PARTS, parts_of
+from volspec.viewer.model.transfer_convert import converted, kind_of
+from volspec.viewer.model.transfer_parts import MOST_PARTS, parts_of
 
 _SPAN = (0.0, 1.0)
 

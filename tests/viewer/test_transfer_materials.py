@@ -18,20 +18,20 @@ from volspec.spectra import Spectrum, light, reflectance, reflectance_names, ref
 from volspec.spectra.construct.colours import sRGB_of_word
 from volspec.transfer import TransferFunction
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.events.materials import refusal
 from volspec.viewer.model.history import History
-from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer.materials import (
+from volspec.viewer.model.materials import (
     MOST_MATERIALS,
     colour_names,
+    refusal,
     told,
     why_kept,
     without_material,
 )
-from volspec.viewer.model.transfer.parts import parts_of
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer_parts import parts_of
 from volspec.viewer.work.css_colours import Colours
-from volspec.viewer.work.files.as_python import export_python
-from volspec.viewer.work.files.session import read_session, resumed, save_session
+from volspec.viewer.work.script import export_python
+from volspec.viewer.work.session import read_session, resumed, save_session
 
 
 def given(state: ViewState, name: str, index: int = 0) -> ViewState:
@@ -186,7 +186,8 @@ def test_what_is_no_reflectance_is_refused_in_words(state: ViewState) -> None:
 
 
 def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
-    library = pytest.importorskip("volspec.viewer.ui.panels.transfer.library")
+    from volspec.viewer.ui import transfer_library as library
+
     names = library.library_names()
     assert len(set(names)) == len(names)
     measured = set(reflectance_names())
@@ -221,7 +222,8 @@ def test_scenes_sessions_and_scripts_keep_such_a_material(
 
 
 def test_materials_are_shown_as_an_adapted_eye_sees_them(state: ViewState) -> None:
-    colours = pytest.importorskip("volspec.viewer.ui.panels.transfer.colours")
+    from volspec.viewer.ui import transfer_plot as colours
+
     under_daylight = colours.material_colours(state)
     assert set(under_daylight) == {"copper", "gold"}
     r, g, b = under_daylight["gold"]

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from volspec.pipeline import raycast
-from volspec.viewer.model.actions import BY_NAME
-from volspec.viewer.model.document import Document, histogram
+from volspec.viewer.model import presets
+from volspec.viewer.model import presets as preset_table
+from volspec.viewer.model.commands import BY_NAME
+from volspec.viewer.model.document import Document, histogram, joint_histogram
 from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer import preset_table, presets
-from volspec.viewer.model.transfer.joint import joint_histogram
-from volspec.viewer.model.transfer.parts import parts_of
+from volspec.viewer.model.transfer_parts import parts_of
 from volspec.volume import Volume, phantom
 
 
@@ -80,7 +80,8 @@ def test_the_joint_histogram_knows_a_ramps_gradient() -> None:
 
 
 def test_the_histogram_on_the_screen_keeps_no_closed_volume(document: Document) -> None:
-    regions = pytest.importorskip("volspec.viewer.ui.panels.transfer.regions")
+    from volspec.viewer.ui import transfer_regions as regions
+
     opened = replace(document, volume=Volume(phantom.ball(8).values))
     closed = weakref.ref(opened.volume.values)
     assert regions.shades(opened.joint, True).max() == pytest.approx(1.0)

@@ -12,21 +12,20 @@ from numpy.typing import NDArray
 
 from volspec.raycast import ClipPlane
 from volspec.transfer import TransferFunction
-from volspec.viewer.model.actions import BY_KEY, BY_NAME
+from volspec.viewer.model import cuts, projection
+from volspec.viewer.model.camera import View
+from volspec.viewer.model.camera_edits import fitted, shown_mm
+from volspec.viewer.model.commands import BY_KEY, BY_NAME
+from volspec.viewer.model.cuts import dragged, handles, nearest
 from volspec.viewer.model.document import Document
+from volspec.viewer.model.event import Action
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.events.event import Action
+from volspec.viewer.model.projection import Projection
+from volspec.viewer.model.slices import Aids
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import cube, cuts
-from volspec.viewer.model.view.aids import Aids
-from volspec.viewer.model.view.fitting import fitted, shown_mm
-from volspec.viewer.model.view.handles import dragged, handles
-from volspec.viewer.model.view.hits import nearest
-from volspec.viewer.model.view.projection import Projection
-from volspec.viewer.model.view.views import View
-from volspec.viewer.ui.panels.over import cube as drawn_cube
-from volspec.viewer.ui.panels.over import scale
-from volspec.viewer.ui.window.mouse import DRAGS, WHEELS
+from volspec.viewer.ui import overlays
+from volspec.viewer.ui import overlays as drawn_cube
+from volspec.viewer.ui.mouse import DRAGS, WHEELS
 from volspec.volume import Volume
 
 AREA = (40, 20, 800, 600)
@@ -192,7 +191,7 @@ def test_lines_that_pass_the_camera_are_cut_there(document: Document) -> None:
 def test_the_scale_bar_is_as_long_as_it_says(state: ViewState, view: View) -> None:
     """A line of its length in the plane through the target covers its pixels exactly."""
     seen = seen_of(replace(state, view=view))
-    mm = scale.length_mm(seen.mm_per_px, 130.0)
+    mm = overlays.length_mm(seen.mm_per_px, 130.0)
     right = seen.camera.frame()[0]
     target = np.asarray(seen.camera.target_mm)
     ends = [place(seen, target + share * mm * right) for share in (-0.5, 0.5)]
@@ -205,20 +204,27 @@ def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
     for up in ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0)):
         for view in (replace(each, up=up) for each in VIEWS):
             seen = seen_of(replace(state, view=view))
-            shown = cube.faces(seen.camera)
+            shown = projection.faces(seen.camera)
             assert 1 <= len(shown) <= 3
             for face, corners, _ in shown:
-                x, y = cube.middle(seen, 1.0) + cube.HALF * corners.mean(axis=0)
-                assert cube.face_at(seen, (x, y), 1.0) == face
+                x, y = projection.middle(seen, 1.0) + projection.HALF * corners.mean(axis=0)
+                assert projection.face_at(seen, (x, y), 1.0) == face
                 there = seen_of(reduced(replace(state, view=view), Event("face", index=face)))
                 # Now it alone is seen, and whole.
-                assert [each[0] for each in cube.faces(there.camera)] == [face]
-    assert cube.face_at(seen, (400.0, 300.0), 1.0) is None
+                assert [each[0] for each in projection.faces(there.camera)] == [face]
+    assert projection.face_at(seen, (400.0, 300.0), 1.0) is None
 
 
 def test_a_face_is_named_by_where_it_looks() -> None:
-    assert [drawn_cube.label(face, True) for face in range(6)] == ["R", "L", "A", "P", "I", "S"]
-    assert [drawn_cube.label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
+    assert [drawn_cube.cube_label(face, True) for face in range(6)] == [
+        "R",
+        "L",
+        "A",
+        "P",
+        "I",
+        "S",
+    ]
+    assert [drawn_cube.cube_label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
 
 
 def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(document: Document) -> None:

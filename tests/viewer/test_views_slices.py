@@ -20,21 +20,21 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
+from volspec.viewer.model import slice_table, slices
 from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.events.slices import with_slices
-from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import slice_table, slices
-from volspec.viewer.model.view.aids import Slices
-from volspec.viewer.model.view.slices import (
+from volspec.viewer.model.slices import (
     PLANES,
+    Slices,
     edge_letters,
     layout_of,
     letters,
     pointed,
     sliced,
 )
-from volspec.viewer.ui.panels.over.slices import drawn_sizes, said
-from volspec.viewer.work.picture.slice_pictures import SlicePictures
+from volspec.viewer.model.slices_edits import with_slices
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.slices import drawn_sizes, said
+from volspec.viewer.work.slice_pictures import SlicePictures
 from volspec.volume import Volume, load_volume
 
 

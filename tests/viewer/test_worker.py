@@ -14,8 +14,8 @@ from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
 from volspec.raycast import CoefficientImage
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.picture import worker
-from volspec.viewer.work.picture.worker import CastDone, CastJob, CastWorker
+from volspec.viewer.work import casts as worker
+from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
 
 
 def job(state: ViewState, *divisors: int, zoom: float = 1.0) -> CastJob:

@@ -2,6 +2,10 @@
 
     input, panels -> [state] -> stale -> worker (casts) | pictures (relights) -> window
 
-States are frozen; `volspec.viewer.model.stale` says what a change costs. Nothing is imported here:
-a window, and what draws it, is loaded by `volspec.viewer.app`.
+    model   frozen states and pure functions on them
+    work    threads, files and GL: values in, values out
+    ui      drawing and input: draw(state, ui) -> state
+    app     the event loop, the only file that knows all floors
+
+`volspec.viewer.model.history` says what a change of the state costs. Nothing is imported here.
 """

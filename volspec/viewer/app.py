@@ -18,30 +18,27 @@ from queue import SimpleQueue
 from imgui_bundle import imgui, implot
 
 from volspec.viewer.chores import Chores
-from volspec.viewer.model.actions import BY_KEY
-from volspec.viewer.model.history import History, changed_in
-from volspec.viewer.model.stale import lit_otherwise, stale_stage
+from volspec.viewer.model.commands import BY_KEY
+from volspec.viewer.model.history import History, changed_in, lit_otherwise, stale_stage
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui import overlays
 from volspec.viewer.ui.context import Results, UiContext
+from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.layout import Docks
-from volspec.viewer.ui.panels.over import overlay
-from volspec.viewer.ui.panels.widgets import in_line
-from volspec.viewer.ui.window.focus import Focus
-from volspec.viewer.ui.window.inputs import Input
-from volspec.viewer.ui.window.mouse import Mouse
-from volspec.viewer.ui.window.window import Window, style
+from volspec.viewer.ui.mouse import Focus, Mouse
+from volspec.viewer.ui.widgets import in_line
+from volspec.viewer.ui.window import Window, style
+from volspec.viewer.work.background import Tasks
+from volspec.viewer.work.casts import Casting
+from volspec.viewer.work.designs import Designing
 from volspec.viewer.work.documents import opened
-from volspec.viewer.work.files.opening import Opened
-from volspec.viewer.work.files.session import SUFFIX
-from volspec.viewer.work.files.tasks import Tasks
-from volspec.viewer.work.lights.fader import Fader
-from volspec.viewer.work.memory import give_back_large
-from volspec.viewer.work.palette.service import Designing
-from volspec.viewer.work.picture.casting import Casting
-from volspec.viewer.work.picture.meter import Meter
-from volspec.viewer.work.picture.screen import Area, Screen
-from volspec.viewer.work.window.notice import SHORT_SECONDS, Notice, collected_warnings
-from volspec.viewer.work.window.trace import Trace
+from volspec.viewer.work.fader import Fader
+from volspec.viewer.work.meter import Meter
+from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, collected_warnings
+from volspec.viewer.work.opening import Opened
+from volspec.viewer.work.pictures import give_back_large
+from volspec.viewer.work.screen import Area, Screen
+from volspec.viewer.work.session import SUFFIX
 
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
 # imgui needs some frames after an input until everything stands where it belongs.
@@ -272,9 +269,9 @@ class _App:
             self._early += [given for given in inputs if given.name == "drop"]
         painted = self._screen.painted(area, self._shown)
         if painted is None:
-            overlay.in_place(self._screen.absence(self._shown), self._ui)
+            overlays.in_place(self._screen.absence(self._shown), self._ui)
         if self._notice.text and self._notice.text != self._screen.fault:  # which the picture shows
-            overlay.message(self._notice.text, self._ui)
+            overlays.message(self._notice.text, self._ui)
         self._chores.draw(self._history.present if self._history else None)
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)

@@ -2,7 +2,7 @@
 
     action -> [chores] -> opening | threads -> scene, script, session, PNG
 
-Names are those of `volspec.viewer.model.actions`, and ``say``; a path, or what is to be said, may
+Names are those of `volspec.viewer.model.commands`, and ``say``; a path, or what is to be said, may
 follow after a blank.
 """
 
@@ -11,22 +11,20 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from volspec.errors import VolspecError
-from volspec.viewer.model.files.as_scene import export_scene
 from volspec.viewer.model.paths import PathRequest
+from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.asking import REQUESTS, Asking
 from volspec.viewer.ui.context import Search, UiContext
-from volspec.viewer.ui.panels.dialogs import PictureDialog, progress
-from volspec.viewer.work.files.as_python import export_python
-from volspec.viewer.work.files.clipboard import copy_shown, copy_values
-from volspec.viewer.work.files.opening import Opened, Openings
-from volspec.viewer.work.files.screenshot import CUSTOM, Progress, Shot, taken
-from volspec.viewer.work.files.session import save_session
-from volspec.viewer.work.files.tasks import Outcome, Tasks
-from volspec.viewer.work.palette.service import PALETTES
-from volspec.viewer.work.picture.pictures import Pictures
-from volspec.viewer.work.window.notice import Notice
-from volspec.viewer.work.window.trace import Trace
+from volspec.viewer.ui.dialogs import REQUESTS, Asking, PictureDialog, progress
+from volspec.viewer.work.background import Outcome, Tasks
+from volspec.viewer.work.clipboard import copy_shown, copy_values
+from volspec.viewer.work.designs import PALETTES
+from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.opening import Opened, Openings
+from volspec.viewer.work.pictures import Pictures
+from volspec.viewer.work.screenshot import CUSTOM, Progress, Shot, taken
+from volspec.viewer.work.script import export_python
+from volspec.viewer.work.session import save_session
 
 
 class Chores:

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field, replace
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.transfer import Transfer
+from volspec.viewer.model.camera import View
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.lights.lighting import Rows
-from volspec.viewer.model.lights.states import Fade, LightState
-from volspec.viewer.model.palette.wishes import Board, Pick
-from volspec.viewer.model.view.aids import Aids, Slices
-from volspec.viewer.model.view.views import View
+from volspec.viewer.model.light_states import Fade, LightState
+from volspec.viewer.model.lights import Rows
+from volspec.viewer.model.palette_targets import Board, Pick
+from volspec.viewer.model.slices import Aids, Slices
 
 # Open at first.
 PANELS = frozenset({"Lights", "Viewing", "Transfer", "Palette"})

@@ -14,15 +14,15 @@ from typing import Any
 from imgui_bundle import imgui
 
 from volspec.raycast import CoefficientImage
-from volspec.viewer.model.events.event import Action, Change
-from volspec.viewer.model.lights.lighting import Rows
-from volspec.viewer.model.palette.wishes import News
+from volspec.viewer.model.event import Action, Change
+from volspec.viewer.model.lights import Rows
+from volspec.viewer.model.palette_targets import News
+from volspec.viewer.model.projection import Projection
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view.projection import Projection
-from volspec.viewer.work.files.recent import RecentFile
-from volspec.viewer.work.picture.error_map import Heat
-from volspec.viewer.work.picture.reading import Reading
-from volspec.viewer.work.picture.slice_pictures import SlicePictures
+from volspec.viewer.work.error_map import Heat
+from volspec.viewer.work.probe import Reading
+from volspec.viewer.work.session_store import RecentFile
+from volspec.viewer.work.slice_pictures import SlicePictures
 
 # Words about a state, if any.
 Said = Callable[[ViewState], str] | None

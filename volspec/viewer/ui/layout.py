@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from imgui_bundle import imgui
 
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui import commands, compare, cuts, menus, overlays, slices, viewing
+from volspec.viewer.ui import lights_panel as lights
+from volspec.viewer.ui import palette_panel as palette
+from volspec.viewer.ui import transfer_panel as transfer
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.panels import commands, keys, menu, status, transfer, viewing
-from volspec.viewer.ui.panels.lights import panel as lights
-from volspec.viewer.ui.panels.over import cube, cuts, divide, error_map, probe, scale, slices
-from volspec.viewer.ui.panels.palette import panel as palette
 
 Draw = Callable[[ViewState, UiContext], ViewState | None]
 
@@ -54,13 +54,13 @@ _PANELS = (
 # The panel that is in front of the tabs at first.
 _FIRST = "Viewing"
 _OVERLAYS = (
-    error_map.draw,
-    divide.draw,
-    probe.draw,
-    keys.draw,
+    compare.draw_error_map,
+    compare.draw_divide,
+    overlays.draw_probe,
+    menus.draw_keys,
     cuts.draw_handles,
-    cube.draw,
-    scale.draw,
+    overlays.draw_cube,
+    overlays.draw_scale,
     commands.draw,
 )
 _DOCKED = (
@@ -134,8 +134,8 @@ class Docks:
     @staticmethod
     def bars(state: ViewState, ui: UiContext) -> ViewState:
         """The menu at the top and the line at the bottom; `picture` gets what they leave."""
-        status.draw(state, ui)
-        return menu.draw(state, ui) or state
+        menus.draw_status(state, ui)
+        return menus.draw_menu(state, ui) or state
 
     def _share(self, ui: UiContext) -> None:
         """Leave the picture half of a window that has become narrow; undo it in a wide one."""

@@ -15,7 +15,7 @@ from functools import lru_cache
 from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_of, white_XYZ
 from volspec.spectra.construct.colours import colour_XYZ
-from volspec.viewer.model.transfer.materials import colour_names
+from volspec.viewer.model.materials import colour_names
 
 _LIGHT = "D65"
 

@@ -19,10 +19,10 @@ from volspec.errors import OpenCLError, VolspecWarning, one_line
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
 from volspec.spectra import reflectance_names
+from volspec.viewer.model.camera import View
+from volspec.viewer.model.camera_edits import fitted
 from volspec.viewer.model.document import Document, demo, plain_scene
 from volspec.viewer.model.paths import check_name
-from volspec.viewer.model.view.fitting import fitted
-from volspec.viewer.model.view.views import View
 from volspec.volume import Volume, load_volume
 
 T = TypeVar("T")

@@ -1,0 +1,267 @@
+"""The view that shows what the transfer function leaves to be seen, and no more of the volume.
+
+volume, transfer, cuts -> [fitting] -> View
+
+A thinned volume will do: what is missed between its voxels is a part of a percent of the picture.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.raycast import RaycastSpec
+from volspec.transfer import SurfaceTable, Transfer
+from volspec.viewer.model.camera import TURN_DEG, View, radius_mm, vector, zoom_within
+from volspec.viewer.model.cuts import crop_of, world_mm
+from volspec.viewer.model.cuts_edits import flipped
+from volspec.viewer.model.event import Action, Change, Event, Reducer
+from volspec.viewer.model.state import ViewState
+from volspec.volume import Volume
+
+Array = NDArray[np.float64]
+# Voxels along each axis that are looked at.
+_MOST = 64
+# Of the greatest opacity: what is below it is haze.
+_HAZE = 0.02
+# Of the picture's sides, for what is seen.
+FILLS = 0.85
+_ROUNDS = 4
+
+
+def fitted(
+    view: View, volume: Volume, transfer: Transfer, shading: RaycastSpec, aspect: float
+) -> View:
+    """A view from the same side that what is shown fills.
+
+    Parameters
+    ----------
+    view : View
+    volume, transfer, shading
+        What is shown, and what is cut away of it.
+    aspect : float
+        Width of the picture by its height.
+    """
+    camera = view.camera(volume)
+    right, up, forward = camera.frame()
+    axes = np.stack([right, up, forward])
+    points = shown_mm(volume, transfer, shading) @ axes.T
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    x, y, z = (points - middle).T
+    tall = FILLS * math.tan(math.radians(view.fov_deg) / 2)
+    wide = tall * aspect
+    if view.orthographic:
+        height = max(2 * float(y.max()), 2 * float(x.max()) / aspect) / FILLS
+        zoom = 2 * radius_mm(volume) / max(height, 1e-12)
+        return replace(view, zoom=zoom_within(zoom), target_mm=vector(middle @ axes))
+    distance = max(_spanned(x, z, wide)[0], _spanned(y, z, tall)[0], 1e-12)
+    shift = [_centred(along, z, distance, slope) for along, slope in ((x, wide), (y, tall))]
+    sine = math.sin(math.radians(view.fov_deg) / 2)
+    zoom = zoom_within(radius_mm(volume) / (distance * sine))
+    return replace(view, zoom=zoom, target_mm=vector((middle + [*shift, 0.0]) @ axes))
+
+
+def _spanned(along: Array, depth: Array, slope: float) -> tuple[float, float]:
+    """How far off points are seen within ± a slope, and the place that is then in the middle."""
+    high, low = float((along - slope * depth).max()), float((-along - slope * depth).max())
+    return (high + low) / (2 * slope), (high - low) / 2
+
+
+def _centred(along: Array, depth: Array, distance: float, slope: float) -> float:
+    """The place that stands in the middle of what is seen from a distance."""
+    place = 0.0
+    for _ in range(_ROUNDS):
+        nearest, place = _spanned(along, depth, slope)
+        # Seen from further off than need be, it reaches less far.
+        slope *= max(nearest / distance, 1e-3)
+    return place
+
+
+def _thinned(volume: Volume) -> tuple[NDArray[Any], tuple[int, int, int]]:
+    """(z, y, x) every n-th voxel, and n along each axis."""
+    k, j, i = (-(-size // _MOST) for size in volume.values.shape)
+    return np.ascontiguousarray(volume.values[::k, ::j, ::i]), (k, j, i)
+
+
+def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
+    """(N, 3) places around what is shown; the volume's corners where nothing is."""
+    values, every = _thinned(volume)
+    seen = _seen(values, volume, transfer)
+    (x, y, z), (nk, nj, ni) = crop_of(shading, volume), values.shape
+    for axis, (bounds, count) in enumerate(((z, nk), (y, nj), (x, ni))):
+        at = np.arange(count) * every[axis]
+        outside = (at < bounds[0] - 1) | (at > bounds[1] + 1)
+        seen[(slice(None),) * axis + (outside,)] = False
+    rows = seen.any(axis=2)
+    first, last = seen.argmax(axis=2)[rows], ni - 1 - seen[..., ::-1].argmax(axis=2)[rows]
+    k, j = np.nonzero(rows)
+    places = np.concatenate([np.stack([at, j, k], axis=1) for at in (first, last)])
+    index = places * np.array(every[::-1], dtype=np.float64)
+    # What is seen may reach half way to the next voxel that was looked at.
+    halves = np.array(list(np.ndindex(2, 2, 2))) - 0.5
+    index = (index[:, None] + halves * every[::-1]).reshape(-1, 3)
+    lows, highs = (np.array([pair[end] for pair in (x, y, z)]) for end in (0, 1))
+    points = world_mm(volume, np.clip(index, lows, highs))
+    for plane in shading.clip_planes:
+        points = points[(points - plane.point_mm) @ np.asarray(plane.normal) >= 0]
+    return points if len(points) else volume.corners_mm
+
+
+def _seen(values: NDArray[Any], volume: Volume, transfer: Transfer) -> NDArray[np.bool_]:
+    """(z, y, x) whether each voxel is shown, or a surface passes beside it."""
+    table = transfer.bake(min(volume.spacing_mm))
+    if isinstance(table, SurfaceTable):
+        layer = np.searchsorted(np.sort(table.values), values)
+        seen = np.zeros(values.shape, bool)
+        for axis in range(3):
+            passed = np.diff(layer, axis=axis) != 0
+            ahead = (slice(None),) * axis
+            seen[(*ahead, slice(1, None))] |= passed
+            seen[(*ahead, slice(None, -1))] |= passed
+        return seen
+    opacity = np.atleast_2d(table.opacity).max(axis=0)
+    low, high = table.domain
+    at = np.rint((values.astype(np.float32) - low) * ((len(opacity) - 1) / (high - low)))
+    shown = opacity > _HAZE * opacity.max()
+    if table.labels:
+        shown = np.append(shown, False)
+        at = np.where((at < 0) | (at >= len(opacity)), len(opacity), at)
+    return shown[np.clip(at, 0, len(shown) - 1).astype(np.int32)]
+
+
+# Of one notch of the wheel, as a share of the picture's height, and in degrees of a roll.
+WHEEL, ROLL_DEG = 0.06, 5.0
+# Of one press of a key.
+STEP_DEG, STEP = 15.0, 0.05
+# Notches.
+WIDER = 3.0
+
+
+def _orbit(state: ViewState, event: Event) -> ViewState:
+    return replace(state, view=state.view.orbited(event.x, event.y))
+
+
+def _pan(state: ViewState, event: Event) -> ViewState:
+    return replace(state, view=state.view.panned(event.x, event.y, state.document.volume))
+
+
+def _zoom(state: ViewState, event: Event) -> ViewState:
+    return replace(state, view=state.view.zoomed(-event.y))
+
+
+def _wheel(state: ViewState, event: Event) -> ViewState:
+    return replace(state, view=state.view.zoomed(WHEEL * event.y))
+
+
+def _roll(state: ViewState, event: Event) -> ViewState:
+    return replace(state, view=state.view.rolled(event.x))
+
+
+def _roll_wheel(state: ViewState, event: Event) -> ViewState:
+    return replace(state, view=state.view.rolled(ROLL_DEG * event.y))
+
+
+def _fov(state: ViewState, event: Event) -> ViewState:
+    return replace(state, view=state.view.widened(-event.y))
+
+
+def _face(state: ViewState, event: Event) -> ViewState:
+    """Seen from where a face of the orientation cube looks."""
+    if not 0 <= event.index < 6:
+        return state
+    axis, far = divmod(event.index, 2)
+    direction = [0.0, 0.0, 0.0]
+    direction[axis] = 1.0 if far else -1.0
+    x, y, z = direction
+    return replace(state, view=state.view.looking_from((x, y, z)))
+
+
+def _after(name: str, x: float = 0.0, y: float = 0.0) -> Change:
+    """What an event does each time it is asked for."""
+    return lambda state: EVENTS[name](state, Event(name, x, y))
+
+
+def _turned(right_deg: float, down_deg: float) -> Change:
+    return _after("orbit", right_deg / TURN_DEG, down_deg / TURN_DEG)
+
+
+def _from_side(side: str) -> Change:
+    return lambda state: replace(state, view=state.view.from_side(side))
+
+
+def _projection(state: ViewState) -> ViewState:
+    return replace(state, view=replace(state.view, orthographic=not state.view.orthographic))
+
+
+def _reset(state: ViewState) -> ViewState:
+    return replace(state, view=state.document.view)
+
+
+def _fit(state: ViewState) -> ViewState:
+    width, height = (max(side, 1) for side in state.size)
+    what = state.document.volume, state.transfer, state.shading
+    return replace(state, view=fitted(state.view, *what, width / height))
+
+
+EVENTS: dict[str, Reducer] = {
+    "orbit": _orbit,
+    "pan": _pan,
+    "zoom": _zoom,
+    "wheel": _wheel,
+    "roll": _roll,
+    "roll-wheel": _roll_wheel,
+    "fov": _fov,
+    "face": _face,
+}
+
+# F3D's keys, and with Ctrl from the other side.
+_SIDES = (
+    ("front", "Front", "1"),
+    ("right", "Right", "3"),
+    ("top", "Top", "7"),
+    ("isometric", "Isometric", "9"),
+    ("back", "Back", "ctrl+1"),
+    ("left", "Left", "ctrl+3"),
+    ("bottom", "Bottom", "ctrl+7"),
+)
+
+# Keys alone: a menu would only grow long.
+_STEPS = (
+    Action("orbit-left", "", "Orbit to the left", ("left",), _turned(STEP_DEG, 0.0)),
+    Action("orbit-right", "", "Orbit to the right", ("right",), _turned(-STEP_DEG, 0.0)),
+    Action("orbit-up", "", "Orbit upwards", ("up",), _turned(0.0, STEP_DEG)),
+    Action("orbit-down", "", "Orbit downwards", ("down",), _turned(0.0, -STEP_DEG)),
+    Action("pan-left", "", "Pan to the left", ("shift+left",), _after("pan", STEP)),
+    Action("pan-right", "", "Pan to the right", ("shift+right",), _after("pan", -STEP)),
+    Action("pan-up", "", "Pan upwards", ("shift+up",), _after("pan", 0.0, STEP)),
+    Action("pan-down", "", "Pan downwards", ("shift+down",), _after("pan", 0.0, -STEP)),
+    Action("zoom-in", "", "Zoom in", ("=", "+"), _after("wheel", y=1.0)),
+    Action("zoom-out", "", "Zoom out", ("-",), _after("wheel", y=-1.0)),
+)
+
+ACTIONS = (
+    *(
+        Action(f"view-{side}", "View", title, (key,), _from_side(side))
+        for side, title, key in _SIDES
+    ),
+    Action(
+        "projection", "View", "Orthographic", ("5",), _projection, lambda s: s.view.orthographic
+    ),
+    Action("fit", "View", "Fit what is shown", ("f",), _fit),
+    Action("reset-view", "View", "The scene's own view", ("enter",), _reset),
+    Action("roll-left", "View", "Roll 90° to the left", ("4",), _after("roll", -90.0)),
+    Action("roll-right", "View", "Roll 90° to the right", ("6",), _after("roll", 90.0)),
+    Action("turn-up", "View", "Turn 90° upwards", ("8",), _turned(0.0, 90.0)),
+    Action("turn-down", "View", "Turn 90° downwards", ("2",), _turned(0.0, -90.0)),
+    Action("fov-wider", "View", "Wider field of view", ("ctrl+-",), _after("fov", y=-WIDER)),
+    Action("fov-narrower", "View", "Narrower field of view", ("ctrl+=",), _after("fov", y=WIDER)),
+    Action(
+        "cube", "View", "Orientation cube", (), flipped("cube"), lambda s: s.interface.aids.cube
+    ),
+    Action("scale", "View", "Scale bar", (), flipped("scale"), lambda s: s.interface.aids.scale),
+    *_STEPS,
+)

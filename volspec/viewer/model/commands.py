@@ -1,0 +1,154 @@
+"""What a few letters mean: rows whose text has them, the best first.
+
+letters, rows -> [finding] -> command palette, library of materials
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from volspec.viewer.model import (
+    camera_edits,
+    cuts_edits,
+    lights_edits,
+    palette_edits,
+    slices_edits,
+    transfer_edits,
+)
+from volspec.viewer.model.event import Action, Change
+from volspec.viewer.model.state import ViewState
+
+Row = TypeVar("Row")
+# Letters of a word stand within so many times its length.
+_LOOSE = 3
+
+
+def found(rows: Sequence[Row], search: str, text: Callable[[Row], str]) -> list[Row]:
+    """Those whose text has the letters of every word in order; the best first, else as given."""
+    words = search.casefold().split()
+    if not words:
+        return list(rows)
+    rated = [(_rating(words, text(row).casefold()), row) for row in rows]
+    kept = [(rating, row) for rating, row in rated if rating is not None]
+    return [row for _, row in sorted(kept, key=lambda pair: -pair[0])]
+
+
+def _rating(words: Sequence[str], text: str) -> float | None:
+    """How well words fit; None where one is not there."""
+    total = 0.0
+    for word in words:
+        at = text.find(word)
+        starts = at == 0 or (at > 0 and not text[at - 1].isalnum())
+        if f" {word}" in f" {text}" or starts:
+            total += 4.0
+        elif at > 0:
+            total += 2.0
+        elif (spread := _spread(word, text)) and spread <= _LOOSE * len(word):
+            total += len(word) / spread
+        else:
+            return None
+    return total
+
+
+def _spread(word: str, text: str) -> int | None:
+    """Over how many letters a word is strewn; None where it is not in the text."""
+    at, first = -1, -1
+    for letter in word:
+        at = text.find(letter, at + 1)
+        if at < 0:
+            return None
+        first = at if first < 0 else first
+    return at - first + 1
+
+
+MENUS = ("File", "Edit", "View", "Cut", "Light", "Transfer", "Palette", "Window")
+
+
+def _flipped(name: str) -> Change:
+    """Turns a part of the interface on or off."""
+
+    def change(state: ViewState) -> ViewState:
+        other: dict[str, Any] = {name: not getattr(state.interface, name)}
+        return replace(state, interface=replace(state.interface, **other))
+
+    return change
+
+
+def _panel(title: str) -> Action:
+    """Opens or closes a panel."""
+
+    def change(state: ViewState) -> ViewState:
+        panels = state.interface.panels ^ {title}
+        return replace(state, interface=replace(state.interface, panels=panels))
+
+    return Action(
+        *(f"panel-{title.lower()}", "Window", f"{title} panel", (), change),
+        lambda state: title in state.interface.panels,
+    )
+
+
+_FILES = (
+    Action("open", "File", "Open …", ("ctrl+o",)),
+    Action("reload", "File", "Read the file again, keeping only the view", ("f5", "ctrl+r")),
+    Action("export-scene", "File", "Export as scene …", ("ctrl+s",)),
+    Action("export-python", "File", "Export as Python …", ("ctrl+e",)),
+    Action("save-session", "File", "Save the session as …", ("ctrl+shift+s",)),
+    Action("open-session", "File", "Open a session …", ("ctrl+shift+o",)),
+    Action("restore", "File", "Restore the last session", ("ctrl+shift+r",)),
+    Action("screenshot", "File", "Save the picture", ("s",)),
+    Action("picture", "File", "Save the picture as …", ("ctrl+i",)),
+    Action("cancel", "File", "Give up the picture that is being cast"),
+    Action("clear-recent", "File", "Clear the recent files"),
+    Action("quit", "File", "Quit", ("ctrl+q",)),
+)
+_EDITS = (
+    Action("undo", "Edit", "Undo", ("ctrl+z",)),
+    Action("redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y")),
+    Action("copy-picture", "Edit", "Copy the picture", ("ctrl+c",)),
+    Action("copy-values", "Edit", "Copy the values under the mouse", ("ctrl+shift+c",)),
+)
+_OVER = (
+    Action(
+        *("error-map", "View", "Error map", ("e",), _flipped("error_map")),
+        lambda s: s.interface.error_map,
+    ),
+)
+_WINDOW = (
+    *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
+    replace(_panel("Slices"), keys=("o",)),
+    Action("dark", "Window", "Dark theme", ("t",), _flipped("dark"), lambda s: s.interface.dark),
+    Action(
+        *("probe", "Window", "What is under the mouse", ("i",), _flipped("probe")),
+        lambda s: s.interface.probe,
+    ),
+    Action("commands", "Window", "Commands …", ("ctrl+p", "f1")),
+    Action("focus", "Window", "Next panel by keyboard", ("f6",)),
+    Action("menu", "Window", "Menus by keyboard", ("f10",)),
+    Action("keys", "Window", "Keys", ("h",), _flipped("keys"), lambda s: s.interface.keys),
+)
+
+ACTIONS: tuple[Action, ...] = (
+    *_FILES,
+    *_EDITS,
+    *transfer_edits.ACTIONS,
+    *camera_edits.ACTIONS,
+    *_OVER,
+    *lights_edits.ACTIONS,
+    *palette_edits.ACTIONS,
+    *_WINDOW,
+    *cuts_edits.ACTIONS,
+    *slices_edits.ACTIONS,
+)
+BY_NAME = {action.name: action for action in ACTIONS}
+BY_KEY = {key: action for action in ACTIONS for key in action.keys if key}
+
+
+def shown(key: str) -> str:
+    """A key as people write it.
+
+    >>> shown("ctrl+shift+z"), shown("enter")
+    ('Ctrl+Shift+Z', 'Enter')
+    """
+    return "+".join(part.capitalize() for part in key.split("+"))

@@ -1,0 +1,174 @@
+"""Where things of the world appear in the window, and what a place in the window means there.
+
+Camera -> [projection] -> handles, cube, scale bar -> events
+
+A handle is dragged by absolute places: the window's place gives a place on the handle's line, so
+that what was taken hold of stays under the mouse.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.raycast import Camera
+
+Place = tuple[float, float]
+Area = tuple[float, float, float, float]
+# As a share of the target's distance: what is nearer is not drawn.
+NEAR = 1e-3
+# Of a line's length: one that is seen shorter points at the eye.
+_END_ON = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Projection:
+    """Between the world and the window: where a camera's picture shows things.
+
+    Parameters
+    ----------
+    camera : Camera
+    area : (x, y, width, height)
+        Of the picture in the window.
+    """
+
+    camera: Camera
+    area: Area
+    # Millimetres in the plane through the target that a pixel of the window covers.
+    mm_per_px: float = field(init=False)
+    # Columns right, down and before the target, as pixels and as a share of its distance.
+    _window_from_world: NDArray[np.float64] = field(init=False)
+    _middle: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        camera, (x, y, width, height) = self.camera, self.area
+        half = camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
+        mm_per_px = (camera.height_mm or 2 * half) / max(height, 1)
+        right, up, forward = camera.frame()
+        depth = forward / camera.distance_mm if camera.height_mm is None else np.zeros(3)
+        columns = np.stack([right / mm_per_px, -up / mm_per_px, depth], axis=1)
+        object.__setattr__(self, "mm_per_px", mm_per_px)
+        object.__setattr__(self, "_window_from_world", columns)
+        object.__setattr__(self, "_middle", np.array([x + width / 2, y + height / 2]))
+
+    def _homogeneous(self, offsets: NDArray[np.float64], place: float) -> NDArray[np.float64]:
+        """(…, 3) right, down and divisor of offsets from the target; ``place`` 0 of directions."""
+        at = np.asarray(offsets @ self._window_from_world)
+        at[..., 2] += place
+        return at
+
+    def placed(self, points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(…, 3) x and y in the window, and what stands before the camera above 0.
+
+        The third number is the depth as a share of the target's; 1 in orthographic pictures.
+        """
+        points = np.asarray(points_mm, dtype=np.float64)
+        at = self._homogeneous(points - self.camera.target_mm, 1.0)
+        divisor = np.where(np.abs(at[..., 2:]) < NEAR, NEAR, at[..., 2:])
+        return np.concatenate([at[..., :2] / divisor + self._middle, at[..., 2:]], axis=-1)
+
+    def segments(
+        self, starts_mm: NDArray[np.float64], ends_mm: NDArray[np.float64]
+    ) -> list[tuple[Place, Place] | None]:
+        """The ends of (N, 3) lines in the window, cut where they pass the camera.
+
+        None stands for a line that is behind it.
+        """
+        ends = np.stack([starts_mm, ends_mm], axis=1)
+        depth = self._homogeneous(ends - self.camera.target_mm, 1.0)[..., 2]
+        for i in np.nonzero((depth.min(axis=1) < NEAR) & (depth.max(axis=1) > NEAR))[0]:
+            back = int(depth[i].argmin())
+            share = (NEAR - depth[i, back]) / (depth[i, 1 - back] - depth[i, back])
+            # A little beyond, so that rounding leaves it in front.
+            ends[i, back] += min(share * 1.001, 1.0) * (ends[i, 1 - back] - ends[i, back])
+        seen = depth.max(axis=1) > NEAR
+        drawn = self.placed(ends)[..., :2].tolist()
+        return [
+            ((x0, y0), (x1, y1)) if shown else None
+            for ((x0, y0), (x1, y1)), shown in zip(drawn, seen, strict=True)
+        ]
+
+    def along(
+        self,
+        anchor_mm: NDArray[np.float64],
+        direction: NDArray[np.float64],
+        place: Place,
+    ) -> float:
+        """How far along a line the point stands that is seen nearest to a place of the window.
+
+        Parameters
+        ----------
+        anchor_mm : (3,)
+            Of the line, before the camera.
+        direction : (3,)
+            Unit vector.
+        place : (x, y)
+            In the window.
+
+        Returns
+        -------
+        float
+            Millimetres from the anchor.
+        """
+        start = self._homogeneous(anchor_mm - np.asarray(self.camera.target_mm), 1.0)
+        change = self._homogeneous(np.asarray(direction), 0.0)
+        depth = max(float(start[2]), NEAR)
+        wanted = np.asarray(place) - self._middle - start[:2] / depth
+        slope = (change[:2] - start[:2] / depth * change[2]) / depth
+        length = float(np.linalg.norm(slope))
+        if length * self.mm_per_px < _END_ON:
+            # The line points at the eye: upwards is away from it.
+            return float(-wanted[1] * self.mm_per_px * depth)
+        shift = float(wanted @ slope) / length
+        # The line's picture runs to a point that it never reaches.
+        divisor = length - shift * float(change[2]) / depth
+        return shift / max(divisor, 0.05 * length)
+
+
+# Half an edge, and the middle's distance from the picture's corner; pixels at 96 dpi.
+HALF, CORNER = 21.0, 48.0
+
+
+def faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
+    """Those seen of a cube with edges of 2: number, (4, 2) corners right and down, how they face.
+
+    Face 2 · axis looks against an axis of the world, the next one along it.
+    """
+    right, up, forward = camera.frame()
+    seen = []
+    for face in range(6):
+        axis, far = divmod(face, 2)
+        normal = np.zeros(3)
+        normal[axis] = 1.0 if far else -1.0
+        towards = float(-normal @ forward)
+        if towards < 1e-3:
+            continue
+        first, second = (np.eye(3)[other] for other in range(3) if other != axis)
+        ring = [normal + a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        corners = np.array(ring)
+        seen.append((face, np.stack([corners @ right, -(corners @ up)], axis=1), towards))
+    return seen
+
+
+def middle(seen: Projection, scale: float) -> Place:
+    """Of the cube in the window."""
+    x, y, width, _ = seen.area
+    return x + width - CORNER * scale, y + CORNER * scale
+
+
+def face_at(seen: Projection, place: Place, scale: float) -> int | None:
+    """The face at a place of the window; None where there is none."""
+    centre = middle(seen, scale)
+    at = np.subtract(place, centre) / (HALF * scale)
+    if np.abs(at).max() > 2:
+        return None
+    for face, corners, _ in faces(seen.camera):
+        edges = np.roll(corners, -1, axis=0) - corners
+        to = at - corners
+        side = edges[:, 0] * to[:, 1] - edges[:, 1] * to[:, 0]
+        if (side >= 0).all() or (side <= 0).all():
+            return face
+    return None

@@ -1,0 +1,262 @@
+"""What is drawn over the picture and beside it: frozen, a part of the window's state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.volume import Volume
+
+
+@dataclass(frozen=True, slots=True)
+class Aids:
+    """What stands over the picture.
+
+    Parameters
+    ----------
+    cube, scale : bool
+        The orientation cube and the scale bar.
+    crop, planes : bool
+        The crop's box and the clip planes, with handles; they cut whether seen or not.
+    plane : int
+        The clip plane that stands out.
+    outlines : bool
+        Where the slices lie.
+    patient : bool, optional
+        Whether directions are named by the patient's body; None where the volume says.
+    """
+
+    cube: bool = True
+    scale: bool = True
+    crop: bool = False
+    planes: bool = True
+    plane: int = 0
+    outlines: bool = True
+    patient: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Slices:
+    """Where the slices lie and how they are shown.
+
+    Parameters
+    ----------
+    at : (x, y, z)
+        Along each axis of the voxels, 0 to 1 of the volume.
+    lit : bool
+        Shown with the transfer function's materials under the lights; else as greys.
+    greys : (low, high), optional
+        Values shown black and white, 0 to 1 of the volume's range; None where most values lie.
+    """
+
+    at: tuple[float, float, float] = (0.5, 0.5, 0.5)
+    lit: bool = True
+    greys: tuple[float, float] | None = None
+
+
+# Shares of the voxels between which greys run unless they are set.
+_MOST = (0.005, 0.995)
+# What the negative and the positive world axes point to in ITK's LPS frame (docs/conventions.md).
+PATIENT = (("R", "L"), ("A", "P"), ("I", "S"))
+AXES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
+# A second letter where a direction leans so much, about 15 degrees.
+_LEANS = 0.26
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """One family of slices, by the world's axes.
+
+    Parameters
+    ----------
+    name : str
+    normal : int
+        The world's axis it is across.
+    across, down : (axis, sign)
+        Where its picture's columns and rows run to.
+    """
+
+    name: str
+    normal: int
+    across: tuple[int, int]
+    down: tuple[int, int]
+
+
+# As radiologists look: from the feet, the face and the patient's left.
+PLANES = (
+    Plane("Axial", 2, (0, 1), (1, 1)),
+    Plane("Coronal", 1, (0, 1), (2, -1)),
+    Plane("Sagittal", 0, (1, 1), (2, -1)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """A plane among a volume's own axes, those nearest to the world's.
+
+    Parameters
+    ----------
+    normal, across, down : int
+        Axes of the voxels: 0 is x.
+    flipped : (across, down)
+        Whether the picture runs against them.
+    """
+
+    normal: int
+    across: int
+    down: int
+    flipped: tuple[bool, bool]
+
+
+def layout_of(volume: Volume, plane: Plane) -> Layout:
+    """How a plane's slices lie in a volume."""
+    return _layout(tuple(volume.world_from_index[:3, :3].ravel().tolist()), plane)
+
+
+# By the matrix, as a cache of volumes would keep those that were closed.
+@lru_cache(maxsize=16)
+def _layout(matrix: tuple[float, ...], plane: Plane) -> Layout:
+    columns = np.reshape(matrix, (3, 3))
+    directions = columns / np.linalg.norm(columns, axis=0)
+    best = max(
+        permutations(range(3)),
+        key=lambda order: sum(abs(directions[world, own]) for world, own in enumerate(order)),
+    )
+
+    def runs(toward: tuple[int, int]) -> tuple[int, bool]:
+        world, sign = toward
+        own = best[world]
+        return own, bool(sign * directions[world, own] < 0)
+
+    (across, back), (down, up) = runs(plane.across), runs(plane.down)
+    return Layout(best[plane.normal], across, down, (back, up))
+
+
+def number_of(volume: Volume, axis: int, share: float) -> int:
+    """The voxel at a share of an axis."""
+    return round(min(max(share, 0.0), 1.0) * (volume.shape_xyz[axis] - 1))
+
+
+def sliced(volume: Volume, layout: Layout, number: int, step: int = 1) -> NDArray[np.generic]:
+    """(rows, columns) values of a slice as it is looked at, every ``step``-th: a view."""
+    at: list[int | slice] = [slice(None, None, step)] * 3
+    at[2 - layout.normal] = number
+    values = volume.values[tuple(at)]
+    if layout.across > layout.down:  # the array's last axis is the volume's first
+        values = values.T
+    back, up = layout.flipped
+    return values[:: -1 if up else 1, :: -1 if back else 1]
+
+
+def size_mm(volume: Volume, layout: Layout) -> tuple[float, float]:
+    """Width and height of what a slice shows."""
+    width, height = (
+        volume.shape_xyz[axis] * volume.spacing_mm[axis] for axis in (layout.across, layout.down)
+    )
+    return width, height
+
+
+def shown_at(volume: Volume, layout: Layout, slices: Slices) -> tuple[float, float]:
+    """Where the other two slices cross this one's picture, 0 to 1 to the right and down."""
+    x, y = (
+        (number_of(volume, axis, slices.at[axis]) + 0.5) / volume.shape_xyz[axis]
+        for axis in (layout.across, layout.down)
+    )
+    back, up = layout.flipped
+    return 1 - x if back else x, 1 - y if up else y
+
+
+def kept(
+    volume: Volume, layout: Layout, crop: Sequence[tuple[float, float]]
+) -> tuple[float, float, float, float]:
+    """What a crop leaves of a slice's picture: left, top, right and bottom, 0 to 1."""
+    edges = []
+    for axis, back in zip((layout.across, layout.down), layout.flipped, strict=True):
+        # From the outer sides of the first and the last voxel that are left.
+        low, high = crop[axis][0], crop[axis][1] + 1.0
+        ends = low / volume.shape_xyz[axis], high / volume.shape_xyz[axis]
+        edges.append((1 - ends[1], 1 - ends[0]) if back else ends)
+    (left, right), (top, bottom) = edges
+    return left, top, right, bottom
+
+
+def pointed(
+    volume: Volume, layout: Layout, slices: Slices, x: float, y: float
+) -> tuple[float, float, float]:
+    """`Slices.at` when the other two go where a slice's picture is pointed at."""
+    at = list(slices.at)
+    back, up = layout.flipped
+    for axis, share in ((layout.across, 1 - x if back else x), (layout.down, 1 - y if up else y)):
+        count = volume.shape_xyz[axis]
+        number = min(max(round(share * count - 0.5), 0), count - 1)
+        at[axis] = number / (count - 1)
+    return at[0], at[1], at[2]
+
+
+def is_patient(volume: Volume, said: bool | None) -> bool:
+    """Whether directions are a patient's: what was said, or whether a file gave an orientation.
+
+    Files without one have their first voxel at the origin and their axes along the world's.
+    """
+    if said is not None:
+        return said
+    matrix = volume.world_from_index
+    return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
+
+
+def letters(direction: NDArray[np.float64], patient: bool) -> str:
+    """Where a direction of the world points, by its greatest parts.
+
+    >>> letters(np.array([-1.0, 0.0, 0.0]), True), letters(np.array([0.0, 0.6, 0.8]), True)
+    ('R', 'SP')
+    """
+    names = PATIENT if patient else AXES
+    parts = direction / max(float(np.linalg.norm(direction)), 1e-12)
+    order = np.argsort(-np.abs(parts), kind="stable")
+    leaning = [i for i in order[: 2 if patient else 1] if abs(parts[i]) > _LEANS]
+    return "".join(names[i][int(parts[i] > 0)] for i in leaning)
+
+
+def edge_letters(volume: Volume, layout: Layout, patient: bool) -> tuple[str, str, str, str]:
+    """At the left, right, upper and lower edge of a slice."""
+    matrix = tuple(volume.world_from_index[:3, :3].ravel().tolist())
+    return _edge_letters(matrix, layout, patient)
+
+
+@lru_cache(maxsize=16)
+def _edge_letters(
+    matrix: tuple[float, ...], layout: Layout, patient: bool
+) -> tuple[str, str, str, str]:
+    columns, said = np.reshape(matrix, (3, 3)), []
+    for axis, back in zip((layout.across, layout.down), layout.flipped, strict=True):
+        toward = columns[:, axis] * (-1 if back else 1)
+        said += [letters(-toward, patient), letters(toward, patient)]
+    return said[0], said[1], said[2], said[3]
+
+
+def outline_index(volume: Volume, axis: int, share: float) -> NDArray[np.float64]:
+    """(4, 3) corners of the slice across an axis of the voxels, in voxels."""
+    last = np.array(volume.shape_xyz) - 1.0
+    first, second = (other for other in range(3) if other != axis)
+    corners = np.zeros((4, 3))
+    corners[:, axis] = number_of(volume, axis, share)
+    corners[1:3, first], corners[2:, second] = last[first], last[second]
+    return corners
+
+
+def window_of(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, float]:
+    """What is black and white, 0 to 1 of a volume's range: as set, or where most values lie."""
+    if slices.greys is not None:
+        return slices.greys
+    # What surrounds things, mostly of the least value, would else be most.
+    counts = np.r_[0.0, histogram[1:]]
+    if not counts.any():
+        return 0.0, 1.0
+    below = np.cumsum(counts) / counts.sum()
+    low, high = (int(np.searchsorted(below, share)) for share in _MOST)
+    return low / len(counts), (high + 1) / len(counts)

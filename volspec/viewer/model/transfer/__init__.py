@@ -1,1 +1,0 @@
-"""The transfer function under the mouse: parts, presets, one kind made into another."""

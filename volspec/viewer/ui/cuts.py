@@ -1,0 +1,184 @@
+"""What is cut away: the panel with its numbers, and the handles over the picture."""
+
+from __future__ import annotations
+
+import numpy as np
+from imgui_bundle import imgui
+
+from volspec.raycast import ClipPlane
+from volspec.raycast.spec import MAX_PLANES
+from volspec.viewer.model import cuts
+from volspec.viewer.model.camera import radius_mm
+from volspec.viewer.model.commands import BY_NAME
+from volspec.viewer.model.cuts import handles_of, nearest
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.projection import Place, Projection
+from volspec.viewer.model.slices import outline_index
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.style import ACCENT
+from volspec.viewer.ui.widgets import BLACK, WHITE, over_picture, packed, tip
+
+# A handle's radius; pixels at 96 dpi.
+_SIZE = 5.5
+_ORDER = ("crop", "plane-shift", "plane-tilt")
+_WHITE, _DIM = (*WHITE, 0.85), (*WHITE, 0.3)
+# Of the slices across x, y and z.
+SLICE_COLOURS = ((0.86, 0.42, 0.40), (0.45, 0.75, 0.45), (0.45, 0.62, 0.92))
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw the panel."""
+    new = _planes(_crop(state, ui), ui)
+    return None if new is state else new
+
+
+def _crop(state: ViewState, ui: UiContext) -> ViewState:
+    aids, volume = state.interface.aids, state.document.volume
+    pressed, _ = imgui.checkbox("Crop box in the picture", aids.crop)
+    ui.note("crop box")
+    new = ui.done(state, BY_NAME["crop"]) if pressed else state
+    imgui.same_line(imgui.get_content_region_avail().x - ui.px(52))
+    imgui.begin_disabled(state.shading.crop_voxels is None)
+    if imgui.button("Reset##crop", (ui.px(64), 0)):
+        new = ui.done(new, BY_NAME["reset-crop"])
+    imgui.end_disabled()
+    crop = cuts.crop_of(state.shading, volume)
+    imgui.push_item_width(-ui.px(24))
+    for axis, (name, (low, high)) in enumerate(zip("xyz", crop, strict=True)):
+        last = volume.shape_xyz[axis] - 1.0
+        moved, least, most = imgui.drag_float_range2(
+            name, low, high, max(last / 400, 0.05), 0.0, last, "%.0f", "%.0f"
+        )
+        ui.note(f"crop {name}")
+        if moved and least != low:
+            new = reduced(new, Event("crop", least, index=2 * axis))
+        if moved and most != high:
+            new = reduced(new, Event("crop", most, index=2 * axis + 1))
+    imgui.pop_item_width()
+    return new
+
+
+def _planes(state: ViewState, ui: UiContext) -> ViewState:
+    new, planes = state, state.shading.clip_planes
+    imgui.separator_text("Clip planes")
+    pressed, _ = imgui.checkbox("Handles", state.interface.aids.planes)
+    if pressed:
+        new = ui.done(new, BY_NAME["planes"])
+    imgui.begin_disabled(len(planes) >= MAX_PLANES)
+    for name, title, what in (
+        ("plane-facing", "+ facing", "A plane through the middle; what is before it is cut away"),
+        *((f"plane-{axis}", f"+ {axis}", f"A plane across the voxels' {axis}") for axis in "xyz"),
+    ):
+        imgui.same_line()
+        if imgui.button(title):
+            new = ui.done(new, BY_NAME[name])
+        ui.note(name)
+        tip(what)
+    imgui.end_disabled()
+    if not planes:
+        imgui.text_disabled("None. Drag their handles in the picture.")
+    for i, plane in enumerate(planes):
+        new = _row(new, ui, i, plane)
+    return new
+
+
+def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewState:
+    """One plane of the list: its place along its normal, flip and remove."""
+    volume = state.document.volume
+    imgui.push_id(index)
+    if imgui.radio_button(f"{index + 1}", state.interface.aids.plane == index):
+        state = reduced(state, Event("plane-select", index=index))
+    imgui.same_line()
+    x, y, z = plane.normal
+    imgui.set_next_item_width(-ui.px(92))
+    reach = radius_mm(volume)
+    moved, at = imgui.slider_float(
+        "##at", cuts.distance_mm(plane, volume), -reach, reach, "%.1f mm"
+    )
+    ui.note(f"plane {index}")
+    tip(f"From the volume's middle, along ({x:.2f}, {y:.2f}, {z:.2f})")
+    if moved:
+        state = reduced(state, Event("plane-shift", at, index=index))
+    imgui.same_line()
+    if imgui.button("Flip"):
+        state = reduced(state, Event("plane-flip", index=index))
+    ui.note(f"flip {index}")
+    imgui.same_line()
+    if imgui.button("×", (-1, 0)):
+        state = reduced(state, Event("plane-remove", index=index))
+    ui.note(f"remove {index}")
+    imgui.pop_id()
+    return state
+
+
+def draw_handles(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw the box, the planes and the slices' outlines over the picture."""
+    volume, aids = state.document.volume, state.interface.aids
+    planes = aids.planes and bool(state.shading.clip_planes)
+    outlines = aids.outlines and "Slices" in state.interface.panels
+    if not (aids.crop or planes or outlines):
+        return None
+    seen = ui.projection(state)
+    crop = cuts.crop_of(state.shading, volume)
+    with over_picture(ui):
+        if outlines:
+            for axis, share in enumerate(state.interface.slices.at):
+                corners = cuts.world_mm(volume, outline_index(volume, axis, share))
+                _polygon(corners, seen, (*SLICE_COLOURS[axis], 0.9), ui)
+        if aids.crop:
+            for start, end, hidden in cuts.box_edges(crop, volume, seen):
+                _line(start, end, _DIM if hidden else _WHITE, ui)
+        if planes:
+            corners = cuts.box_corners_mm(crop, volume)
+            for i, plane in enumerate(state.shading.clip_planes):
+                point, normal = np.asarray(plane.point_mm), np.asarray(plane.normal)
+                colour = ACCENT[True] if i == aids.plane else _WHITE
+                _polygon(cuts.outline_mm(point, normal, corners), seen, colour, ui)
+        _draw_handles(state, seen, ui)
+    return None
+
+
+def _draw_handles(state: ViewState, seen: Projection, ui: UiContext) -> None:
+    found, over = handles_of(state, seen, ui.scale), None
+    if not imgui.get_io().want_capture_mouse:
+        mouse = imgui.get_mouse_pos()
+        over = nearest(found, (mouse.x, mouse.y), ui.scale)
+    draw_list = imgui.get_background_draw_list()
+    shade = packed(BLACK, 0.6)
+    middles: dict[int, Place] = {}
+    # Of two in one place the first is taken hold of: it is drawn last.
+    for handle in (h for name in _ORDER for h in reversed(found) if h.name == name):
+        chosen = handle == over
+        lit = ACCENT[True] if chosen else (*WHITE, 0.95)
+        size = ui.px(_SIZE * (1.25 if chosen else 1.0))
+        x, y = handle.place
+        if handle.name == "plane-shift":
+            middles[handle.index] = handle.place
+        elif handle.name == "plane-tilt":
+            _line(middles[handle.index], handle.place, _WHITE, ui)
+            draw_list.add_circle_filled((x, y), size + ui.px(1.5), shade)
+            draw_list.add_circle((x, y), size - ui.px(1), packed(lit), 0, ui.px(2))
+        if handle.name != "plane-tilt":
+            draw_list.add_circle_filled((x, y), size + ui.px(1.5), shade)
+            draw_list.add_circle_filled((x, y), size, packed(lit))
+        ui.areas[f"{handle.name} {handle.index}"] = int(x) - 2, int(y) - 2, 4, 4
+
+
+def _polygon(
+    corners: cuts.Array, seen: Projection, colour: tuple[float, float, float, float], ui: UiContext
+) -> None:
+    if not len(corners):
+        return
+    for drawn in seen.segments(corners, np.roll(corners, -1, axis=0)):
+        if drawn is not None:
+            _line(*drawn, colour, ui)
+
+
+def _line(
+    start: Place, end: Place, colour: tuple[float, float, float, float], ui: UiContext
+) -> None:
+    """Shaded, so that it is seen on any picture."""
+    draw_list = imgui.get_background_draw_list()
+    draw_list.add_line(start, end, packed(BLACK, 0.45 * colour[3]), ui.px(3.0))
+    draw_list.add_line(start, end, packed(colour), ui.px(1.4))

@@ -1,0 +1,364 @@
+"""Dialogs over the picture: for a file's path, where the system has none, and for pictures."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from imgui_bundle import imgui
+
+from volspec.raycast.checks import MAX_SIDE
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.paths import Listing, PathRequest, is_there, listing
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.widgets import pick, wrapped
+from volspec.viewer.work.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
+from volspec.viewer.work.session import SUFFIX
+
+_FLAGS = (
+    imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.no_collapse
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.no_move
+)
+_DIM = imgui.Col_.text_disabled
+_INPUT = imgui.InputTextFlags_
+# Of the list, and of what stands in a path's dialog beside it.
+_ROWS, _BESIDE = 9, 6
+
+
+@dataclass(slots=True)
+class PathDialog:
+    """A field for a path, with what is in its folder below; Tab completes.
+
+    Attributes
+    ----------
+    request : PathRequest, optional
+        What is asked for; None where it is closed.
+    """
+
+    request: PathRequest | None = None
+    _text: str = ""
+    _opens: bool = False
+    _focus: bool = False
+    # The file that the next Enter replaces.
+    _replaces: str = ""
+
+    def ask(self, request: PathRequest) -> None:
+        """Open it."""
+        self.request, self._text, self._opens, self._focus = request, request.start, True, True
+        self._replaces = ""
+
+    def draw(self, ui: UiContext) -> str:
+        """Draw it; the path that was entered, or nothing."""
+        request = self.request
+        if request is None:
+            return ""
+        name = f"{request.title}###path"
+        if self._opens:
+            imgui.open_popup(name)
+            self._opens = False
+        if not _begun(name, ui, 560):
+            self.request = None
+            return ""
+        entered = self._body(request, ui)
+        if entered or _escaped():
+            self.request = None
+            imgui.close_current_popup()
+        imgui.end_popup()
+        return request.named(entered)
+
+    def _body(self, request: PathRequest, ui: UiContext) -> str:
+        found = _listed(self._text, request.suffixes, int(imgui.get_time()))
+        if self._focus:
+            imgui.set_keyboard_focus_here()
+            self._focus = False
+        imgui.set_next_item_width(-1)
+        flags = _INPUT.enter_returns_true | _INPUT.callback_completion
+        done, self._text = imgui.input_text_with_hint(
+            "##path", _hint(request), self._text, flags, _completing(found)
+        )
+        ui.note("path")
+        # Where a file is written its neighbours are of interest, not those of its name.
+        shown = (
+            _listed(found.folder, request.suffixes, int(imgui.get_time()))
+            if request.save
+            else found
+        )
+        self._list(shown)
+        path = request.named(self._text)
+        there = bool(path) and request.save and is_there(path)
+        right = _right()
+        sure = there and path == self._replaces
+        if there:
+            said = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
+            wrapped(said, imgui.Col_.check_mark)  # not to be overlooked
+        imgui.align_text_to_frame_padding()
+        imgui.text_disabled("Tab completes")
+        label = "Replace" if there else "Save" if request.save else "Open"
+        width = ui.px(84)
+        imgui.same_line(right - 2 * width - ui.px(8))
+        pressed = imgui.button(label, (width, 0)) or done
+        ui.note("path ok")
+        imgui.same_line(0, ui.px(8))
+        if imgui.button("Cancel", (width, 0)):
+            self.request = None
+            imgui.close_current_popup()
+        if pressed and there and not sure:
+            self._replaces, self._focus = path, True
+            return ""
+        return self._text.strip() if pressed else ""
+
+    def _list(self, found: Listing) -> None:
+        line = imgui.get_text_line_height_with_spacing()
+        others = _BESIDE * imgui.get_frame_height_with_spacing()
+        room = imgui.get_main_viewport().work_size.y - others
+        tall = max(min(line * _ROWS, room), 2 * line)
+        if imgui.begin_child("files", (0, tall)):
+            for row in found.rows:
+                if imgui.selectable(row, False, imgui.SelectableFlags_.no_auto_close_popups)[0]:
+                    self._text = found.folder + row
+                    self._focus = True
+            if not found.rows:
+                imgui.text_disabled("No such files here")
+        imgui.end_child()
+
+
+def _completing(found: Listing) -> Any:
+    """What Tab does in the field."""
+
+    def complete(data: Any) -> int:
+        data.delete_chars(0, data.buf_text_len)
+        data.insert_chars(0, found.common)
+        return 0
+
+    return complete
+
+
+@lru_cache(maxsize=8)
+def _listed(text: str, suffixes: tuple[str, ...], _second: int) -> Listing:
+    """Read once a second, not once a frame."""
+    return listing(text, suffixes)
+
+
+def _hint(request: PathRequest) -> str:
+    return f"name{request.suffixes[0]}" if request.save else "scene.toml, volume.nrrd, …"
+
+
+@dataclass(slots=True)
+class PictureDialog:
+    """How a picture shall be saved.
+
+    Attributes
+    ----------
+    shot : Shot
+        As it was set last.
+    """
+
+    shot: Shot = field(default_factory=Shot)
+    _opens: bool = False
+
+    def ask(self) -> None:
+        """Open it."""
+        self._opens = True
+
+    def draw(self, state: ViewState, ui: UiContext) -> bool:
+        """Draw it; whether the picture shall be saved now."""
+        name = "Save the picture"
+        if self._opens:
+            imgui.open_popup(name)
+            self._opens = False
+        if not _begun(name, ui, 420):
+            return False
+        imgui.push_item_width(-ui.px(64))
+        self._fields(state, ui)
+        imgui.pop_item_width()
+        imgui.spacing()
+        width = ui.px(84)
+        imgui.set_cursor_pos_x(_right() - 2 * width - ui.px(8))
+        saved = imgui.button("Save", (width, 0)) or imgui.is_key_pressed(imgui.Key.enter, False)
+        ui.note("picture ok")
+        imgui.same_line(0, ui.px(8))
+        if imgui.button("Cancel", (width, 0)) or saved or _escaped():
+            imgui.close_current_popup()
+        imgui.end_popup()
+        return saved
+
+    def _fields(self, state: ViewState, ui: UiContext) -> None:
+        shot = self.shot
+        shot = replace(shot, preset=pick("Size", shot.preset, PRESETS) or shot.preset)
+        ui.note("picture size")
+        width, height = shot.size(state.size)
+        imgui.begin_disabled(shot.preset != CUSTOM)
+        changed, sides = imgui.input_int2("Pixels", [width, height])
+        imgui.end_disabled()
+        if changed and shot.preset == CUSTOM:
+            shot = replace(shot, custom=(sides[0], sides[1]))
+        width, height = shot.size(state.size)
+        channels = state.transfer.basis.size * len(state.shading.groups)
+        room = megabytes((width, height), channels)
+        imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
+        _, name = imgui.input_text_with_hint("Name", "made of the title", shot.name)
+        _, folder = imgui.input_text_with_hint("Folder", "where volspec was started", shot.folder)
+        shot = replace(shot, name=name, folder=folder)
+        wrapped(f"Will be {shot.path(state.document.title)}", _DIM)
+        self.shot = shot
+
+
+def progress(under_way: Progress, ui: UiContext) -> bool:
+    """A bar at the picture's bottom; whether its cast shall be given up."""
+    x, y, width, height = ui.areas["picture"]
+    imgui.set_next_window_pos(
+        (x + width / 2, y + height - ui.px(18)), imgui.Cond_.always, (0.5, 1.0)
+    )
+    imgui.set_next_window_bg_alpha(0.92)
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(6))
+    flags = _FLAGS | imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_focus_on_appearing
+    imgui.begin("##progress", None, flags)
+    imgui.align_text_to_frame_padding()
+    imgui.text(under_way.what)
+    imgui.same_line()
+    imgui.push_style_color(imgui.Col_.plot_histogram, imgui.get_style_color_vec4(_DIM))
+    imgui.progress_bar(under_way.share, (ui.px(140), 0), "")
+    imgui.pop_style_color()
+    imgui.same_line()
+    imgui.text(f"{100 * under_way.share:3.0f} %" if under_way.share < 1 else "relighting")
+    imgui.same_line()
+    ended = bool(imgui.button("Cancel"))
+    ui.note("cancel")
+    imgui.end()
+    imgui.pop_style_var()
+    return ended
+
+
+def _begun(name: str, ui: UiContext, wide: float) -> bool:
+    """Begin a dialog that was opened; the picture behind it is dimmed little, as it is judged."""
+    viewport = imgui.get_main_viewport()
+    middle, room = viewport.get_work_center(), viewport.work_size
+    width = min(ui.px(wide), room.x * 0.94)
+    imgui.set_next_window_pos(middle, imgui.Cond_.always, (0.5, 0.5))
+    imgui.set_next_window_size((width, 0))
+    imgui.set_next_window_size_constraints((width, 0), (width, room.y * 0.98))
+    imgui.push_style_color(imgui.Col_.modal_window_dim_bg, (0.0, 0.0, 0.0, 0.25))
+    begun = bool(imgui.begin_popup_modal(name, True, _FLAGS)[0])
+    imgui.pop_style_color()
+    return begun
+
+
+def _right() -> float:
+    """Where the window's items end."""
+    return float(imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x)
+
+
+def _escaped() -> bool:
+    return bool(imgui.is_key_pressed(imgui.Key.escape, False))
+
+
+_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
+_FILES = (
+    *(".toml", SUFFIX, ".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk"),
+    *(".npy", ".tif", ".tiff", ".dcm", ".dicom", ".ima"),
+)
+REQUESTS = {
+    "open": PathRequest("open", "Open a scene or a volume", suffixes=_FILES),
+    "open-session": PathRequest("resume", "Open a session", suffixes=(SUFFIX,)),
+    "export-scene": PathRequest("export-scene", "Export as scene", True, (".toml",)),
+    "export-python": PathRequest("export-python", "Export as Python", True, (".py",)),
+    "palette-load": PathRequest("palette-load", "Load a palette", suffixes=(".toml",)),
+    "palette-save": PathRequest("palette-save", "Save the palette as", True, (".toml",)),
+    "save-session": PathRequest("save-session", "Save the session", True, (SUFFIX, ".json")),
+}
+
+
+class Asking:
+    """One path at a time."""
+
+    def __init__(self) -> None:
+        self._own = PathDialog()
+        self._native: NativeDialog | None = None
+
+    def ask(self, request: PathRequest, document: Document) -> None:
+        """Ask for a path; nothing where another is being asked for in the system's dialog."""
+        asked = replace(request, start=proposed(request, document))
+        if self._native is None and native():
+            self._native = NativeDialog(asked)
+        elif self._native is None:
+            self._own.ask(asked)
+
+    def take(self) -> tuple[PathRequest, str] | None:
+        """What the system's dialog has answered by now."""
+        if self._native is None or (path := self._native.answer()) is None:
+            return None
+        request, self._native = self._native.request, None
+        return (request, request.named(path)) if path else None
+
+    def close(self) -> None:
+        """End the system's dialog, for which the program would wait."""
+        if self._native is not None:
+            self._native.close()
+
+    def draw(self, ui: UiContext) -> tuple[PathRequest, str] | None:
+        """Draw our own, where it is open; what it has answered."""
+        request = self._own.request
+        path = self._own.draw(ui)
+        return (request, path) if request is not None and path else None
+
+
+def proposed(request: PathRequest, document: Document) -> str:
+    """Where a dialog begins: in the open file's folder, or where the program runs."""
+    source = document.source
+    path = Path("engine.toml" if source is None else source.partition("?")[0])
+    if path.is_relative_to(Path.cwd()):
+        path = path.relative_to(Path.cwd())
+    if request.save:
+        return os.fspath(path.with_name(f"{path.stem}-view{request.suffixes[0]}"))
+    return "" if path.parent == Path() else f"{path.parent}/"
+
+
+def native() -> bool:
+    """Whether the system has dialogs for files."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return any(shutil.which(program) for program in _PROGRAMS)
+
+
+class NativeDialog:
+    """The system's own dialog, in a process of its own; `answer` is asked for, not waited for.
+
+    A program that ends while it is open waits for it, unless it is closed.
+
+    Parameters
+    ----------
+    request : PathRequest
+    """
+
+    def __init__(self, request: PathRequest) -> None:
+        from imgui_bundle import portable_file_dialogs as dialogs
+
+        self.request = request
+        start = os.path.abspath(os.path.expanduser(request.start or "."))
+        patterns = " ".join(f"*{suffix}" for suffix in request.suffixes)
+        filters = [request.title, patterns, "All files", "*"] if patterns else ["All files", "*"]
+        self._dialog: Any
+        if request.save:
+            self._dialog = dialogs.save_file(request.title, start, filters)
+        else:
+            self._dialog = dialogs.open_file(request.title, start, filters)
+
+    def answer(self) -> str | None:
+        """The path; empty where none was chosen, None while the dialog is open."""
+        if not self._dialog.ready(0):
+            return None
+        result = self._dialog.result()
+        return str(result[0] if result else "") if isinstance(result, list) else str(result)
+
+    def close(self) -> None:
+        """End it."""
+        self._dialog.kill()

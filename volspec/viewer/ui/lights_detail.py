@@ -1,0 +1,278 @@
+"""The chosen light: knob, spectrum by notation, illuminance, temperature, and its light groups."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from imgui_bundle import imgui, imgui_knobs
+
+from volspec.relight import LightRig
+from volspec.spectra import Spectrum
+from volspec.viewer.model import light_parts
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.light_parts import facing_lux
+from volspec.viewer.model.lights_edits import refusal
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.light_look import raw_colour
+from volspec.viewer.ui.style import ACCENT
+from volspec.viewer.ui.widgets import in_line, kelvin_slider, packed, text_width, tip, wrapped
+
+_KNOB, _LABELS, _COMPLAINT = 52.0, 84.0, 320.0
+# Of the knob: weight for each pixel that the mouse is dragged.
+_SPEED = 0.006
+_ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+_LOG = imgui.SliderFlags_.logarithmic
+_ALL = "all"
+_LUX_TIP = (
+    "What this light gives a surface that faces it, at weight 1.\n"
+    "Lux count when every light that shines has them: then the eye adapts to\n"
+    "their sum, and a weight is a share of its light's. A light without lux counts by\n"
+    "its spectrum alone, and the eye adapts to the Viewing panel's illuminance."
+)
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw it."""
+    index = state.interface.light
+    row = light_parts.row_at(state.lights, index)
+    if row is None:
+        imgui.text_disabled("Choose a light above")
+        return state
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(4)))
+    new = _knob(state, ui, index)
+    imgui.same_line(0, ui.px(12))
+    imgui.begin_group()
+    groups = tuple(group.name for group in state.shading.groups)
+    plain = len(groups) < 2 and len(row.rig.lights) == 1
+    if plain:
+        new = _text(new, ui, index, 0, -ui.px(_LABELS))
+        imgui.same_line()
+        imgui.text("Spectrum")
+    else:
+        imgui.align_text_to_frame_padding()
+        imgui.text(in_line(row.name))
+        imgui.same_line()
+        imgui.text_disabled("by light group, below")
+    new = _lux(new, ui, index, plain)
+    if row.kelvin is not None:
+        imgui.set_next_item_width(-ui.px(_LABELS))
+        moved, kelvin = kelvin_slider("Temperature", row.kelvin)
+        ui.note("temperature")
+        if moved:
+            new = reduced(new, Event("kelvin", kelvin, index=index))
+    imgui.end_group()
+    if not plain:
+        new = _parts(new, ui, index, groups)
+    note = light_parts.lux_note(state.lights, state.shading.shares(), state.seen)
+    wrapped(in_line(note), imgui.Col_.text_disabled)
+    imgui.pop_style_var()
+    tip(_LUX_TIP)
+    return new
+
+
+def _knob(state: ViewState, ui: UiContext, index: int) -> ViewState:
+    weight = state.lights[index].weight
+    imgui.begin_group()
+    _paint_knob(state.interface.dark)
+    moved, value = imgui_knobs.knob(
+        *("##knob", weight, 0.0, 1.0, _SPEED, "%.2f", imgui_knobs.ImGuiKnobVariant_.wiper),
+        size=ui.px(_KNOB),
+        flags=int(imgui_knobs.ImGuiKnobFlags_.no_title | imgui_knobs.ImGuiKnobFlags_.no_input),
+    )
+    ui.note("knob")
+    tip("Weight: drag up or down")
+    text = f"{weight:.2f}"
+    x = imgui.get_cursor_pos_x()
+    imgui.set_cursor_pos((x, imgui.get_cursor_pos_y() - ui.px(8)))
+    imgui.set_cursor_pos_x(x + (ui.px(_KNOB) - text_width(text)) / 2)
+    imgui.text(text)
+    imgui.end_group()
+    return reduced(state, Event("weight", value, index=index)) if moved else state
+
+
+def _paint_knob(dark: bool) -> None:
+    """The window's greys, and its accent for what is on."""
+
+    def same(*colour: float) -> imgui_knobs.color_set:
+        return imgui_knobs.color_set(imgui.ImColor(*colour))
+
+    grey = imgui.get_style_color_vec4
+    body, track = grey(imgui.Col_.button_active), grey(imgui.Col_.frame_bg)
+    imgui_knobs.set_knob_colors(
+        imgui_knobs.KnobColors(
+            primary=same(*ACCENT[dark]),
+            secondary=same(body.x, body.y, body.z, 1.0),
+            track=same(track.x, track.y, track.z, 1.0),
+        )
+    )
+
+
+def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
+    """Illuminance; not given, or of each spectrum where there are several."""
+    rig, viewing = state.lights[index].rig, state.seen.viewing
+    given = rig.illuminance_lux is not None
+    pressed, on = imgui.checkbox("##given", given)
+    ui.note("lux given")
+    tip(_LUX_TIP)
+    if pressed:
+        lux = viewing.illuminance_lux if on else 0.0
+        return reduced(state, Event("lux", lux, index=index))
+    imgui.same_line(0, ui.px(4))
+    if not plain:
+        facing = facing_lux(rig, state.shading.shares())
+        text = f"{facing:.4g} lx where it all faces" if facing else "Illuminance not given"
+        imgui.text_disabled(text)
+        return state
+    imgui.set_next_item_width(-ui.px(_LABELS))
+    imgui.begin_disabled(not given)
+    now = rig.illuminance_lux[0] if rig.illuminance_lux else viewing.illuminance_lux
+    text = "%.4g lx" if given else "not given"
+    moved, lux = imgui.slider_float("Illuminance##lux", now, *light_parts.LUX, text, _LOG)
+    imgui.end_disabled()
+    ui.note("lux")
+    return reduced(state, Event("lux", lux, index=index)) if moved and given else state
+
+
+def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) -> ViewState:
+    """The notation of a spectrum, to be typed anew."""
+    scraps, row = ui.lights, state.lights[index]
+    own = row.texts[part]
+    typing = scraps.text_of == (row.name, part)
+    imgui.set_next_item_width(width)
+    entered, text = imgui.input_text_with_hint(
+        f"##text {part}", "drawn", scraps.text if typing else own or "", _ENTER
+    )
+    ui.note(f"text {part}")
+    if said := scraps.complaint_at((index, part), state.lights):
+        _complaint(said, ui, f"text {part}")
+    else:
+        tip(
+            "D65, planck:3200, daylight:6500, lamp:candle-1900,\n"
+            "FILE.csv, D65*0.7+A*0.3; Enter takes it"
+        )
+    if imgui.is_item_edited():
+        scraps.complaint = ""
+    if imgui.is_item_active():
+        scraps.text, scraps.text_of = text, (row.name, part)
+    elif typing and not entered:
+        scraps.text_of = ("", 0)
+    if not entered:
+        return state
+    scraps.text_of = ("", 0)
+    event = Event("respell", index=index, part=part, key=text)
+    new = reduced(state, event)
+    if new is state and (why := refusal(state, event)):
+        scraps.complain(why, (index, part), state.lights)
+    return new
+
+
+def _complaint(said: str, ui: UiContext, name: str) -> None:
+    """What is wrong with a notation, whole under its field and over what is below, until a click.
+
+    The tab has too little room for it where the window is small.
+    """
+    if imgui.is_mouse_clicked(0):
+        ui.lights.complaint = ""
+        return
+    x, y, _, height = ui.areas[name]
+    wide, edge = ui.px(_COMPLAINT), imgui.get_main_viewport().size.x - ui.px(8)
+    padding = 2 * imgui.get_style().window_padding.x
+    at = min(float(x), edge - wide - padding), y + height + ui.px(4)
+    imgui.set_next_window_pos(at)
+    if imgui.begin_tooltip():
+        imgui.push_text_wrap_pos(wide)
+        imgui.text(said)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def _parts(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) -> ViewState:
+    """A line for each spectrum: group, colour, notation, weight."""
+    rig = state.lights[index].rig
+    new = state
+    flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
+    fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
+    if imgui.begin_table("parts", 6 if rig.illuminance_lux else 5, flags):
+        imgui.table_setup_column("group", fixed, ui.px(66))
+        imgui.table_setup_column("colour", fixed, ui.px(14))
+        imgui.table_setup_column("spectrum", stretch, 1.2)
+        imgui.table_setup_column("weight", stretch, 0.8)
+        if rig.illuminance_lux:
+            imgui.table_setup_column("lux", stretch, 0.8)
+        imgui.table_setup_column("less", fixed, ui.px(20))
+        for j in range(len(rig.lights)):
+            imgui.push_id(j)
+            imgui.table_next_row()
+            new = _part(new, state, ui, index, j, groups)
+            imgui.pop_id()
+        imgui.end_table()
+    return _more(new, ui, index, groups)
+
+
+def _part(
+    new: ViewState, state: ViewState, ui: UiContext, index: int, j: int, groups: tuple[str, ...]
+) -> ViewState:
+    rig = state.lights[index].rig
+    imgui.table_next_column()
+    imgui.set_next_item_width(-1)
+    names = ["", *groups]
+    now = names.index(rig.groups[j]) if rig.groups[j] in names else -1
+    picked, at = imgui.combo("##group", now, [in_line(name) or _ALL for name in names])
+    ui.note(f"group {j}")
+    if picked:
+        new = reduced(new, Event("regroup", index=index, part=j, key=names[at]))
+    imgui.table_next_column()
+    x, y = imgui.get_cursor_screen_pos()
+    side, inset = imgui.get_frame_height(), ui.px(3)
+    imgui.dummy((ui.px(14), side))
+    colour = packed(raw_colour(_alone(rig.lights[j])))
+    ends = (x, y + inset), (x + ui.px(14), y + side - inset)
+    imgui.get_window_draw_list().add_rect_filled(*ends, colour, ui.px(3))
+    imgui.table_next_column()
+    new = _text(new, ui, index, j, -1)
+    imgui.table_next_column()
+    imgui.set_next_item_width(-1)
+    top = max(1.0, rig.weights[j])
+    moved, weight = imgui.slider_float("##weight", rig.weights[j], 0.0, top, "%.2f")
+    ui.note(f"part {j}")
+    if moved:
+        new = reduced(new, Event("part-weight", weight, index=index, part=j))
+    tip("Weight beside the other spectra of this light")
+    if rig.illuminance_lux:
+        imgui.table_next_column()
+        imgui.set_next_item_width(-1)
+        lux = rig.illuminance_lux[j]
+        moved, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *light_parts.LUX, "%.4g lx")
+        ui.note(f"part lux {j}")
+        tip("On a surface that faces it, were all groups to shine like this one")
+        if moved:
+            new = reduced(new, Event("lux", lux, index=index, part=j))
+    imgui.table_next_column()
+    if len(rig.lights) > 1 and imgui.button("×", (-1, 0)):
+        new = reduced(new, Event("remove-part", index=index, part=j))
+    return new
+
+
+def _more(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) -> ViewState:
+    """Groups that are dark can be lit; one spectrum for all can be parted."""
+    rig, new = state.lights[index].rig, state
+    if "" in rig.groups:
+        if imgui.button("A spectrum for each group"):
+            new = reduced(new, Event("split-part", index=index))
+        ui.note("part groups")
+        return new
+    dark = [name for name in groups if name not in rig.groups]
+    for i, name in enumerate(dark):
+        if i:
+            imgui.same_line()
+        if imgui.button(f"Light {name}"):
+            new = reduced(new, Event("add-part", index=index, key=name))
+        tip(f"Nothing shines from {name} in this light")
+    return new
+
+
+@lru_cache(maxsize=128)
+def _alone(light: Spectrum) -> LightRig:
+    """A light by itself; the same rig each time, by which its colour is kept."""
+    return LightRig((light,))

@@ -1,0 +1,198 @@
+"""The library of lights: a search over names, what was found with its colour, and temperatures."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from imgui_bundle import imgui
+
+from volspec.errors import VolspecError, one_line
+from volspec.relight import LightRig
+from volspec.spectra import SpectralGrid, light, light_names
+from volspec.spectra.files import split_address
+from volspec.spectra.lamps import LAMPS, PREFIX
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.lights_edits import refusal
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.light_look import raw_colour
+from volspec.viewer.ui.widgets import kelvin_slider, packed, shortened, text_width, tip, wrapped
+
+_POPUP = "add a light"
+_ENTER = imgui.InputTextFlags_.enter_returns_true
+_HINT = "D50, FL, candle, D65*0.7+A*0.3, FILE.csv"
+_DAYLIGHT = (4000.0, 25000.0)
+_LONG = 4
+# By how a name begins; measured lamps have names of their own.
+_CLASSES = (
+    ("FL", "CIE fluorescent"),
+    ("HP1", "CIE sodium"),
+    ("HP2", "CIE sodium"),
+    ("HP", "CIE metal halide"),
+    ("LED-", "CIE LED"),
+    ("ISO ", "ISO illuminant"),
+    ("ID", "CIE indoor daylight"),
+)
+_CIE = frozenset(["A", "B", "C", "E", "D50", "D55", "D60", "D65", "D75"])
+
+
+def open_popup(ui: UiContext) -> None:
+    """Open it with nothing searched for."""
+    ui.library.search, ui.library.complaint = "", ""
+    imgui.open_popup(_POPUP)
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw it while it is open."""
+    imgui.set_next_window_size((ui.px(340), 0))
+    if not imgui.begin_popup(_POPUP):
+        return state
+    if imgui.is_window_appearing():
+        imgui.set_keyboard_focus_here()
+    # Not the field alone, to which the first Esc would belong.
+    if imgui.is_key_pressed(imgui.Key.escape):
+        imgui.close_current_popup()
+    imgui.set_next_item_width(-1)
+    scraps = ui.library
+    entered, text = imgui.input_text_with_hint("##search", _HINT, scraps.search, _ENTER)
+    if text != scraps.search:
+        scraps.search, scraps.complaint = text, ""
+    found = matching(scraps.search)
+    grid, folder = state.document.grid, state.document.folder
+    wanted = _found(found, ui, grid, folder)
+    typed = scraps.search.strip()
+    if entered and typed:
+        wanted = found[0] if found and not _is_notation(typed) else typed
+    imgui.separator()
+    wanted = _temperatures(ui) or wanted
+    new = _added(state, ui, wanted) if wanted else state
+    if scraps.complaint:
+        imgui.text_wrapped(scraps.complaint)
+    imgui.end_popup()
+    return new
+
+
+def matching(search: str) -> list[str]:
+    """Names of the library that hold every word of a search, those that start with it first.
+
+    Words of four letters and more are also looked for in what a light is.
+    """
+    words, start = search.casefold().split(), search.casefold()
+
+    def holds(name: str, word: str) -> bool:
+        long = len(word) >= _LONG
+        return word in name.casefold() or (long and word in class_of(name).casefold())
+
+    found = [name for name in library_names() if all(holds(name, word) for word in words)]
+    return sorted(found, key=lambda name: not name.casefold().startswith(start))
+
+
+@lru_cache(maxsize=1)
+def library_names() -> tuple[str, ...]:
+    """All that can be picked: illuminants and measured lamps, then lamps by their temperature."""
+    return (*light_names(), *(f"{PREFIX}:{name}" for name in LAMPS))
+
+
+@lru_cache(maxsize=512)
+def class_of(name: str) -> str:
+    """What kind of light a name of the library stands for, in words.
+
+    >>> class_of("FL2"), class_of("D65"), class_of("lamp:candle-1900")
+    ('CIE fluorescent', 'CIE illuminant', 'candle flame')
+    """
+    if name in _CIE:
+        return "CIE illuminant"
+    prefix, _, rest = name.partition(":")
+    if prefix == PREFIX:
+        return LAMPS[rest].what
+    return next((what for start, what in _CLASSES if name.startswith(start)), "measured lamp")
+
+
+@lru_cache(maxsize=64)
+def verdict(text: str, grid: SpectralGrid, folder: str) -> tuple[LightRig | None, str]:
+    """The light that a typed notation is, or what is wrong with it; files are read on Enter."""
+    if not text or split_address(text) is not None:
+        return None, "Enter reads the file" if text else ""
+    try:
+        return LightRig((light(text, grid, folder=folder),)), ""
+    except (VolspecError, OSError) as error:
+        return None, one_line(error)
+
+
+def _is_notation(text: str) -> bool:
+    return split_address(text) is not None or bool(set("*+") & set(text))
+
+
+def _found(found: list[str], ui: UiContext, grid: SpectralGrid, folder: str) -> str:
+    """The list; what was clicked in it, or nothing."""
+    wanted = ""
+    if imgui.begin_child("found", (0, ui.px(208))):
+        typed = ui.library.search.strip()
+        rig, wrong = verdict(typed, grid, folder) if typed else (None, "")
+        if rig is not None and typed.casefold() not in {n.casefold() for n in found}:
+            found = [typed, *found]
+        clipper = imgui.ListClipper()
+        clipper.begin(len(found))
+        while clipper.step():
+            for i in range(clipper.display_start, clipper.display_end):
+                if _entry(found[i], ui, grid, folder):
+                    wanted = found[i]
+                ui.note(f"found {i}")
+        clipper.end()
+        if not found:
+            wrapped(wrong, imgui.Col_.text_disabled)
+    imgui.end_child()
+    return wanted
+
+
+def _entry(name: str, ui: UiContext, grid: SpectralGrid, folder: str) -> bool:
+    """Colour, name, class; whether it was clicked."""
+    x, y = imgui.get_cursor_screen_pos()
+    width, line = imgui.get_content_region_avail().x, imgui.get_text_line_height()
+    clicked, _ = imgui.selectable(f"##{name}", False, size=(width, line))
+    draw_list = imgui.get_window_draw_list()
+    rig, _ = verdict(name, grid, folder)
+    side = ui.px(13)
+    if rig is not None:
+        top = y + (line - side) / 2
+        ends = (x, top), (x + side, top + side)
+        draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), ui.px(3))
+    left = x + side + ui.px(8)
+    what = class_of(name) if name in library_names() else "as typed"
+    own = min(text_width(name), width - side - ui.px(16))
+    room = width - side - ui.px(20) - own
+    text, dim = (imgui.get_color_u32(c) for c in (imgui.Col_.text, imgui.Col_.text_disabled))
+    draw_list.add_text((left, y), text, shortened(name, width - side - ui.px(16)))
+    kind = shortened(what, room) if room > ui.px(40) else ""
+    draw_list.add_text((x + width - text_width(kind), y), dim, kind)
+    tip(f"{name}\n{what}")
+    return bool(clicked)
+
+
+def _temperatures(ui: UiContext) -> str:
+    """A radiator or a daylight of any temperature; its notation where it was asked for."""
+    wanted, scraps = "", ui.library
+    imgui.set_next_item_width(-ui.px(150))
+    _, scraps.kelvin = kelvin_slider("##planck", scraps.kelvin)
+    imgui.same_line()
+    if imgui.button("Planck", (ui.px(64), 0)):
+        wanted = f"planck:{scraps.kelvin:.0f}"
+    ui.note("planck")
+    tip("A Planck radiator of this temperature")
+    imgui.same_line()
+    low, high = _DAYLIGHT
+    imgui.begin_disabled(not low <= scraps.kelvin <= high)
+    if imgui.button("Daylight", (-1, 0)):
+        wanted = f"daylight:{scraps.kelvin:.0f}"
+    imgui.end_disabled()
+    tip(f"CIE daylight of this temperature, {low:.0f} to {high:.0f} K")
+    return wanted
+
+
+def _added(state: ViewState, ui: UiContext, wanted: str) -> ViewState:
+    event = Event("add-light", key=wanted)
+    new = reduced(state, event)
+    ui.library.complaint = refusal(state, event) if new is state else ""
+    if new is not state:
+        imgui.close_current_popup()
+    return new

@@ -1,0 +1,239 @@
+"""Saved light states: a list to recall from, with a cross-fade."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from imgui_bundle import imgui
+
+from volspec.relight import LightRig
+from volspec.viewer.model.commands import BY_NAME
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.light_states import MOST_SECONDS, recalled
+from volspec.viewer.model.lights import Rows, rig_of
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui import (
+    lights_detail,
+    lights_dial,
+    lights_library,
+    lights_rows,
+    lights_spectrum,
+)
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.light_look import raw_colour, spark
+from volspec.viewer.ui.widgets import (
+    in_line,
+    key_text,
+    lit_button,
+    name_field,
+    packed,
+    shortened,
+    tip,
+)
+
+_SWATCH, _SPARK = 16.0, 46.0
+_MENU = "state menu"
+
+
+def draw_states(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the tab."""
+    new = state
+    if imgui.button("Save state"):
+        new = ui.done(new, BY_NAME["save-state"])
+    ui.note("save state")
+    tip("All lights and the viewing, to come back to (Alt+S)")
+    imgui.same_line()
+    imgui.set_next_item_width(-ui.px(40))
+    text = "at once" if state.interface.fade_s <= 0 else "%.1f s"
+    moved, seconds = imgui.slider_float("Fade", state.interface.fade_s, 0.0, MOST_SECONDS, text)
+    ui.note("fade")
+    if moved:
+        new = reduced(new, Event("fade", seconds))
+    if not state.kept:
+        imgui.text_disabled("Saved states stand here. Alt+1 … Alt+9 fade to them.")
+        return new
+    for i in range(len(state.kept)):
+        imgui.push_id(i)
+        new = _line(new, state, ui, i)
+        imgui.pop_id()
+    return new
+
+
+def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
+    saved = state.kept[i]
+    if ui.lights.naming == i:
+        return _rename(new, ui, i)
+    x, y = imgui.get_cursor_screen_pos()
+    height, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
+    here = saved.seen == state.seen and recalled(state.lights, saved.lights) == state.lights
+    button = height
+    pressed, _ = imgui.selectable("##recall", here, size=(width - button - ui.px(6), height))
+    ui.note(f"state {i}")
+    tip(f"Fade to {in_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
+    if pressed:
+        new = reduced(new, Event("recall-state", index=i))
+    _look(state, ui, i, (x, y))
+    imgui.same_line(width - button)
+    if imgui.button("…", (button, 0)):
+        imgui.open_popup(_MENU)
+    ui.note(f"more {i}")
+    return _menu(new, state, ui, i)
+
+
+def _look(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) -> None:
+    """Number, colour, spectrum, name."""
+    (x, y), saved, grid = at, state.kept[i], state.document.grid
+    height, inset = imgui.get_frame_height(), ui.px(3)
+    draw_list = imgui.get_window_draw_list()
+    dim, text = (imgui.get_color_u32(c) for c in (imgui.Col_.text_disabled, imgui.Col_.text))
+    top = y + (height - imgui.get_font_size()) / 2
+    draw_list.add_text((x + ui.px(4), top), dim, f"{i + 1}")
+    left = x + ui.px(22)
+    rig = kept_rig(saved.lights)
+    if rig is not None:
+        ends = (left, y + inset), (left + ui.px(_SWATCH), y + height - inset)
+        draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), ui.px(3))
+        rect = left + ui.px(_SWATCH + 6), y + inset, ui.px(_SPARK), height - 2 * inset
+        spark(draw_list, rect, rig, grid)
+    left += ui.px(_SWATCH + _SPARK + 14)
+    room = x + imgui.get_content_region_avail().x - height - ui.px(12) - left
+    draw_list.add_text((left, top), text, shortened(saved.name, room))
+
+
+@lru_cache(maxsize=128)
+def kept_rig(rows: Rows) -> LightRig | None:
+    """What a saved state shines with; the same one each time, by which colours are kept."""
+    return rig_of(rows)
+
+
+def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
+    scraps = ui.lights
+    entered, ended = name_field("##name", scraps)
+    ui.note("state name")
+    if entered:
+        new = reduced(new, Event("rename-state", index=i, key=scraps.name))
+    if ended:
+        scraps.naming, scraps.name = -1, ""
+    return new
+
+
+def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
+    if not imgui.begin_popup(_MENU):
+        return new
+    if imgui.menu_item("Rename", "", False)[0]:
+        ui.lights.naming, ui.lights.name = i, state.kept[i].name
+        ui.lights.focus = True
+    ui.note("rename state")
+    if imgui.menu_item("Save the present lights here", "", False)[0]:
+        new = reduced(new, Event("save-over-state", index=i))
+    if imgui.menu_item("Delete", "", False)[0]:
+        new = reduced(new, Event("delete-state", index=i))
+    imgui.end_popup()
+    return new
+
+
+# Of what is under the rows, tabs included; and of the buttons.
+_LEAST_TABS, _BUTTONS = 134.0, 34.0
+_LEAST_ROWS = 3
+# Of the panel's height, where the list is long.
+_TABS_SHARE = 0.4
+# Of the spectrum beside the dial.
+_LEAST_MIX = 84.0
+# With so much room the dial stands over its spectrum.
+_TALL = 300.0
+TABS = ("Dial", "Light", "Spectrum", "States")
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw the panel."""
+    line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
+    whole = imgui.get_content_region_avail().y
+    room = whole - max(ui.px(_LEAST_TABS), _TABS_SHARE * whole) - ui.px(_BUTTONS)
+    height = whole_rows(len(state.lights), room / line) * line + ui.px(2)
+    new = lights_rows.draw(state, ui, height)
+    new = _buttons(new, ui)
+    if imgui.begin_tab_bar("light tabs"):
+        for name in TABS:
+            wanted = ui.lights.to_tab == name
+            flags = imgui.TabItemFlags_.set_selected if wanted else imgui.TabItemFlags_.none
+            opened, _ = imgui.begin_tab_item(name, None, flags)
+            ui.note(f"tab {name}")
+            if opened:
+                ui.lights.tab = name
+                if wanted:
+                    ui.lights.to_tab = ""
+                new = _tab(name, new, ui)
+                imgui.end_tab_item()
+        imgui.end_tab_bar()
+    return None if new is state else new
+
+
+def whole_rows(count: int, room: float) -> int:
+    """How many of the rows are seen at once where so many fit; none of them in part.
+
+    >>> whole_rows(5, 4.6), whole_rows(5, 8.0), whole_rows(5, 1.2)
+    (4, 5, 3)
+    """
+    return min(count, max(int(room), _LEAST_ROWS))
+
+
+def _tab(name: str, state: ViewState, ui: UiContext) -> ViewState:
+    least = ui.px(_LEAST_TABS) - 1.5 * imgui.get_frame_height_with_spacing()
+    height = max(imgui.get_content_region_avail().y, least)
+    if name == "Dial":
+        return _dial(state, ui, height)
+    if name == "Spectrum":
+        return lights_spectrum.draw_pen(state, ui, height)
+    new = state
+    if imgui.begin_child(f"tab {name}", (0, height)):
+        new = lights_detail.draw(state, ui) if name == "Light" else draw_states(state, ui)
+    imgui.end_child()
+    return new
+
+
+def _dial(state: ViewState, ui: UiContext, height: float) -> ViewState:
+    width = imgui.get_content_region_avail().x
+    gap = imgui.get_style().item_spacing.x
+    if height > ui.px(_TALL):
+        new = lights_dial.draw(state, ui, width, height * 0.62)
+        lights_spectrum.draw_mix(new, ui, width, height * 0.38 - gap)
+        return new
+    share = min(
+        max(lights_dial.width_for(state, ui, height), width * 0.6), width - ui.px(_LEAST_MIX)
+    )
+    new = lights_dial.draw(state, ui, share, height)
+    imgui.same_line()
+    lights_spectrum.draw_mix(new, ui, width - share - gap, height)
+    return new
+
+
+def _buttons(state: ViewState, ui: UiContext) -> ViewState:
+    if imgui.button("Add"):
+        lights_library.open_popup(ui)
+    ui.note("add light")
+    tip("A light from the library, from a file, or a mix")
+    new = lights_library.draw(state, ui)
+    one = len(state.lights) < 2
+    new = _action(new, ui, "remove-light", "Remove", "Takes the chosen light off the list", one)
+    dark = rig_of(state.lights) is None
+    new = _action(new, ui, "keep-mix", "Keep mix", "The present mix as a light of its own", dark)
+    new = _action(new, ui, "compare", "A | B", "These lights beside others, with a divide")
+    if state.other is not None:
+        new = _action(new, ui, "swap", "Swap", "The lights of both sides change places")
+    return new
+
+
+def _action(
+    state: ViewState, ui: UiContext, name: str, title: str, what: str, disabled: bool = False
+) -> ViewState:
+    """A button for an action, beside the last one; lit where it is on."""
+    action = BY_NAME[name]
+    imgui.same_line(0, ui.px(6))
+    on = action.on is not None and action.on(state)
+    imgui.begin_disabled(disabled)
+    pressed = lit_button(title, on, state.interface.dark)
+    imgui.end_disabled()
+    ui.note(f"button {name}")
+    key = key_text(action)
+    tip(f"{what} ({key})" if key else what)
+    return ui.done(state, action) if pressed else state

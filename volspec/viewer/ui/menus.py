@@ -1,0 +1,263 @@
+"""The menu at the top: every action, with its key, and the files opened lately."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from imgui_bundle import imgui
+
+from volspec.viewer.model.commands import ACTIONS, BY_NAME, MENUS, shown
+from volspec.viewer.model.event import Action
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.widgets import in_line, key_text, shortened, text_width, whole_label
+
+# Actions that begin another part of their menu; the recent files follow the first.
+_PARTS = ("export-scene", "save-session", "screenshot", "quit", "copy-picture", "commands")
+_AFTER = "open"
+# Offered elsewhere: beside the files, and where a cast shows how far it is.
+_ELSEWHERE = ("clear-recent", "cancel")
+
+
+def draw_menu(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw it; what is picked changes the state, or is noted down for the app."""
+    new = state
+    if not imgui.begin_main_menu_bar():
+        return None
+    for title in MENUS:
+        if ui.menu:
+            ui.menu = False
+            imgui.open_popup(title)
+        opened = imgui.begin_menu(title)
+        ui.note(f"menu {title}")
+        if not opened:
+            continue
+        for action in ACTIONS:
+            if action.menu == title and action.name not in _ELSEWHERE:
+                new = _row(action, new, ui)
+        imgui.end_menu()
+    imgui.end_main_menu_bar()
+    return None if new is state else new
+
+
+def _row(action: Action, state: ViewState, ui: UiContext) -> ViewState:
+    if action.name in _PARTS:
+        imgui.separator()
+    on = action.on is not None and action.on(state)
+    picked = imgui.menu_item(action.title, key_text(action), on)[0]
+    ui.note(f"action {action.name}")
+    if action.name == _AFTER:
+        _recent(ui)
+    return ui.done(state, action) if picked else state
+
+
+def _recent(ui: UiContext) -> None:
+    if not imgui.begin_menu("Open recent", bool(ui.results.recent)):
+        return
+    for number, row in enumerate(ui.results.recent):
+        if imgui.menu_item(f"{whole_label(row.label)}##{number}", "", False, row.there)[0]:
+            ui.asked.append(f"open {row.path}")
+        ui.note(f"recent {number}")
+    imgui.separator()
+    if imgui.menu_item("Clear the list", "", False)[0]:
+        ui.asked.append("clear-recent")
+    imgui.end_menu()
+
+
+_FLAGS = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_nav
+)
+HEIGHT = 26
+
+
+def draw_status(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw it along the whole window."""
+    viewport = imgui.get_main_viewport()
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(12), ui.px(4)))
+    imgui.internal.begin_viewport_side_bar(
+        "##status", viewport, imgui.Dir.down, ui.px(HEIGHT), _FLAGS
+    )
+    texts = (in_line(state.document.title), sizes(state, ui), f"H: keys    {timings(ui)}")
+    room = imgui.get_content_region_avail().x
+    title, shown, times = fitting_texts(texts, room, ui.px(16), text_width)
+    imgui.text(title)
+    if shown:
+        imgui.same_line(0, ui.px(16))
+        imgui.text_disabled(shown)
+    if times:
+        imgui.same_line(imgui.get_window_width() - text_width(times) - ui.px(12))
+        imgui.text_disabled(times)
+    imgui.end()
+    imgui.pop_style_var()
+    return None
+
+
+def fitting_texts(
+    texts: tuple[str, str, str], room: float, apart: float, measure: Callable[[str], float]
+) -> tuple[str, str, str]:
+    """What there is room for: the last goes first, then the second, then the first is cut.
+
+    >>> fitting_texts(("engine", "9 × 9", "60 fps"), 14, 1, len)
+    ('engine', '9 × 9', '')
+    >>> fitting_texts(("engine", "9 × 9", "60 fps"), 5, 1, len)
+    ('engi…', '', '')
+    """
+    title, shown, times = texts
+    wide = measure(title), measure(shown), measure(times)
+    if sum(wide) + 2 * apart <= room:
+        return texts
+    if wide[0] + wide[1] + apart <= room:
+        return title, shown, ""
+    return shortened(title, room, measure), "", ""
+
+
+def sizes(state: ViewState, ui: UiContext) -> str:
+    """The picture's size, and whether it is still coarse."""
+    if ui.results.image is None:
+        return "no picture" if ui.results.fault else "casting …"
+    width, height = state.size
+    if ui.results.whole:
+        return f"{width} × {height}"
+    shown, _ = ui.results.image.size
+    return f"{width} × {height}, refining (1/{max(1, round(width / shown))})"
+
+
+def timings(ui: UiContext) -> str:
+    """What the stages took last."""
+    parts = [f"{ui.results.fps:.0f} fps"] if ui.results.fps else []
+    parts += [f"{stage} {ms:.0f} ms" for stage, ms in ui.results.ms.items()]
+    return "   ".join(parts)
+
+
+Row = tuple[str, str]
+Part = tuple[str, tuple[Row, ...]]
+
+_MOUSE = (
+    ("Left drag", "Orbit"),
+    ("Middle or Shift + right drag", "Pan"),
+    ("Right drag, wheel", "Zoom"),
+    ("Shift + left drag or wheel", "Roll"),
+    ("Ctrl + wheel", "Field of view"),
+    ("Drop a file", "Open it"),
+    ("Alt+1 … 9", "Fade to a saved light state"),
+    ("Arrows, with Shift", "Orbit, pan"),
+    ("+, −", "Zoom"),
+    ("Page up and down", "Axial slice"),
+    ("with Shift, Ctrl", "Coronal, sagittal slice"),
+    ("Ctrl + left drag", "Shift and spread the values"),
+    ("Ctrl + right drag", "Opacity"),
+)
+_PANELS = (
+    ("Tab, arrows", "Next item"),
+    ("Space, Enter", "Use it"),
+    ("Esc", "Back to the picture"),
+)
+
+
+def _rows_of(menu: str) -> tuple[Row, ...]:
+    """A menu's actions that have keys."""
+    return tuple(
+        (", ".join(shown(key) for key in action.keys if key), action.title.removesuffix(" …"))
+        for action in ACTIONS
+        if action.menu == menu and any(action.keys) and not action.name.startswith("recall-")
+    )
+
+
+SHEET: tuple[Part, ...] = (
+    ("Mouse", _MOUSE),
+    *((menu, rows) for menu in MENUS if (rows := _rows_of(menu))),
+    ("In panels, after F6", _PANELS),
+)
+_FLAGS_keys = (
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_collapse
+    | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.horizontal_scrollbar
+    | imgui.WindowFlags_.no_saved_settings
+)
+
+
+def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
+    """Parts in their order, in columns of which the tallest is as low as it can be."""
+    heights = [len(rows) + 2 for _, rows in parts]
+    for most in range(max(heights), sum(heights) + 1):
+        filled: list[list[Part]] = [[]]
+        room = most
+        for part, height in zip(parts, heights, strict=True):
+            if height > room:
+                filled.append([])
+                room = most
+            filled[-1].append(part)
+            room -= height
+        if len(filled) <= count:
+            return filled
+    return [list(parts)]
+
+
+def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw it in the middle of the window; a click, Esc or what opens over it closes it."""
+    if not state.interface.keys:
+        return None
+    if ui.commands is not None or imgui.internal.get_top_most_popup_modal() is not None:
+        return ui.done(state, BY_NAME["keys"])
+    viewport = imgui.get_main_viewport()
+    imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, (0.5, 0.5))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(22), ui.px(16)))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(8))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(3)))
+    imgui.set_next_window_size_constraints((0, 0), viewport.work_size)
+    imgui.set_next_window_bg_alpha(0.95)
+    imgui.begin("##keys", None, _FLAGS_keys)
+    _columns(ui, viewport.work_size.x)
+    # Not by its scrollbar.
+    free = imgui.is_window_hovered() and not imgui.is_any_item_active()
+    closed = free and imgui.is_mouse_clicked(0)
+    closed = closed or imgui.is_key_pressed(imgui.Key.escape)
+    imgui.end()
+    imgui.pop_style_var(3)
+    return ui.done(state, BY_NAME["keys"]) if closed else None
+
+
+def _columns(ui: UiContext, width: float) -> None:
+    """Side by side, each as wide as it must be."""
+    gap, apart = ui.px(14), ui.px(30)
+    count = _fitting(width - ui.px(60), gap, apart)
+    left = imgui.get_cursor_pos_x()
+    top = imgui.get_cursor_pos_y()
+    for column in columns(SHEET, count):
+        rows = [row for _, rows in column for row in rows]
+        second = _widest(keys for keys, _ in rows) + gap
+        imgui.set_cursor_pos((left, top))
+        imgui.begin_group()
+        for number, (title, part) in enumerate(column):
+            if number:
+                imgui.dummy((0, ui.px(8)))
+            imgui.text_disabled(title)
+            for keys, what in part:
+                imgui.text(keys)
+                imgui.same_line(second)
+                imgui.text(what)
+        imgui.end_group()
+        left += imgui.get_item_rect_size().x + apart
+
+
+def _fitting(width: float, gap: float, apart: float) -> int:
+    """So many columns that they are no wider than this."""
+    for count in range(4, 1, -1):
+        wide = 0.0
+        for column in columns(SHEET, count):
+            rows = [row for _, part in column for row in part]
+            wide += _widest(keys for keys, _ in rows) + gap + apart
+            wide += _widest(what for _, what in rows)
+        if wide <= width:
+            return count
+    return 1
+
+
+def _widest(texts: Iterable[str]) -> float:
+    return max(text_width(text) for text in texts)

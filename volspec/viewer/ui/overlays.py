@@ -1,0 +1,210 @@
+"""Text over the picture, or in place of one."""
+
+from __future__ import annotations
+
+import math
+
+from imgui_bundle import imgui
+
+from volspec.viewer.model.projection import HALF, face_at, faces, middle
+from volspec.viewer.model.slices import AXES, PATIENT, is_patient
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.light_look import fill, outline
+from volspec.viewer.ui.style import ACCENT
+from volspec.viewer.ui.widgets import BLACK, WHITE, over_picture, packed, text_width
+from volspec.viewer.work.probe import Reading
+
+_FLAGS = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_focus_on_appearing
+)
+
+
+def message(text: str, ui: UiContext) -> None:
+    """A line or two at the picture's top, below what stands there; within the window."""
+    x, y, width, _ = ui.areas["picture"]
+    viewport = imgui.get_main_viewport()
+    left, room = viewport.work_pos.x, viewport.work_size.x
+    most = min(max(width - ui.px(48), ui.px(280)), room - ui.px(48), ui.px(560))
+    half = most / 2 + ui.px(20)
+    middle = min(max(x + width / 2, left + half), left + room - half)
+    _, top, _, tall = ui.areas.get("sides", (0, y, 0, 0))
+    imgui.set_next_window_pos((middle, top + tall + ui.px(20)), imgui.Cond_.always, (0.5, 0.0))
+    imgui.set_next_window_bg_alpha(0.92)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(16), ui.px(10)))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(6))
+    imgui.begin("##message", None, _FLAGS | imgui.WindowFlags_.no_inputs)
+    imgui.push_text_wrap_pos(max(most, ui.px(60)))
+    imgui.text(text)
+    imgui.pop_text_wrap_pos()
+    imgui.end()
+    imgui.pop_style_var(2)
+
+
+def in_place(text: str, ui: UiContext) -> None:
+    """Write in the middle of where the picture will be, in lines as long as that is wide."""
+    x, y, width, height = ui.areas["picture"]
+    wrap = 0.9 * width
+    size = imgui.calc_text_size(text, wrap_width=wrap)
+    place = x + (width - size.x) / 2, y + (height - size.y) / 2
+    grey, font, font_size = packed((0.6, 0.6, 0.6)), imgui.get_font(), imgui.get_font_size()
+    draw_list = imgui.get_background_draw_list()
+    draw_list.add_text(font, font_size, place, grey, text, wrap_width=wrap)
+
+
+# Pixels at 96 dpi; a narrower picture has no bar.
+_LONGEST, _MARGIN, _TICK, _NARROW = 130.0, 16.0, 4.0, 90.0
+
+
+def length_mm(mm_per_px: float, longest_px: float) -> float:
+    """The greatest of 1, 2, 5, 10, … that is no longer than so many pixels.
+
+    >>> length_mm(0.5, 130), length_mm(0.001, 130)
+    (50.0, 0.1)
+    """
+    most = mm_per_px * longest_px
+    decade = math.floor(math.log10(most))
+    # Tenths of a power of ten are no exact numbers: whole ones are divided.
+    lengths = [
+        step * 10.0**power if power >= 0 else step / 10.0**-power
+        for power in (decade - 1, decade)
+        for step in (1, 2, 5)
+    ]
+    return max(length for length in lengths if length <= most * (1 + 1e-9))
+
+
+def length_text(mm: float) -> str:
+    """A length with its unit.
+
+    >>> [length_text(mm) for mm in (0.02, 5.0, 50.0, 2000.0, 2e-5)]
+    ['20 µm', '5 mm', '5 cm', '2 m', '0.02 µm']
+    """
+    units = ((1000.0, "m"), (10.0, "cm"), (1.0, "mm"))
+    size, unit = next((each for each in units if mm >= each[0]), (1e-3, "µm"))
+    return f"{mm / size:.6g} {unit}"
+
+
+def draw_scale(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw it."""
+    if not state.interface.aids.scale:
+        return None
+    x, y, width, height = ui.areas["picture"]
+    if width < ui.px(_NARROW):
+        return None
+    seen = ui.projection(state)
+    mm = length_mm(seen.mm_per_px, min(ui.px(_LONGEST), width / 3))
+    long = mm / seen.mm_per_px
+    right, low = x + width - ui.px(_MARGIN), y + height - ui.px(_MARGIN)
+    left, tick = right - long, ui.px(_TICK)
+    text = length_text(mm)
+    size = imgui.calc_text_size(text)
+    line, shade = packed(WHITE, 0.9), packed(BLACK, 0.55)
+    strokes = (
+        ((left, low), (right, low)),
+        ((left, low - tick), (left, low + tick)),
+        ((right, low - tick), (right, low + tick)),
+    )
+    with over_picture(ui) as draw_list:
+        # The shade first, so that it is legible on any picture.
+        for colour, thick, shift in ((shade, 3.5, 1.0), (line, 1.5, 0.0)):
+            for ends in strokes:
+                draw_list.add_line(*ends, colour, ui.px(thick))
+            place = (left + right - size.x) / 2 + shift, low - size.y - tick + shift
+            draw_list.add_text(place, colour, text)
+    ui.areas["scale"] = int(left), int(low - tick), int(long), int(2 * tick)
+    return None
+
+
+_FLAGS_probe = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_inputs
+    | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.no_focus_on_appearing
+    | imgui.WindowFlags_.no_nav
+)
+_SIZE = (196.0, 74.0)
+_HEADROOM = 1.06
+
+
+def draw_probe(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw it over the picture's lower left corner."""
+    reading = ui.results.under_mouse
+    if reading is None or not state.interface.probe:
+        return None
+    x, y, _, height = ui.areas["picture"]
+    corner = x + ui.px(12), y + height - ui.px(12)
+    imgui.set_next_window_pos(corner, imgui.Cond_.always, (0.0, 1.0))
+    imgui.set_next_window_bg_alpha(0.82)
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(5))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(3)))
+    if imgui.begin("##probe", None, _FLAGS_probe)[0]:
+        widest = max(text_width(name) for name, _ in reading.rows)
+        label = widest + ui.px(14) + imgui.get_style().window_padding.x
+        for name, value in reading.rows:
+            imgui.text_disabled(name)
+            imgui.same_line(label)
+            imgui.text(value)
+        _spectra(reading, ui)
+    imgui.end()
+    imgui.pop_style_var(2)
+    return None
+
+
+def _spectra(reading: Reading, ui: UiContext) -> None:
+    """The light as a line, what comes back filled with its colours."""
+    x, y = imgui.get_cursor_screen_pos()
+    width, height = (ui.px(side) for side in _SIZE)
+    imgui.dummy((width, height))
+    rect = x, y + ui.px(4), width, height - ui.px(4)
+    draw_list = imgui.get_window_draw_list()
+    fill(draw_list, rect, reading.reflected, _HEADROOM, reading.grid)
+    text = imgui.get_color_u32(imgui.Col_.text)
+    outline(draw_list, rect, reading.light, _HEADROOM, text, ui.px(1.2))
+
+
+# A face that is seen more askew has no letters.
+_ASKEW = 0.3
+# What a face is lit with: from everywhere, and by how it faces the eye.
+_SHADE = 0.30, 0.34
+_EDGE, _LETTER = (0.08, 0.08, 0.08), (0.02, 0.02, 0.02)
+
+
+def cube_label(face: int, patient: bool) -> str:
+    """What is written on a face."""
+    return (PATIENT if patient else AXES)[face // 2][face % 2]
+
+
+def draw_cube(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw it."""
+    if not state.interface.aids.cube:
+        return None
+    seen = ui.projection(state)
+    x, y = middle(seen, ui.scale)
+    half = HALF * ui.scale
+    mouse = imgui.get_mouse_pos()
+    over = None
+    if not imgui.get_io().want_capture_mouse:
+        over = face_at(seen, (mouse.x, mouse.y), ui.scale)
+    patient = is_patient(state.document.volume, state.interface.aids.patient)
+    with over_picture(ui) as draw_list:
+        for face, corners, towards in faces(seen.camera):
+            a, b, c, d = ((x + half * px, y + half * py) for px, py in corners.tolist())
+            grey = _SHADE[0] + _SHADE[1] * towards
+            lit = ACCENT[True] if face == over else (grey, grey, grey)
+            draw_list.add_quad_filled(a, b, c, d, packed(lit, 0.88))
+            draw_list.add_quad(a, b, c, d, packed(_EDGE, 0.8), ui.px(1.2))
+            if towards < _ASKEW:
+                continue
+            text = cube_label(face, patient)
+            size = imgui.calc_text_size(text)
+            at = (a[0] + c[0]) / 2, (a[1] + c[1]) / 2
+            ink = min((towards - _ASKEW) / 0.3, 1.0)
+            place = at[0] - size.x / 2, at[1] - size.y / 2
+            draw_list.add_text(place, packed(_LETTER, ink), text)
+            ui.areas[f"cube {face}"] = int(at[0]) - 1, int(at[1]) - 1, 2, 2
+    return None

@@ -1,0 +1,277 @@
+"""The margins of the palette's table: each spectrum's name and curve, and whether it may change.
+
+state, Table -> [margins] -> events
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from imgui_bundle import imgui
+from numpy.typing import NDArray
+
+from volspec.palette import Cell, CellReport
+from volspec.palette.advice import VISIBLE
+from volspec.spectra import Spectrum
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.lights import LightRow, shining
+from volspec.viewer.model.palette_table import Table
+from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clipped, stays
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.light_look import fill, outline
+from volspec.viewer.ui.style import ACCENT
+from volspec.viewer.ui.widgets import BLACK, WAITING_GREYED, WHITE, in_line, packed, shortened, tip
+
+ROW_POPUP, COLUMN_POPUP = "palette row", "palette column"
+_MAY_CHANGE = "It may change, to show the colours wanted"
+_SEVERAL = "Several lights in one are not designed; the Lights panel has each of them"
+
+
+def member(
+    state: ViewState, table: Table, ui: UiContext, which: Member, index: int, wide: float
+) -> ViewState:
+    """A spectrum at the margin: whether it may change, its name, its curve."""
+    kind, name = which
+    new, is_light = state, kind == LIGHT
+    opened = which in state.board.wishes.open
+    imgui.begin_group()
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, (0, 0))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(5), ui.px(2)))
+    lit = is_light and shining(state.lights)[index] > 0
+    colour = ACCENT[state.interface.dark] if lit else imgui.get_style_color_vec4(imgui.Col_.text)
+    imgui.push_style_color(imgui.Col_.text, colour)
+    imgui.text(shortened(name, wide))
+    imgui.pop_style_color()
+    clicked = imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
+    shown = f"{in_line(name)}{', shown in the picture' if lit else ''}"
+    about = parts_told(state.lights[index]) if is_light else ""
+    words = "\n".join(filter(None, (shown, about, "Click for more")))
+    tip(words, WAITING_GREYED)
+    single = not is_light or len(state.lights[index].rig.lights) == 1
+    imgui.begin_disabled(not single)
+    pressed, _ = imgui.checkbox("##open", opened)
+    imgui.end_disabled()
+    ui.note(f"open {kind} {index}")
+    tip(_MAY_CHANGE if single else _SEVERAL, WAITING_GREYED)
+    if pressed:
+        new = reduced(new, Event("open", index=index, key=kind))
+    imgui.same_line()
+    x, y = imgui.get_cursor_screen_pos()
+    size = wide - imgui.get_frame_height() - ui.px(5), imgui.get_frame_height()
+    imgui.invisible_button("curve", size)
+    clicked = clicked or imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
+    ui.note(f"{kind} {index}")
+    tip(words, WAITING_GREYED)
+    _curve(table.spectra[which], (x, y), size, is_light, ui)
+    imgui.pop_style_var(2)
+    imgui.end_group()
+    if clicked:
+        ui.member = kind, index
+        ui.popup = COLUMN_POPUP if is_light else ROW_POPUP
+    return new
+
+
+def _curve(
+    spectrum: Spectrum,
+    place: tuple[float, float],
+    size: tuple[float, float],
+    is_light: bool,
+    ui: UiContext,
+) -> None:
+    """A light filled with the colours of its wavelengths; a reflectance as a line from 0 to 1."""
+    heights = levels(spectrum, is_light)
+    (x, y), (wide, tall) = place, size
+    draw_list, rect = imgui.get_window_draw_list(), (x, y, wide, tall)
+    if is_light:
+        fill(draw_list, rect, heights, 1.0, spectrum.grid)
+        return
+    base = imgui.get_color_u32(imgui.Col_.button_active)
+    draw_list.add_line((x, y + tall), (x + wide, y + tall), base)
+    line = imgui.get_color_u32(imgui.Col_.text_disabled)
+    outline(draw_list, rect, heights, 1.0, line, ui.px(1.3))
+
+
+@lru_cache(maxsize=256)
+def levels(spectrum: Spectrum, is_light: bool) -> NDArray[np.float64]:
+    """Heights 0 to 1: a light's of its largest value, a reflectance's of 1."""
+    values = spectrum.values
+    most = max(float(values.max()), 1e-12) if is_light else 1.0
+    return np.asarray(np.clip(values / most, 0.0, 1.0))
+
+
+def parts_told(row: LightRow) -> str:
+    """What a column is whose light is several, or of one light group alone; empty for others.
+
+    A cell is one colour, and a light of several groups has another wherever one is shadowed: the
+    table shows what is out of every shadow.
+    """
+    if len(row.rig.lights) == 1:
+        return f"From {row.rig.groups[0]} alone" if row.rig.groups[0] else ""
+    parts = []
+    for text, group, weight in zip(row.texts, row.rig.groups, row.rig.weights, strict=True):
+        if weight > 0:
+            what = in_line(text or "drawn by hand")
+            parts.append(f"{what} from {group}" if group else what)
+    return f"{' + '.join(parts)}\nThe cells are what all of it shows together, out of shadow"
+
+
+CELL_POPUP = "palette cell"
+_ROW, _WIDTHS, _HEADER = 84.0, (38.0, 76.0), 42.0
+_CELL = 36.0
+# Above this luma of a cell, marks on it are black.
+_LIGHT = 0.55
+_MOST_ROWS = 12
+_MARKS = {"same": "=", "distinct": "≠", "free": "~"}
+_FLAGS = (
+    imgui.TableFlags_.scroll_x
+    | imgui.TableFlags_.scroll_y
+    | imgui.TableFlags_.sizing_fixed_fit
+    | imgui.TableFlags_.no_pad_outer_x
+)
+
+
+def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+    """Draw it; a click on a cell chooses it and opens the editor."""
+    room = imgui.get_content_region_avail()
+    count = len(table.columns)
+    low, high = (ui.px(width) for width in _WIDTHS)
+    padding = 2 * imgui.get_style().cell_padding.x
+    wide = min(max((room.x - ui.px(_ROW) - padding) / count - padding, low), high)
+    overflows = (wide + padding) * count + ui.px(_ROW) + padding > room.x + 1
+    bar = imgui.get_style().scrollbar_size if overflows else 0.0
+    row = ui.px(_CELL) + 2 * imgui.get_style().cell_padding.y
+    tall = row * min(len(table.rows), _MOST_ROWS) + ui.px(_HEADER) + ui.px(4) + bar
+    if not imgui.begin_table("palette", count + 1, _FLAGS, (0, tall)):
+        return state
+    imgui.table_setup_scroll_freeze(1, 1)
+    imgui.table_setup_column("material", imgui.TableColumnFlags_.width_fixed, ui.px(_ROW))
+    for name in table.columns:
+        imgui.table_setup_column(name, imgui.TableColumnFlags_.width_fixed, wide)
+    new = _header(state, table, ui, wide)
+    for i in range(len(table.rows)):
+        new = _row(new, table, ui, i, wide)
+    imgui.end_table()
+    return new
+
+
+def _header(state: ViewState, table: Table, ui: UiContext, wide: float) -> ViewState:
+    new = state
+    imgui.table_next_row(imgui.TableRowFlags_.headers, ui.px(_HEADER))
+    imgui.table_set_bg_color(imgui.TableBgTarget_.row_bg0, _window_colour())
+    imgui.table_next_column()
+    imgui.text_disabled("may change")
+    tip("Ticked spectra are designed; the others stay as they are", WAITING_GREYED)
+    for j, name in enumerate(table.columns):
+        if not imgui.table_next_column():  # scrolled out of view
+            continue
+        imgui.push_id(f"column {j}")
+        new = member(new, table, ui, (LIGHT, name), j, wide)
+        imgui.pop_id()
+    return new
+
+
+def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> ViewState:
+    imgui.table_next_row(imgui.TableRowFlags_.none, ui.px(_CELL))
+    imgui.table_next_column()
+    imgui.push_id(f"row {i}")
+    name = table.rows[i]
+    new = member(state, table, ui, (REFLECTANCE, name), i, ui.px(_ROW))
+    imgui.pop_id()
+    for j, column in enumerate(table.columns):
+        if not imgui.table_next_column():
+            continue
+        report = table.cells[name, column]
+        number = i * len(table.columns) + j
+        imgui.push_id(number)
+        pressed = imgui.invisible_button("cell", (wide, ui.px(_CELL)))
+        ui.note(f"cell {number}")
+        wish = state.board.wishes.cells.get((name, column))
+        picked = state.interface.pick.place == (name, column)
+        _cell(report, wish, picked, state.interface.dark, ui)
+        tip(explained(report, wish))
+        imgui.pop_id()
+        if pressed:
+            new = reduced(new, Event("pick-cell", index=number))
+            ui.popup = CELL_POPUP
+    return new
+
+
+def _cell(report: CellReport, wish: Cell | None, picked: bool, dark: bool, ui: UiContext) -> None:
+    (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+    draw_list = imgui.get_window_draw_list()
+    seen = clipped(report.obtained)
+    on = packed(contrast(seen), 0.85)
+    rounding = ui.px(3)
+    draw_list.add_rect_filled((x, y), (right, bottom), packed(seen), rounding)
+    middle = (x + right) / 2, (y + bottom) / 2
+    if wish is not None:
+        half = importance(wish) * min(right - x, bottom - y) / 2
+        ends = (middle[0] - half, middle[1] - half), (middle[0] + half, middle[1] + half)
+        faint = packed(contrast(seen), 0.45)
+        if report.wanted is not None:
+            draw_list.add_rect_filled(*ends, packed(clipped(report.wanted)))
+        draw_list.add_rect(*ends, faint, 0.0, ui.px(2 if np.isinf(wish.weight) else 1))
+        if wish.kind in _MARKS:
+            _write(_MARKS[wish.kind], middle, on, ui.px(14), (0.5, 0.5))
+    if report.error is not None and report.error > VISIBLE:
+        text = f"{report.error:.{1 if report.error < 9.95 else 0}f}"
+        _write(text, (right - ui.px(3), bottom - ui.px(1)), on, ui.px(11), (1.0, 1.0))
+        if wish is not None and not stays(wish):
+            draw_list.add_rect((x, y), (right, bottom), packed(ACCENT[dark]), rounding, ui.px(2))
+    if not report.in_gamut:
+        _write("!", (right - ui.px(4), y + ui.px(1)), on, ui.px(11), (1.0, 0.0))
+    if picked:
+        out = ui.px(1.5)
+        line = imgui.get_color_u32(imgui.Col_.text)
+        ends = (x - out, y - out), (right + out, bottom + out)
+        draw_list.add_rect(*ends, line, rounding + out, ui.px(1))
+
+
+def importance(cell: Cell) -> float:
+    """The side of the wanted colour's square, as a share of the cell's: heavier is larger.
+
+    >>> importance(Cell("black")), importance(Cell("black", weight=float("inf")))
+    (0.44, 0.62)
+    """
+    return float(np.clip(0.44 + 0.06 * np.log2(cell.weight), 0.26, 0.62))
+
+
+def explained(report: CellReport, wish: Cell | None) -> str:
+    """A cell in words."""
+    where = f"{report.reflectance} under {report.light}"
+    if wish is None:
+        return f"{where}\nNothing is wanted here; click to wish for a colour"
+    words = {
+        "colour": "is to stay, as far as it can" if stays(wish) else "a colour is wanted",
+        "free": f"one colour with all of “{wish.group}”",
+        "black": "is to reflect nothing",
+        "same": f"the colour of {' under '.join(wish.other or ())}",
+        "distinct": f"ΔE {wish.distance:g} or more from {' under '.join(wish.other or ())}",
+    }[wish.kind]
+    far = "" if report.delta_E_2000 is None else f"\nΔE {report.delta_E_2000:.1f}"
+    if report.error is not None:
+        far += ", reached" if report.error <= VISIBLE else ": cannot be told apart below 1"
+    outside = "" if report.in_gamut else "\n! is outside the display"
+    return f"{where}\n{words}{far}{outside}"
+
+
+def contrast(codes: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Black or white, whichever is read better on a colour."""
+    luma = float(np.dot(codes, (0.299, 0.587, 0.114)))
+    return BLACK if luma > _LIGHT else WHITE
+
+
+def _write(
+    text: str, place: tuple[float, float], colour: int, size: float, pivot: tuple[float, float]
+) -> None:
+    font = imgui.get_font()
+    whole, full = imgui.calc_text_size(text), imgui.get_font_size()
+    left = place[0] - pivot[0] * whole.x * size / full
+    top = place[1] - pivot[1] * whole.y * size / full
+    imgui.get_window_draw_list().add_text(font, size, (left, top), colour, text)
+
+
+def _window_colour() -> int:
+    return int(imgui.get_color_u32(imgui.Col_.window_bg))

@@ -1,0 +1,193 @@
+"""What a click in the palette opens: a cell's wish, and what a light or a material may become."""
+
+from __future__ import annotations
+
+import math
+
+from imgui_bundle import imgui
+
+from volspec.palette import Cell
+from volspec.palette.colours import hexadecimal
+from volspec.palette.model import Place
+from volspec.spectra import light_names
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.palette_edits import MUST
+from volspec.viewer.model.palette_table import Table
+from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clipped
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP, parts_told
+from volspec.viewer.ui.widgets import AT_ONCE, pick, tip
+
+KINDS = {
+    "": "Nothing in particular",
+    "colour": "This colour",
+    "free": "One colour with others",
+    "black": "Nothing: black",
+    "same": "The colour of another cell",
+    "distinct": "Apart from another cell",
+}
+_OF_WORDS = {words: kind for kind, words in KINDS.items()}
+_TIPS = {
+    KINDS[""]: "The colour comes as it comes",
+    KINDS["colour"]: "Picked below",
+    KINDS["free"]: "All cells of a group come to one colour, which is found (metamers)",
+    KINDS["black"]: "Reflects nothing of this light: a metameric black",
+    KINDS["same"]: "Alike, whatever that colour is",
+    KINDS["distinct"]: "At least so far away",
+}
+_LOG = imgui.SliderFlags_.logarithmic
+_WIDTH = 232.0
+_ENTER = imgui.InputTextFlags_.enter_returns_true
+_PICKER = (
+    imgui.ColorEditFlags_.no_side_preview
+    | imgui.ColorEditFlags_.no_label
+    | imgui.ColorEditFlags_.display_hex
+    | imgui.ColorEditFlags_.no_options
+)
+
+
+def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+    """Draw what is open, if anything is."""
+    if ui.popup:
+        imgui.open_popup(ui.popup)
+        ui.popup = ""
+    new = state
+    if imgui.is_popup_open(CELL_POPUP):
+        # Beside the table, which shows what comes of it.
+        at = imgui.get_window_pos()
+        corner = at.x - ui.px(8), at.y + imgui.get_window_height() - ui.px(8)
+        imgui.set_next_window_pos(corner, imgui.Cond_.always, (1.0, 1.0))
+    if imgui.begin_popup(CELL_POPUP):
+        place = state.interface.pick.place
+        if place is not None and place in table.cells:
+            new = _cell(new, table, ui, place)
+        imgui.end_popup()
+    if imgui.begin_popup(COLUMN_POPUP):
+        new = _light(new, table, ui)
+        imgui.end_popup()
+    if imgui.begin_popup(ROW_POPUP):
+        new = _material(new, table, ui)
+        imgui.end_popup()
+    return new
+
+
+def _cell(state: ViewState, table: Table, ui: UiContext, place: Place) -> ViewState:
+    report, own = table.cells[place], state.board.wishes.cells.get(place)
+    number, new = table.index(place), state
+    imgui.text(f"{place[0]} under {place[1]}")
+    imgui.push_item_width(ui.px(_WIDTH))
+    kind = own.kind if own else ""
+    chosen = pick("##kind", KINDS[kind], _OF_WORDS, lambda each: tip(_TIPS[each], AT_ONCE))
+    ui.note("wish kind")
+    if chosen is not None:
+        new = reduced(new, Event("wish-kind", -1.0, index=number, key=_OF_WORDS[chosen]))
+    if kind in ("", "colour"):
+        # Where nothing is wanted yet, picking a colour wishes for it.
+        codes = own.colour if own and own.colour else clipped(report.obtained)
+        moved, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
+        ui.note("picker")
+        if moved:
+            key = " ".join(f"{code:.5f}" for code in clipped((picked[0], picked[1], picked[2])))
+            new = reduced(new, Event("wish", index=number, key=key))
+    elif own is not None:
+        new = _other(new, table, number, own, ui)
+    # Always there, so that nothing moves under the mouse with the first wish.
+    imgui.begin_disabled(own is None)
+    new = _weight(new, number, own or Cell("black"), ui)
+    imgui.end_disabled()
+    imgui.pop_item_width()
+    far = "" if report.delta_E_2000 is None else f", ΔE {report.delta_E_2000:.1f}"
+    imgui.text_disabled(f"Reached {hexadecimal(report.obtained)}{far}")
+    return new
+
+
+def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext) -> ViewState:
+    """What a wish that is no colour is about: a group, or another cell."""
+    if own.kind == "free":
+        entered, name = imgui.input_text("##group", own.group, _ENTER)
+        tip("Cells of one name come to one colour", AT_ONCE)
+        return reduced(state, Event("wish-group", index=number, key=name)) if entered else state
+    new = state
+    if own.other is not None:
+        places = {" under ".join(place): table.index(place) for place in table.cells}
+        others = [words for words, at in places.items() if at != number]
+        chosen = pick("##other", " under ".join(own.other), others)
+        ui.note("wish other")
+        if chosen is not None:
+            at = float(places[chosen])
+            new = reduced(new, Event("wish-kind", at, index=number, key=own.kind))
+    if own.kind == "distinct":
+        moved, far = imgui.slider_float("##distance", own.distance, *DISTANCES, "ΔE %.0f or more")
+        if moved:
+            new = reduced(new, Event("wish-distance", far, index=number))
+    return new
+
+
+def _weight(state: ViewState, number: int, own: Cell, ui: UiContext) -> ViewState:
+    must, new = math.isinf(own.weight), state
+    imgui.begin_disabled(must)
+    now = 1.0 if must else own.weight
+    moved, weight = imgui.slider_float("##weight", now, *WEIGHTS, "Weight %.2g", _LOG)
+    ui.note("wish weight")
+    imgui.end_disabled()
+    tip("How much it counts beside the other wishes")
+    if moved and not must:
+        new = reduced(new, Event("wish-weight", weight, index=number))
+    if own.kind != "distinct":
+        pressed, must = imgui.checkbox("Must be met", must)
+        tip("Exactly, or the design is refused")
+        if pressed:
+            key = MUST if must else ""
+            new = reduced(new, Event("wish-weight", 1.0, index=number, key=key))
+    return new
+
+
+def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+    kind, index = ui.member
+    if kind != LIGHT or index >= len(table.columns):
+        return state
+    name, new = table.columns[index], state
+    imgui.text(name)
+    imgui.text_disabled(state.lights[index].label or "light")
+    if about := parts_told(state.lights[index]):
+        imgui.text_disabled(about)
+    imgui.separator()
+    if imgui.menu_item("Show in the picture", "", False)[0]:
+        new = reduced(new, Event("show-light", index=index))
+    ui.note("show light")
+    opened = (LIGHT, name) in state.board.wishes.open
+    single = len(state.lights[index].rig.lights) == 1
+    if imgui.menu_item("May change", "", opened, single)[0]:
+        new = reduced(new, Event("open", index=index, key=LIGHT))
+    if imgui.begin_menu("A sum of real lamps", single):
+        chosen = state.board.wishes.lamps.get(name, ())
+        imgui.text_disabled("None ticked: any spectrum")
+        if imgui.begin_child("lamps", (ui.px(230), ui.px(220))):
+            for lamp in light_names():
+                if imgui.checkbox(lamp, lamp in chosen)[0]:
+                    new = reduced(new, Event("lamp", index=index, key=lamp))
+        imgui.end_child()
+        imgui.end_menu()
+    return new
+
+
+def _material(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+    kind, index = ui.member
+    if kind != REFLECTANCE or index >= len(table.rows):
+        return state
+    name, new = table.rows[index], state
+    imgui.text(name)
+    imgui.text_disabled("reflectance, 0 to 1")
+    imgui.separator()
+    opened = (REFLECTANCE, name) in state.board.wishes.open
+    if imgui.menu_item("May change", "", opened)[0]:
+        new = reduced(new, Event("open", index=index, key=REFLECTANCE))
+    constant = name in state.board.wishes.constant
+    if imgui.menu_item("One colour under every light", "", constant)[0]:
+        new = reduced(new, Event("constant", index=index))
+    for action, title in (("hide", "Hide …"), ("reveal", "Reveal …"), ("keep", "Keep its colour")):
+        if imgui.menu_item(f"{title}##{action}", "", False)[0]:
+            new = reduced(new, Event("pick-material", key=name))
+            ui.asked.append(action)
+    return new

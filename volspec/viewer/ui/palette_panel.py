@@ -1,0 +1,305 @@
+"""Below the palette's table: wizards, which material stands for which values, criteria."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from imgui_bundle import imgui
+
+from volspec.palette.advice import VISIBLE
+from volspec.palette.model import METRICS
+from volspec.transfer import TransferFunction
+from volspec.viewer.model.commands import BY_NAME
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.palette_spectra import can_be_exact, columns
+from volspec.viewer.model.palette_table import Table, picked, ranges, table_of
+from volspec.viewer.model.palette_targets import DISTANCES, MOST_ROUNDS, SMOOTHNESS
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer_convert import kind_of
+from volspec.viewer.ui import palette_cells, palette_editor
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.style import ACCENT
+from volspec.viewer.ui.widgets import AT_ONCE, WAITING_GREYED, in_line, packed, pick, tip, wrapped
+
+_BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
+_SURROUNDINGS, _BLACK = "what surrounds it", "nothing: black"
+_NO_LIGHT = "none: the light stays as it is"
+_METRICS = dict(zip(METRICS, ("as the eye does (CIELAB)", "as numbers (RGB)"), strict=True))
+
+
+def draw_tools(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw those that are open."""
+    new = state
+    opened = imgui.collapsing_header("Hide, reveal, keep, merge")
+    ui.note("wizards")
+    if opened:
+        new = _wizards(new, ui)
+    opened = imgui.collapsing_header("Materials of values")
+    ui.note("values")
+    if opened:
+        new = _values(new, ui)
+    opened = imgui.collapsing_header("Criteria")
+    ui.note("criteria")
+    if opened:
+        new = _criteria(new, ui)
+    return new
+
+
+def _wizards(state: ViewState, ui: UiContext) -> ViewState:
+    material, light = picked(state)
+    rows, lights = tuple(state.transfer.materials), columns(state.lights)
+    own, new = state.interface.pick, state
+    half = (imgui.get_content_region_avail().x - ui.px(_UNDER)) / 2
+    chosen = _combo("##material", material, rows, ui, half)
+    new = _told(new, "pick-material", chosen)
+    imgui.same_line(0, ui.px(7))
+    imgui.text_disabled("under")
+    imgui.same_line(0, ui.px(7))
+    new = _told(new, "pick-light", _combo("##light", light, lights, ui))
+    like = own.like if own.like in lights else ""
+    chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), ui)
+    tip("Designs a light along, under which the other materials look as under this one")
+    new = _told(new, "pick-like", "" if chosen == _NO_LIGHT else chosen)
+    imgui.spacing()
+    _ask("hide", "Hide", "Make it look like its surroundings under this light", ui)
+    others = tuple(name for name in rows if name != material)
+    # One that was taken out is none to hide in.
+    within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
+    chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), ui)
+    name = "pick-black" if chosen == _BLACK else "pick-within"
+    new = _told(new, name, "" if chosen in (_SURROUNDINGS, _BLACK) else chosen)
+    _ask("reveal", "Reveal", "Make it stand out from all others under this light", ui)
+    imgui.set_next_item_width(-1)
+    moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
+    if moved:
+        new = reduced(new, Event("pick-distance", distance))
+    _ask("keep", "Keep", "Give it one colour under all lights", ui)
+    imgui.align_text_to_frame_padding()
+    imgui.text_disabled("its colour, under all lights")
+    _ask("merge", "Merge", "Give materials one colour under this light", ui)
+    return _merged(new, rows)
+
+
+def _told(state: ViewState, name: str, key: str | None) -> ViewState:
+    """After an event with what was picked from a list, if anything was."""
+    return state if key is None else reduced(state, Event(name, key=key))
+
+
+def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
+    """A list of materials to tick."""
+    ticked, new = state.interface.pick.materials, state
+    several = [name for name in rows if name in ticked]
+    words = ", ".join(several) if len(several) > 1 else "all materials"
+    imgui.set_next_item_width(-1)
+    if imgui.begin_combo("##several", in_line(words), imgui.ComboFlags_.height_large):
+        for number, name in enumerate(rows):
+            if imgui.checkbox(f"{in_line(name)}###{number}", name in ticked)[0]:
+                new = reduced(new, Event("pick-merged", key=name))
+        imgui.end_combo()
+    return new
+
+
+def _ask(name: str, title: str, what: str, ui: UiContext) -> None:
+    """A button of a wizard; what it is about follows in the line."""
+    if imgui.button(title, (ui.px(_BUTTON), 0)):
+        ui.asked.append(name)
+    ui.note(f"wizard {name}")
+    tip(what)
+    imgui.same_line()
+
+
+def _values(state: ViewState, ui: UiContext) -> ViewState:
+    """The ranges of the transfer function, and a tool that makes another."""
+    curve, new = state.transfer, state
+    if not isinstance(curve, TransferFunction):
+        has = f"This transfer function has {kind_of(curve)}, not a curve's ranges."
+        imgui.text_wrapped(f"{has} The Transfer panel edits it")
+        return state
+    names = tuple(curve.materials)
+    for number, own in enumerate(ranges(curve)):
+        imgui.push_id(number)
+        imgui.align_text_to_frame_padding()
+        imgui.text(f"{own.low:.4g} – {own.high:.4g}")
+        imgui.same_line(ui.px(100))
+        chosen = _combo("##of", own.material, names, ui)
+        if chosen not in (None, own.material):
+            new = reduced(new, Event("recast", index=number, key=chosen))
+        imgui.pop_id()
+    imgui.separator()
+    told = state.interface.pick
+    low, high = state.document.volume.range
+    first, last = told.values or (low, high)
+    use = told.use if told.use in names else names[0]
+    imgui.set_next_item_width(ui.px(118))
+    speed = (high - low) / 300
+    moved, first, last = imgui.drag_float_range2(
+        "##range", first, last, speed, low, high, "%.4g", "%.4g"
+    )
+    ui.note("range")
+    if moved:
+        new = reduced(new, Event("pick-values", first, last))
+    imgui.same_line()
+    new = _told(new, "pick-use", _combo("##use", use, names, ui, -ui.px(52)))
+    imgui.same_line()
+    if imgui.button("Use", (-1, 0)):
+        new = reduced(new, Event("assign", first, last, key=use))
+    ui.note("use")
+    tip("Makes all values of this range this material; opacities stay")
+    return new
+
+
+def _criteria(state: ViewState, ui: UiContext) -> ViewState:
+    criteria, new = state.board.wishes.criteria, state
+    imgui.push_item_width(-ui.px(_LABEL))
+    low, high = SMOOTHNESS
+    moved, smoothness = imgui.slider_float(
+        "Smooth", criteria.smoothness, low, high, "%.4f", imgui.SliderFlags_.logarithmic
+    )
+    ui.note("smooth")
+    tip("How much smooth spectra count; much of it misses colours")
+    if moved:
+        new = reduced(new, Event("smoothness", smoothness))
+    moved, rounds = imgui.slider_int("Rounds", criteria.rounds, 1, MOST_ROUNDS)
+    tip("How often lights and materials take turns, and colours are compared anew")
+    if moved:
+        new = reduced(new, Event("rounds", float(rounds)))
+    imgui.pop_item_width()
+    chosen = _combo("Compare", _METRICS[criteria.metric], _METRICS.values(), ui)
+    if chosen is not None:
+        key = next(name for name, words in _METRICS.items() if words == chosen)
+        new = reduced(new, Event("metric", key=key))
+    wrapped("No spectrum goes below 0, no reflectance above 1.", imgui.Col_.text_disabled)
+    return new
+
+
+def _combo(
+    label: str, now: str, names: Iterable[str], ui: UiContext, width: float | None = None
+) -> str | None:
+    """As `pick`, as wide as the panel leaves."""
+    plain = label.startswith("##")
+    imgui.set_next_item_width(width or (-1 if plain else -ui.px(_LABEL)))
+    chosen = pick(label, now, names)
+    ui.note(f"pick {label.strip('#')}")
+    return chosen
+
+
+_HELP = (
+    "Rows are materials, columns lights. A cell shows the colour that the material has under that "
+    "light, and in its middle the colour you want there.\n\n"
+    "Click a cell and pick its colour: spectra that are ticked change until the wishes are met. "
+    "A frame and a number say where they cannot be: ΔE, how far off, 1 is just seen.\n\n"
+    "With the first wish the scene is cast once more, by its materials; from then on the picture "
+    "follows without a cast, with exact colours."
+)
+_FILTERED = "Materials with filters absorb by wavelength: every design casts the scene anew."
+_MARKS = (
+    "Small ones only stay as they were, as far as they can.\n"
+    "~ one colour with others   = as another cell   ≠ apart from another   ! outside the display"
+)
+_MISSED = "Below 1 nobody sees it. No spectrum that may change shows all that is wanted."
+_MOST_SAID = 3
+# Actions of the menu, in three parts.
+_MENU = (
+    *("palette-light", "palette-anew", "", "palette-load", "palette-save", ""),
+    *("palette-forget", "palette-own"),
+)
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw the panel."""
+    table = table_of(state)
+    new = _head(state, table, ui)
+    if table.complaint:
+        imgui.text_wrapped(table.complaint)
+    else:
+        new = palette_cells.draw(new, table, ui)
+        new = palette_editor.draw(new, table, ui)
+        _legend(state, ui)
+    _news(ui)
+    new = draw_tools(new, ui)
+    return None if new is state else new
+
+
+def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+    """How near the wishes are, and what can be done about all of them."""
+    new = state
+    imgui.align_text_to_frame_padding()
+    busy = ui.results.design.busy
+    imgui.text(busy or summary(table))
+    right = imgui.get_window_width() - imgui.get_style().window_padding.x
+    imgui.same_line(right - ui.px(56))
+    if imgui.button("…", (ui.px(26), 0)):
+        imgui.open_popup("palette menu")
+    ui.note("palette menu")
+    imgui.same_line(right - ui.px(26))
+    imgui.button("?", (ui.px(26), 0))
+    if imgui.is_item_hovered():
+        imgui.set_next_window_size((ui.px(320), 0))
+        if imgui.begin_tooltip():
+            imgui.text_wrapped(_HELP if can_be_exact(state.transfer) else f"{_HELP}\n\n{_FILTERED}")
+            imgui.end_tooltip()
+    if imgui.begin_popup("palette menu"):
+        for name in _MENU:
+            if not name:
+                imgui.separator()
+                continue
+            action = BY_NAME[name]
+            if imgui.menu_item(action.title, "", False)[0]:
+                new = ui.done(new, action)
+            ui.note(f"palette {name}")
+        imgui.end_popup()
+    return new
+
+
+def summary(table: Table) -> str:
+    """How near the wishes are, in a line."""
+    errors = table.errors
+    if not errors:
+        return "Click a cell to wish for a colour"
+    worst = max(errors)
+    missed = sum(error > VISIBLE for error in errors)
+    if missed:
+        return f"{missed} of {len(errors)} missed: ΔE up to {worst:.1f}"
+    drift = max(table.drifts, default=0.0)
+    others = f", others drift by {drift:.0f}" if drift > VISIBLE else ""
+    return f"All met, ΔE ≤ {worst:.1f}{others}"
+
+
+def _legend(state: ViewState, ui: UiContext) -> None:
+    """What the marks mean: a cell drawn small, and words."""
+    side = imgui.get_text_line_height()
+    x, y = imgui.get_cursor_screen_pos()
+    draw_list = imgui.get_window_draw_list()
+    outer, inner = (
+        imgui.get_color_u32(imgui.Col_.button_active),
+        imgui.get_color_u32(imgui.Col_.text_disabled),
+    )
+    draw_list.add_rect_filled((x, y), (x + side, y + side), outer, ui.px(2))
+    inset = side * 0.3
+    draw_list.add_rect_filled((x + inset, y + inset), (x + side - inset, y + side - inset), inner)
+    imgui.dummy((side, side))
+    imgui.same_line(0, ui.px(6))
+    imgui.text_disabled("reached, around wanted")
+    tip("The larger the square, the more the wish counts.\n" + _MARKS, WAITING_GREYED)
+    imgui.same_line(0, ui.px(14))
+    x, y = imgui.get_cursor_screen_pos()
+    accent = packed(ACCENT[state.interface.dark])
+    draw_list.add_rect((x, y), (x + side, y + side), accent, ui.px(2), ui.px(2))
+    imgui.dummy((side, side))
+    imgui.same_line(0, ui.px(6))
+    imgui.text_disabled("missed, by ΔE")
+    tip(_MISSED, WAITING_GREYED)
+
+
+def _news(ui: UiContext) -> None:
+    """Why something was refused, what would help, what a wizard reached."""
+    news = ui.results.design
+    if news.complaint:
+        wrapped(news.complaint, imgui.Col_.check_mark)
+        ui.note("palette complaint")
+    for line in (*news.reached, *news.advice)[:_MOST_SAID]:
+        imgui.text_wrapped(line)
+    rest = (*news.reached, *news.advice)[_MOST_SAID:]
+    if rest:
+        imgui.text_disabled(f"and {len(rest)} more")
+        tip("\n".join(rest), AT_ONCE)

@@ -1,0 +1,152 @@
+"""What the chosen part is, in numbers: values, opacity, and its mix of materials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from imgui_bundle import imgui
+
+from volspec.viewer.model import presets
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.materials import why_kept
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer_parts import parts_of
+from volspec.viewer.ui import transfer_library
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.transfer_plot import material_colours, part_colours, swatch
+from volspec.viewer.ui.widgets import WAITING_GREYED, in_line, shortened, tip
+
+_CLAMP = imgui.SliderFlags_.always_clamp
+# Opacities are small: the slider is finer there.
+_FINE = imgui.SliderFlags_.logarithmic | _CLAMP
+# The widths of what takes a part away, and of a material's name.
+_REMOVE, _NAME = 24, 110
+
+
+def chosen(state: ViewState) -> int:
+    """The part whose details are shown."""
+    return min(max(state.interface.part, 0), len(parts_of(state.transfer)) - 1)
+
+
+def height_above(lines: int, ui: UiContext, least: float = 115, below: float = 0.0) -> float:
+    """What is left of the panel above so many lines of details and so many pixels."""
+    room = imgui.get_content_region_avail().y - lines * imgui.get_frame_height_with_spacing()
+    return max(room - below, ui.px(least))
+
+
+def value_and_opacity(state: ViewState, ui: UiContext, what: str) -> ViewState:
+    """A line with both, and what takes the part away."""
+    index = chosen(state)
+    part = parts_of(state.transfer)[index]
+    low, high = presets.span(state.document.volume)
+    new = state
+    wide = (imgui.get_content_region_avail().x - ui.px(_REMOVE) - 2 * ui.px(6)) / 2
+    imgui.set_next_item_width(wide)
+    moved, value = imgui.drag_float(
+        "##value", part.values[0], (high - low) / 500, low, high, "value %.5g", _CLAMP
+    )
+    ui.note("part value")
+    tip(f"{what} {index + 1} of {len(parts_of(state.transfer))}. Double-click to type")
+    if moved:
+        new = reduced(new, Event("point", value, part.opacity, index=index))
+    imgui.same_line()
+    new = opacity(new, ui, index, wide)
+    imgui.same_line()
+    return remove(new, ui, index, f"Remove the {what.lower()}")
+
+
+def opacity(state: ViewState, ui: UiContext, index: int, wide: float) -> ViewState:
+    """A slider of a part's opacity."""
+    now = parts_of(state.transfer)[index].opacity
+    imgui.set_next_item_width(wide)
+    moved, given = imgui.slider_float("##opacity", now, 0.0, 1.0, "opacity %.3f", _FINE)
+    ui.note("part opacity")
+    tip("Double-click or Ctrl+click to type")
+    return reduced(state, Event("opacity", given, index=index)) if moved else state
+
+
+def remove(state: ViewState, ui: UiContext, index: int, what: str) -> ViewState:
+    """A small button at the end of the line."""
+    pressed = _cross(ui)
+    ui.note("remove part")
+    tip(what)
+    return reduced(state, Event("remove-point", index=index)) if pressed else state
+
+
+def _cross(ui: UiContext) -> bool:
+    imgui.push_style_color(imgui.Col_.button, (0.0, 0.0, 0.0, 0.0))
+    pressed = imgui.button("×", (ui.px(_REMOVE), 0))
+    imgui.pop_style_color()
+    return bool(pressed)
+
+
+def material(state: ViewState, ui: UiContext, index: int, wide: float = -1.0) -> ViewState:
+    """A list of the materials: a click takes one alone, its slider mixes it in; and a search.
+
+    What nothing is made of can be taken out of it.
+    """
+    part, colours = parts_of(state.transfer)[index], material_colours(state)
+    swatch(ui, part_colours(state)[index])
+    imgui.same_line(0, ui.px(4))
+    imgui.set_next_item_width(wide)
+    imgui.set_next_window_size_constraints((ui.px(300), 0), (ui.px(420), ui.px(420)))
+    opened = imgui.begin_combo("##material", in_words(part.mix), imgui.ComboFlags_.height_largest)
+    if not opened:
+        ui.note("material")
+        tip("What it is made of: one material, a mix, or another one of the library")
+        return state
+    new = transfer_library.draw(state, ui, index)
+    if ui.library.search.strip():
+        imgui.end_combo()
+        return new
+    lone = sum(share > 0 for share in part.mix.values()) < 2
+    for name, colour in colours.items():
+        imgui.push_id(name)
+        swatch(ui, colour)
+        imgui.same_line(0, ui.px(6))
+        imgui.align_text_to_frame_padding()
+        share = part.mix.get(name, 0.0)
+        flags = imgui.SelectableFlags_.no_auto_close_popups
+        label = f"{shortened(name, ui.px(_NAME))}###{name}"
+        if imgui.selectable(label, share > 0, flags, (ui.px(_NAME), 0))[0]:
+            new = reduced(new, Event("material", index=index, key=name))
+        ui.note(f"material {name}")
+        tip(f"Only {name}")
+        imgui.same_line()
+        imgui.set_next_item_width(-ui.px(_REMOVE) - imgui.get_style().item_spacing.x)
+        # A material that is alone has none to make room for.
+        imgui.begin_disabled(lone and share > 0)
+        moved, share = imgui.slider_float("##share", share, 0.0, 1.0, "%.2f", _CLAMP)
+        imgui.end_disabled()
+        ui.note(f"share {name}")
+        if moved:
+            new = reduced(new, Event("share", share, index=index, key=name))
+        imgui.same_line()
+        new = _take_out(new, ui, name)
+        imgui.pop_id()
+    imgui.end_combo()
+    return new
+
+
+def _take_out(state: ViewState, ui: UiContext, name: str) -> ViewState:
+    """What takes a material off the list; greyed out where parts are made of it."""
+    why = why_kept(state.transfer, name)
+    imgui.begin_disabled(bool(why))
+    pressed = _cross(ui)
+    imgui.end_disabled()
+    ui.note(f"take out {name}")
+    free = f"Take {in_line(name)} off the list: nothing is made of it"
+    tip(why[:1].upper() + why[1:] or free, WAITING_GREYED)
+    return reduced(state, Event("remove-material", key=name)) if pressed else state
+
+
+def in_words(mix: Mapping[str, float]) -> str:
+    """A mix as people write it.
+
+    >>> in_words({"steel": 0.7, "gold": 0.3, "iron": 0.0}), in_words({"steel": 1.0})
+    ('70 % steel, 30 % gold', 'steel')
+    """
+    seen = sorted(((share, name) for name, share in mix.items() if share > 0), reverse=True)
+    if len(seen) == 1 and seen[0][0] > 0.995:
+        return seen[0][1]
+    return ", ".join(f"{100 * share:.0f} % {name}" for share, name in seen)

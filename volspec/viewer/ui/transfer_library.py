@@ -1,0 +1,208 @@
+"""Materials that a transfer function does not have yet: a search, and what was found with its look.
+
+reflectances, CSS colours -> [library] -> events
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from imgui_bundle import imgui
+
+from volspec.basis import Basis
+from volspec.errors import VolspecError
+from volspec.spectra import SpectralGrid, Spectrum, reflectance_names
+from volspec.spectra.files import split_address
+from volspec.viewer.model.commands import found
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.materials import colour_names, is_colour, reflectance_for, refusal, told
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.transfer_plot import spectrum_colour, swatch
+from volspec.viewer.ui.widgets import shortened, text_width, tip, wrapped
+from volspec.viewer.work import css_colours
+
+_ENTER = imgui.InputTextFlags_.enter_returns_true
+_HINT = "Another: gold, skin, steelblue, #c08040, FILE.csv"
+_ROWS = 8
+_WAITS = "Colours are being made ready …"
+# By what a name begins with; metals have names alone.
+_SETS = {
+    "ACES": "camera patch",
+    "CES": "CIE 224 sample",
+    "ColorChecker": "chart patch",
+    "ColorChecker Ohta": "chart patch",
+    "ISO 17321-1": "chart patch",
+    "PMC": "memory colour",
+    "TCS": "CIE test colour",
+    "TCS 1995": "CIE test colour",
+    "Vrhel": "object",
+    "VS": "CQS sample",
+    "VS 7.4": "CQS sample",
+}
+_FLAT = frozenset(["white", "black"])
+
+
+def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
+    """Draw the search, and while something is searched for what is found; for one part."""
+    scraps = ui.library
+    if imgui.is_window_appearing():
+        scraps.search, scraps.complaint = "", ""
+        imgui.set_keyboard_focus_here()
+    # Not the field alone, to which the first Esc would belong.
+    if imgui.is_key_pressed(imgui.Key.escape):
+        imgui.close_current_popup()
+    imgui.set_next_item_width(-1)
+    entered, text = imgui.input_text_with_hint("##library", _HINT, scraps.search, _ENTER)
+    ui.note("library")
+    if text != scraps.search:
+        scraps.search, scraps.complaint = text, ""
+    typed = scraps.search.strip()
+    if not typed:
+        return state
+    rows = _rows(state, typed)
+    first = rows[0] if rows else typed
+    waits = _waits(state.transfer.basis, first)
+    if entered and not waits:  # Enter has taken the keyboard from the field
+        imgui.set_keyboard_focus_here(-1)
+    wanted = _listed(state, rows, ui)
+    if entered or (scraps.complaint == _WAITS and not waits):
+        wanted = first
+    if scraps.complaint:
+        wrapped(scraps.complaint, imgui.Col_.text)
+    return added(state, ui, index, wanted) if wanted else state
+
+
+def matching(search: str) -> list[str]:
+    """Reflectances and colours that a search means, those that it begins first.
+
+    >>> matching("gold")[0], matching("steelb")[:2], matching("xyzzy")
+    ('gold', ['steelblue', 'lightsteelblue'], [])
+    """
+    start = search.casefold()
+    rows = found(library_names(), search, lambda name: f"{name} {class_of(name)}")
+    return sorted(
+        rows, key=lambda name: (name.casefold() != start, not name.casefold().startswith(start))
+    )
+
+
+@lru_cache(maxsize=1)
+def library_names() -> tuple[str, ...]:
+    """All that can be picked; of a colour that is a measured reflectance's name, that."""
+    measured = reflectance_names()
+    return (*measured, *(name for name in colour_names() if name not in measured))
+
+
+@lru_cache(maxsize=1024)
+def class_of(name: str) -> str:
+    """What a name of the library stands for, in words.
+
+    >>> class_of("gold"), class_of("PMC/Banana"), class_of("steelblue"), class_of("white")
+    ('metal', 'memory colour', 'CSS colour', 'flat')
+    """
+    start, mark, _ = name.partition("/")
+    if mark:
+        return _SETS.get(start, "sample")
+    if name in _FLAT:
+        return "flat"
+    return "metal" if name in reflectance_names() else "CSS colour"
+
+
+def _rows(state: ViewState, typed: str) -> list[str]:
+    """What is found, after what was typed itself where that is a reflectance of its own."""
+    rows = _searched(typed)
+    listed = bool(rows) and rows[0].casefold() == typed.casefold()
+    return rows if listed or _spectrum(state, typed) is None else [typed, *rows]
+
+
+@lru_cache(maxsize=8)
+def _searched(typed: str) -> list[str]:
+    """Looked up when something is typed, not in every frame."""
+    return matching(typed)
+
+
+def _spectrum(state: ViewState, name: str) -> Spectrum | None:
+    """What a name or a colour stands for; None where it is neither, or not made yet."""
+    basis = state.transfer.basis
+    if _waits(basis, name):
+        return None
+    of = basis.grid, basis.observer_deg
+    made = css_colours.colours(*of).spectra if _is_colour(name) else None
+    return (made or {}).get(name.casefold()) or _looked_up(name, *of)
+
+
+def _is_colour(name: str) -> bool:
+    return is_colour(name) and name.casefold() not in reflectance_names()
+
+
+def _waits(basis: Basis, name: str) -> bool:
+    """Whether a name is a colour's, and colours are still made ready beside the window."""
+    return _is_colour(name) and css_colours.colours(basis.grid, basis.observer_deg).spectra is None
+
+
+@lru_cache(maxsize=1024)
+def _looked_up(name: str, grid: SpectralGrid, observer_deg: int) -> Spectrum | None:
+    if split_address(name) is not None:  # a file, read on Enter
+        return None
+    try:
+        return reflectance_for(name, grid, observer_deg, ".")
+    except VolspecError:
+        return None
+
+
+def _listed(state: ViewState, rows: list[str], ui: UiContext) -> str:
+    """The list; what was clicked in it, or nothing."""
+    wanted = ""
+    line = imgui.get_frame_height_with_spacing()
+    if imgui.begin_child("found", (0, _ROWS * line)):
+        clipper = imgui.ListClipper()
+        clipper.begin(len(rows), line)
+        while clipper.step():
+            for i in range(clipper.display_start, clipper.display_end):
+                if _entry(state, rows[i], ui):
+                    wanted = rows[i]
+                ui.note(f"found {i}")
+        clipper.end()
+        if not rows:
+            file = split_address(ui.library.search.strip()) is not None
+            said = "Enter reads the file" if file else "There is nothing of that name"
+            wrapped(said, imgui.Col_.text_disabled)
+    imgui.end_child()
+    return wanted
+
+
+def _entry(state: ViewState, name: str, ui: UiContext) -> bool:
+    """Look, name, class; whether it was clicked."""
+    spectrum = _spectrum(state, name)
+    if spectrum is not None:
+        swatch(ui, spectrum_colour(state, spectrum))
+    else:
+        imgui.dummy((imgui.get_frame_height(), imgui.get_frame_height()))
+    imgui.same_line(0, ui.px(6))
+    imgui.align_text_to_frame_padding()
+    what = class_of(name) if name in library_names() else "as typed"
+    room = imgui.get_content_region_avail().x - text_width(what) - ui.px(8)
+    left = imgui.get_cursor_pos_x()
+    flags = imgui.SelectableFlags_.no_auto_close_popups
+    clicked, _ = imgui.selectable(f"{shortened(name, room)}###{name}", False, flags)
+    tip(f"{name}, {what}")
+    imgui.same_line(left + room + ui.px(8))
+    imgui.text_disabled(what)
+    return bool(clicked)
+
+
+def added(state: ViewState, ui: UiContext, index: int, wanted: str) -> ViewState:
+    """The part of what was picked; why not, where it cannot be."""
+    scraps, event = ui.library, Event("add-material", index=index, key=wanted)
+    if _waits(state.transfer.basis, wanted):
+        # It is added as soon as it is made; the window goes on drawing while a notice stands.
+        scraps.search, scraps.complaint = wanted, _WAITS
+        ui.asked.append(f"say {_WAITS}")
+        return state
+    new = reduced(state, event)
+    scraps.complaint = refusal(state, event) if new is state else ""
+    if not scraps.complaint:
+        scraps.search = ""
+    if said := told(state.transfer, new.transfer):
+        ui.asked.append(f"say {said}")
+    return new

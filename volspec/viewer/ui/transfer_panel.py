@@ -1,0 +1,156 @@
+"""The labels of a segmentation: each with its opacity and its material."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from volspec.transfer import MAX_LABEL, LabelFunction, TransferFunction2D
+from volspec.viewer.model import presets, transfer_convert
+from volspec.viewer.model.commands import BY_NAME
+from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
+from volspec.viewer.ui import transfer_detail, transfer_points, transfer_regions
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.style import ACCENT
+from volspec.viewer.ui.widgets import AT_ONCE, pick, tip
+
+# The list's height.
+_LEAST = 100
+
+
+def draw_labels(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the list, and what adds to it."""
+    function = state.transfer
+    assert isinstance(function, LabelFunction)
+    new = state
+    flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
+    if imgui.begin_table("labels", 4, flags, (0, transfer_detail.height_above(1, ui, _LEAST))):
+        imgui.table_setup_column("label", imgui.TableColumnFlags_.width_fixed, ui.px(34))
+        imgui.table_setup_column("opacity", imgui.TableColumnFlags_.width_stretch, 0.45)
+        imgui.table_setup_column("material", imgui.TableColumnFlags_.width_stretch, 0.55)
+        imgui.table_setup_column("remove", imgui.TableColumnFlags_.width_fixed, ui.px(24))
+        for index, label in enumerate(function.labels):
+            imgui.push_id(label)
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.align_text_to_frame_padding()
+            imgui.text(str(label))
+            imgui.table_next_column()
+            new = transfer_detail.opacity(new, ui, index, -1)
+            ui.note(f"label {label}")
+            imgui.table_next_column()
+            if new.transfer is function:  # else the numbers of the rows may have changed
+                new = transfer_detail.material(new, ui, index)
+            imgui.table_next_column()
+            if new.transfer is function:
+                new = transfer_detail.remove(new, ui, index, "Remove the label: it is not seen")
+            imgui.pop_id()
+        imgui.end_table()
+    if imgui.button("Add label"):
+        new = reduced(new, Event("add-point", next_label(function), 0.5))
+    tip("The least number that is not listed")
+    return new
+
+
+def next_label(function: LabelFunction) -> int:
+    """The least label from 1 that is not listed."""
+    return next(label for label in range(1, MAX_LABEL + 2) if label not in function.labels)
+
+
+_HELP: dict[transfer_convert.Kind, str] = {
+    "points": "Drag the points. Double-click adds one, a right click removes it.\n"
+    "The upright axis is opacity per step; it is drawn as its square root.",
+    "regions": "Drag a rectangle, its edges and corners.\n"
+    "A double-click beside them adds one, a right click removes it.\n"
+    "Behind: how often values and gradients come together.",
+    "surfaces": "Drag the surfaces to other values and opacities.\n"
+    "Double-click adds one, a right click removes it.",
+}
+_KIND_TIP = (
+    "How a place looks follows from its value, from its value and gradient,\n"
+    "or from surfaces of one value. What another kind has no room for is told, and\n"
+    "Ctrl+Z brings it back"
+)
+_LOG = imgui.SliderFlags_.logarithmic
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw the panel."""
+    new = state
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(6), ui.px(5)))
+    if not isinstance(new.transfer, LabelFunction):
+        new = _kinds(new, ui)
+    new = _sliders(new, ui)
+    if isinstance(new.transfer, LabelFunction):
+        new = draw_labels(new, ui)
+    elif isinstance(new.transfer, TransferFunction2D):
+        new = transfer_regions.draw(new, ui)
+    else:
+        new = transfer_points.draw(new, ui)
+    imgui.pop_style_var()
+    return None if new is state else new
+
+
+def _kinds(state: ViewState, ui: UiContext) -> ViewState:
+    """Presets, what is edited, and the histogram's scale."""
+    room = imgui.get_content_region_avail().x - ui.px(70)
+    imgui.set_next_item_width(room * 0.5)
+    new = _presets(state, ui)
+    tip("Begin anew with a named look and its materials; Ctrl+Z brings yours back")
+    imgui.same_line()
+    imgui.set_next_item_width(room * 0.5 - ui.px(6))
+    kind = transfer_convert.kind_of(state.transfer)
+    kinds = {title: other for other, title in KIND_TITLES.items()}
+    chosen = pick("##kind", KIND_TITLES[kind], kinds, lambda each: ui.note(f"kind {kinds[each]}"))
+    if chosen is not None:
+        new = ui.done(new, BY_NAME[f"transfer-{kinds[chosen]}"])
+    ui.note("kind")
+    tip(_KIND_TIP)
+    imgui.same_line()
+    on = state.interface.logarithmic
+    if on:
+        imgui.push_style_color(imgui.Col_.text, ACCENT[state.interface.dark])
+    if imgui.button("log", (ui.px(40), 0)):
+        new = reduced(new, Event("logarithmic"))
+    if on:
+        imgui.pop_style_color()
+    ui.note("log")
+    tip("Logarithmic histogram")
+    imgui.same_line()
+    imgui.align_text_to_frame_padding()
+    imgui.text_disabled("?")
+    tip(_HELP[kind], AT_ONCE)
+    return new
+
+
+def _presets(state: ViewState, ui: UiContext) -> ViewState:
+    """A list of named looks; the present one, picked again, is as it was at first."""
+    offered = {preset.title: preset.name for preset in presets.offered(state.document.volume)}
+    title = presets.picked(state.transfer) or "Presets"
+    chosen = pick("##preset", title, offered, lambda each: ui.note(f"preset {offered[each]}"))
+    ui.note("presets")
+    return state if chosen is None else ui.done(state, BY_NAME[f"preset-{offered[chosen]}"])
+
+
+def _sliders(state: ViewState, ui: UiContext) -> ViewState:
+    new = state
+    wide = imgui.get_content_region_avail().x
+    if not isinstance(state.transfer, LabelFunction):
+        low, high = presets.span(state.document.volume)
+        half = (high - low) / 2
+        wide = (wide - ui.px(6)) / 2
+        imgui.set_next_item_width(wide)
+        moved, shift = imgui.slider_float("##shift", state.shift, -half, half, "shift %.4g")
+        ui.note("shift")
+        tip("Moves all values. In the picture: Ctrl+drag sideways; up and down spreads them")
+        if moved:
+            new = reduced(new, Event("shift", shift))
+        imgui.same_line()
+    imgui.set_next_item_width(wide)
+    moved, factor = imgui.slider_float(
+        "##thickness", state.thickness, *THICKNESSES, "opacity × %.3g", _LOG
+    )
+    ui.note("thickness")
+    tip("Multiplies all opacities, great ones near 1. In the picture: Ctrl+right drag")
+    return reduced(new, Event("thicken", factor)) if moved else new

@@ -1,0 +1,172 @@
+"""What panels are made of besides imgui's own: tips, colours, texts that fit, lists to pick from.
+
+imgui -> [widgets] -> panels
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+
+from imgui_bundle import imgui
+
+from volspec.export.overview import printable
+from volspec.viewer.model.commands import shown
+from volspec.viewer.model.event import Action
+from volspec.viewer.model.lights import KELVIN
+from volspec.viewer.ui.context import LightScraps, UiContext
+from volspec.viewer.ui.style import ACCENT
+
+WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+# When a tip is shown: to a mouse that stays, also on what is greyed out, or without delay.
+WAITING = imgui.HoveredFlags_.delay_normal
+WAITING_GREYED = WAITING | imgui.HoveredFlags_.allow_when_disabled
+AT_ONCE = imgui.HoveredFlags_.none
+# Letters of a name or title that are looked at; no panel has room for more.
+_MOST_LETTERS = 240
+# On the accent.
+_INK = (0.05, 0.05, 0.05, 1.0)
+
+_NAME = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+
+
+def tip(text: str, when: int = WAITING) -> None:
+    """A tooltip of the last item."""
+    if imgui.is_item_hovered(when):
+        imgui.set_tooltip(text)
+
+
+def packed(colour: Sequence[float], alpha: float = 1.0) -> int:
+    """A colour as draw lists take it.
+
+    Parameters
+    ----------
+    colour : (3,) or (4,) float
+        sRGB codes 0 to 1; the fourth is an opacity of its own.
+    alpha : float
+        Opacity, by which that is multiplied.
+    """
+    r, g, b, own = (*colour, 1.0)[:4]
+    return int(imgui.color_convert_float4_to_u32((r, g, b, own * alpha)))
+
+
+@contextmanager
+def over_picture(ui: UiContext) -> Iterator[imgui.ImDrawList]:
+    """The draw list of what stands behind the panels, cut at the picture's edges."""
+    x, y, width, height = ui.areas["picture"]
+    draw_list = imgui.get_background_draw_list()
+    draw_list.push_clip_rect((x, y), (x + width, y + height))
+    yield draw_list
+    draw_list.pop_clip_rect()
+
+
+def text_width(text: str) -> float:
+    """In imgui's present font."""
+    return float(imgui.calc_text_size(text).x)
+
+
+@lru_cache(maxsize=512)
+def in_line(text: str) -> str:
+    """What a user has named, as one line shows it; the name itself stays as it is.
+
+    >>> in_line("north\\nwindow\\t\\x07"), in_line("a##b")
+    ('north window', 'a# #b')
+    """
+    return whole_label(printable(text, _MOST_LETTERS).strip())
+
+
+def whole_label(text: str) -> str:
+    """Return a text that imgui shows whole: it ends labels at ``##``, and has identities after it.
+
+    >>> whole_label("a###b")
+    'a# # #b'
+    """
+    return re.sub("#(?=#)", "# ", text)
+
+
+def shortened(text: str, width: float, measure: Callable[[str], float] = text_width) -> str:
+    """A text in one line, cut with an ellipsis where it would be wider.
+
+    >>> shortened("tungsten", 5, len), shortened("D\\n65", 5, len)
+    ('tung…', 'D 65')
+    """
+    text = in_line(text)
+    if measure(text) <= width:
+        return text
+    end = len(text)
+    while end > 1 and measure(text[:end].rstrip() + "…") > width:
+        end -= 1
+    return text[:end].rstrip() + "…"
+
+
+def wrapped(text: str, colour: int) -> None:
+    """Words in as many lines as they need, in one of the theme's colours."""
+    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
+    imgui.text_wrapped(text)
+    imgui.pop_style_color()
+
+
+def pick(
+    label: str, now: str, names: Iterable[str], each: Callable[[str], None] | None = None
+) -> str | None:
+    """A list to pick from.
+
+    Parameters
+    ----------
+    label : str
+        As imgui takes it.
+    now : str
+        What is picked; shown where the list is closed.
+    names : iterable of str
+    each : callable, optional
+        Called with each name after its row, while the list is open.
+
+    Returns
+    -------
+    str or None
+        The name that was clicked, ``now`` as well; None where none was.
+    """
+    clicked = None
+    if imgui.begin_combo(label, in_line(now), imgui.ComboFlags_.height_large):
+        for number, name in enumerate(names):
+            if imgui.selectable(f"{in_line(name)}###{number}", name == now)[0]:
+                clicked = name
+            if each is not None:
+                each(name)
+        imgui.end_combo()
+    return clicked
+
+
+def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0, 0)) -> bool:
+    """A button that has the accent's colour while something is on; whether it was pressed."""
+    if on:
+        imgui.push_style_color(imgui.Col_.button, ACCENT[dark])
+        imgui.push_style_color(imgui.Col_.text, _INK)
+    pressed = bool(imgui.button(label, size))
+    if on:
+        imgui.pop_style_color(2)
+    return pressed
+
+
+def name_field(label: str, scraps: LightScraps) -> tuple[bool, bool]:
+    """The field in which something gets another name; whether that was entered, whether it ends."""
+    if scraps.focus:
+        imgui.set_keyboard_focus_here()
+        scraps.focus = False
+    imgui.set_next_item_width(-1)
+    entered, scraps.name = imgui.input_text(label, scraps.name, _NAME)
+    return entered, entered or imgui.is_item_deactivated()
+
+
+def kelvin_slider(label: str, kelvin: float) -> tuple[bool, float]:
+    """A temperature, finer where the eye is finer."""
+    return imgui.slider_float(
+        label, kelvin, *KELVIN, format="%.0f K", flags=imgui.SliderFlags_.logarithmic
+    )
+
+
+def key_text(action: Action) -> str:
+    """The first key of an action as people write it; empty where it has none."""
+    return shown(action.keys[0]) if action.keys and action.keys[0] else ""

@@ -1,0 +1,231 @@
+"""The window: glfw, its OpenGL context, imgui drawn into it, and input as it comes.
+
+glfw -> [window] -> inputs -> app
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import glfw
+from imgui_bundle import imgui, implot
+from imgui_bundle.python_backends.glfw_backend import GlfwRenderer
+
+from volspec._gpu.opengl import window_context
+from volspec.errors import OpenGLError
+from volspec.viewer.ui import style
+from volspec.viewer.ui.inputs import Input, Inputs
+from volspec.viewer.work.gl import GL
+from volspec.viewer.work.pictures import Painted
+
+INSTEAD = (
+    "without a window: volspec render SCENE -o IMAGE.exr, then "
+    "volspec relight IMAGE.exr --light D65 -o FRAME.png"
+)
+# Below this there is nothing to draw into.
+LEAST_SIDE = 16
+
+_HINTS = (
+    (glfw.CONTEXT_VERSION_MAJOR, 3),
+    (glfw.CONTEXT_VERSION_MINOR, 3),
+    (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
+    (glfw.OPENGL_FORWARD_COMPAT, 1),
+    (glfw.SCALE_TO_MONITOR, 1),
+    # Nothing here has a depth, and to clear them takes time.
+    (glfw.DEPTH_BITS, 0),
+    (glfw.STENCIL_BITS, 0),
+    (glfw.ALPHA_BITS, 0),
+)
+
+
+class Window:
+    """A window that is open until `close`.
+
+    Parameters
+    ----------
+    title : str
+    size : (width, height)
+        At 96 dpi.
+
+    Raises
+    ------
+    OpenGLError
+        If there is no display, or its OpenGL is below 3.3.
+
+    Attributes
+    ----------
+    note : str
+        What there is to say of its size; empty where it is as wanted.
+    """
+
+    def __init__(self, title: str, size: tuple[int, int]) -> None:
+        said: list[str] = []
+        glfw.ERROR_REPORTING = "ignore"
+        glfw.set_error_callback(lambda _, text: said.append(_text(text)))
+        if not glfw.init():
+            why = " ".join(said) or "glfw does not start"
+            raise OpenGLError(f"view: no window can be opened ({why}); {INSTEAD}")
+        for hint, value in _HINTS:
+            glfw.window_hint(hint, value)
+        size, self.note = _within_screen(size)
+        self._window = glfw.create_window(*size, title, None, None)
+        if not self._window:
+            glfw.terminate()
+            why = " ".join(said) or "no reason given"
+            raise OpenGLError(f"view: no window with OpenGL 3.3 can be opened ({why}); {INSTEAD}")
+        glfw.make_context_current(self._window)
+        glfw.swap_interval(1)
+        try:
+            self.context = window_context()
+        except OpenGLError as error:
+            glfw.terminate()
+            raise OpenGLError(f"view: {error}; {INSTEAD}") from error
+        self._start_imgui()
+        self._inputs = Inputs(self._window, self._renderer.keyboard_callback)
+        glfw.focus_window(self._window)
+
+    def _start_imgui(self) -> None:
+        imgui.create_context()
+        implot.create_context()
+        io = imgui.get_io()
+        io.set_ini_filename("")
+        io.config_flags |= imgui.ConfigFlags_.docking_enable
+        io.config_windows_move_from_title_bar_only = True
+        style.load_font(imgui)
+        style.set_sizes(imgui, implot)
+        self.scale = 1.0
+        self._rescale()
+        self._renderer = GlfwRenderer(self._window, attach_callbacks=False)
+
+    def _rescale(self) -> None:
+        """Follow the monitor, as windows move between those of few and of many pixels.
+
+        `scale` is in window coordinates: 1 where those are not pixels, as on macOS.
+        """
+        scale = max(1.0, glfw.get_window_content_scale(self._window)[0] / self.pixel_ratio)
+        if scale != self.scale:
+            style.set_scale(imgui, implot, scale, self.scale)
+            self.scale = scale
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """In window coordinates."""
+        width, height = glfw.get_window_size(self._window)
+        return int(width), int(height)
+
+    @property
+    def pixel_ratio(self) -> float:
+        """Pixels of the framebuffer for each of the window's coordinates."""
+        width, _ = glfw.get_framebuffer_size(self._window)
+        return float(width / self.size[0]) if width and self.size[0] else 1.0
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is room to draw: it is not minimised, and not next to nothing."""
+        shown = not glfw.get_window_attrib(self._window, glfw.ICONIFIED)
+        return shown and min(glfw.get_framebuffer_size(self._window)) >= LEAST_SIDE
+
+    @property
+    def closing(self) -> bool:
+        """Whether it shall close."""
+        return bool(glfw.window_should_close(self._window))
+
+    def wait(self, seconds: float) -> list[Input]:
+        """Wait for input, but no longer than this; what the user did, a gesture at a time."""
+        try:
+            if seconds > 0 and not self._inputs.waiting:
+                glfw.wait_events_timeout(seconds)
+            else:
+                glfw.poll_events()
+        except UnicodeDecodeError as error:
+            # glfw takes the names of dropped files for UTF-8; who opens this one refuses it.
+            self._inputs.drop([os.fsdecode(error.object)])
+        return self._inputs.take()
+
+    @staticmethod
+    def wake() -> None:
+        """End a `wait`; from any thread."""
+        glfw.post_empty_event()
+
+    def begin(self) -> None:
+        """Start a frame."""
+        self._rescale()
+        self._renderer.process_inputs()
+        imgui.new_frame()
+
+    @property
+    def error(self) -> str:
+        """What OpenGL complains of since the last call; empty where nothing."""
+        said = self.context.error
+        return "" if said == "GL_NO_ERROR" else str(said)
+
+    def end(self, background: tuple[float, float, float], picture: Painted | None = None) -> None:
+        """Draw the frame over a picture and show it."""
+        imgui.render()
+        self.context.screen.use()
+        if picture is None or not picture.fills:
+            self.context.screen.clear(*background)
+        if picture is not None:
+            self._copy(picture)
+        self._renderer.render(imgui.get_draw_data())
+        glfw.swap_buffers(self._window)
+
+    def _copy(self, picture: Painted) -> None:
+        """Copied, as imgui would blend it: on a CPU that draws that takes twice as long."""
+        ratio, tall = self.pixel_ratio, self.size[1]
+        left, top, right, bottom = (round(edge * ratio) for edge in picture.to)
+        x, y, width, height = (round(edge * ratio) for edge in picture.within)
+        low = round(tall * ratio)
+        exact = (right - left, bottom - top) == picture.size
+        GL.glEnable(GL.GL_SCISSOR_TEST)
+        GL.glScissor(x, low - y - height, width, height)
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, picture.framebuffer)
+        # The picture's first row comes first, the window's last.
+        GL.glBlitFramebuffer(
+            *(0, 0, *picture.size, left, low - top, right, low - bottom),
+            GL.GL_COLOR_BUFFER_BIT,
+            GL.GL_NEAREST if exact else GL.GL_LINEAR,
+        )
+        GL.glDisable(GL.GL_SCISSOR_TEST)
+        self.context.screen.use()
+
+    def name(self, title: str) -> None:
+        """Another title."""
+        glfw.set_window_title(self._window, title)
+
+    def leave(self) -> None:
+        """Close it after this frame."""
+        glfw.set_window_should_close(self._window, True)
+
+    def close(self) -> None:
+        """Give everything back."""
+        self._renderer.shutdown()
+        implot.destroy_context()
+        imgui.destroy_context()
+        self.context.release()
+        glfw.terminate()
+
+
+def _within_screen(size: tuple[int, int]) -> tuple[tuple[int, int], str]:
+    """A size as far as the screen has room for it, and what to say where it has not."""
+    monitor = glfw.get_primary_monitor()
+    if not monitor:
+        return size, ""
+    room = glfw.get_monitor_workarea(monitor)[2:]
+    # Where windows grow with the density of pixels, the size is that before.
+    scale = (
+        1.0 if sys.platform == "darwin" else max(1.0, glfw.get_monitor_content_scale(monitor)[0])
+    )
+    width, height = (
+        min(side, int(most / scale)) if most > 0 else side
+        for side, most in zip(size, room, strict=True)
+    )
+    if (width, height) == size:
+        return size, ""
+    wanted = f"{size[0]} × {size[1]}"
+    return (width, height), f"The screen has no room for {wanted}; this is {width} × {height}"
+
+
+def _text(said: bytes | str) -> str:
+    return said.decode(errors="replace") if isinstance(said, bytes) else said

@@ -1,1 +1,0 @@
-"""The window itself: input, focus, where panels stand, what was told and traced."""

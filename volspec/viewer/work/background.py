@@ -1,0 +1,229 @@
+"""Work beside the window of which only the newest is wanted.
+
+    request -> [latest] -> a thread -> take
+
+Casts, designs, files, tables: the window asks for one, and takes what has come of it when it
+wakes. What waits is replaced by what is asked for next; nothing ever queues up.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+import warnings
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from volspec.errors import VolspecError, VolspecWarning, one_line
+
+Job = TypeVar("Job")
+Done = TypeVar("Done")
+
+
+class LatestWorker(ABC, Generic[Job, Done]):
+    """Answers requests in a thread, one at a time and the newest next.
+
+    The thread begins with a request and ends when none waits.
+
+    Parameters
+    ----------
+    wake : callable
+        Called from the thread when there is something to take.
+    name : str
+        Of the thread.
+    """
+
+    def __init__(self, wake: Callable[[], object], name: str) -> None:
+        self._wake, self._name = wake, name
+        self._next: Job | None = None
+        self._closed = False
+        self._changed = threading.Condition()
+        self._done: deque[Done] = deque()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is under way, waits, or has not been taken."""
+        with self._changed:
+            return self._thread is not None or bool(self._done)
+
+    def request(self, job: Job) -> None:
+        """Do this next, instead of what waits."""
+        with self._changed:
+            self._next = job
+            self._changed.notify()
+            if self._thread is None and not self._closed:
+                self._start()
+
+    def take(self) -> list[Done]:
+        """What has come since the last call, in order."""
+        taken = []
+        while self._done:
+            taken.append(self._done.popleft())
+        return taken
+
+    def close(self, patience_s: float | None = None) -> None:
+        """Begin nothing any more, and wait for what is under way.
+
+        Parameters
+        ----------
+        patience_s : float, optional
+            The longest that is waited; None is until it has ended.
+        """
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+            thread = self._thread
+        if thread is not None:
+            thread.join(patience_s)
+
+    @abstractmethod
+    def _answers(self, job: Job) -> Iterator[Done]:
+        """What comes of a job, as it comes; in the thread. Errors are told, not raised."""
+
+    def _superseded(self) -> bool:
+        """Whether nobody waits for the present job any more."""
+        return self._closed or self._next is not None
+
+    def _rests(self, seconds: float) -> bool:
+        """Wait so long for another request; whether none has come."""
+        with self._changed:
+            return not self._changed.wait_for(self._superseded, seconds)
+
+    def _run(self) -> None:
+        try:
+            while (job := self._begun()) is not None:
+                for done in self._answers(job):
+                    self._done.append(done)
+                    self._wake()
+        except BaseException:
+            # A fault of our own ends this thread; what waits or is asked for next begins another.
+            with self._changed:
+                self._thread = None
+                if self._next is not None and not self._closed:
+                    self._start()
+            raise
+
+    def _start(self) -> None:
+        self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+        self._thread.start()
+
+    def _begun(self) -> Job | None:
+        """The job that waited; None where none does, and the thread is no longer one."""
+        with self._changed:
+            job, self._next = self._next, None
+            if job is None or self._closed:
+                self._thread = None
+                return None
+            return job
+
+
+# The longest that files which are being written are waited for at the end.
+_PATIENCE_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What came of a task.
+
+    Parameters
+    ----------
+    kind : str
+    result : Any
+        None where it failed.
+    error : str
+        Why.
+    """
+
+    kind: str
+    result: Any = None
+    error: str = ""
+
+
+class Tasks:
+    """Runs functions in threads; of one kind only the last one's outcome counts.
+
+    What is given up for another of its kind runs to its end, as reading a file cannot be stopped,
+    and keeps nobody waiting.
+
+    Parameters
+    ----------
+    wake : callable
+        Called from the thread when there is something to take.
+    """
+
+    def __init__(self, wake: Callable[[], object]) -> None:
+        self._wake = wake
+        self._last: dict[str, _Runner] = {}
+        self._writing: list[_Runner] = []
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is under way, or has not been taken."""
+        return any(runner.busy for runner in self._last.values())
+
+    def start(self, kind: str, task: Callable[[], Any], writes: bool = False) -> None:
+        """Begin a task.
+
+        Parameters
+        ----------
+        kind : str
+        task : callable
+        writes : bool
+            Whether it writes a file that was asked for: at the end it is waited for.
+        """
+        runner = self._last[kind] = _Runner(self._wake, kind)
+        runner.request(task)
+        if writes:
+            self._writing = [*(each for each in self._writing if each.busy), runner]
+
+    def take(self) -> list[Outcome]:
+        """What has come since the last call."""
+        return [outcome for runner in self._last.values() for outcome in runner.take()]
+
+    def close(self) -> None:
+        """Wait for files that are being written, `_PATIENCE_S` for all together.
+
+        Warns
+        -----
+        VolspecWarning
+            If one is not written: the window that would tell it is closing.
+        """
+        end = time.monotonic() + _PATIENCE_S
+        for runner in self._writing:
+            if error := runner.ended(max(end - time.monotonic(), 0.0)):
+                warnings.warn(error, VolspecWarning, stacklevel=2)
+
+
+class _Runner(LatestWorker[Callable[[], Any], Outcome]):
+    """Of one task: a newer one has a runner of its own, and nobody asks this one any more."""
+
+    def __init__(self, wake: Callable[[], object], kind: str) -> None:
+        super().__init__(wake, f"volspec-{kind}")
+        self._kind = kind
+
+    def ended(self, patience_s: float) -> str:
+        """Wait for the end; what then must be told, if anything."""
+        thread = self._thread
+        if thread is not None:
+            thread.join(patience_s)
+        if thread is not None and thread.is_alive():
+            return f"{self._kind}: not written when the window closed; the file is as it was"
+        return next((outcome.error for outcome in self.take()), "")
+
+    def _answers(self, job: Callable[[], Any]) -> Iterator[Outcome]:
+        try:
+            yield Outcome(self._kind, job())
+        except MemoryError:
+            yield Outcome(self._kind, error="no memory left")
+        except (VolspecError, OSError) as error:
+            yield Outcome(self._kind, error=one_line(error))
+        except Exception as error:
+            # A fault of our own: what waits for the task must not wait for ever.
+            traceback.print_exc()
+            said = f"{self._kind} failed: {type(error).__name__}: {error}"
+            yield Outcome(self._kind, error=said)

@@ -1,1 +1,0 @@
-"""Read and written: scenes, sessions, scripts, screenshots, the clipboard; and who asks for it."""

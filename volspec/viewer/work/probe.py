@@ -1,0 +1,182 @@
+"""What a pixel of the picture is: place, value, spectrum, colour, and how far off it may be.
+
+CoefficientImage, light -> [reading] -> probe
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.appearance.models import MODELS
+from volspec.errors import VolspecError
+from volspec.raycast import Camera, CoefficientImage
+from volspec.relight import Illumination, LightRig, RelightSpec
+from volspec.relight.error_map import error_map
+from volspec.spectra import SpectralGrid, Spectrum
+from volspec.viewer.model.viewing import given_viewing
+from volspec.volume import Volume
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """A pixel in words and numbers.
+
+    Parameters
+    ----------
+    rows : tuple of (name, value)
+    grid : SpectralGrid
+        Of the spectra.
+    light, reflected : (bands,) float64
+        What falls on a surface that faces every source, 1 at its highest; and what comes back,
+        on the same scale.
+    """
+
+    rows: tuple[tuple[str, str], ...]
+    grid: SpectralGrid
+    light: Array
+    reflected: Array
+
+    def __str__(self) -> str:
+        return "\n".join(f"{name}\t{value}" for name, value in self.rows)
+
+
+def read(
+    image: CoefficientImage,
+    camera: Camera,
+    volume: Volume,
+    rig: LightRig,
+    seen: RelightSpec,
+    pixel: tuple[int, int],
+    code: tuple[int, int, int],
+) -> Reading:
+    """Look at a pixel.
+
+    Parameters
+    ----------
+    image, camera, volume
+        The picture, where it was taken from, and what of.
+    rig, seen : LightRig, RelightSpec
+        How it is lit and looked at.
+    pixel : (x, y)
+        Row 0 is the top.
+    code : (R, G, B)
+        As the display shows it.
+
+    Raises
+    ------
+    ViewingError, SpectrumError
+        If the light lights nothing.
+    """
+    x, y = pixel
+    lit = Illumination.of(image.basis, rig, seen, image.groups)
+    XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
+    rows = [*_place(image, camera, volume, pixel), ("RGB", "  ".join(map(str, code)))]
+    rows.append(("XYZ", _numbers(XYZ)))
+    rows += attributes(XYZ, lit, seen)
+    rows += _error(image, rig, seen, pixel)
+    light, reflected = spectra(image, rig, seen, pixel)
+    return Reading(tuple(rows), image.basis.grid, light, reflected)
+
+
+def attributes(XYZ: Array, lit: Illumination, seen: RelightSpec) -> list[tuple[str, str]]:
+    """What the viewing's model says of a colour; CIECAM02 where it only adapts."""
+    given = given_viewing(seen.viewing, lit.illuminance_lux)
+    name = given.model if given.model in MODELS else "CIECAM02"
+    look = MODELS[name].forward(XYZ, given.conditions(lit.white_XYZ))
+    if not bool(look.defined):
+        return [(name, "not defined for this colour")]
+    rows = [("J  C  h", f"{look.J:.1f}  {look.C:.1f}  {look.h:.0f}°")]
+    if look.Q is not None and look.M is not None and look.s is not None:
+        rows.append(("Q  M  s", f"{look.Q:.1f}  {look.M:.1f}  {look.s:.1f}"))
+    if look.H is not None:
+        rows.append(("H", f"{look.H:.0f}"))
+    return rows
+
+
+def spectra(
+    image: CoefficientImage, rig: LightRig, seen: RelightSpec, pixel: tuple[int, int]
+) -> tuple[Array, Array]:
+    """(bands,) twice: the light, and what the eye gets from a pixel of it, with the backdrop.
+
+    Channels become spectra as far as the basis holds them.
+    """
+    x, y = pixel
+    basis, grid = image.basis, image.basis.grid
+    E = rig.facing(image.groups).mixed(grid).values
+    back = seen.backdrop
+    behind = back.on(grid).values if isinstance(back, Spectrum) else np.full(len(E), float(back))
+    reflected = (1.0 - float(image.alpha[y, x])) * behind * E
+    layers = image.coefficients[y, x].reshape(len(image.groups), basis.size)
+    for group, channels in zip(image.groups, layers, strict=True):
+        if (own := rig.shining_from(group)) is not None:
+            reflected = reflected + own.mixed(grid).values * basis.synthesize(channels)
+    top = max(float(E.max()), 1e-12)
+    return np.asarray(E / top), np.asarray(np.maximum(reflected, 0.0) / top)
+
+
+def place_mm(image: CoefficientImage, camera: Camera, pixel: tuple[int, int]) -> Array | None:
+    """(3,) where in the world a pixel is first hit; None where nothing is."""
+    x, y = pixel
+    depths = image.depth_mm if image.first_mm is None else image.first_mm
+    depth = float(depths[y, x])
+    if not np.isfinite(depth):
+        return None
+    rays = camera.ray_field(*image.size)
+    offset = (x - rays.middle[0]) * rays.across + (y - rays.middle[1]) * rays.down
+    if not rays.perspective:
+        return np.asarray(camera.position_mm + offset + depth * rays.forward)
+    direction = rays.forward * rays.distance + offset
+    return np.asarray(camera.position_mm + depth * direction / np.linalg.norm(direction))
+
+
+def value_at(volume: Volume, place: Array) -> float | None:
+    """Of the nearest voxel; None outside."""
+    index = volume.index_from_world @ np.append(place, 1.0)
+    i, j, k = np.rint(index[:3]).astype(int)
+    nx, ny, nz = volume.shape_xyz
+    if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
+        return None
+    return float(volume.values[k, j, i])
+
+
+def _place(
+    image: CoefficientImage, camera: Camera, volume: Volume, pixel: tuple[int, int]
+) -> Iterator[tuple[str, str]]:
+    place = place_mm(image, camera, pixel)
+    if place is None:
+        return
+    value = value_at(volume, place)
+    if value is not None:
+        yield "Value", f"{value:.6g}"
+    yield "mm", _numbers(place)
+
+
+def _error(
+    image: CoefficientImage, rig: LightRig, seen: RelightSpec, pixel: tuple[int, int]
+) -> Iterator[tuple[str, str]]:
+    if seen.mode == "exact":
+        return
+    x, y = pixel
+    one = slice(y, y + 1), slice(x, x + 1)
+    alone = replace(
+        image,
+        coefficients=image.coefficients[one],
+        alpha=image.alpha[one],
+        depth_mm=image.depth_mm[one],
+        first_mm=None,
+    )
+    try:
+        found = error_map(alone, rig, seen.mode, seen.backdrop)
+    except VolspecError:
+        return
+    yield "ΔE00", f"{float(found.delta_e[0, 0]):.2f} to exact"
+
+
+def _numbers(values: Array) -> str:
+    return "  ".join(f"{value:.1f}" for value in values)

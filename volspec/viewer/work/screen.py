@@ -1,0 +1,312 @@
+"""Tables of models that no shader draws, worked out beside the window.
+
+    lights, viewing -> pictures -> [tabling] -> HostTables -> pictures
+
+What is on the screen stays meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from volspec.errors import TableCancelled, VolspecError, one_line
+from volspec.raycast import CoefficientImage
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.tables import HostTables, TableKey, is_tabled
+from volspec.viewer.model.lights import rig_of
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.background import LatestWorker
+from volspec.viewer.work.casts import CastDone
+from volspec.viewer.work.error_map import Heat
+from volspec.viewer.work.meter import Meter
+from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.pictures import Painted, Pictures
+from volspec.viewer.work.probe import Reading, read
+from volspec.viewer.work.slice_pictures import SlicePictures
+
+# A light that is still for so long is one that somebody wants to see: there are seconds to lose.
+REST_S = 0.1
+
+
+class TableWorker(LatestWorker[tuple[TableKey, ...], str]):
+    """Works tables out in a thread of its own, and gives what was wrong with them; mostly ``""``.
+
+    Parameters
+    ----------
+    wake : callable
+        Called from the thread when there is something to take.
+    tables : HostTables
+        Where they are put.
+    """
+
+    def __init__(self, wake: Callable[[], object], tables: HostTables) -> None:
+        super().__init__(wake, "volspec-tables")
+        self._tables = tables
+
+    def _answers(self, job: tuple[TableKey, ...]) -> Iterator[str]:
+        if not self._rests(REST_S):
+            return
+        try:
+            for key in job:
+                self._tables.texels(key, self._superseded)
+        except TableCancelled:
+            return
+        except MemoryError:
+            yield "no memory for the table"
+        except VolspecError as error:
+            yield one_line(error)
+        else:
+            yield ""
+
+
+# The longest that a table is waited for is told; it is gone when the table is there.
+_TABLE_S = 60.0
+_NOTHING = "Nothing is seen: the opacity is 0 everywhere in view, or the view misses it"
+Area = tuple[int, int, int, int]
+
+
+class Screen:
+    """Relights what was cast, only where something has changed.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        That of the window.
+    wake : callable
+        Called from threads when there is something to take.
+    meter, trace
+        What is measured is told to them.
+    notice : Notice
+        Where the user is told.
+
+    Attributes
+    ----------
+    image : CoefficientImage, optional
+        What was cast last.
+    whole : bool
+        It is as fine as the picture.
+    fault : str
+        Why there is no picture; empty while one is there or awaited.
+    under_mouse : Reading, optional
+        What of the picture is under the mouse.
+    heat : Heat, optional
+        The error map.
+    slices : SlicePictures
+    shown_at : (left, top, right, bottom)
+        Where the picture was drawn last.
+    """
+
+    def __init__(
+        self,
+        context: Any,
+        wake: Callable[[], object],
+        meter: Meter,
+        trace: Trace,
+        notice: Notice,
+    ) -> None:
+        self.pictures = Pictures(context)
+        self._tabling = TableWorker(wake, self.pictures.tables)
+        self._tables: tuple[TableKey, ...] = ()  # that the picture waits for
+        self.slices = SlicePictures(context)
+        self.image: CoefficientImage | None = None
+        self.whole = False
+        self.fault = ""
+        self.under_mouse: Reading | None = None
+        self.heat: Heat | None = None
+        self.shown_at = 0.0, 0.0, 0.0, 0.0
+        self._meter, self._trace, self._notice = meter, trace, notice
+        self._cast: CastDone | None = None
+        self._shape = (0, 0)  # of the cast whose picture is shown
+        self._relit = self._coarse = self._drawing = self._hurries = False
+        self._band = 0  # that is drawn next
+        self._working_out = ""
+        self._heat = Heat(context, wake)
+        self._read_of: tuple[Any, ...] | None = None
+        self._reading: Reading | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether tables or an error map are being worked out."""
+        return self._tabling.busy or self._heat.busy
+
+    @property
+    def ready(self) -> bool:
+        """Whether all that shall be drawn of the picture is drawn."""
+        return self._relit or self.pictures.image is None
+
+    def take(self, done: CastDone, state: ViewState | None) -> None:
+        """A pass of a cast that has ended."""
+        how = "cancel" if done.image is None else "cast"
+        size = [-(-side // done.divisor) for side in done.job.size]
+        if done.error:
+            self._notice.say(done.error)
+            how = "error"
+            if self._cast is None or self._cast.job.document is not done.job.document:
+                # No picture of this document is there, and the one before is another's.
+                self.fault = one_line(done.error)
+                self._cast = self.image = None
+        self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
+        if done.image is None or state is None or done.job.document is not state.document:
+            return
+        try:
+            self.pictures.show(done.image, done.packed)
+        except VolspecError as error:
+            self._notice.say(str(error))
+            return
+        if done.divisor == 1 and not done.image.alpha.any():
+            self._notice.say(_NOTHING)
+        # Its texture holds what was packed.
+        self._cast, self.fault = replace(done, packed=None), ""
+        self.stale()
+        self.image, self.whole = done.image, done.divisor == 1
+        self._meter.ms["cast"] = done.ms
+
+    def stale(self) -> None:
+        """The picture no longer shows the state's light."""
+        # Where light follows on light, as under a key held down, the last bands would never come.
+        self._hurries |= self._band > 0
+        self._relit, self._band = False, 0
+
+    def relight(self, state: ViewState, held: bool) -> bool:
+        """Begin to draw the picture under the state's lights, where it does not show them yet.
+
+        What follows waits for what is drawn: panels are best made meanwhile, and of what takes
+        long only a band is drawn in each frame, unless the light before was not drawn to its end.
+
+        Parameters
+        ----------
+        state : ViewState
+        held : bool
+            Whether a mouse button is down: then few pixels are drawn where many take long.
+
+        Returns
+        -------
+        bool
+            Whether anything is drawn, for the next frame to show or to go on with.
+        """
+        self._drawing = False
+        if self._coarse and not held:
+            self.stale()
+        if self._relit or self.pictures.image is None:
+            return False
+        self._relit = True
+        self.pictures.repaint(state.transfer.basis)
+        self.image = self.pictures.image
+        # What is measured in fewer pixels would want tables of its own.
+        few = self.whole and self._meter.slow and not is_tabled(state.seen.viewing.model)
+        self._coarse = held and few
+        whole = self.whole and not self._coarse
+        bands = 1 if held or self._hurries or not whole else self._meter.bands
+        first, self._band = self._band % bands, 0
+        rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
+        try:
+            if self._tables_missing(rig, state.seen, other):
+                return False
+            band = first / bands, (first + 1) / bands
+            relit = self.pictures.relight(rig, state.seen, other, state.divide, self._coarse, band)
+        except VolspecError as error:
+            self._notice.say(one_line(error))
+            return False
+        self._drawing = relit is not None
+        self._relit = not self._drawing or first + 1 == bands
+        self._band = 0 if self._relit else first + 1
+        if self._relit:
+            self._hurries = False
+            if self._cast is not None:
+                self._shape = self._cast.job.size
+        self._meter.relights(relit, first == 0, self._relit, whole)
+        return True
+
+    def _tables_missing(
+        self, rig: LightRig | None, seen: RelightSpec, other: LightRig | None
+    ) -> bool:
+        """Whether the light must wait for tables; they are then being worked out."""
+        missing = self.pictures.missing(rig, seen, other)
+        if missing:
+            self._working_out = f"{seen.viewing.model}: working out its table …"
+            self._notice.say(self._working_out, _TABLE_S)
+            if missing != self._tables:
+                self._tabling.request(missing)
+        elif self._tables and self._notice.text == self._working_out:
+            self._notice.say("")
+        self._tables = missing
+        return bool(missing)
+
+    def tabled(self) -> bool:
+        """Take tables that have been worked out; whether there are any."""
+        said = self._tabling.take()
+        for error in said:
+            if error:
+                self._tables = ()
+                self._notice.say(error)
+            else:
+                self._relit = False
+        return bool(said)
+
+    def probe(self, state: ViewState, place: tuple[float, float] | None, held: bool) -> None:
+        """Read what is under the mouse; nothing if a button is down.
+
+        While a picture is being drawn the last reading stays, as to read waits for it.
+        """
+        self.under_mouse = self._read(state, place, held)
+
+    def _read(
+        self, state: ViewState, place: tuple[float, float] | None, held: bool
+    ) -> Reading | None:
+        right = state.other is not None and place is not None and place[0] > state.divide
+        lights = state.other if right and state.other else state.lights
+        rig = rig_of(lights)
+        image, cast = self.pictures.image, self._cast
+        if place is None or rig is None or image is None or cast is None:
+            return None
+        if held or not self.pictures.framebuffer:
+            return None
+        if self._drawing:
+            return self.under_mouse
+        if not self.pictures.current:
+            return None
+        width, height = image.size
+        pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
+        key = image, lights, state.seen, pixel
+        if key != self._read_of:
+            self._read_of = key
+            code = self.pictures.code(*pixel)
+            camera, volume = cast.job.camera, cast.job.document.volume
+            try:
+                self._reading = read(image, camera, volume, rig, state.seen, pixel, code)
+            except VolspecError:  # said when it was relit
+                self._reading = None
+        return self._reading
+
+    def heated(self, state: ViewState, held: bool) -> bool:
+        """Have the error map made where it is wanted; whether a new one has come."""
+        image = self.pictures.image
+        if state.interface.error_map and not held and self.whole and image is not None:
+            self.heat = self._heat
+            self._heat.want(image, state.lights, state.seen)
+        return self._heat.take()
+
+    def painted(self, area: Area, shown: ViewState | None) -> Painted | None:
+        """The picture behind the panels; one of another shape keeps its own."""
+        x, y, width, height = area
+        if not self.pictures.framebuffer or self._cast is None or shown is None:
+            return None
+        of, now = self._shape, shown.size
+        wide = width if of == now else height * of[0] / of[1]
+        left = x + (width - wide) / 2
+        to = self.shown_at = left, y, left + wide, y + height
+        return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
+
+    def absence(self, shown: ViewState | None) -> str:
+        """Return why no picture is painted of a state."""
+        dark = self._cast is not None and shown is not None and rig_of(shown.lights) is None
+        return "No light is on" if dark else self.fault or "Opening …"
+
+    def close(self) -> None:
+        """Release everything; nobody waits for a table."""
+        self._tabling.close(0.0)
+        self._heat.close()
+        self.pictures.close()
+        self.slices.close()

@@ -1,0 +1,125 @@
+"""Slices as textures: voxels looked up where a slice moves, colours where the light does.
+
+state -> slices -> [slice_pictures] -> texture -> panel
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import VolspecError
+from volspec.pipeline import Relighter
+from volspec.transfer import LabelFunction
+from volspec.viewer.model.lights import rig_of
+from volspec.viewer.model.slice_table import Entries, entries_of, greys, table_image
+from volspec.viewer.model.slices import Layout, number_of, sliced, window_of
+from volspec.viewer.model.state import ViewState
+
+_OPAQUE = np.uint32(0xFF000000)
+
+
+@dataclass(slots=True)
+class _Shown:
+    """One slice: what its codes and its colours were made of."""
+
+    of_codes: tuple[Any, ...] = ()
+    of_colours: tuple[Any, ...] = ()
+    codes: NDArray[np.uint32] | None = None
+    texture: Any = None
+
+
+class SlicePictures:
+    """The slices' textures.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+        That of the window.
+    """
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+        self._slices: dict[str, _Shown] = {}
+        self._of_colours: tuple[Any, ...] = ()
+        self._colours = np.zeros(1, np.uint32)
+
+    def texture(self, state: ViewState, name: str, layout: Layout, width_px: float) -> int:
+        """GL's name of a slice's picture.
+
+        Parameters
+        ----------
+        state : ViewState
+        name : str
+            Of the plane.
+        layout : Layout
+        width_px : float
+            How wide it will be drawn: no more voxels than this are looked up along a row.
+        """
+        volume = state.document.volume
+        shown = self._slices.setdefault(name, _Shown())
+        number = number_of(volume, layout.normal, state.interface.slices.at[layout.normal])
+        entries = entries_of(volume, isinstance(state.transfer, LabelFunction))
+        step = max(1, int(volume.shape_xyz[layout.across] / max(width_px, 32.0)))
+        of_codes = volume, layout, number, step, entries
+        if of_codes != shown.of_codes:
+            values = sliced(volume, layout, number, step)
+            shown.codes, shown.of_codes = entries.codes(values), of_codes
+            shown.of_colours = ()
+        self._relight(state, entries)
+        if shown.of_colours != self._of_colours:
+            assert shown.codes is not None
+            self._write(shown, self._colours[shown.codes])
+            shown.of_colours = self._of_colours
+        return int(shown.texture.glo)
+
+    def _relight(self, state: ViewState, entries: Entries) -> None:
+        """The colours of all values under the state's lights, where those are others."""
+        slices = state.interface.slices
+        window = window_of(slices, state.document.histogram)
+        of: tuple[Any, ...] = state.document, entries, window
+        if slices.lit:
+            of = (*of, state.transfer, state.shading.groups, state.lights, state.seen)
+        if of == self._of_colours:
+            return
+        self._of_colours = of
+        seen = _lit(state, window) if slices.lit else None
+        if seen is None:
+            shades = greys(entries, state.document.volume.range, window)
+            seen = np.rint(255 * shades)[:, None].repeat(3, axis=1)
+        red, green, blue = seen.astype(np.uint32).T
+        self._colours = red | green << 8 | blue << 16 | _OPAQUE
+
+    def _write(self, shown: _Shown, pixels: NDArray[np.uint32]) -> None:
+        height, width = pixels.shape
+        if shown.texture is None or shown.texture.size != (width, height):
+            if shown.texture is not None:
+                shown.texture.release()
+            shown.texture = self._context.texture((width, height), 4)
+        shown.texture.write(np.ascontiguousarray(pixels))
+
+    def close(self) -> None:
+        """Release everything."""
+        for shown in self._slices.values():
+            if shown.texture is not None:
+                shown.texture.release()
+        self._slices.clear()
+
+
+def _lit(state: ViewState, window: tuple[float, float]) -> NDArray[np.uint8] | None:
+    """(count, 3) codes of all values under the state's lights; None where these cannot be shown."""
+    rig, seen = rig_of(state.lights), state.seen
+    if rig is None:
+        return None
+    # A table is no picture that an eye could adapt to.
+    viewing = replace(seen.viewing, adapting="given")
+    try:
+        image = table_image(state.document.volume, state.transfer, state.shading, window)
+        # On the host, as few pixels are waited for: the GPU has the picture to draw.
+        with Relighter(image, backend="numpy") as relighter:
+            return relighter.frame(rig, viewing, seen.mode, seen.backdrop, seen.level)[0]
+    except VolspecError:  # which the picture of the volume tells
+        return None
