@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -55,13 +56,70 @@ def layer(path: Path) -> str:
     return path.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(ROOT).as_posix())
-def test_modules_import_only_from_their_left(path: Path) -> None:
-    here = LAYERS.index(layer(path))
-    for module, _ in imports(path):
-        parts = module.split(".")
-        if parts[0] == "volspec" and len(parts) > 1:
-            assert LAYERS.index(parts[1]) <= here, f"{path.name} imports {module}"
+def own_imports(path: Path) -> list[tuple[Path, bool]]:
+    """(file of the project, whether at module level) of every import in a file."""
+    found = []
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    top = set(map(id, tree.body))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "volspec":
+            for name in node.names:
+                parts = *(node.module or "").split(".")[1:], name.name
+                for place in (ROOT.joinpath(*parts), ROOT.joinpath(*parts[:-1])):
+                    files = place.with_suffix(".py"), place / "__init__.py"
+                    if is_there := [file for file in files if file.exists()]:
+                        found.append((is_there[0], id(node) in top))
+                        break
+    return found
+
+
+def test_modules_import_only_from_their_left() -> None:
+    climbs = [
+        f"{path.relative_to(ROOT)} imports {module}"
+        for path in MODULES
+        for module, _ in imports(path)
+        if module.startswith("volspec.")
+        and LAYERS.index(module.split(".")[1]) > LAYERS.index(layer(path))
+    ]
+    assert climbs == []
+
+
+def test_no_package_s_parts_import_each_other_in_a_circle() -> None:
+    """Parts are a package's files and folders; imports inside functions do not count."""
+    for package in {path.parent for path in MODULES}:
+        parts: dict[str, set[str]] = {}
+        for path in package.rglob("*.py"):
+            part = path.relative_to(package).parts[0]
+            if part == "__init__.py":
+                continue
+            inside = (
+                to.relative_to(package).parts[0]
+                for to, at_top in own_imports(path)
+                if at_top and to.is_relative_to(package)
+            )
+            parts.setdefault(part, set()).update(set(inside) - {part, "__init__.py"})
+        try:
+            TopologicalSorter(parts).prepare()
+        except CycleError as error:
+            raise AssertionError(f"{package.relative_to(ROOT)}: {error.args[1]}") from None
+
+
+# In volspec/viewer: a floor imports only from those before it; app.py and chores.py know all.
+FLOORS = ("model", "work", "ui")
+
+
+def test_the_viewer_s_floors_import_only_from_below() -> None:
+    viewer = ROOT / "viewer"
+    climbs = []
+    for path in viewer.rglob("*.py"):
+        floor = path.relative_to(viewer).parts[0]
+        if floor not in FLOORS:
+            continue
+        for to, _ in own_imports(path):
+            above = to.is_relative_to(viewer) and to.relative_to(viewer).parts[0]
+            if above and (above not in FLOORS or FLOORS.index(above) > FLOORS.index(floor)):
+                climbs.append(f"{path.relative_to(viewer)} imports {to.relative_to(viewer)}")
+    assert climbs == []
 
 
 @pytest.mark.parametrize(
@@ -69,9 +127,9 @@ def test_modules_import_only_from_their_left(path: Path) -> None:
     [
         ("pyopencl", ("_gpu/opencl.py", "_gpu/devices.py", "_gpu/sharing.py")),
         ("moderngl", ("_gpu/opengl.py", "relight/gpu.py")),
-        ("glfw", ("viewer/",)),
-        ("imgui_bundle", ("viewer/",)),
-        ("OpenGL", ("viewer/",)),
+        ("glfw", ("viewer/ui/", "viewer/app.py")),
+        ("imgui_bundle", ("viewer/ui/", "viewer/app.py")),
+        ("OpenGL", ("viewer/work/gl.py",)),
         (
             "pyvista",
             (
@@ -96,6 +154,12 @@ def test_machinery_stays_in_its_files(package: str, allowed: tuple[str, ...]) ->
         if any(module.split(".")[0] == package for module, _ in imports(path))
     }
     assert [user for user in sorted(users) if not user.startswith(allowed)] == []
+
+
+def test_the_viewer_s_threads_are_in_work() -> None:
+    for path in (ROOT / "viewer").rglob("*.py"):
+        if {"threading", "concurrent.futures"} & {module for module, _ in imports(path)}:
+            assert path.relative_to(ROOT / "viewer").parts[0] == "work", path
 
 
 def test_colour_science_is_used_by_spectra_appearance_references_and_reports_only() -> None:
