@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
-from volspec.viewer.model.commands import ACTIONS, BY_KEY, MENUS, shown
+from volspec.viewer.model.commands import BY_KEY, COMMANDS, MENUS, shown
+from volspec.viewer.model.edit import after
 from volspec.viewer.model.lights import shining
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import commands
@@ -23,7 +24,7 @@ def titles(state: ViewState, search: str) -> list[str]:
 def test_the_palette_lists_every_action_light_model_display_and_file(state: ViewState) -> None:
     rows = commands.commands_of(state, RECENT)
     names = {row.text for row in rows}
-    for action in ACTIONS:
+    for action in COMMANDS:
         title = f"{action.menu or 'Step'}: {action.title.removesuffix(' …')}"
         assert title in names or action.name == "commands"
     for row in state.lights:
@@ -54,9 +55,7 @@ def test_rows_do_what_they_say(state: ViewState) -> None:
     def done(search: str) -> ViewState:
         row = commands.commands_of(state, (), search)[0]
         assert row.change is not None
-        new = row.change(state)
-        assert isinstance(new, ViewState)
-        return new
+        return after(row.change, state).state
 
     assert shining(done("light FL2 alone").lights) == (0.0, 0.0, 1.0, 0.0)
     assert done("model CAM16").seen.viewing.model == "CAM16"
@@ -66,42 +65,42 @@ def test_rows_do_what_they_say(state: ViewState) -> None:
     marked = replace(state.seen.viewing.display, mark=True)
     seen = replace(state.seen, viewing=replace(state.seen.viewing, display=marked))
     row = commands.commands_of(state, (), f"display {dark}")[0]
-    display = row.change(replace(state, seen=seen)).seen.viewing.display
+    display = after(row.change, replace(state, seen=seen)).state.seen.viewing.display
     assert display.surround == "dark" and display.mark
 
 
 def test_settings_are_reached_by_name(state: ViewState) -> None:
-    def row(text: str) -> commands.Command:
+    def row(text: str) -> commands.Entry:
         return commands.commands_of(state, (), text)[0]
 
     closed = replace(state, interface=replace(state.interface, panels=frozenset()))
     for name in ("Illuminance", "Exposure", "Background", "Room", "Adaptation"):
         setting = row(f"setting {name}")
         assert setting.item == name and setting.change is not None
-        assert "Viewing" in setting.change(closed).interface.panels
+        assert "Viewing" in after(setting.change, closed).state.interface.panels
     dim, reduce = row("surround dim").change, row("gamut reduce").change
     assert dim is not None and reduce is not None
-    assert dim(state).seen.viewing.surround == "dim"
-    assert reduce(state).seen.viewing.display.gamut == "reduce"
+    assert after(dim, state).state.seen.viewing.surround == "dim"
+    assert after(reduce, state).state.seen.viewing.display.gamut == "reduce"
 
 
 def test_lights_that_find_no_room_change_nothing(state: ViewState) -> None:
     full = replace(state, lights=state.lights * 30)
     row = commands.commands_of(state, (), "add light HP1")[0]
-    assert row.change(full) is full
+    assert after(row.change, full).state is full
 
 
 def test_keys_are_used_once_and_all_menus_are_known() -> None:
-    used = [key for action in ACTIONS for key in action.keys if key]
+    used = [key for action in COMMANDS for key in action.keys if key]
     assert len(used) == len(set(used)) == len(BY_KEY)
     # Those of no menu are steps, which only keys make.
-    assert {action.menu for action in ACTIONS} <= {*MENUS, ""}
+    assert {action.menu for action in COMMANDS} <= {*MENUS, ""}
     assert shown("f1") == "F1" and shown("ctrl+p") == "Ctrl+P"
 
 
 def test_the_sheet_shows_every_key_in_columns_of_even_height() -> None:
     listed = {what for _, rows in keys.SHEET for _, what in rows}
-    for action in ACTIONS:
+    for action in COMMANDS:
         # Steps by arrows and the recall of states stand there as a line each.
         if action.menu and not action.name.startswith("recall-"):
             assert not any(action.keys) or action.title.removesuffix(" …") in listed

@@ -19,9 +19,9 @@ from volspec.palette import Design, Palette, PaletteSpectrum, design, load_palet
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
 from volspec.viewer.chores import Chores
-from volspec.viewer.model import palette_files, palette_wizards
+from volspec.viewer.model import palette_edits, palette_files, palette_wizards
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import History
 from volspec.viewer.model.lights import MOST_ROWS
 from volspec.viewer.model.palette_spectra import with_reflectances
@@ -58,13 +58,13 @@ class Bench:
 
 
 def wished(state: ViewState, colour: str = "#8c5a3c") -> ViewState:
-    return reduced(state, Event("wish", index=5, key=colour))
+    return palette_edits.wish(state, 5, colour)
 
 
 def acted(name: str, state: ViewState) -> ViewState:
     change = BY_NAME[name].change
     assert change is not None
-    return change(state)
+    return after(change, state).state
 
 
 def test_a_solver_that_fails_is_told_and_the_next_wish_designed(

@@ -10,41 +10,29 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.viewer._edits import MODULES, drawn
 from volspec.errors import SpectrumError
 from volspec.raycast import Camera
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import light_mixes, lights
+from volspec.viewer.model import light_mixes, lights, lights_edits, transfer_edits
 from volspec.viewer.model.camera import View
-from volspec.viewer.model.commands import ACTIONS, BY_KEY
+from volspec.viewer.model.commands import BY_KEY, COMMANDS
 from volspec.viewer.model.document import Document, plain_scene
-from volspec.viewer.model.event import Action
-from volspec.viewer.model.events import EVENTS, Event, reduced
+from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.casts import DIVISORS, Pace
 
-_ANY = st.floats(-1e6, 1e6) | st.floats(-2, 2) | st.just(math.nan) | st.just(math.inf)
-_EVENTS = st.builds(
-    Event,
-    st.sampled_from(sorted(EVENTS)),
-    _ANY,
-    _ANY,
-    st.integers(-2, 8),
-)
-_ACTIONS = st.sampled_from([action for action in ACTIONS if action.change is not None])
+WORDS = ("", "no such", "gold", "A", "#804020", "CAM16", "dim", "free", "light")
+_COMMANDS = st.sampled_from([each.change for each in COMMANDS if each.change is not None])
 
 
 @settings(
     max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
 )
-@given(events=st.lists(_EVENTS | _ACTIONS, min_size=100, max_size=100))
-def test_ten_thousand_random_events_never_raise(
-    state: ViewState, events: list[Event | Action]
-) -> None:
-    for event in events:
-        if isinstance(event, Event):
-            state = reduced(state, event)
-        elif event.change is not None:
-            state = event.change(state)
+@given(edits=st.lists(drawn(WORDS, *MODULES) | _COMMANDS, min_size=100, max_size=100))
+def test_ten_thousand_random_edits_never_raise(state: ViewState, edits: list[Change]) -> None:
+    for edit in edits:
+        state = after(edit, state).state
     state.view.camera(state.document.volume)
     rig = lights.rig_of(state.lights)
     assert rig is None or any(rig.weights)
@@ -112,12 +100,12 @@ def test_lights_stand_where_the_dial_takes_them_alone() -> None:
 def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
     lit = state
     for i in range(3):
-        lit = reduced(lit, Event("weight", 0.5, index=i))
+        lit = lights_edits.set_weight(lit, i, 0.5)
     assert lights.shining(lit.lights) == (0.5, 0.5, 0.5, 0.0)
-    solo = reduced(lit, Event("solo", index=1))
+    solo = lights_edits.toggle_solo(lit, 1)
     assert lights.shining(solo.lights) == (0.0, 0.5, 0.0, 0.0)
-    assert lights.shining(reduced(solo, Event("mute", index=1)).lights) == (0.0,) * 4
-    assert lights.rig_of(reduced(solo, Event("mute", index=1)).lights) is None
+    assert lights.shining(lights_edits.toggle_mute(solo, 1).lights) == (0.0,) * 4
+    assert lights.rig_of(lights_edits.toggle_mute(solo, 1).lights) is None
 
 
 def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState) -> None:
@@ -139,7 +127,7 @@ def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
     kept = pressed(state, "b")
     changed = pressed(kept, "space")
     assert changed.other == state.lights != changed.lights
-    assert reduced(changed, Event("divide", 7.0)).divide == 0.98
+    assert lights_edits.set_divide(changed, 7.0).divide == 0.98
     assert pressed(changed, "b").other is None
 
 
@@ -156,13 +144,13 @@ def test_points_stay_in_order_and_shift_together(state: ViewState) -> None:
         assert isinstance(of.transfer, TransferFunction)
         return [point[0] for point in of.transfer.points]
 
-    dragged = reduced(state, Event("point", 5.0, 2.0, 1))
+    dragged = transfer_edits.move_point(state, 1, 5.0, 2.0)
     assert values(dragged)[0] < values(dragged)[1] < values(dragged)[2]
     assert isinstance(dragged.transfer, TransferFunction)
     assert dragged.transfer.points[1][1] == 1.0
-    there = reduced(state, Event("shift", 0.1))
+    there = transfer_edits.shift(state, 0.1)
     np.testing.assert_allclose(values(there), np.add(values(state), 0.1))
-    np.testing.assert_allclose(values(reduced(there, Event("shift", 0.0))), values(state))
+    np.testing.assert_allclose(values(transfer_edits.shift(there, 0.0)), values(state))
 
 
 def test_a_moving_picture_gets_coarser_until_it_keeps_up() -> None:

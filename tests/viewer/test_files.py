@@ -21,9 +21,8 @@ from volspec.raycast import Ambient, Directional, LightGroup
 from volspec.raycast.checks import MAX_SIDE
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum, light
-from volspec.viewer.model import lights
+from volspec.viewer.model import camera_edits, lights, transfer_edits
 from volspec.viewer.model.document import demo
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.lights import LightRow
 from volspec.viewer.model.paths import PathRequest, dropped, listing
 from volspec.viewer.model.state import ViewState
@@ -45,8 +44,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def edited(state: ViewState) -> ViewState:
     """What a script has most to say of: groups, a drawn light, a mix, another view."""
-    for event in (Event("orbit", 0.2, 0.1), Event("point", 0.8, 0.7, index=1)):
-        state = reduced(state, event)
+    state = camera_edits.orbit(state, 0.2, 0.1)
+    state = transfer_edits.move_point(state, 1, 0.8, 0.7)
     nm = state.document.grid.wavelengths_nm
     drawn = Spectrum(nm, np.linspace(0.3, 1.7, nm.size), "drawn")
     rows = (

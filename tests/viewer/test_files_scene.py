@@ -19,9 +19,8 @@ from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
-from volspec.viewer.model import lights
+from volspec.viewer.model import camera_edits, lights, lights_edits, transfer_edits
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.lights import LightRow, rig_of
 from volspec.viewer.model.scene_file import display_table, export_scene, scene_of
 from volspec.viewer.model.state import ViewState
@@ -123,12 +122,13 @@ def test_every_kind_of_transfer_function_comes_back(tmp_path: Path, kind: str) -
 
 def test_what_mouse_and_sliders_change_comes_back(tmp_path: Path) -> None:
     state = opened(tmp_path)
-    for event in (
-        *(Event("orbit", 0.2, 0.1), Event("pan", 0.05, 0.02), Event("zoom", 0.0, -0.1)),
-        *(Event("shift", 0.05), Event("point", 0.8, 0.7, index=1)),
-        *(Event("weight", 0.6, index=0), Event("weight", 0.9, index=1)),
-    ):
-        state = reduced(state, event)
+    state = camera_edits.orbit(state, 0.2, 0.1)
+    state = camera_edits.pan(state, 0.05, 0.02)
+    state = camera_edits.zoom(state, 0.0, -0.1)
+    state = transfer_edits.shift(state, 0.05)
+    state = transfer_edits.move_point(state, 1, 0.8, 0.7)
+    state = lights_edits.set_weight(state, 0, 0.6)
+    state = lights_edits.set_weight(state, 1, 0.9)
     again = assert_same_picture(state, tmp_path)
     assert [row.name for row in again.lights] == ["mix", "day", "tungsten"]
     assert again.view == state.view
@@ -203,7 +203,7 @@ def test_a_basis_that_a_scene_trains_is_kept_where_new_lights_would_change_it(
 def test_materials_as_channels_and_another_folder(tmp_path: Path) -> None:
     state = opened(tmp_path, basis='method = "materials"')
     (tmp_path / "there").mkdir()
-    again = assert_same_picture(reduced(state, Event("orbit", 0.1)), tmp_path / "there")
+    again = assert_same_picture(camera_edits.orbit(state, 0.1, 0.0), tmp_path / "there")
     assert again.document.file is not None
     assert again.document.file.volume.file == "../ball.npy"
 

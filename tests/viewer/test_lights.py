@@ -16,8 +16,12 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import light_mixes, light_parts, lights
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import (
+    light_mixes,
+    light_parts,
+    lights,
+    lights_edits,
+)
 from volspec.viewer.model.light_parts import drawn, stroke
 from volspec.viewer.model.lights import LightRow, Rows, rig_of
 from volspec.viewer.model.state import ViewState
@@ -287,7 +291,7 @@ def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are() -> No
     assert light_mixes.with_mix(dark, DEFAULT_GRID) is dark
 
 
-# Events
+# Edits
 
 
 def test_a_stroke_of_many_samples_is_one_step_of_undo(state: ViewState) -> None:
@@ -296,20 +300,24 @@ def test_a_stroke_of_many_samples_is_one_step_of_undo(state: ViewState) -> None:
     history = History(state)
     pen = None
     for x in np.linspace(0.2, 0.8, 9):
-        event = Event("draw", float(x), 2.0, 1, start=pen)
-        history, pen = history.then(reduced(history.present, event), 5), (float(x), 2.0)
+        end = float(x), 2.0
+        history = history.then(lights_edits.draw(history.present, 1, 0, pen or end, end), 5)
+        pen = end
     assert history.present.lights[1].name == "A edited"
     assert history.undone().present.lights == state.lights
 
 
-@pytest.mark.parametrize("name", ["lux", "part-weight", "draw"])
-@pytest.mark.parametrize("start", [None, (math.nan, 1.0), (math.inf, -math.inf)])
-def test_events_of_lights_take_any_index_and_number(
-    state: ViewState, name: str, start: tuple[float, float] | None
+@pytest.mark.parametrize("start", [(0.1, 0.2), (math.nan, 1.0), (math.inf, -math.inf)])
+def test_edits_of_lights_take_any_index_and_number(
+    state: ViewState, start: tuple[float, float]
 ) -> None:
     for index in (-1, 0, 3, 99):
         for part in (-1, 0, 5):
             for x in (-1e300, 0.0, 1e300):
-                new = reduced(state, Event(name, x, x, index, part=part, start=start))
-                rig = rig_of(new.lights)
-                assert rig is not None and np.isfinite(rig.mixed(DEFAULT_GRID).values).all()
+                for new in (
+                    lights_edits.set_lux(state, index, x, part),
+                    lights_edits.set_part_weight(state, index, part, x),
+                    lights_edits.draw(state, index, part, start, (x, x)),
+                ):
+                    rig = rig_of(new.lights)
+                    assert rig is not None and np.isfinite(rig.mixed(DEFAULT_GRID).values).all()

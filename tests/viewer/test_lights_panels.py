@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,8 +11,7 @@ from hypothesis import strategies as st
 
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.lights_edits import refusal
+from volspec.viewer.model import lights_edits
 from volspec.viewer.model.state import ViewState
 
 AREA = (0, 20, 900, 600)
@@ -48,12 +49,11 @@ def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
 
 
 def test_a_notation_that_is_no_light_changes_nothing_and_says_why(state: ViewState) -> None:
-    for name in ("add-light", "respell"):
-        wrong = Event(name, key="D65*0.7+Q*0.3")
-        assert reduced(state, wrong) is state
-        assert "'Q' in the mix" in refusal(state, wrong) and "\n" not in refusal(state, wrong)
-        assert "there.csv" in refusal(state, Event(name, key="not/there.csv"))
-        assert refusal(state, Event(name, key="FL11")) == ""
+    for edit in (lights_edits.add, partial(lights_edits.respell, index=0, part=0)):
+        new, refusal = edit(state, text="D65*0.7+Q*0.3")
+        assert new is state and "'Q' in the mix" in refusal and "\n" not in refusal
+        assert "there.csv" in edit(state, text="not/there.csv").message
+        assert edit(state, text="FL11").message == ""
 
 
 def test_a_light_without_its_colour_to_the_display_has_one_all_the_same() -> None:

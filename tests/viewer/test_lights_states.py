@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from volspec.appearance import Viewing
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import light_states_edits, lights
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import camera_edits, light_states_edits, lights, lights_edits
 from volspec.viewer.model.history import History, stale_stage
 from volspec.viewer.model.light_parts import drawn
 from volspec.viewer.model.light_states import faded, recalled
@@ -104,33 +103,33 @@ def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
 
 
 def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None:
-    one = light_states_edits.saved(state)
-    two = light_states_edits.saved(reduced(one, Event("weight", 0.3, index=2)))
+    one = light_states_edits.save(state)
+    two = light_states_edits.save(lights_edits.set_weight(one, 2, 0.3))
     assert [kept.name for kept in two.kept] == ["State 1", "State 2"]
-    assert light_states_edits.renamed(two, 0, "  Day\n light ").kept[0].name == "Day light"
-    assert light_states_edits.renamed(two, 0, "State 2") is two
-    assert light_states_edits.renamed(two, 0, " ") is two
-    over = light_states_edits.saved_over(two, 0)
+    assert light_states_edits.rename(two, 0, "  Day\n light ").kept[0].name == "Day light"
+    assert light_states_edits.rename(two, 0, "State 2") is two
+    assert light_states_edits.rename(two, 0, " ") is two
+    over = light_states_edits.save_over(two, 0)
     assert over.kept[0].lights is two.lights and over.kept[0].name == "State 1"
     back = light_states_edits.recall(two, 0)
     assert back.lights == state.lights and back.seen == state.seen and back.fade is not None
-    gone = light_states_edits.deleted(two, 0)
-    assert [kept.name for kept in light_states_edits.saved(gone).kept] == ["State 2", "State 1"]
+    gone = light_states_edits.delete(two, 0)
+    assert [kept.name for kept in light_states_edits.save(gone).kept] == ["State 2", "State 1"]
     for index in (-1, 2, 99):
         assert light_states_edits.recall(two, index) is two
-        assert light_states_edits.deleted(two, index) is two
-        assert light_states_edits.saved_over(two, index) is two
+        assert light_states_edits.delete(two, index) is two
+        assert light_states_edits.save_over(two, index) is two
 
 
 def test_saving_and_deleting_a_state_can_be_undone(state: ViewState) -> None:
-    history = History(state).then(light_states_edits.saved(state), 1)
-    history = history.then(light_states_edits.deleted(history.present, 0), 2)
+    history = History(state).then(light_states_edits.save(state), 1)
+    history = history.then(light_states_edits.delete(history.present, 0), 2)
     assert history.present.kept == () and len(history.undone().present.kept) == 1
 
 
 def recalling(state: ViewState, seconds: float) -> ViewState:
     """A state on its way from A alone to D65 alone."""
-    kept = light_states_edits.saved(light_states_edits.fade_lasting(state, seconds))
+    kept = light_states_edits.save(light_states_edits.set_fade(state, seconds))
     other = replace(kept, lights=lights.alone(kept.lights, 1))
     return light_states_edits.recall(other, 0)
 
@@ -148,12 +147,12 @@ def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) 
 
 def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
     fader, before = Fader(), replace(state, lights=lights.alone(state.lights, 1))
-    before = replace(before, kept=light_states_edits.saved(state).kept)
+    before = replace(before, kept=light_states_edits.save(state).kept)
     history = History(before).then(light_states_edits.recall(before, 0), 1)
     for i in range(1, 4):
         present = history.present
         shown = fader.shown(present, float(i) / 10)
-        turned = reduced(shown, Event("orbit", 0.1))
+        turned = camera_edits.orbit(shown, 0.1, 0.0)
         history = history.then(fader.to_keep(present, shown, turned), 1 + i)
     assert history.present.lights == state.lights and fader.running
     for _ in range(4):
@@ -169,7 +168,7 @@ def test_a_hand_on_a_light_stops_the_fade_where_it_is(state: ViewState) -> None:
     fader, new = Fader(), recalling(state, 1.0)
     fader.shown(new, 0.0)
     shown = fader.shown(new, 0.5)
-    stopped = fader.to_keep(new, shown, reduced(shown, Event("weight", 0.9, index=2)))
+    stopped = fader.to_keep(new, shown, lights_edits.set_weight(shown, 2, 0.9))
     assert stopped.fade is None and shining(stopped.lights)[:3] == (0.5, 0.5, 0.9)
     assert fader.shown(stopped, 0.6) is stopped and not fader.running
 
@@ -186,4 +185,4 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
 def test_a_fade_of_no_time_is_a_cut(state: ViewState) -> None:
     fader, new = Fader(), recalling(state, 0.0)
     assert fader.shown(new, 0.0) is new and not fader.running
-    assert light_states_edits.fade_lasting(state, 99.0).interface.fade_s == 10.0
+    assert light_states_edits.set_fade(state, 99.0).interface.fade_s == 10.0

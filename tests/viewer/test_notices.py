@@ -10,8 +10,8 @@ import pytest
 from tests.viewer.test_transfer import of_kind
 from volspec.palette import Cell, CellReport
 from volspec.relight.error_map import ErrorMap
+from volspec.viewer.model import lights_edits
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.light_states import MOST_STATES, LightState
 from volspec.viewer.model.lights import MOST_ROWS
 from volspec.viewer.model.palette_table import Table, table_of
@@ -64,9 +64,9 @@ def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> 
     command = next(c for c in commands_of(state, (), "add light hp1") if c.title == "HP1")
     assert command.change is not None
     here, full = UiContext(), full_of_lights(state)
-    assert here.acted(full, command.change, command.refusal) is full
+    assert here.edited(full, command.change) is full
     assert here.asked == ["say 99 lights are the most; remove one first"]
-    assert here.acted(state, command.change, command.refusal) is not state
+    assert here.edited(state, command.change) is not state
     assert len(here.asked) == 1
 
 
@@ -164,7 +164,7 @@ def test_the_error_map_says_whether_an_eye_would_see_it() -> None:
 def test_the_adopted_white_is_told_of_what_shines_alone(state: ViewState) -> None:
     from volspec.viewer.ui.viewing import white_told
 
-    muted = reduced(state, Event("mute", index=0))
+    muted = lights_edits.toggle_mute(state, 0)
     assert white_told(muted.lights) == white_told(())
-    both = reduced(state, Event("weight", 1.0, index=1))
+    both = lights_edits.set_weight(state, 1, 1.0)
     assert white_told(both.lights) != white_told(state.lights)

@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.viewer._edits import MODULES, drawn
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
 from volspec.palette import Cell, Criteria, design
@@ -17,9 +18,10 @@ from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
+from volspec.viewer.model import camera_edits, palette_edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.events import EVENTS, Event, reduced
+from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import History, stale_stage
 from volspec.viewer.model.lights import LightRow
 from volspec.viewer.model.palette_spectra import columns, with_reflectances
@@ -33,7 +35,7 @@ SEEN = 1.0
 
 
 def wished(state: ViewState, place: int, colour: str = "#8c5a3c") -> ViewState:
-    return reduced(state, Event("wish", index=place, key=colour))
+    return palette_edits.wish(state, place, colour)
 
 
 def designed(state: ViewState) -> ViewState:
@@ -154,25 +156,23 @@ def test_a_wish_opens_its_material_and_asks_the_other_colours_to_stay(state: Vie
 
 
 def test_kinds_of_wishes_keep_their_weight_and_their_partner(state: ViewState) -> None:
-    asked = reduced(wished(state, 5), Event("wish-weight", 3.0, index=5))
+    asked = palette_edits.wish_weight(wished(state, 5), 5, 3.0)
 
-    def kind(name: str, other: float = -1.0) -> Cell | None:
-        event = Event("wish-kind", other, index=5, key=name)
-        return reduced(asked, event).board.wishes.cells.get(("gold", "A"))
+    def kind(name: str, other: int = -1) -> Cell | None:
+        new = palette_edits.wish_kind(asked, 5, name, other)
+        return new.board.wishes.cells.get(("gold", "A"))
 
     assert kind("free") == Cell("free", group="one colour", weight=3.0)
     assert kind("black") == Cell("black", weight=3.0)
     assert kind("same") == Cell("same", other=("copper", "A"), weight=3.0)
-    assert kind("distinct", 0.0) == Cell(
-        "distinct", other=("copper", "D65"), weight=3.0, distance=20
-    )
+    assert kind("distinct", 0) == Cell("distinct", other=("copper", "D65"), weight=3.0, distance=20)
     assert kind("") is None
-    must = reduced(asked, Event("wish-weight", 1.0, index=5, key="must"))
+    must = palette_edits.wish_weight(asked, 5, None)
     assert math.isinf(must.board.wishes.cells["gold", "A"].weight)
 
 
 def test_a_constant_material_is_wanted_of_one_colour(state: ViewState) -> None:
-    steady = reduced(state, Event("constant", index=1))
+    steady = palette_edits.toggle_constant(state, 1)
     wishes = steady.board.wishes
     assert wishes.constant == {"gold"} and {at[1] for at in wishes.cells} == {"D65"}
     assert next(row for row in palette_of(steady).reflectances if row.name == "gold").constant
@@ -227,33 +227,25 @@ def test_marks_are_read_on_any_colour() -> None:
     assert max(levels(light("A"), True)) == 1.0
 
 
-_NAMES = sorted(name for name in EVENTS if name not in ("orbit", "pan", "zoom", "wheel"))
 _KEYS = (
     *("", "colour", "free", "black", "same", "distinct", "must", "light", "reflectance"),
     *("#804020", "0.1 0.9 2.0", "0.2 0.3 0.4", "nan nan nan", "A", "nosuch", "gold", "RGB"),
 )
-_EVENTS = st.builds(
-    Event,
-    st.sampled_from(_NAMES),
-    st.floats(-2, 30) | st.floats(-1e6, 1e6),
-    st.floats(-2, 2),
-    st.integers(-2, 9),
-    st.sampled_from(_KEYS),
-)
+_EDITED = [module for module in MODULES if module is not camera_edits]
 _CHANGES = [BY_NAME[n] for n in ("palette-light", "palette-anew", "palette-forget", "palette-own")]
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
-@given(events=st.lists(_EVENTS, min_size=60, max_size=60), every=st.integers(0, 3))
+@given(edits=st.lists(drawn(_KEYS, *_EDITED), min_size=60, max_size=60), every=st.integers(0, 3))
 def test_any_wishes_make_a_palette_or_say_why_not(
-    state: ViewState, events: list[Event], every: int
+    state: ViewState, edits: list[Change], every: int
 ) -> None:
-    for number, event in enumerate(events):
-        state = reduced(state, event)
+    for number, edit in enumerate(edits):
+        state = after(edit, state).state
         if number % 20 == every:
             change = _CHANGES[every].change
             assert change is not None
-            state = change(state)
+            state = after(change, state).state
     assert isinstance(state.board.wishes.criteria, Criteria)
     assert table_of(state).columns == columns(state.lights)
     try:

@@ -13,8 +13,7 @@ from volspec.basis import MaterialBasis
 from volspec.palette import Cell, load_palette
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import palette_files
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import palette_edits, palette_files
 from volspec.viewer.model.history import stale_stage
 from volspec.viewer.model.palette_spectra import columns
 from volspec.viewer.model.palette_table import answered, palette_of, table_of
@@ -84,8 +83,8 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState)
 
 
 def test_a_light_of_real_lamps_is_a_sum_of_them(state: ViewState) -> None:
-    asked = reduced(wished(state, 6), Event("lamp", index=2, key="A"))
-    asked = reduced(asked, Event("lamp", index=2, key="D65"))
+    asked = palette_edits.toggle_lamp(wished(state, 6), 2, "A")
+    asked = palette_edits.toggle_lamp(asked, 2, "D65")
     assert asked.board.wishes.lamps == {"FL2": ("A", "D65")}
     made = designed(asked)
     values = made.lights[2].rig.lights[0].values
@@ -110,7 +109,7 @@ def test_what_contradicts_itself_is_refused_in_words(state: ViewState) -> None:
     asked = state
     for index, colour in ((4, "#ff0000"), (5, "#0000ff")):
         asked = wished(asked, index, colour)
-        asked = reduced(asked, Event("wish-weight", 1.0, index=index, key="must"))
+        asked = palette_edits.wish_weight(asked, index, None)
     done = answers(asked)
     assert done[0].made is None and done[0].whole and "gold" in done[0].error
 

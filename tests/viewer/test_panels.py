@@ -9,8 +9,8 @@ import pytest
 
 from volspec.pipeline import raycast
 from volspec.relight import LightRig, RelightSpec
+from volspec.viewer.model import viewing
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Results, UiContext
 
@@ -62,26 +62,26 @@ def test_settings_that_do_not_go_together_are_left_as_they_are() -> None:
 
 
 def test_luminance_follows_the_light_until_it_is_given(state: ViewState) -> None:
-    assert reduced(state, Event("luminance", 5.0)) is state
-    own = reduced(state, Event("own-luminance"))
+    assert viewing.set_luminance(state, 5.0) is state
+    own = viewing.toggle_own_luminance(state)
     np.testing.assert_allclose(own.seen.viewing.L_A, 1000 / np.pi * 0.2)
-    assert reduced(own, Event("luminance", 5.0)).seen.viewing.L_A == 5.0
-    assert reduced(own, Event("own-luminance")).seen.viewing == state.seen.viewing
+    assert viewing.set_luminance(own, 5.0).seen.viewing.L_A == 5.0
+    assert viewing.toggle_own_luminance(own).seen.viewing == state.seen.viewing
 
 
 def test_a_brighter_display_is_adapted_to(state: ViewState) -> None:
     display = state.seen.viewing.display
-    brighter = reduced(state, Event("white", 3 * display.white_cd_m2)).seen.viewing.display
+    brighter = viewing.set_white(state, 3 * display.white_cd_m2).seen.viewing.display
     np.testing.assert_allclose(brighter.L_A, 3 * display.L_A)
 
 
 def test_settings_as_they_are_or_of_no_such_name_change_nothing(state: ViewState) -> None:
-    viewing = state.seen.viewing
-    assert reduced(state, Event("model", key=viewing.model)) is state
-    assert reduced(state, Event("gamut", key=viewing.display.gamut)) is state
-    assert reduced(state, Event("exposure", viewing.exposure)) is state
+    now = state.seen.viewing
+    assert viewing.set_model(state, now.model) is state
+    assert viewing.set_gamut(state, now.display.gamut) is state
+    assert viewing.set_exposure(state, now.exposure) is state
     for name in ("model", "adapting", "surround", "room", "space", "gamut", "mode", "level"):
-        assert reduced(state, Event(name, key="no such")) is state
+        assert getattr(viewing, f"set_{name}")(state, "no such") is state
 
 
 def test_a_room_is_named_until_its_numbers_change() -> None:

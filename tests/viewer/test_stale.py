@@ -7,12 +7,14 @@ from typing import Any
 
 import pytest
 
+from tests.viewer._edits import MODULES, edits_of
 from volspec.raycast import ClipPlane
 from volspec.relight import RelightSpec
 from volspec.spectra import reflectance
-from volspec.viewer.model.commands import ACTIONS, BY_NAME
+from volspec.viewer.model import camera_edits, lights_edits, slices_edits, transfer_edits
+from volspec.viewer.model.commands import BY_NAME, COMMANDS
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.events import EVENTS, Event, reduced
+from volspec.viewer.model.edit import Edited, after
 from volspec.viewer.model.history import MOST_STEPS, STAGES, History, lit_otherwise, stale_stage
 from volspec.viewer.model.light_states import Fade, LightState
 from volspec.viewer.model.palette_targets import Board
@@ -67,68 +69,122 @@ def test_the_first_of_several_stages_is_named(state: ViewState) -> None:
     assert stale_stage(state, replace(both, size=(8, 8))) == "cast"
 
 
-# What each event does at most, where it does something.
-_COSTS = {
-    **dict.fromkeys(("orbit", "pan", "zoom", "wheel"), "cast"),
-    **dict.fromkeys(("point", "add-point", "remove-point", "shift"), "cast"),
-    **dict.fromkeys(("weight", "kelvin", "dial", "solo", "mute", "divide"), "relight"),
-    "select": "frame",
-    **dict.fromkeys(("roll", "roll-wheel", "fov", "face"), "cast"),
-    **dict.fromkeys(("crop", "plane-shift", "plane-tilt", "plane-flip", "plane-remove"), "cast"),
-    **dict.fromkeys(("slice", "slice-step", "slice-point", "slice-greys"), "frame"),
-    "plane-select": "frame",
-    **dict.fromkeys(("lux", "part-weight", "draw"), "relight"),
-    # The first wish makes the materials channels, which is the one cast; later ones relight.
-    **dict.fromkeys(("wish", "wish-kind", "open", "constant", "lamp", "assign", "recast"), "cast"),
-    **dict.fromkeys(("smoothness", "rounds", "metric", "pick-cell"), "relight"),
-    # Of a wish that is not there.
-    **dict.fromkeys(("wish-weight", "wish-group", "wish-distance"), None),
-    **dict.fromkeys(("opacity", "material", "share", "thicken", "window", "thicken-by"), "cast"),
-    # What adds, mends or parts a light of one spectrum: of parts, there is one and no group.
-    **dict.fromkeys(("add-light", "show-light", "respell", "regroup", "add-part"), "relight"),
-    **dict.fromkeys(("alone", "rename-light", "recall-state"), "relight"),
-    **dict.fromkeys(("save-over-state", "rename-state", "delete-state", "fade"), "frame"),
-    **dict.fromkeys(("remove-part", "split-part"), None),
-    **dict.fromkeys(("model", "adapting", "illuminance", "own-luminance"), "relight"),
-    **dict.fromkeys(("background", "surround", "adaptation", "discount"), "relight"),
-    **dict.fromkeys(("room", "space", "white", "display-surround", "gamut"), "relight"),
-    **dict.fromkeys(("exposure", "backdrop", "mode", "level"), "relight"),
+# What each edit does at most, and its arguments, with which it does something if it can.
+_COSTS: dict[str, tuple[Any, ...]] = {
+    "camera_edits.orbit": ("cast", 0.3, 0.4),
+    "camera_edits.pan": ("cast", 0.3, 0.4),
+    "camera_edits.zoom": ("cast", 0.3, 0.4),
+    "camera_edits.roll": ("cast", 0.3),
+    "camera_edits.zoom_notches": ("cast", 0.4),
+    "camera_edits.roll_notches": ("cast", 0.4),
+    "camera_edits.widen_notches": ("cast", 0.4),
+    "camera_edits.look_at_face": ("cast", 1),
+    "cuts_edits.move_crop": ("cast", 1, 0.3),
+    "cuts_edits.shift_plane": ("cast", 1, 0.3),
+    "cuts_edits.tilt_plane": ("cast", 1, 0.3, 0.4),
+    "cuts_edits.flip_plane": ("cast", 1),
+    "cuts_edits.remove_plane": ("cast", 1),
+    "cuts_edits.choose_plane": ("frame", 1),
+    "slices_edits.move_slice": ("frame", 1, 0.3),
+    "slices_edits.step_slice": ("frame", 1, 0.3),
+    "slices_edits.point_at": ("frame", 1, 0.3, 0.4),
+    "slices_edits.set_greys": ("frame", 0.3, 0.4),
+    "lights_edits.set_weight": ("relight", 1, 0.3),
+    "lights_edits.set_kelvin": ("relight", 3, 0.3),
+    "lights_edits.set_lux": ("relight", 1, 0.3),
+    "lights_edits.set_part_weight": ("relight", 1, 0, 0.3),
+    "lights_edits.draw": ("relight", 1, 0, (0.3, 0.4), (0.3, 0.4)),
+    "lights_edits.blend": ("relight", 0.3, 0.4),
+    "lights_edits.toggle_solo": ("relight", 1),
+    "lights_edits.toggle_mute": ("relight", 1),
+    "lights_edits.remove": ("relight", 1),
+    "lights_edits.choose": ("frame", 1),
+    "lights_edits.set_divide": ("relight", 0.3),
+    "lights_edits.only": ("relight", 1),
+    "lights_edits.rename": ("relight", 1, "gold"),
+    "lights_edits.keep_mix": ("relight",),
+    "lights_edits.add": ("relight", "HP1"),
+    "lights_edits.respell": ("relight", 1, 0, "FL2"),
+    "lights_edits.show_alone": ("relight", 1),
+    # What mends or parts a light of one spectrum: of parts, there is one and no group.
+    "lights_edits.regroup": ("relight", 1, 0, "gold"),
+    "lights_edits.add_part": ("relight", 1, "gold"),
+    "lights_edits.remove_part": (None, 1, 0),
+    "lights_edits.split_part": (None, 1),
+    "light_states_edits.save": ("frame",),
+    "light_states_edits.save_over": ("frame", 1),
+    "light_states_edits.rename": ("frame", 1, "gold"),
+    "light_states_edits.delete": ("frame", 1),
+    "light_states_edits.recall": ("relight", 1),
+    "light_states_edits.set_fade": ("frame", 0.3),
+    "viewing.set_model": ("relight", "CAM16"),
+    "viewing.set_adapting": ("relight", "picture"),
+    "viewing.set_illuminance": ("relight", 0.3),
+    "viewing.toggle_own_luminance": ("relight",),
     # It follows from the light until it is given.
-    "luminance": None,
-    "logarithmic": "frame",
-    **dict.fromkeys(("pick-material", "pick-light", "pick-like", "pick-within"), "frame"),
-    **dict.fromkeys(("pick-black", "pick-distance", "pick-merged"), "frame"),
-    **dict.fromkeys(("pick-values", "pick-use"), "frame"),
-    # The panel is open.
-    "open-viewing": None,
+    "viewing.set_luminance": (None, 0.3),
+    "viewing.set_background": ("relight", 0.3),
+    "viewing.set_surround": ("relight", "dim"),
+    "viewing.set_adaptation": ("relight", 0.3),
+    "viewing.toggle_discount": ("relight",),
+    "viewing.set_room": ("relight", "dim room"),
+    "viewing.set_space": ("relight", "Display P3"),
+    "viewing.set_white": ("relight", 0.3),
+    "viewing.set_display_surround": ("relight", "dim"),
+    "viewing.set_gamut": ("relight", "reduce"),
+    "viewing.set_exposure": ("relight", 0.3),
+    "viewing.set_backdrop": ("relight", 0.3),
+    "viewing.set_mode": ("relight", "exact"),
+    "viewing.set_level": ("relight", "absolute"),
+    "transfer_edits.move_point": ("cast", 1, 0.3, 0.4),
+    "transfer_edits.add_point": ("cast", 0.3, 0.4),
+    "transfer_edits.remove_point": ("cast", 1),
+    "transfer_edits.choose_part": ("frame", 1),
+    "transfer_edits.set_opacity": ("cast", 1, 0.3),
+    "transfer_edits.set_material": ("cast", 1, "gold"),
+    "transfer_edits.set_material_weight": ("cast", 1, "gold", 0.3),
     # Of regions only, which the curve here has none of.
-    **dict.fromkeys(("region-values", "region-gradients", "softness"), None),
-    **dict.fromkeys(("by-gradient", "add-material", "remove-material"), "cast"),
+    "transfer_edits.set_region_values": (None, 1, 0.3, 0.4),
+    "transfer_edits.set_region_gradients": (None, 1, 0.3, 0.4),
+    "transfer_edits.set_softness": (None, 1, 0.3),
+    "transfer_edits.toggle_gradient_opacity": ("cast",),
     # Of opacity by gradient, which the curve here does not have.
-    **dict.fromkeys(("gradient-point", "add-gradient-point", "remove-gradient-point"), None),
-    "choose-point": "frame",
-}
-_KEYS = {
-    "wish": "#804020",
-    "wish-kind": "colour",
-    "open": "light",
-    "lamp": "A",
-    "metric": "RGB",
-    "assign": "gold",
-    "recast": "copper",
-    "remove-material": "silver",
-    "add-light": "HP1",
-    "respell": "FL2",
-    "pick-light": "A",
-    "model": "CAM16",
-    "adapting": "picture",
-    "surround": "dim",
-    "display-surround": "dim",
-    "room": "dim room",
-    "space": "Display P3",
-    "gamut": "reduce",
-    "mode": "exact",
-    "level": "absolute",
+    "transfer_edits.move_gradient_point": (None, 1, 0.3, 0.4),
+    "transfer_edits.add_gradient_point": (None, 0.3, 0.4),
+    "transfer_edits.remove_gradient_point": (None, 1),
+    "transfer_edits.shift": ("cast", 0.3),
+    "transfer_edits.thicken": ("cast", 0.3),
+    "transfer_edits.window": ("cast", 0.3, 0.4),
+    "transfer_edits.thicken_by": ("cast", 0.3, 0.4),
+    "materials.add_material": ("cast", 1, "gold"),
+    "materials.remove_material": ("cast", "silver"),
+    "palette_edits.choose_cell": ("relight", 1),
+    # The first wish makes the materials channels, which is the one cast; later ones relight.
+    "palette_edits.wish": ("cast", 1, "#804020"),
+    "palette_edits.wish_kind": ("cast", 1, "colour", 0),
+    # Of a wish that is not there.
+    "palette_edits.wish_weight": (None, 1, 0.3),
+    "palette_edits.wish_group": (None, 1, "gold"),
+    "palette_edits.wish_distance": (None, 1, 0.3),
+    "palette_edits.toggle_free": ("cast", "light", 1),
+    "palette_edits.toggle_constant": ("cast", 1),
+    "palette_edits.toggle_lamp": ("cast", 1, "A"),
+    "palette_edits.set_smoothness": ("relight", 0.3),
+    "palette_edits.set_metric": ("relight", "RGB"),
+    "palette_edits.set_iterations": ("relight", 0.3),
+    "palette_edits.assign": ("cast", 0.3, 0.4, "gold"),
+    "palette_edits.recast_range": ("cast", 1, "copper"),
+    # The panel is open.
+    "interface_edits.open_viewing": (None,),
+    "interface_edits.pick_material": ("frame", "gold"),
+    "interface_edits.pick_light": ("frame", "A"),
+    "interface_edits.pick_like": ("frame", "gold"),
+    "interface_edits.pick_within": ("frame", "gold"),
+    "interface_edits.pick_black": ("frame",),
+    "interface_edits.pick_distance": ("frame", 0.3),
+    "interface_edits.toggle_merged": ("frame", "gold"),
+    "interface_edits.pick_values": ("frame", 0.3, 0.4),
+    "interface_edits.pick_use": ("frame", "gold"),
 }
 
 
@@ -143,13 +199,12 @@ def cut(state: ViewState) -> ViewState:
     return replace(state, shading=shading, kept=kept, transfer=transfer)
 
 
-def test_events_cost_what_their_names_say(cut: ViewState) -> None:
-    state = cut
-    assert set(_COSTS) == set(EVENTS)
-    for name, cost in _COSTS.items():
-        index = 3 if name == "kelvin" else 1
-        new = reduced(state, Event(name, 0.3, 0.4, index, _KEYS.get(name, "gold")))
-        assert stale_stage(state, new) == cost, name
+def test_edits_cost_what_their_names_say(cut: ViewState) -> None:
+    assert set(_COSTS) == set(edits_of(*MODULES))
+    for name, (cost, *given) in _COSTS.items():
+        found = edits_of(*MODULES)[name](cut, *given)
+        new = found.state if isinstance(found, Edited) else found
+        assert stale_stage(cut, new) == cost, name
 
 
 # What an action does at most, by its menu; others are in `_ODD`.
@@ -167,28 +222,28 @@ _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
 
 
 def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
-    state = reduced(reduced(cut, Event("slice", 0.3, index=1)), Event("slice-greys", 0.2, 0.4))
-    old = reduced(replace(state, view=replace(state.view, zoom=3.0)), Event("shift", 0.1))
+    state = slices_edits.set_greys(slices_edits.move_slice(cut, 1, 0.3), 0.2, 0.4)
+    old = transfer_edits.shift(replace(state, view=replace(state.view, zoom=3.0)), 0.1)
     states = [LightState(str(i), state.lights[1:], state.seen) for i in range(9)]
-    drawn = reduced(old, Event("draw", 0.5, 2.0, index=2))
+    drawn = lights_edits.draw(old, 2, 0, (0.5, 2.0), (0.5, 2.0))
     old = replace(drawn, other=state.lights, kept=tuple(states))
     old = replace(old, interface=replace(old.interface, light=2))
-    for action in ACTIONS:
+    for action in COMMANDS:
         if action.change is not None:
             cost = _ODD.get(action.name, _MENUS.get(action.menu))
-            assert stale_stage(old, action.change(old)) == cost, action.name
+            assert stale_stage(old, after(action.change, old).state) == cost, action.name
 
 
 def done(state: ViewState, name: str) -> ViewState:
     change = BY_NAME[name].change
     assert change is not None
-    return change(state)
+    return after(change, state).state
 
 
 def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state: ViewState) -> None:
     history = History(state)
     for weight in (0.2, 0.5, 0.8):
-        history = history.then(reduced(history.present, Event("weight", weight, index=1)), 1)
+        history = history.then(lights_edits.set_weight(history.present, 1, weight), 1)
     history = history.then(done(history.present, "dark"), 2)
     history = history.then(done(history.present, "view-right"), 3)
     assert len(history.past) == 2
@@ -206,7 +261,7 @@ def test_history_is_bounded_and_a_new_step_forgets_the_future(
 ) -> None:
     history = History(state)
     for gesture in range(MOST_STEPS + 20):
-        history = history.then(reduced(history.present, Event("orbit", 0.01)), gesture)
+        history = history.then(camera_edits.orbit(history.present, 0.01, 0.0), gesture)
     assert len(history.past) == MOST_STEPS
     other = history.undone().then(replace(state, document=replace(document)), 10**6)
     assert other.future == ()

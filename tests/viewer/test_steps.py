@@ -14,13 +14,19 @@ from volspec.errors import InputError
 from volspec.palette import Cell
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import light_states_edits, lights
+from volspec.viewer.model import (
+    cuts_edits,
+    light_states_edits,
+    lights,
+    lights_edits,
+    transfer_edits,
+)
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import History, changed_in
 from volspec.viewer.model.light_parts import drawn, respelled, undrawn
 from volspec.viewer.model.lights import LightRow, shining
-from volspec.viewer.model.lights_edits import renamed
+from volspec.viewer.model.lights_edits import rename
 from volspec.viewer.model.palette_targets import LIGHT, Board, Wishes
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.ui.inputs import Input
@@ -46,7 +52,7 @@ def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:
 
 
 def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) -> None:
-    start = reduced(state, Event("select", index=1))
+    start = lights_edits.choose(state, 1)
     history = History(start).then(done(start, "keep-mix"), 1)
     assert history.present.interface.light == 4
     back = history.undone()
@@ -54,7 +60,7 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) 
     assert back.redone().present.interface.light == 4
     # What is chosen is no step, and a step of the view leaves it.
     looked = History(start).then(done(start, "view-right"), 1)
-    looked = looked.then(reduced(looked.present, Event("select", index=3)), 2)
+    looked = looked.then(lights_edits.choose(looked.present, 3), 2)
     assert looked.undone().present.interface.light == 3
 
 
@@ -63,7 +69,7 @@ def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
 
     for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
         row = commands.commands_of(state, (), search)[0]
-        new = row.change(state)
+        new = after(row.change, state).state
         assert new.interface.light == chosen
         assert [i for i, weight in enumerate(shining(new.lights)) if weight] == [chosen]
 
@@ -73,7 +79,7 @@ def test_another_file_chooses_its_shining_light_and_keeps_the_window(state: View
     lit = replace(state, lights=lights.alone(state.lights, 2))
     new = Opened(lit).after(before).state
     assert new.interface.light == 2 and not new.interface.dark and new.size == (40, 30)
-    session = Opened(reduced(state, Event("select", index=1)), session=Path("x")).after(before)
+    session = Opened(lights_edits.choose(state, 1), session=Path("x")).after(before)
     assert session.state.interface.light == 1 and session.state.interface.dark
 
 
@@ -109,10 +115,10 @@ def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
         ("view", lambda s: done(s, "view-right")),
         ("lights", lambda s: done(s, "next-light")),
         ("lights", lambda s: done(s, "compare")),
-        ("light states", light_states_edits.saved),
-        ("transfer function", lambda s: reduced(s, Event("shift", 0.1))),
+        ("light states", light_states_edits.save),
+        ("transfer function", lambda s: transfer_edits.shift(s, 0.1)),
         ("viewing", lambda s: done(s, "mark")),
-        ("cuts", lambda s: reduced(s, Event("crop", 0.3, 0.0, 0))),
+        ("cuts", lambda s: cuts_edits.move_crop(s, 0, 0.3)),
         ("shading", lambda s: replace(s, shading=replace(s.shading, ambient=0.7))),
         ("palette", lambda s: replace(s, board=Board(Wishes(constant=frozenset(["gold"]))))),
     ],
@@ -141,7 +147,7 @@ def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState)
 
 
 def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
-    kept = light_states_edits.saved(state)
+    kept = light_states_edits.save(state)
     back = light_states_edits.recall(replace(kept, lights=lights.renamed(kept.lights, 0, "x")), 0)
     assert back.lights == state.lights
 
@@ -149,13 +155,13 @@ def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None
 def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
     cell = Cell("same", other=("gold", "A"))
     wishes = Wishes({("gold", "A"): cell}, frozenset({(LIGHT, "A")}), lamps={"A": ("FL2",)})
-    board = renamed(replace(state, board=Board(wishes, wishes)), 1, "lamp").board
+    board = rename(replace(state, board=Board(wishes, wishes)), 1, "lamp").board
     assert list(board.wishes.cells) == [("gold", "lamp")]
     assert board.wishes.cells["gold", "lamp"].other == ("gold", "lamp")
     assert board.wishes.open == {(LIGHT, "lamp")} and dict(board.wishes.lamps) == {"lamp": ("FL2",)}
     assert not board.waits
     other = replace(state, board=Board(wishes))
-    assert renamed(other, 2, "lamp").board == other.board
+    assert rename(other, 2, "lamp").board == other.board
 
 
 def test_a_drawn_light_says_from_what() -> None:
@@ -175,7 +181,7 @@ def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
     scraps.complain("'Q': no such light", (1, 0), state.lights)
     assert scraps.complaint_at((1, 0), state.lights) == "'Q': no such light"
     assert scraps.complaint_at((0, 0), state.lights) == ""
-    edited = reduced(state, Event("weight", 0.4, index=2)).lights
+    edited = lights_edits.set_weight(state, 2, 0.4).lights
     assert scraps.complaint_at((1, 0), edited) == ""
 
 

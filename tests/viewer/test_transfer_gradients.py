@@ -10,7 +10,7 @@ import pytest
 
 from volspec.spectra import Spectrum
 from volspec.transfer import MAX_SURFACES, Region, TransferFunction, TransferFunction2D
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import transfer_edits
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import Kind, converted, left_out
@@ -35,10 +35,10 @@ def filtered(state: ViewState) -> TransferFunction:
 
 
 def test_opacity_by_gradient_hides_what_is_flat_and_is_one_step_of_undo(state: ViewState) -> None:
-    on = reduced(state, Event("by-gradient"))
+    on = transfer_edits.toggle_gradient_opacity(state)
     table = curve_of(on).bake(1.0)
     assert table.opacity[0].max() == 0.0 and table.opacity[-1].max() == pytest.approx(0.6)
-    assert curve_of(reduced(on, Event("by-gradient"))).gradient_opacity is None
+    assert curve_of(transfer_edits.toggle_gradient_opacity(on)).gradient_opacity is None
     history = History(state).then(on, 1)
     assert history.undone().present.transfer is state.transfer
 
@@ -46,43 +46,45 @@ def test_opacity_by_gradient_hides_what_is_flat_and_is_one_step_of_undo(state: V
 def test_the_scenes_own_factors_come_back(state: ViewState) -> None:
     own = replace(curve_of(state), gradient_opacity=((0.0, 0.5), (9.0, 1.0)))
     state = replace(state, document=replace(state.document, transfer=own), transfer=own)
-    off = reduced(state, Event("by-gradient"))
+    off = transfer_edits.toggle_gradient_opacity(state)
     assert factors_of(off) == []
-    assert factors_of(reduced(off, Event("by-gradient"))) == [(0.0, 0.5), (9.0, 1.0)]
+    assert factors_of(transfer_edits.toggle_gradient_opacity(off)) == [(0.0, 0.5), (9.0, 1.0)]
 
 
 def test_filters_and_opacity_by_gradient_do_not_go_together(state: ViewState) -> None:
     state = replace(state, transfer=filtered(state))
-    assert reduced(state, Event("by-gradient")) is state
+    assert transfer_edits.toggle_gradient_opacity(state) is state
 
 
 def test_factors_stay_between_their_neighbours_on_the_axis_and_apart(state: ViewState) -> None:
-    on, top = reduced(state, Event("by-gradient")), state.document.joint.top
-    over = reduced(on, Event("gradient-point", 9 * top, 7.0, 0))
+    on, top = transfer_edits.toggle_gradient_opacity(state), state.document.joint.top
+    over = transfer_edits.move_gradient_point(on, 0, 9 * top, 7.0)
     (first, factor), (last, _) = factors_of(over)
     assert factor == 1.0 and first == pytest.approx(last - top / 128)
-    end = reduced(on, Event("gradient-point", 9 * top, -1.0, 1))
+    end = transfer_edits.move_gradient_point(on, 1, 9 * top, -1.0)
     assert factors_of(end)[1] == (top, 0.0)
     # The last is never at 0, where a table would have no rows.
-    low = reduced(reduced(on, Event("gradient-point", -1.0, 0.0, 0)), Event("gradient-point", -1.0))
+    low = transfer_edits.move_gradient_point(
+        transfer_edits.move_gradient_point(on, 0, -1.0, 0.0), 0, -1.0, 0.0
+    )
     assert factors_of(low)[0] == (0.0, 0.0)
-    assert factors_of(reduced(low, Event("gradient-point", -1.0, 0.0, 1)))[1][0] > 0
-    assert reduced(on, Event("gradient-point", 0.1, 0.1, 2)) is on
+    assert factors_of(transfer_edits.move_gradient_point(low, 1, -1.0, 0.0))[1][0] > 0
+    assert transfer_edits.move_gradient_point(on, 2, 0.1, 0.1) is on
 
 
 def test_factors_are_added_where_there_is_room_and_two_stay(state: ViewState) -> None:
-    on, top = reduced(state, Event("by-gradient")), state.document.joint.top
-    more = reduced(on, Event("add-gradient-point", 0.7 * top, 0.3))
+    on, top = transfer_edits.toggle_gradient_opacity(state), state.document.joint.top
+    more = transfer_edits.add_gradient_point(on, 0.7 * top, 0.3)
     assert factors_of(more)[2] == (0.7 * top, 0.3)
-    assert reduced(more, Event("add-gradient-point", 0.7 * top, 0.9)) is more
-    assert reduced(more, Event("remove-gradient-point", index=2)).transfer is not more.transfer
+    assert transfer_edits.add_gradient_point(more, 0.7 * top, 0.9) is more
+    assert transfer_edits.remove_gradient_point(more, 2).transfer is not more.transfer
     for i in range(2 * MOST_FACTORS):
-        more = reduced(more, Event("add-gradient-point", i / 31 * top, 0.5))
+        more = transfer_edits.add_gradient_point(more, i / 31 * top, 0.5)
     assert len(factors_of(more)) == MOST_FACTORS
     # As near as they can be, a table has rows for each of them: baking would warn.
     assert all(b - a >= top / 128 for (a, _), (b, _) in pairwise(factors_of(more)))
     curve_of(more).bake(1.0)
-    two = reduced(on, Event("remove-gradient-point", index=1))
+    two = transfer_edits.remove_gradient_point(on, 1)
     assert two is on
 
 
@@ -96,7 +98,7 @@ def test_another_kind_says_that_it_has_no_filters(state: ViewState, kind: Kind) 
 
 
 def test_surfaces_say_that_they_have_no_opacity_by_gradient(state: ViewState) -> None:
-    on = reduced(state, Event("by-gradient"))
+    on = transfer_edits.toggle_gradient_opacity(state)
     assert "opacity by gradient" in left_out(on.transfer, "surfaces", _SPAN)
     # Regions begin where boundaries do.
     assert left_out(on.transfer, "regions", _SPAN) == ""

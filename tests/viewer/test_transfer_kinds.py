@@ -11,7 +11,8 @@ import pytest
 
 from tests.viewer.test_transfer import of_kind
 from volspec.transfer import Isosurfaces, Region, TransferFunction, TransferFunction2D
-from volspec.viewer.model.commands import ACTIONS, BY_NAME
+from volspec.viewer.model.commands import BY_NAME, COMMANDS
+from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import converted, kind_of
@@ -72,14 +73,16 @@ def test_kinds_change_by_name_as_one_step(state: ViewState) -> None:
     for kind in ("regions", "surfaces", "points"):
         change = BY_NAME[f"transfer-{kind}"].change
         assert change is not None
-        history = History(state).then(change(state), 1)
+        history = History(state).then(after(change, state).state, 1)
         assert kind_of(history.present.transfer) == kind
         assert history.undone().present.transfer is state.transfer
         state = history.present
     labels = of_kind(state, "labels")
-    for action in ACTIONS:
+    for action in COMMANDS:
         if action.menu == "Transfer" and action.name != "reset-transfer":
-            assert action.change is not None and action.change(labels) is labels, action.name
+            assert action.change is not None and after(action.change, labels).state is labels, (
+                action.name
+            )
 
 
 def test_a_curve_of_more_bands_than_it_has_points_for_shows_all_of_them(state: ViewState) -> None:

@@ -17,12 +17,11 @@ from volspec.errors import TransferError
 from volspec.spectra import Spectrum, light, reflectance, reflectance_names, reflectance_of
 from volspec.spectra.construct.colours import sRGB_of_word
 from volspec.transfer import TransferFunction
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import materials, transfer_edits
 from volspec.viewer.model.history import History
 from volspec.viewer.model.materials import (
     MOST_MATERIALS,
     colour_names,
-    refusal,
     told,
     why_kept,
     without_material,
@@ -35,7 +34,7 @@ from volspec.viewer.work.session import read_session, resumed, save_session
 
 
 def given(state: ViewState, name: str, index: int = 0) -> ViewState:
-    return reduced(state, Event("add-material", index=index, key=name))
+    return materials.add_material(state, index, name).state
 
 
 def curve_of(state: ViewState) -> TransferFunction:
@@ -98,12 +97,12 @@ def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) 
     curve = replace(curve_of(state), points=[*points, (98, 0.1, "gold"), (99, 0.1, "copper")])
     full = replace(state, transfer=curve)
     assert given(full, "silver") is full
-    why = refusal(full, Event("add-material", key="silver"))
+    why = materials.add_material(full, 0, "silver").message
     assert why.startswith(f"'silver': {MOST_MATERIALS} materials are in use")
 
 
 def taken_out(state: ViewState, name: str) -> ViewState:
-    return reduced(state, Event("remove-material", key=name))
+    return materials.remove_material(state, name)
 
 
 def test_a_material_that_nothing_is_made_of_is_taken_out_in_one_step_of_undo(
@@ -139,7 +138,7 @@ def test_a_material_that_parts_are_made_of_stays_and_the_parts_are_named(
     assert why_kept(state.transfer, "gold") == why
     with pytest.raises(TransferError, match=f"'gold': {why}"):
         without_material(state.transfer, "gold")
-    free = reduced(state, Event("material", index=len(parts_of(state.transfer)) - 1, key="copper"))
+    free = transfer_edits.set_material(state, len(parts_of(state.transfer)) - 1, "copper")
     assert list(taken_out(free, "gold").transfer.materials) == ["copper"]
 
 
@@ -181,7 +180,7 @@ def test_colours_of_the_web_are_made_beside_whoever_asks(state: ViewState) -> No
 def test_what_is_no_reflectance_is_refused_in_words(state: ViewState) -> None:
     for name, said in (("gould", "gold"), ("missing.csv", "missing.csv"), ("grey:7", "0..1")):
         assert given(state, name) is state
-        assert said in refusal(state, Event("add-material", key=name))
+        assert said in materials.add_material(state, 0, name).message
     assert given(state, "silver", 9) is state
 
 

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from volspec.pipeline import raycast
-from volspec.viewer.model import presets
+from volspec.viewer.model import presets, transfer_edits
 from volspec.viewer.model import presets as preset_table
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.document import Document, histogram, joint_histogram
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of
 from volspec.volume import Volume, phantom
@@ -59,7 +58,7 @@ def test_presets_take_hounsfield_units_as_they_are() -> None:
 
 def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document: Document) -> None:
     state = ViewState.first(document, (32, 32))
-    shifted = reduced(state, Event("shift", 0.2))
+    shifted = transfer_edits.shift(state, 0.2)
     change = BY_NAME["preset-skin"].change
     assert change is not None
     new = change(shifted)

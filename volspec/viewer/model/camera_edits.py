@@ -8,6 +8,7 @@ A thinned volume will do: what is missed between its voxels is a part of a perce
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +20,7 @@ from volspec.transfer import SurfaceTable, Transfer
 from volspec.viewer.model.camera import TURN_DEG, View, radius_mm, vector, zoom_within
 from volspec.viewer.model.cuts import crop_of, world_mm
 from volspec.viewer.model.cuts_edits import flipped
-from volspec.viewer.model.event import Action, Change, Event, Reducer
+from volspec.viewer.model.edit import Change, Command, edit
 from volspec.viewer.model.state import ViewState
 from volspec.volume import Volume
 
@@ -141,52 +142,66 @@ STEP_DEG, STEP = 15.0, 0.05
 WIDER = 3.0
 
 
-def _orbit(state: ViewState, event: Event) -> ViewState:
-    return replace(state, view=state.view.orbited(event.x, event.y))
+@edit
+def orbit(state: ViewState, across: float, down: float) -> ViewState:
+    """Turn the view by a drag, in shares of the picture's height."""
+    return replace(state, view=state.view.orbited(across, down))
 
 
-def _pan(state: ViewState, event: Event) -> ViewState:
-    return replace(state, view=state.view.panned(event.x, event.y, state.document.volume))
+@edit
+def pan(state: ViewState, across: float, down: float) -> ViewState:
+    """Move the view by a drag, in shares of the picture's height."""
+    return replace(state, view=state.view.panned(across, down, state.document.volume))
 
 
-def _zoom(state: ViewState, event: Event) -> ViewState:
-    return replace(state, view=state.view.zoomed(-event.y))
+@edit
+def zoom(state: ViewState, _across: float, down: float) -> ViewState:
+    """Zoom by a drag, in shares of the picture's height."""
+    return replace(state, view=state.view.zoomed(-down))
 
 
-def _wheel(state: ViewState, event: Event) -> ViewState:
-    return replace(state, view=state.view.zoomed(WHEEL * event.y))
+@edit
+def roll(state: ViewState, degrees: float) -> ViewState:
+    """Roll the view clockwise."""
+    return replace(state, view=state.view.rolled(degrees))
 
 
-def _roll(state: ViewState, event: Event) -> ViewState:
-    return replace(state, view=state.view.rolled(event.x))
+@edit
+def zoom_notches(state: ViewState, notches: float) -> ViewState:
+    """Zoom by notches of the wheel."""
+    return replace(state, view=state.view.zoomed(WHEEL * notches))
 
 
-def _roll_wheel(state: ViewState, event: Event) -> ViewState:
-    return replace(state, view=state.view.rolled(ROLL_DEG * event.y))
+@edit
+def roll_notches(state: ViewState, notches: float) -> ViewState:
+    """Roll the view by notches of the wheel."""
+    return replace(state, view=state.view.rolled(ROLL_DEG * notches))
 
 
-def _fov(state: ViewState, event: Event) -> ViewState:
-    return replace(state, view=state.view.widened(-event.y))
+@edit
+def widen_notches(state: ViewState, notches: float) -> ViewState:
+    """Widen the field of view by notches of the wheel."""
+    return replace(state, view=state.view.widened(-notches))
 
 
-def _face(state: ViewState, event: Event) -> ViewState:
-    """Seen from where a face of the orientation cube looks."""
-    if not 0 <= event.index < 6:
+@edit
+def look_at_face(state: ViewState, face: int) -> ViewState:
+    """Look from where a face of the orientation cube looks."""
+    if not 0 <= face < 6:
         return state
-    axis, far = divmod(event.index, 2)
+    axis, far = divmod(face, 2)
     direction = [0.0, 0.0, 0.0]
     direction[axis] = 1.0 if far else -1.0
     x, y, z = direction
     return replace(state, view=state.view.looking_from((x, y, z)))
 
 
-def _after(name: str, x: float = 0.0, y: float = 0.0) -> Change:
-    """What an event does each time it is asked for."""
-    return lambda state: EVENTS[name](state, Event(name, x, y))
+def _after(change: Callable[..., ViewState], *given: float) -> Change:
+    return lambda state: change(state, *given)
 
 
 def _turned(right_deg: float, down_deg: float) -> Change:
-    return _after("orbit", right_deg / TURN_DEG, down_deg / TURN_DEG)
+    return _after(orbit, right_deg / TURN_DEG, down_deg / TURN_DEG)
 
 
 def _from_side(side: str) -> Change:
@@ -207,17 +222,6 @@ def _fit(state: ViewState) -> ViewState:
     return replace(state, view=fitted(state.view, *what, width / height))
 
 
-EVENTS: dict[str, Reducer] = {
-    "orbit": _orbit,
-    "pan": _pan,
-    "zoom": _zoom,
-    "wheel": _wheel,
-    "roll": _roll,
-    "roll-wheel": _roll_wheel,
-    "fov": _fov,
-    "face": _face,
-}
-
 # F3D's keys, and with Ctrl from the other side.
 _SIDES = (
     ("front", "Front", "1"),
@@ -231,37 +235,39 @@ _SIDES = (
 
 # Keys alone: a menu would only grow long.
 _STEPS = (
-    Action("orbit-left", "", "Orbit to the left", ("left",), _turned(STEP_DEG, 0.0)),
-    Action("orbit-right", "", "Orbit to the right", ("right",), _turned(-STEP_DEG, 0.0)),
-    Action("orbit-up", "", "Orbit upwards", ("up",), _turned(0.0, STEP_DEG)),
-    Action("orbit-down", "", "Orbit downwards", ("down",), _turned(0.0, -STEP_DEG)),
-    Action("pan-left", "", "Pan to the left", ("shift+left",), _after("pan", STEP)),
-    Action("pan-right", "", "Pan to the right", ("shift+right",), _after("pan", -STEP)),
-    Action("pan-up", "", "Pan upwards", ("shift+up",), _after("pan", 0.0, STEP)),
-    Action("pan-down", "", "Pan downwards", ("shift+down",), _after("pan", 0.0, -STEP)),
-    Action("zoom-in", "", "Zoom in", ("=", "+"), _after("wheel", y=1.0)),
-    Action("zoom-out", "", "Zoom out", ("-",), _after("wheel", y=-1.0)),
+    Command("orbit-left", "", "Orbit to the left", ("left",), _turned(STEP_DEG, 0.0)),
+    Command("orbit-right", "", "Orbit to the right", ("right",), _turned(-STEP_DEG, 0.0)),
+    Command("orbit-up", "", "Orbit upwards", ("up",), _turned(0.0, STEP_DEG)),
+    Command("orbit-down", "", "Orbit downwards", ("down",), _turned(0.0, -STEP_DEG)),
+    Command("pan-left", "", "Pan to the left", ("shift+left",), _after(pan, STEP, 0.0)),
+    Command("pan-right", "", "Pan to the right", ("shift+right",), _after(pan, -STEP, 0.0)),
+    Command("pan-up", "", "Pan upwards", ("shift+up",), _after(pan, 0.0, STEP)),
+    Command("pan-down", "", "Pan downwards", ("shift+down",), _after(pan, 0.0, -STEP)),
+    Command("zoom-in", "", "Zoom in", ("=", "+"), _after(zoom_notches, 1.0)),
+    Command("zoom-out", "", "Zoom out", ("-",), _after(zoom_notches, -1.0)),
 )
 
-ACTIONS = (
+COMMANDS = (
     *(
-        Action(f"view-{side}", "View", title, (key,), _from_side(side))
+        Command(f"view-{side}", "View", title, (key,), _from_side(side))
         for side, title, key in _SIDES
     ),
-    Action(
+    Command(
         "projection", "View", "Orthographic", ("5",), _projection, lambda s: s.view.orthographic
     ),
-    Action("fit", "View", "Fit what is shown", ("f",), _fit),
-    Action("reset-view", "View", "The scene's own view", ("enter",), _reset),
-    Action("roll-left", "View", "Roll 90° to the left", ("4",), _after("roll", -90.0)),
-    Action("roll-right", "View", "Roll 90° to the right", ("6",), _after("roll", 90.0)),
-    Action("turn-up", "View", "Turn 90° upwards", ("8",), _turned(0.0, 90.0)),
-    Action("turn-down", "View", "Turn 90° downwards", ("2",), _turned(0.0, -90.0)),
-    Action("fov-wider", "View", "Wider field of view", ("ctrl+-",), _after("fov", y=-WIDER)),
-    Action("fov-narrower", "View", "Narrower field of view", ("ctrl+=",), _after("fov", y=WIDER)),
-    Action(
+    Command("fit", "View", "Fit what is shown", ("f",), _fit),
+    Command("reset-view", "View", "The scene's own view", ("enter",), _reset),
+    Command("roll-left", "View", "Roll 90° to the left", ("4",), _after(roll, -90.0)),
+    Command("roll-right", "View", "Roll 90° to the right", ("6",), _after(roll, 90.0)),
+    Command("turn-up", "View", "Turn 90° upwards", ("8",), _turned(0.0, 90.0)),
+    Command("turn-down", "View", "Turn 90° downwards", ("2",), _turned(0.0, -90.0)),
+    Command("fov-wider", "View", "Wider field of view", ("ctrl+-",), _after(widen_notches, -WIDER)),
+    Command(
+        "fov-narrower", "View", "Narrower field of view", ("ctrl+=",), _after(widen_notches, WIDER)
+    ),
+    Command(
         "cube", "View", "Orientation cube", (), flipped("cube"), lambda s: s.interface.aids.cube
     ),
-    Action("scale", "View", "Scale bar", (), flipped("scale"), lambda s: s.interface.aids.scale),
+    Command("scale", "View", "Scale bar", (), flipped("scale"), lambda s: s.interface.aids.scale),
     *_STEPS,
 )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from volspec.viewer.model import (
     camera_edits,
@@ -17,7 +17,8 @@ from volspec.viewer.model import (
     slices_edits,
     transfer_edits,
 )
-from volspec.viewer.model.event import Action, Change
+from volspec.viewer.model.edit import Command
+from volspec.viewer.model.interface_edits import toggled
 from volspec.viewer.model.state import ViewState
 
 Row = TypeVar("Row")
@@ -66,83 +67,73 @@ def _spread(word: str, text: str) -> int | None:
 MENUS = ("File", "Edit", "View", "Cut", "Light", "Transfer", "Palette", "Window")
 
 
-def _flipped(name: str) -> Change:
-    """Turns a part of the interface on or off."""
-
-    def change(state: ViewState) -> ViewState:
-        other: dict[str, Any] = {name: not getattr(state.interface, name)}
-        return replace(state, interface=replace(state.interface, **other))
-
-    return change
-
-
-def _panel(title: str) -> Action:
+def _panel(title: str) -> Command:
     """Opens or closes a panel."""
 
     def change(state: ViewState) -> ViewState:
         panels = state.interface.panels ^ {title}
         return replace(state, interface=replace(state.interface, panels=panels))
 
-    return Action(
+    return Command(
         *(f"panel-{title.lower()}", "Window", f"{title} panel", (), change),
         lambda state: title in state.interface.panels,
     )
 
 
 _FILES = (
-    Action("open", "File", "Open …", ("ctrl+o",)),
-    Action("reload", "File", "Read the file again, keeping only the view", ("f5", "ctrl+r")),
-    Action("export-scene", "File", "Export as scene …", ("ctrl+s",)),
-    Action("export-python", "File", "Export as Python …", ("ctrl+e",)),
-    Action("save-session", "File", "Save the session as …", ("ctrl+shift+s",)),
-    Action("open-session", "File", "Open a session …", ("ctrl+shift+o",)),
-    Action("restore", "File", "Restore the last session", ("ctrl+shift+r",)),
-    Action("screenshot", "File", "Save the picture", ("s",)),
-    Action("picture", "File", "Save the picture as …", ("ctrl+i",)),
-    Action("cancel", "File", "Give up the picture that is being cast"),
-    Action("clear-recent", "File", "Clear the recent files"),
-    Action("quit", "File", "Quit", ("ctrl+q",)),
+    Command("open", "File", "Open …", ("ctrl+o",)),
+    Command("reload", "File", "Read the file again, keeping only the view", ("f5", "ctrl+r")),
+    Command("export-scene", "File", "Export as scene …", ("ctrl+s",)),
+    Command("export-python", "File", "Export as Python …", ("ctrl+e",)),
+    Command("save-session", "File", "Save the session as …", ("ctrl+shift+s",)),
+    Command("open-session", "File", "Open a session …", ("ctrl+shift+o",)),
+    Command("restore", "File", "Restore the last session", ("ctrl+shift+r",)),
+    Command("screenshot", "File", "Save the picture", ("s",)),
+    Command("picture", "File", "Save the picture as …", ("ctrl+i",)),
+    Command("cancel", "File", "Give up the picture that is being cast"),
+    Command("clear-recent", "File", "Clear the recent files"),
+    Command("quit", "File", "Quit", ("ctrl+q",)),
 )
 _EDITS = (
-    Action("undo", "Edit", "Undo", ("ctrl+z",)),
-    Action("redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y")),
-    Action("copy-picture", "Edit", "Copy the picture", ("ctrl+c",)),
-    Action("copy-values", "Edit", "Copy the values under the mouse", ("ctrl+shift+c",)),
+    Command("undo", "Edit", "Undo", ("ctrl+z",)),
+    Command("redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y")),
+    Command("copy-picture", "Edit", "Copy the picture", ("ctrl+c",)),
+    Command("copy-values", "Edit", "Copy the values under the mouse", ("ctrl+shift+c",)),
 )
 _OVER = (
-    Action(
-        *("error-map", "View", "Error map", ("e",), _flipped("error_map")),
+    Command(
+        *("error-map", "View", "Error map", ("e",), toggled("error_map")),
         lambda s: s.interface.error_map,
     ),
 )
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
     replace(_panel("Slices"), keys=("o",)),
-    Action("dark", "Window", "Dark theme", ("t",), _flipped("dark"), lambda s: s.interface.dark),
-    Action(
-        *("probe", "Window", "What is under the mouse", ("i",), _flipped("probe")),
+    Command("dark", "Window", "Dark theme", ("t",), toggled("dark"), lambda s: s.interface.dark),
+    Command(
+        *("probe", "Window", "What is under the mouse", ("i",), toggled("probe")),
         lambda s: s.interface.probe,
     ),
-    Action("commands", "Window", "Commands …", ("ctrl+p", "f1")),
-    Action("focus", "Window", "Next panel by keyboard", ("f6",)),
-    Action("menu", "Window", "Menus by keyboard", ("f10",)),
-    Action("keys", "Window", "Keys", ("h",), _flipped("keys"), lambda s: s.interface.keys),
+    Command("commands", "Window", "Commands …", ("ctrl+p", "f1")),
+    Command("focus", "Window", "Next panel by keyboard", ("f6",)),
+    Command("menu", "Window", "Menus by keyboard", ("f10",)),
+    Command("keys", "Window", "Keys", ("h",), toggled("keys"), lambda s: s.interface.keys),
 )
 
-ACTIONS: tuple[Action, ...] = (
+COMMANDS: tuple[Command, ...] = (
     *_FILES,
     *_EDITS,
-    *transfer_edits.ACTIONS,
-    *camera_edits.ACTIONS,
+    *transfer_edits.COMMANDS,
+    *camera_edits.COMMANDS,
     *_OVER,
-    *lights_edits.ACTIONS,
-    *palette_edits.ACTIONS,
+    *lights_edits.COMMANDS,
+    *palette_edits.COMMANDS,
     *_WINDOW,
-    *cuts_edits.ACTIONS,
-    *slices_edits.ACTIONS,
+    *cuts_edits.COMMANDS,
+    *slices_edits.COMMANDS,
 )
-BY_NAME = {action.name: action for action in ACTIONS}
-BY_KEY = {key: action for action in ACTIONS for key in action.keys if key}
+BY_NAME = {action.name: action for action in COMMANDS}
+BY_KEY = {key: action for action in COMMANDS for key in action.keys if key}
 
 
 def shown(key: str) -> str:

@@ -11,43 +11,65 @@ from typing import Any
 
 from volspec.viewer.model import cuts
 from volspec.viewer.model.camera import Vector, vector
-from volspec.viewer.model.event import Action, Change, Event, Reducer
+from volspec.viewer.model.edit import Change, Command, Edited, edit
 from volspec.viewer.model.state import ViewState
 
 # Beyond this no volume reaches, and float64 keeps its digits.
 _MOST = 1e9
 
 
-def _crop(state: ViewState, event: Event) -> ViewState:
-    at = min(max(event.x, -_MOST), _MOST)
+@edit
+def move_crop(state: ViewState, face: int, at: float) -> ViewState:
+    """Move a face of the crop box, in voxels."""
+    at = min(max(at, -_MOST), _MOST)
     volume = state.document.volume
-    return replace(state, shading=cuts.cropped(state.shading, volume, event.index, at))
+    return replace(state, shading=cuts.cropped(state.shading, volume, face, at))
 
 
-def _shift(state: ViewState, event: Event) -> ViewState:
+@edit
+def shift_plane(state: ViewState, index: int, mm: float) -> ViewState:
+    """Move a clip plane along its normal."""
     volume = state.document.volume
-    return replace(state, shading=cuts.shifted(state.shading, volume, event.index, event.x))
+    return replace(state, shading=cuts.shifted(state.shading, volume, index, mm))
 
 
-def _tilt(state: ViewState, event: Event) -> ViewState:
-    volume, shading = state.document.volume, state.shading
-    elevation = min(max(event.y, -90.0), 90.0)
-    tilted = cuts.tilted(shading, volume, event.index, event.x, elevation)
+@edit
+def tilt_plane(state: ViewState, index: int, azimuth: float, elevation: float) -> ViewState:
+    """Turn a clip plane's normal to a direction, in degrees."""
+    volume, elevation = state.document.volume, min(max(elevation, -90.0), 90.0)
+    tilted = cuts.tilted(state.shading, volume, index, azimuth, elevation)
     return replace(state, shading=tilted)
 
 
-def _flip(state: ViewState, event: Event) -> ViewState:
-    return replace(state, shading=cuts.flipped(state.shading, event.index))
+@edit
+def flip_plane(state: ViewState, index: int) -> ViewState:
+    """Cut away the other side of a plane."""
+    return replace(state, shading=cuts.flipped(state.shading, index))
 
 
-def _remove(state: ViewState, event: Event) -> ViewState:
-    return replace(state, shading=cuts.changed(state.shading, event.index, None))
+@edit
+def remove_plane(state: ViewState, index: int) -> ViewState:
+    """Remove a clip plane."""
+    return replace(state, shading=cuts.changed(state.shading, index, None))
 
 
-def _select(state: ViewState, event: Event) -> ViewState:
-    if not 0 <= event.index < len(state.shading.clip_planes):
+@edit
+def choose_plane(state: ViewState, index: int) -> ViewState:
+    """Choose the clip plane that has handles."""
+    if not 0 <= index < len(state.shading.clip_planes):
         return state
-    return with_aids(state, plane=event.index)
+    return with_aids(state, plane=index)
+
+
+def move_handle(state: ViewState, handle: cuts.Handle, x: float, y: float) -> ViewState:
+    """Move what a handle holds to where `cuts.dragged` has it."""
+    match handle.name:
+        case "crop":
+            return move_crop(state, handle.index, x)
+        case "plane-shift":
+            return shift_plane(state, handle.index, x)
+        case _:
+            return tilt_plane(state, handle.index, x, y)
 
 
 def with_aids(state: ViewState, **changes: Any) -> ViewState:
@@ -81,16 +103,15 @@ def _along(axis: int) -> Callable[[ViewState], Vector]:
 
 def _adding(
     name: str, title: str, keys: tuple[str, ...], normal: Callable[[ViewState], Vector]
-) -> Action:
+) -> Command:
     """Adds a plane with the normal that a state gives."""
 
-    def refusal(state: ViewState) -> str:
-        return cuts.no_plane(state.shading, state.document.volume, normal(state))
+    def change(state: ViewState) -> Edited:
+        across = normal(state)
+        refusal = cuts.no_plane(state.shading, state.document.volume, across)
+        return Edited(state, refusal) if refusal else Edited(_added(state, across))
 
-    def change(state: ViewState) -> ViewState:
-        return _added(state, normal(state))
-
-    return Action(name, "Cut", title, keys, change, refusal=refusal)
+    return Command(name, "Cut", title, keys, change)
 
 
 def _uncropped(state: ViewState) -> ViewState:
@@ -101,36 +122,23 @@ def _planeless(state: ViewState) -> ViewState:
     return replace(state, shading=replace(state.shading, clip_planes=()))
 
 
-def _of_chosen(name: str) -> Change:
-    """What an event does, to the plane that stands out."""
-
-    def change(state: ViewState) -> ViewState:
-        return EVENTS[name](state, Event(name, index=state.interface.aids.plane))
-
-    return change
+def _of_chosen(change: Callable[[ViewState, int], ViewState]) -> Change:
+    """An edit of the plane that has handles."""
+    return lambda state: change(state, state.interface.aids.plane)
 
 
-EVENTS: dict[str, Reducer] = {
-    "crop": _crop,
-    "plane-shift": _shift,
-    "plane-tilt": _tilt,
-    "plane-flip": _flip,
-    "plane-remove": _remove,
-    "plane-select": _select,
-}
-
-ACTIONS = (
-    Action("crop", "Cut", "Crop box", ("c",), flipped("crop"), lambda s: s.interface.aids.crop),
-    Action("reset-crop", "Cut", "Undo the crop", ("ctrl+shift+x",), _uncropped),
+COMMANDS = (
+    Command("crop", "Cut", "Crop box", ("c",), flipped("crop"), lambda s: s.interface.aids.crop),
+    Command("reset-crop", "Cut", "Undo the crop", ("ctrl+shift+x",), _uncropped),
     _adding("plane-facing", "Add a clip plane facing you", ("p",), _facing),
     *(
         _adding(f"plane-{axis}", f"Add a clip plane across {axis}", (), _along(i))
         for i, axis in enumerate("xyz")
     ),
-    Action("flip-plane", "Cut", "Flip the clip plane", (), _of_chosen("plane-flip")),
-    Action("remove-plane", "Cut", "Remove the clip plane", (), _of_chosen("plane-remove")),
-    Action("remove-planes", "Cut", "Remove all clip planes", (), _planeless),
-    Action(
+    Command("flip-plane", "Cut", "Flip the clip plane", (), _of_chosen(flip_plane)),
+    Command("remove-plane", "Cut", "Remove the clip plane", (), _of_chosen(remove_plane)),
+    Command("remove-planes", "Cut", "Remove all clip planes", (), _planeless),
+    Command(
         *("planes", "Cut", "Clip planes' handles", (), flipped("planes")),
         lambda s: s.interface.aids.planes,
     ),

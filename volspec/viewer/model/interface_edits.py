@@ -1,83 +1,98 @@
-"""Events of the window alone: what is chosen in panels, and how they are drawn.
+"""Edits of the window alone: what is chosen in panels, and how they are drawn.
 
-panels, command palette -> [interface] -> Interface
+    panels, command palette -> [interface_edits] -> Interface
 
-No step of undo, and no picture changes.
+They are no steps of undo, and no picture changes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
-from volspec.viewer.model.event import Event, Reducer
+from volspec.viewer.model.edit import Change, edit
 from volspec.viewer.model.palette_spectra import columns
 from volspec.viewer.model.palette_table import picked
-from volspec.viewer.model.palette_targets import DISTANCES, Pick
+from volspec.viewer.model.palette_targets import DISTANCES
 from volspec.viewer.model.state import ViewState
 
 
-def _logarithmic(state: ViewState, _: Event) -> ViewState:
-    """The other scale of the histogram."""
-    interface = state.interface
-    return replace(state, interface=replace(interface, logarithmic=not interface.logarithmic))
+def toggled(name: str) -> Change:
+    """Return an edit that turns a part of the interface on or off."""
+
+    def change(state: ViewState) -> ViewState:
+        other: dict[str, Any] = {name: not getattr(state.interface, name)}
+        return replace(state, interface=replace(state.interface, **other))
+
+    return change
 
 
-def _open_viewing(state: ViewState, _: Event) -> ViewState:
-    """With the panel in which the settings of the viewing stand."""
+@edit
+def open_viewing(state: ViewState) -> ViewState:
+    """Open the panel of the viewing's settings."""
     panels = state.interface.panels | {"Viewing"}
     return replace(state, interface=replace(state.interface, panels=panels))
 
 
-def _picking(change: Callable[[Pick, Event], Pick]) -> Reducer:
-    """What wizards are told beside the place they are about."""
-
-    def reducer(state: ViewState, event: Event) -> ViewState:
-        return _with_pick(state, change(state.interface.pick, event))
-
-    return reducer
-
-
-def _with_pick(state: ViewState, pick: Pick) -> ViewState:
+def _with_pick(state: ViewState, **changes: Any) -> ViewState:
+    """Change what wizards are about."""
+    pick = replace(state.interface.pick, **changes)
     return replace(state, interface=replace(state.interface, pick=pick))
 
 
-def _material(state: ViewState, event: Event) -> ViewState:
-    """The material that wizards are about."""
-    if event.key not in state.transfer.materials:
+@edit
+def pick_material(state: ViewState, name: str) -> ViewState:
+    """Pick the material that wizards are about."""
+    if name not in state.transfer.materials:
         return state
-    place = event.key, picked(state)[1]
-    return _with_pick(state, replace(state.interface.pick, place=place))
+    return _with_pick(state, place=(name, picked(state)[1]))
 
 
-def _light(state: ViewState, event: Event) -> ViewState:
-    """The light that wizards are about."""
-    if event.key not in columns(state.lights):
+@edit
+def pick_light(state: ViewState, name: str) -> ViewState:
+    """Pick the light that wizards are about."""
+    if name not in columns(state.lights):
         return state
-    place = picked(state)[0], event.key
-    return _with_pick(state, replace(state.interface.pick, place=place))
+    return _with_pick(state, place=(picked(state)[0], name))
 
 
-def _distance(pick: Pick, event: Event) -> Pick:
-    return replace(pick, distance=min(max(event.x, DISTANCES[0]), DISTANCES[1]))
+@edit
+def pick_like(state: ViewState, name: str) -> ViewState:
+    """Pick the light that a new one is to be like; none by an empty name."""
+    return _with_pick(state, like=name)
 
 
-def _values(pick: Pick, event: Event) -> Pick:
-    return replace(pick, values=(min(event.x, event.y), max(event.x, event.y)))
+@edit
+def pick_within(state: ViewState, name: str) -> ViewState:
+    """Pick the material to hide in; an empty name is what surrounds it."""
+    return _with_pick(state, within=name, black=False)
 
 
-EVENTS: dict[str, Reducer] = {
-    "logarithmic": _logarithmic,
-    "open-viewing": _open_viewing,
-    "pick-material": _material,
-    "pick-light": _light,
-    "pick-like": _picking(lambda pick, event: replace(pick, like=event.key)),
-    "pick-within": _picking(lambda pick, event: replace(pick, within=event.key, black=False)),
-    "pick-black": _picking(lambda pick, _: replace(pick, within="", black=True)),
-    "pick-distance": _picking(_distance),
-    "pick-merged": _picking(
-        lambda pick, event: replace(pick, materials=pick.materials ^ {event.key})
-    ),
-    "pick-values": _picking(_values),
-    "pick-use": _picking(lambda pick, event: replace(pick, use=event.key)),
-}
+@edit
+def pick_black(state: ViewState) -> ViewState:
+    """Have a material hidden in black."""
+    return _with_pick(state, within="", black=True)
+
+
+@edit
+def pick_distance(state: ViewState, distance: float) -> ViewState:
+    """Set how far a revealed material is to stand out."""
+    return _with_pick(state, distance=min(max(distance, DISTANCES[0]), DISTANCES[1]))
+
+
+@edit
+def toggle_merged(state: ViewState, name: str) -> ViewState:
+    """Merge a material with others, or no longer."""
+    return _with_pick(state, materials=state.interface.pick.materials ^ {name})
+
+
+@edit
+def pick_values(state: ViewState, first: float, last: float) -> ViewState:
+    """Pick the values that a material is assigned to."""
+    return _with_pick(state, values=(min(first, last), max(first, last)))
+
+
+@edit
+def pick_use(state: ViewState, name: str) -> ViewState:
+    """Pick the material that is assigned to values."""
+    return _with_pick(state, use=name)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from volspec.viewer.model.event import Action, Change, Reducer
+from volspec.viewer.model.edit import Change, Command, Edited, edit
 from volspec.viewer.model.light_states import (
     MOST_SECONDS,
     MOST_STATES,
@@ -21,43 +21,46 @@ from volspec.viewer.model.lights import brightest
 from volspec.viewer.model.state import ViewState
 
 
-def saved(state: ViewState) -> ViewState:
-    """The present lights and viewing as one saved state more."""
+@edit
+def save(state: ViewState) -> ViewState:
+    """Save the present lights and viewing as a state."""
     if len(state.kept) >= MOST_STATES:
         return state
     new = LightState(named_anew(state.kept), state.lights, state.seen)
     return replace(state, kept=(*state.kept, new))
 
 
-def _full(state: ViewState) -> str:
-    """Why no more is saved."""
-    if len(state.kept) < MOST_STATES:
-        return ""
-    return f"{MOST_STATES} saved states are the most; delete one first"
+def _saved(state: ViewState) -> Edited:
+    full = f"{MOST_STATES} saved states are the most; delete one first"
+    return Edited(save(state), full if len(state.kept) >= MOST_STATES else "")
 
 
-def saved_over(state: ViewState, index: int) -> ViewState:
-    """The present lights and viewing in place of those of a saved state."""
+@edit
+def save_over(state: ViewState, index: int) -> ViewState:
+    """Replace a saved state by the present lights and viewing."""
     return _with(state, index, lights=state.lights, seen=state.seen)
 
 
-def renamed(state: ViewState, index: int, name: str) -> ViewState:
-    """A saved state under another name, if that is one and free."""
+@edit
+def rename(state: ViewState, index: int, name: str) -> ViewState:
+    """Rename a saved state, if the name is one and free."""
     name = " ".join(name.split())
     if not name or any(kept.name == name for kept in state.kept):
         return state
     return _with(state, index, name=name)
 
 
-def deleted(state: ViewState, index: int) -> ViewState:
-    """Without one of the saved states."""
+@edit
+def delete(state: ViewState, index: int) -> ViewState:
+    """Delete a saved state."""
     if not 0 <= index < len(state.kept):
         return state
     return replace(state, kept=(*state.kept[:index], *state.kept[index + 1 :]))
 
 
+@edit
 def recall(state: ViewState, index: int) -> ViewState:
-    """The lights and the viewing of a saved state; the way there is shown as a fade."""
+    """Take the lights and the viewing of a saved state; the way there is a fade."""
     if not 0 <= index < len(state.kept):
         return state
     saved = state.kept[index]
@@ -67,8 +70,9 @@ def recall(state: ViewState, index: int) -> ViewState:
     return replace(state, lights=rows, seen=saved.seen, fade=fade, interface=interface)
 
 
-def fade_lasting(state: ViewState, seconds: float) -> ViewState:
-    """How long fades take from now on."""
+@edit
+def set_fade(state: ViewState, seconds: float) -> ViewState:
+    """Set how long fades take, in seconds."""
     seconds = min(max(seconds, 0.0), MOST_SECONDS)
     return replace(state, interface=replace(state.interface, fade_s=seconds))
 
@@ -80,26 +84,14 @@ def _with(state: ViewState, index: int, **changes: Any) -> ViewState:
     return replace(state, kept=(*state.kept[:index], new, *state.kept[index + 1 :]))
 
 
-EVENTS: dict[str, Reducer] = {
-    "recall-state": lambda state, event: recall(state, event.index),
-    "save-over-state": lambda state, event: saved_over(state, event.index),
-    "rename-state": lambda state, event: renamed(state, event.index, event.key),
-    "delete-state": lambda state, event: deleted(state, event.index),
-    "fade": lambda state, event: fade_lasting(state, event.x),
-}
-
-
 def _recall(index: int) -> Change:
     return lambda state: recall(state, index)
 
 
-ACTIONS = (
-    Action(
-        *("save-state", "Light", "Save these lights as a state", ("alt+s",), saved),
-        refusal=_full,
-    ),
+COMMANDS = (
+    Command("save-state", "Light", "Save these lights as a state", ("alt+s",), _saved),
     *(
-        Action(f"recall-{i}", "Light", f"Fade to state {i}", (f"alt+{i}",), _recall(i - 1))
+        Command(f"recall-{i}", "Light", f"Fade to state {i}", (f"alt+{i}",), _recall(i - 1))
         for i in range(1, 10)
     ),
 )

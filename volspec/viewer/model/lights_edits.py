@@ -8,48 +8,63 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from volspec.errors import VolspecError, one_line
+from volspec.errors import InputError
 from volspec.viewer.model import light_mixes, light_parts, light_states_edits, lights
-from volspec.viewer.model.event import Action, Change, Event, Reducer, guarded
+from volspec.viewer.model.edit import Change, Command, Edited, edit, refusable
 from volspec.viewer.model.state import ViewState
 
 
-def _weight(state: ViewState, event: Event) -> ViewState:
-    return replace(state, lights=lights.weighted(state.lights, event.index, event.x))
+@edit
+def set_weight(state: ViewState, index: int, weight: float) -> ViewState:
+    """Set a light's weight in the mix."""
+    return replace(state, lights=lights.weighted(state.lights, index, weight))
 
 
-def _kelvin(state: ViewState, event: Event) -> ViewState:
-    return replace(state, lights=lights.heated(state.lights, event.index, event.x))
+@edit
+def set_kelvin(state: ViewState, index: int, kelvin: float) -> ViewState:
+    """Set a light's colour temperature."""
+    return replace(state, lights=lights.heated(state.lights, index, kelvin))
 
 
-def _lux(state: ViewState, event: Event) -> ViewState:
-    return replace(
-        state, lights=light_parts.lit_with(state.lights, event.index, event.x, event.part)
-    )
+@edit
+def set_lux(state: ViewState, index: int, lux: float, part: int = 0) -> ViewState:
+    """Set the illuminance of one of a light's spectra."""
+    return replace(state, lights=light_parts.lit_with(state.lights, index, lux, part))
 
 
-def _part_weight(state: ViewState, event: Event) -> ViewState:
-    rows = light_parts.part_weighted(state.lights, event.index, event.part, event.x)
+@edit
+def set_part_weight(state: ViewState, index: int, part: int, weight: float) -> ViewState:
+    """Set the weight of one of a light's spectra."""
+    rows = light_parts.part_weighted(state.lights, index, part, weight)
     return replace(state, lights=rows)
 
 
-def _draw(state: ViewState, event: Event) -> ViewState:
-    """The pen on a light's spectrum: shares of the wavelengths' range, and power."""
-    end = event.x, event.y
-    rows = light_parts.drawn(state.lights, event.index, event.part, event.start or end, end)
+Place = tuple[float, float]
+
+
+@edit
+def draw(state: ViewState, index: int, part: int, start: Place, end: Place) -> ViewState:
+    """Draw on a light's spectrum: shares of the wavelengths' range, and power."""
+    rows = light_parts.drawn(state.lights, index, part, start, end)
     return replace(state, lights=rows)
 
 
-def _dial(state: ViewState, event: Event) -> ViewState:
-    return replace(state, lights=light_mixes.blended(state.lights, event.x, event.y))
+@edit
+def blend(state: ViewState, x: float, y: float) -> ViewState:
+    """Blend all lights by a place on the dial."""
+    return replace(state, lights=light_mixes.blended(state.lights, x, y))
 
 
-def _solo(state: ViewState, event: Event) -> ViewState:
-    return _toggled(state, event.index, "solo")
+@edit
+def toggle_solo(state: ViewState, index: int) -> ViewState:
+    """Solo a light, or no longer."""
+    return _toggled(state, index, "solo")
 
 
-def _mute(state: ViewState, event: Event) -> ViewState:
-    return _toggled(state, event.index, "muted")
+@edit
+def toggle_mute(state: ViewState, index: int) -> ViewState:
+    """Mute a light, or no longer."""
+    return _toggled(state, index, "muted")
 
 
 def _toggled(state: ViewState, index: int, name: str) -> ViewState:
@@ -59,39 +74,46 @@ def _toggled(state: ViewState, index: int, name: str) -> ViewState:
     return replace(state, lights=lights.changed(state.lights, index, **{name: on}))
 
 
-def _remove(state: ViewState, event: Event) -> ViewState:
-    rows = lights.removed(state.lights, event.index)
-    return state if rows is state.lights else replace(state, lights=rows)
+@edit
+def remove(state: ViewState, index: int) -> ViewState:
+    """Remove a light, unless it is the last."""
+    return _with(state, lights.removed(state.lights, index))
 
 
-def _select(state: ViewState, event: Event) -> ViewState:
-    if not 0 <= event.index < len(state.lights):
+@edit
+def choose(state: ViewState, index: int) -> ViewState:
+    """Choose a light."""
+    if not 0 <= index < len(state.lights):
         return state
-    return replace(state, interface=replace(state.interface, light=event.index))
+    return replace(state, interface=replace(state.interface, light=index))
 
 
-def _divide(state: ViewState, event: Event) -> ViewState:
-    return replace(state, divide=min(max(event.x, 0.02), 0.98))
+@edit
+def set_divide(state: ViewState, share: float) -> ViewState:
+    """Move the divide between the lights that are compared, in shares of the picture's width."""
+    return replace(state, divide=min(max(share, 0.02), 0.98))
 
 
 def _next_light(state: ViewState) -> ViewState:
     return only(state, (lights.brightest(state.lights) + 1) % len(state.lights))
 
 
+@edit
 def only(state: ViewState, index: int) -> ViewState:
-    """One light alone, and chosen; the state as it is where there is no such light."""
+    """Show one light alone, and choose it."""
     if not 0 <= index < len(state.lights):
         return state
     return _chosen_of(state, lights.alone(state.lights, index), index)
 
 
 def with_last(state: ViewState, rows: lights.Rows) -> ViewState:
-    """Lights of which the last is new: it is chosen."""
+    """Set lights of which the last is new, and choose it."""
     return _chosen_of(state, rows, len(rows) - 1)
 
 
-def renamed(state: ViewState, index: int, name: str) -> ViewState:
-    """A light under another name; the palette knows it by that."""
+@edit
+def rename(state: ViewState, index: int, name: str) -> ViewState:
+    """Give a light another name; the palette knows it by that."""
     rows = lights.renamed(state.lights, index, name)
     if rows is state.lights:
         return state
@@ -115,28 +137,19 @@ def _swap(state: ViewState) -> ViewState:
     return replace(state, lights=state.other, other=state.lights)
 
 
-def _keep_mix(state: ViewState) -> ViewState:
-    try:
-        rows = light_mixes.with_mix(state.lights, state.document.grid, state.document.folder)
-    except VolspecError:  # no room
-        return state
+@refusable
+def keep_mix(state: ViewState) -> ViewState:
+    """Keep the mix of all lights as one more light."""
+    rows = light_mixes.with_mix(state.lights, state.document.grid, state.document.folder)
     if rows is state.lights:
-        return state
+        raise InputError("No light is on: there is no mix to keep")
     return with_last(state, rows)
 
 
-def _no_mix(state: ViewState) -> str:
-    """Why no mix is kept."""
-    try:
-        rows = light_mixes.with_mix(state.lights, state.document.grid, state.document.folder)
-    except VolspecError as error:
-        return one_line(error)
-    return "No light is on: there is no mix to keep" if rows is state.lights else ""
-
-
-def _last_light(state: ViewState) -> str:
-    """Why no light is removed."""
-    return "The last light stays; add another one first" if len(state.lights) < 2 else ""
+def _remove_chosen(state: ViewState) -> Edited:
+    if len(state.lights) < 2:
+        return Edited(state, "The last light stays; add another one first")
+    return Edited(remove(state, state.interface.light))
 
 
 def _blend_all(state: ViewState) -> ViewState:
@@ -152,23 +165,9 @@ def _alone(state: ViewState) -> ViewState:
     return only(state, state.interface.light)
 
 
-def _chosen(reducer: Reducer) -> Change:
-    """What an event does to the chosen light."""
-    return lambda state: reducer(state, Event("", index=state.interface.light))
-
-
-EVENTS: dict[str, Reducer] = {
-    "weight": _weight,
-    "kelvin": _kelvin,
-    "dial": _dial,
-    "solo": _solo,
-    "mute": _mute,
-    "select": _select,
-    "divide": _divide,
-    "lux": _lux,
-    "part-weight": _part_weight,
-    "draw": _draw,
-}
+def _chosen(change: Callable[[ViewState, int], ViewState]) -> Change:
+    """An edit of the chosen light."""
+    return lambda state: change(state, state.interface.light)
 
 
 def _mark(state: ViewState) -> ViewState:
@@ -178,9 +177,9 @@ def _mark(state: ViewState) -> ViewState:
     return replace(state, seen=replace(seen, viewing=replace(seen.viewing, display=display)))
 
 
-ACTIONS = (
-    Action("next-light", "Light", "Next light alone", ("space",), _next_light),
-    Action(
+COMMANDS = (
+    Command("next-light", "Light", "Next light alone", ("space",), _next_light),
+    Command(
         "compare",
         "Light",
         "Compare: keep these lights at the right",
@@ -188,92 +187,73 @@ ACTIONS = (
         _compare,
         lambda state: state.other is not None,
     ),
-    Action(
+    Command(
         *("mark", "View", "Mark what the display cannot show", ("m",), _mark),
         lambda s: s.seen.viewing.display.mark,
     ),
-    Action("swap", "Light", "Swap the two sides", ("x",), _swap),
-    Action("alone", "Light", "The chosen light alone", (), _alone),
-    Action("solo", "Light", "Solo the chosen light", (), _chosen(_solo)),
-    Action("mute", "Light", "Mute the chosen light", (), _chosen(_mute)),
-    Action("blend-all", "Light", "All lights alike", (), _blend_all),
-    Action("keep-mix", "Light", "Keep this mix as a light", ("k",), _keep_mix, refusal=_no_mix),
-    Action(
+    Command("swap", "Light", "Swap the two sides", ("x",), _swap),
+    Command("alone", "Light", "The chosen light alone", (), _alone),
+    Command("solo", "Light", "Solo the chosen light", (), _chosen(toggle_solo)),
+    Command("mute", "Light", "Mute the chosen light", (), _chosen(toggle_mute)),
+    Command("blend-all", "Light", "All lights alike", (), _blend_all),
+    Command("keep-mix", "Light", "Keep this mix as a light", ("k",), keep_mix),
+    Command(
         "reset-spectrum", "Light", "Undo the drawing of the chosen spectrum", (), _reset_spectrum
     ),
-    Action("rename-light", "Light", "Rename the chosen light", ("f2",)),
-    Action(
-        *("remove-light", "Light", "Remove the chosen light", (), _chosen(_remove)),
-        refusal=_last_light,
-    ),
-    *light_states_edits.ACTIONS,
+    Command("rename-light", "Light", "Rename the chosen light", ("f2",)),
+    Command("remove-light", "Light", "Remove the chosen light", (), _remove_chosen),
+    *light_states_edits.COMMANDS,
 )
-
-
-def refusal(state: ViewState, event: Event) -> str:
-    """Why an event with a notation leaves a state as it is; empty where it does not.
-
-    Parameters
-    ----------
-    state : ViewState
-    event : Event
-        ``add-light`` or ``respell``.
-    """
-    try:
-        _NOTATIONS[event.name](state, event)
-    except (VolspecError, OSError) as error:
-        return one_line(error)
-    return ""
-
-
-def _of_rows(change: Callable[[lights.Rows, Event], lights.Rows]) -> Reducer:
-    def reducer(state: ViewState, event: Event) -> ViewState:
-        return _with(state, change(state.lights, event))
-
-    return reducer
 
 
 def _with(state: ViewState, rows: lights.Rows) -> ViewState:
     return state if rows is state.lights else replace(state, lights=rows)
 
 
-def _add(state: ViewState, event: Event) -> ViewState:
-    """A light in `volspec.light`'s notation, alone and chosen."""
+@refusable
+def add(state: ViewState, text: str) -> ViewState:
+    """Add a light in `volspec.light`'s notation, alone and chosen."""
     document = state.document
-    rows = lights.added(state.lights, event.key, document.grid, document.folder)
+    rows = lights.added(state.lights, text, document.grid, document.folder)
     return with_last(state, rows)
 
 
-def _respell(state: ViewState, event: Event) -> ViewState:
-    """Another spectrum for a part of a light, in the same notation."""
+@refusable
+def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
+    """Give a part of a light another spectrum, in the same notation."""
     document = state.document
-    rows = light_parts.respelled(
-        *(state.lights, event.index, event.part, event.key, document.grid, document.folder)
-    )
-    return _with(state, rows)
+    place = document.grid, document.folder
+    return _with(state, light_parts.respelled(state.lights, index, part, text, *place))
 
 
-def _show(state: ViewState, event: Event) -> ViewState:
-    """One light alone; the chosen one stays."""
-    if not 0 <= event.index < len(state.lights):
+@edit
+def show_alone(state: ViewState, index: int) -> ViewState:
+    """Show one light alone; the chosen one stays."""
+    if not 0 <= index < len(state.lights):
         return state
-    return replace(state, lights=lights.alone(state.lights, event.index))
+    return replace(state, lights=lights.alone(state.lights, index))
 
 
-def _split(state: ViewState, event: Event) -> ViewState:
-    """A spectrum for each light group of the scene in place of one for all."""
+@edit
+def split_part(state: ViewState, index: int) -> ViewState:
+    """Give a light a spectrum for each light group of the scene in place of one for all."""
     groups = tuple(group.name for group in state.shading.groups)
-    return _with(state, light_parts.parted(state.lights, event.index, groups))
+    return _with(state, light_parts.parted(state.lights, index, groups))
 
 
-_NOTATIONS: dict[str, Reducer] = {"add-light": _add, "respell": _respell}
-ROW_EVENTS: dict[str, Reducer] = {
-    **{name: guarded(reducer) for name, reducer in _NOTATIONS.items()},
-    "alone": lambda state, event: only(state, event.index),
-    "show-light": _show,
-    "rename-light": lambda state, event: renamed(state, event.index, event.key),
-    "split-part": _split,
-    "regroup": _of_rows(lambda rows, e: light_parts.regrouped(rows, e.index, e.part, e.key)),
-    "add-part": _of_rows(lambda rows, e: light_parts.part_added(rows, e.index, e.key)),
-    "remove-part": _of_rows(lambda rows, e: light_parts.part_removed(rows, e.index, e.part)),
-}
+@edit
+def regroup(state: ViewState, index: int, part: int, group: str) -> ViewState:
+    """Have one of a light's spectra shine on another light group."""
+    return _with(state, light_parts.regrouped(state.lights, index, part, group))
+
+
+@edit
+def add_part(state: ViewState, index: int, group: str) -> ViewState:
+    """Add a spectrum to a light, for a light group."""
+    return _with(state, light_parts.part_added(state.lights, index, group))
+
+
+@edit
+def remove_part(state: ViewState, index: int, part: int) -> ViewState:
+    """Remove one of a light's spectra."""
+    return _with(state, light_parts.part_removed(state.lights, index, part))

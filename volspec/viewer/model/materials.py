@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import Any
 
 from volspec.basis import MaterialBasis
-from volspec.errors import SpectrumError, TransferError, VolspecError, one_line, quoted
+from volspec.errors import SpectrumError, TransferError, quoted
 from volspec.spectra import SpectralGrid, Spectrum, reflectance, reflectance_of
 from volspec.transfer import (
     MAX_CHANNELS,
@@ -25,7 +25,7 @@ from volspec.transfer import (
     TransferFunction2D,
 )
 from volspec.transfer.mixes import used
-from volspec.viewer.model.event import Event, Reducer, guarded
+from volspec.viewer.model.edit import refusable, tolerant
 from volspec.viewer.model.palette_spectra import exact
 from volspec.viewer.model.scene_file import same_spectrum
 from volspec.viewer.model.state import ViewState
@@ -237,28 +237,18 @@ def _in_use(transfer: Transfer, name: str) -> dict[str, Spectrum]:
     return {each: transfer.materials[each] for each in names}
 
 
-def refusal(state: ViewState, event: Event) -> str:
-    """Why ``add-material`` leaves a state as it is; empty where it does not."""
-    try:
-        _add(state, event)
-    except (VolspecError, OSError) as error:
-        return one_line(error)
-    return ""
-
-
-def _add(state: ViewState, event: Event) -> ViewState:
-    """A material that one part is then made of, by its name, colour or file."""
+@refusable
+def add_material(state: ViewState, index: int, text: str) -> ViewState:
+    """Make one part of a material, given by its name, colour or file."""
     transfer = state.transfer
     grid, observer_deg = transfer.basis.grid, transfer.basis.observer_deg
-    spectrum = reflectance_for(event.key, grid, observer_deg, state.document.folder)
-    new = with_material(transfer, event.index, event.key.strip(), spectrum)
+    spectrum = reflectance_for(text, grid, observer_deg, state.document.folder)
+    new = with_material(transfer, index, text.strip(), spectrum)
     return state if new is transfer else replace(state, transfer=new)
 
 
-def _remove(state: ViewState, event: Event) -> ViewState:
-    """Without a material that no part is made of, by its name."""
-    new = without_material(state.transfer, event.key)
+@tolerant
+def remove_material(state: ViewState, name: str) -> ViewState:
+    """Remove a material that no part is made of."""
+    new = without_material(state.transfer, name)
     return state if new is state.transfer else replace(state, transfer=new)
-
-
-EVENTS: dict[str, Reducer] = {"add-material": guarded(_add), "remove-material": guarded(_remove)}

@@ -18,7 +18,7 @@ from volspec.palette.colours import parsed_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import lights as lighting
-from volspec.viewer.model.event import Action, Event, Reducer, guarded
+from volspec.viewer.model.edit import Command, Edited, edit, tolerant
 from volspec.viewer.model.lights_edits import with_last
 from volspec.viewer.model.palette_spectra import columns, exact, with_new_light, with_reflectances
 from volspec.viewer.model.palette_table import (
@@ -43,8 +43,6 @@ from volspec.viewer.model.palette_targets import (
 )
 from volspec.viewer.model.state import ViewState
 
-MUST = "must"
-
 
 def _wishing(state: ViewState, wishes: Wishes) -> ViewState:
     """Other wishes; materials become channels, so that what answers them needs no cast."""
@@ -53,10 +51,11 @@ def _wishing(state: ViewState, wishes: Wishes) -> ViewState:
     return replace(state, board=state.board.wishing(wishes), transfer=exact(state.transfer))
 
 
-def _pick(state: ViewState, event: Event) -> ViewState:
+@edit
+def choose_cell(state: ViewState, number: int) -> ViewState:
     """Choose a cell; the picture shows its light."""
     table = table_of(state)
-    place = table.place(event.index)
+    place = table.place(number)
     if place is None:
         return state
     own, column = replace(state.interface.pick, place=place), table.columns.index(place[1])
@@ -66,11 +65,11 @@ def _pick(state: ViewState, event: Event) -> ViewState:
     return replace(state, lights=lighting.alone(state.lights, column))
 
 
-def _cell(
-    state: ViewState, event: Event, change: Callable[[Cell | None], Cell | None]
+def _with_cell(
+    state: ViewState, number: int, change: Callable[[Cell | None], Cell | None]
 ) -> ViewState:
     """Another wish at a place; its material is opened where nothing there may change."""
-    place = table_of(state).place(event.index)
+    place = table_of(state).place(number)
     if place is None:
         return state
     wishes = state.board.wishes
@@ -84,75 +83,88 @@ def _cell(
     return _wishing(state, wishes.with_cell(place, new))
 
 
-def _wish(state: ViewState, event: Event) -> ViewState:
-    codes = [float(word) for word in event.key.split()] if " " in event.key else event.key
+@tolerant
+def wish(state: ViewState, number: int, text: str) -> ViewState:
+    """Ask for a colour in a cell: ``#rrggbb``, or three codes."""
+    codes = [float(word) for word in text.split()] if " " in text else text
     colour = parsed_colour(codes)
 
     def change(own: Cell | None) -> Cell:
         weight = own.weight if own and own.kind == "colour" else 1.0
         return Cell(colour=colour, weight=max(weight, 1.0))
 
-    return _cell(state, event, change)
+    return _with_cell(state, number, change)
 
 
-def _kind(state: ViewState, event: Event) -> ViewState:
+@tolerant
+def wish_kind(state: ViewState, number: int, kind: str, other: int = -1) -> ViewState:
+    """Ask for a kind of wish in a cell, relative to another one or to the next row."""
     table = table_of(state)
-    place = table.place(event.index)
-    other = table.place(int(event.x))
+    place = table.place(number)
+    reference = table.place(other)
     if place is None or place not in table.cells:
         return state
-    if other == place or other is None:  # the row above, or below the first
+    if reference == place or reference is None:  # the row above, or below the first
         row, light = table.rows.index(place[0]), place[1]
         others = [name for name in table.rows if name != place[0]]
-        other = (others[max(row - 1, 0)], light) if others else None
+        reference = (others[max(row - 1, 0)], light) if others else None
     shown = clipped(table.cells[place].obtained)
-    return _cell(state, event, lambda own: as_kind(event.key, own, shown, other))
+    return _with_cell(state, number, lambda own: as_kind(kind, own, shown, reference))
 
 
-def _weight(state: ViewState, event: Event) -> ViewState:
+@tolerant
+def wish_weight(state: ViewState, number: int, weight: float | None) -> ViewState:
+    """Set how much a wish counts; None is that it must be met."""
     low, high = WEIGHTS
-    weight = math.inf if event.key == MUST else min(max(event.x, low), high)
-    return _cell(state, event, lambda own: own and replace(own, weight=weight))
+    count = math.inf if weight is None else min(max(weight, low), high)
+    return _with_cell(state, number, lambda own: own and replace(own, weight=count))
 
 
-def _group(state: ViewState, event: Event) -> ViewState:
-    name = event.key.strip()
+@tolerant
+def wish_group(state: ViewState, number: int, name: str) -> ViewState:
+    """Name the group of a free cell."""
+    name = name.strip()
 
     def change(own: Cell | None) -> Cell | None:
         return replace(own, group=name) if own and own.kind == "free" and name else own
 
-    return _cell(state, event, change)
+    return _with_cell(state, number, change)
 
 
-def _distance(state: ViewState, event: Event) -> ViewState:
-    distance = min(max(event.x, DISTANCES[0]), DISTANCES[1])
+@tolerant
+def wish_distance(state: ViewState, number: int, distance: float) -> ViewState:
+    """Set how far a cell is to be from another."""
+    distance = min(max(distance, DISTANCES[0]), DISTANCES[1])
 
     def change(own: Cell | None) -> Cell | None:
         return replace(own, distance=distance) if own and own.kind == "distinct" else own
 
-    return _cell(state, event, change)
+    return _with_cell(state, number, change)
 
 
-def _open(state: ViewState, event: Event) -> ViewState:
-    """A spectrum that may change from now on, or no longer."""
+@tolerant
+def toggle_free(state: ViewState, kind: str, index: int) -> ViewState:
+    """Let a spectrum change, or no longer."""
     names = {REFLECTANCE: tuple(state.transfer.materials), LIGHT: columns(state.lights)}
-    own = names.get(event.key, ())
-    if not 0 <= event.index < len(own):
+    own = names.get(kind, ())
+    if not 0 <= index < len(own):
         return state
-    member = (event.key, own[event.index])
-    if event.key == LIGHT and len(state.lights[event.index].rig.lights) > 1:
+    member = (kind, own[index])
+    if kind == LIGHT and len(state.lights[index].rig.lights) > 1:
         return state
     wishes = state.board.wishes
     closing = member in wishes.open
     return _wishing(state, wishes.toggled(member) if closing else opened(state, member))
 
 
-def _constant(state: ViewState, event: Event) -> ViewState:
+@tolerant
+def toggle_constant(state: ViewState, index: int) -> ViewState:
+    """Ask for one colour of a material under all lights, or no longer."""
     names = tuple(state.transfer.materials)
-    if not 0 <= event.index < len(names):
+    if not 0 <= index < len(names):
         return state
     wishes = state.board.wishes
-    name = names[event.index]
+    name = names[index]
     constant = wishes.constant ^ {name}
     if name in constant:  # its cells would ask for colours of their own
         first = columns(state.lights)[0]
@@ -162,32 +174,39 @@ def _constant(state: ViewState, event: Event) -> ViewState:
     return _wishing(state, replace(wishes, constant=constant))
 
 
-def _lamp(state: ViewState, event: Event) -> ViewState:
-    """A real lamp that a light may be a sum of, or no longer."""
+@tolerant
+def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
+    """Let a light be a sum of this real lamp and others, or no longer."""
     names = columns(state.lights)
-    if not 0 <= event.index < len(names) or not event.key:
+    if not 0 <= index < len(names) or not lamp:
         return state
-    find_light(event.key, state.document.grid)
-    name = names[event.index]
+    find_light(lamp, state.document.grid)
+    name = names[index]
     wishes = opened(state, (LIGHT, name))
     now = wishes.lamps.get(name, ())
-    kept = tuple(lamp for lamp in now if lamp != event.key)
-    lamps = {**wishes.lamps, name: kept if event.key in now else (*now, event.key)}
+    others = tuple(each for each in now if each != lamp)
+    lamps = {**wishes.lamps, name: others if lamp in now else (*now, lamp)}
     return _wishing(state, replace(wishes, lamps={k: v for k, v in lamps.items() if v}))
 
 
-def _smoothness(state: ViewState, event: Event) -> ViewState:
+@tolerant
+def set_smoothness(state: ViewState, smoothness: float) -> ViewState:
+    """Set how smooth designed spectra are; 0 below the least."""
     low, high = SMOOTHNESS
-    smoothness = 0.0 if event.x < low else min(event.x, high)
+    smoothness = 0.0 if smoothness < low else min(smoothness, high)
     return _criteria(state, smoothness=smoothness)
 
 
-def _metric(state: ViewState, event: Event) -> ViewState:
-    return _criteria(state, metric=event.key)
+@tolerant
+def set_metric(state: ViewState, name: str) -> ViewState:
+    """Set the colour difference of a design."""
+    return _criteria(state, metric=name)
 
 
-def _rounds(state: ViewState, event: Event) -> ViewState:
-    return _criteria(state, rounds=int(min(max(event.x, 1), MOST_ROUNDS)))
+@tolerant
+def set_iterations(state: ViewState, count: float) -> ViewState:
+    """Set the most iterations of a design."""
+    return _criteria(state, rounds=int(min(max(count, 1), MOST_ROUNDS)))
 
 
 def _criteria(state: ViewState, **changes: Any) -> ViewState:
@@ -198,51 +217,30 @@ def _criteria(state: ViewState, **changes: Any) -> ViewState:
     return replace(state, board=state.board.wishing(replace(wishes, criteria=criteria)))
 
 
-def _assign(state: ViewState, event: Event) -> ViewState:
-    """A material, by name, for the values from x to y."""
+@tolerant
+def assign(state: ViewState, first: float, last: float, material: str) -> ViewState:
+    """Assign a material to a range of values."""
     if not isinstance(state.transfer, TransferFunction):
         return state
     low, high = state.document.volume.range
-    start, end = sorted(min(max(value, low), high) for value in (event.x, event.y))
-    return replace(state, transfer=assigned(state.transfer, start, end, event.key))
+    start, end = sorted(min(max(value, low), high) for value in (first, last))
+    return replace(state, transfer=assigned(state.transfer, start, end, material))
 
 
-def _recast(state: ViewState, event: Event) -> ViewState:
-    """A material, by name, for one of the ranges."""
+@tolerant
+def recast_range(state: ViewState, index: int, material: str) -> ViewState:
+    """Give one of the ranges another material."""
     if not isinstance(state.transfer, TransferFunction):
         return state
-    return replace(state, transfer=recast(state.transfer, event.index, event.key))
+    return replace(state, transfer=recast(state.transfer, index, material))
 
 
-EVENTS: dict[str, Reducer] = {
-    "pick-cell": _pick,
-    "wish": guarded(_wish),
-    "wish-kind": guarded(_kind),
-    "wish-weight": guarded(_weight),
-    "wish-group": guarded(_group),
-    "wish-distance": guarded(_distance),
-    "open": guarded(_open),
-    "constant": guarded(_constant),
-    "lamp": guarded(_lamp),
-    "smoothness": guarded(_smoothness),
-    "metric": guarded(_metric),
-    "rounds": guarded(_rounds),
-    "assign": guarded(_assign),
-    "recast": guarded(_recast),
-}
-
-
-def _anew(state: ViewState) -> ViewState:
+def _anew(state: ViewState) -> Edited:
     if not state.board.wishes.open:
-        return state
+        return Edited(state, "Nothing may change yet: wish for a colour in a cell")
     # Another object: wishes that were asked for already are not designed again.
     board = Board(replace(state.board.wishes), anew=True)
-    return replace(state, board=board, transfer=exact(state.transfer))
-
-
-def _nothing_open(state: ViewState) -> str:
-    """Why nothing is designed from scratch."""
-    return "" if state.board.wishes.open else "Nothing may change yet: wish for a colour in a cell"
+    return Edited(replace(state, board=board, transfer=exact(state.transfer)))
 
 
 def _forget(state: ViewState) -> ViewState:
@@ -262,39 +260,27 @@ def _own_spectra(state: ViewState) -> ViewState:
     return replace(_forget(state), transfer=transfer, lights=lights)
 
 
-def _new_light(state: ViewState) -> ViewState:
-    """One more light to be designed; the picture shows it."""
+def _new_light(state: ViewState) -> Edited:
+    """Add a light to be designed; the picture shows it."""
     name = new_name(state)
     wave = first_wave(state.document.grid, len(state.lights))
     rows = with_new_light(state.lights, name, "designed light", replace(wave, name=name))
     if rows is state.lights:
-        return state
+        return Edited(state, f"{lighting.MOST_ROWS} lights are the most; remove one first")
     wishes = state.board.wishes
     wishes = replace(wishes, open=wishes.open | {(LIGHT, name)})
-    return with_last(_wishing(state, wishes), rows)
+    return Edited(with_last(_wishing(state, wishes), rows))
 
 
-def _no_room(state: ViewState) -> str:
-    """Why there is no new light."""
-    if len(state.lights) < lighting.MOST_ROWS:
-        return ""
-    return f"{lighting.MOST_ROWS} lights are the most; remove one first"
-
-
-ACTIONS = (
-    Action(
-        *("palette-light", "Palette", "New light to be designed", (), _new_light), refusal=_no_room
-    ),
-    Action(
-        *("palette-anew", "Palette", "Design the palette from scratch", (), _anew),
-        refusal=_nothing_open,
-    ),
-    Action("palette-forget", "Palette", "Forget all wishes, keep the spectra", (), _forget),
-    Action("palette-own", "Palette", "The scene's own spectra", (), _own_spectra),
-    Action("hide", "Palette", "Hide the chosen material under the chosen light"),
-    Action("reveal", "Palette", "Reveal the chosen material under the chosen light"),
-    Action("keep", "Palette", "Keep the chosen material's colour under all lights"),
-    Action("merge", "Palette", "Merge the ticked materials under the chosen light"),
-    Action("palette-load", "Palette", "Load a palette …"),
-    Action("palette-save", "Palette", "Save the palette …"),
+COMMANDS = (
+    Command("palette-light", "Palette", "New light to be designed", (), _new_light),
+    Command("palette-anew", "Palette", "Design the palette from scratch", (), _anew),
+    Command("palette-forget", "Palette", "Forget all wishes, keep the spectra", (), _forget),
+    Command("palette-own", "Palette", "The scene's own spectra", (), _own_spectra),
+    Command("hide", "Palette", "Hide the chosen material under the chosen light"),
+    Command("reveal", "Palette", "Reveal the chosen material under the chosen light"),
+    Command("keep", "Palette", "Keep the chosen material's colour under all lights"),
+    Command("merge", "Palette", "Merge the ticked materials under the chosen light"),
+    Command("palette-load", "Palette", "Load a palette …"),
+    Command("palette-save", "Palette", "Save the palette …"),
 )

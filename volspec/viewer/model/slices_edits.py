@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from volspec.viewer.model.cuts_edits import flipped, with_aids
-from volspec.viewer.model.event import Action, Change, Event, Reducer
+from volspec.viewer.model.edit import Change, Command, edit
 from volspec.viewer.model.slices import PLANES, Slices, is_patient, layout_of, number_of, pointed
 from volspec.viewer.model.state import ViewState
 
@@ -23,43 +23,47 @@ def with_slices(state: ViewState, **changes: Any) -> ViewState:
     return replace(state, interface=replace(state.interface, slices=slices))
 
 
-def _moved(state: ViewState, event: Event) -> ViewState:
-    """One plane at another share of its axis."""
-    if not 0 <= event.index < len(PLANES):
+@edit
+def move_slice(state: ViewState, plane: int, share: float) -> ViewState:
+    """Move a plane to a share of its axis."""
+    if not 0 <= plane < len(PLANES):
         return state
-    axis = layout_of(state.document.volume, PLANES[event.index]).normal
+    axis = layout_of(state.document.volume, PLANES[plane]).normal
     at = list(state.interface.slices.at)
-    at[axis] = min(max(event.x, 0.0), 1.0)
+    at[axis] = min(max(share, 0.0), 1.0)
     return with_slices(state, at=tuple(at))
 
 
-def _stepped(state: ViewState, event: Event) -> ViewState:
-    """One plane on by so many slices; up, to the back or to the patient's left."""
-    if not 0 <= event.index < len(PLANES):
+@edit
+def step_slice(state: ViewState, plane: int, steps: float) -> ViewState:
+    """Move a plane by slices: up, to the back or to the patient's left."""
+    if not 0 <= plane < len(PLANES):
         return state
-    volume, plane = state.document.volume, PLANES[event.index]
-    axis = layout_of(volume, plane).normal
+    volume, which = state.document.volume, PLANES[plane]
+    axis = layout_of(volume, which).normal
     last = volume.shape_xyz[axis] - 1
-    rising = volume.world_from_index[plane.normal, axis] >= 0
+    rising = volume.world_from_index[which.normal, axis] >= 0
     number = number_of(volume, axis, state.interface.slices.at[axis])
-    share = (number + (event.x if rising else -event.x)) / last
-    return _moved(state, replace(event, x=share))
+    return move_slice(state, plane, (number + (steps if rising else -steps)) / last)
 
 
-def _pointed(state: ViewState, event: Event) -> ViewState:
-    """The other two planes where one of the pictures is pointed at."""
-    if not 0 <= event.index < len(PLANES):
+@edit
+def point_at(state: ViewState, plane: int, x: float, y: float) -> ViewState:
+    """Move the other two planes to a place in one's picture, in shares of its sides."""
+    if not 0 <= plane < len(PLANES):
         return state
     volume = state.document.volume
-    layout = layout_of(volume, PLANES[event.index])
+    layout = layout_of(volume, PLANES[plane])
     return with_slices(
-        state, at=pointed(volume, layout, state.interface.slices, _share(event.x), _share(event.y))
+        state, at=pointed(volume, layout, state.interface.slices, _share(x), _share(y))
     )
 
 
-def _greys(state: ViewState, event: Event) -> ViewState:
-    low = min(_share(event.x), 1.0 - _NARROWEST)
-    return with_slices(state, greys=(low, max(_share(event.y), low + _NARROWEST)))
+@edit
+def set_greys(state: ViewState, black: float, white: float) -> ViewState:
+    """Set black and white, in shares of the volume's range."""
+    low = min(_share(black), 1.0 - _NARROWEST)
+    return with_slices(state, greys=(low, max(_share(white), low + _NARROWEST)))
 
 
 def _share(value: float) -> float:
@@ -83,16 +87,9 @@ def _patient(state: ViewState) -> ViewState:
     return with_aids(state, patient=not now)
 
 
-def _after(name: str, index: int, x: float) -> Change:
-    return lambda state: EVENTS[name](state, Event(name, x, index=index))
+def _stepping(plane: int, steps: float) -> Change:
+    return lambda state: step_slice(state, plane, steps)
 
-
-EVENTS: dict[str, Reducer] = {
-    "slice": _moved,
-    "slice-step": _stepped,
-    "slice-point": _pointed,
-    "slice-greys": _greys,
-}
 
 # Up or down a page, with these held; the plane's name, and what it then moves to.
 _PAGES = (
@@ -100,25 +97,25 @@ _PAGES = (
     ("shift+", "Coronal", ("forward", "backward")),
     ("ctrl+", "Sagittal", ("right", "left")),
 )
-ACTIONS = (
-    Action(
+COMMANDS = (
+    Command(
         *("slices-lit", "Window", "Slices under the lights", (), _lit),
         lambda s: s.interface.slices.lit,
     ),
-    Action("slices-middle", "Window", "Slices through the middle", (), _centred),
-    Action("slices-greys", "Window", "Slices' greys by the values", (), _all_greys),
-    Action(
+    Command("slices-middle", "Window", "Slices through the middle", (), _centred),
+    Command("slices-greys", "Window", "Slices' greys by the values", (), _all_greys),
+    Command(
         *("outlines", "Window", "Slices' outlines in the picture", (), flipped("outlines")),
         lambda s: s.interface.aids.outlines,
     ),
-    Action(
+    Command(
         *("patient", "Window", "Directions by the patient's body", (), _patient),
         lambda s: is_patient(s.document.volume, s.interface.aids.patient),
     ),
     *(
-        Action(
+        Command(
             *(f"{plane.lower()}-{to}", "", f"{plane} slice {to}", (f"{held}page{key}",)),
-            _after("slice-step", i, by),
+            _stepping(i, by),
         )
         for i, (held, plane, names) in enumerate(_PAGES)
         for to, key, by in zip(names, ("down", "up"), (-1.0, 1.0), strict=True)

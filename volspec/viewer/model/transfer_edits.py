@@ -12,14 +12,13 @@ from dataclasses import replace
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer import TransferFunction2D as Regions
 from volspec.viewer.model import (
-    materials,
     presets,
     transfer_convert,
     transfer_parts,
     transfer_placing,
 )
 from volspec.viewer.model import presets as preset_table
-from volspec.viewer.model.event import Action, Change, Event, Reducer
+from volspec.viewer.model.edit import Change, Command, Edited, edit
 from volspec.viewer.model.state import ViewState
 
 THICKNESSES = (0.02, 50.0)
@@ -33,27 +32,31 @@ def _with_transfer(state: ViewState, transfer: Transfer) -> ViewState:
     return state if transfer is state.transfer else replace(state, transfer=transfer)
 
 
-def _point(state: ViewState, event: Event) -> ViewState:
-    transfer, value = state.transfer, _within(state, event.x)
+@edit
+def move_point(state: ViewState, index: int, value: float, opacity: float) -> ViewState:
+    """Move a point of a curve, or a surface."""
+    transfer, value = state.transfer, _within(state, value)
     if isinstance(transfer, TransferFunction):
-        return _with_transfer(state, transfer_placing.moved(transfer, event.index, value, event.y))
+        return _with_transfer(state, transfer_placing.moved(transfer, index, value, opacity))
     if isinstance(transfer, Isosurfaces):
         return _with_transfer(
-            state, transfer_placing.surface_moved(transfer, event.index, value, event.y)
+            state, transfer_placing.surface_moved(transfer, index, value, opacity)
         )
     return state
 
 
-def _add_point(state: ViewState, event: Event) -> ViewState:
+@edit
+def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
+    """Add a point, a surface, a label, or a region at (value, gradient)."""
     transfer = state.transfer
     if isinstance(transfer, Regions):
-        place = _within(state, event.x), max(event.y, 0.0)
+        place = _within(state, value), max(opacity, 0.0)
         top = state.document.joint.top
         new: Transfer = transfer_placing.region_added(transfer, *place, _span(state), top)
     elif isinstance(transfer, LabelFunction):
-        new = transfer_placing.added(transfer, event.x, event.y)
+        new = transfer_placing.added(transfer, value, opacity)
     else:
-        new = transfer_placing.added(transfer, _within(state, event.x), event.y)
+        new = transfer_placing.added(transfer, _within(state, value), opacity)
     added = _with_transfer(state, new)
     if added is state:
         return state
@@ -62,40 +65,54 @@ def _add_point(state: ViewState, event: Event) -> ViewState:
     return _chosen(added, found[0]) if found else added
 
 
-def _remove_point(state: ViewState, event: Event) -> ViewState:
-    return _with_transfer(state, transfer_parts.removed(state.transfer, event.index))
+@edit
+def remove_point(state: ViewState, index: int) -> ViewState:
+    """Remove a part."""
+    return _with_transfer(state, transfer_parts.removed(state.transfer, index))
 
 
-def _choose(state: ViewState, event: Event) -> ViewState:
-    known = 0 <= event.index < len(transfer_parts.parts_of(state.transfer))
-    return _chosen(state, event.index) if known else state
+@edit
+def choose_part(state: ViewState, index: int) -> ViewState:
+    """Choose the part whose details are shown."""
+    known = 0 <= index < len(transfer_parts.parts_of(state.transfer))
+    return _chosen(state, index) if known else state
 
 
 def _chosen(state: ViewState, index: int) -> ViewState:
     return replace(state, interface=replace(state.interface, part=index))
 
 
-def _opacity(state: ViewState, event: Event) -> ViewState:
-    return _with_transfer(state, transfer_parts.with_opacity(state.transfer, event.index, event.x))
+@edit
+def set_opacity(state: ViewState, index: int, opacity: float) -> ViewState:
+    """Set a part's opacity."""
+    return _with_transfer(state, transfer_parts.with_opacity(state.transfer, index, opacity))
 
 
-def _material(state: ViewState, event: Event) -> ViewState:
-    if event.key not in state.transfer.materials:
+@edit
+def set_material(state: ViewState, index: int, name: str) -> ViewState:
+    """Make a part of one material."""
+    if name not in state.transfer.materials:
         return state
-    return _with_transfer(state, transfer_parts.with_mix(state.transfer, event.index, event.key))
+    return _with_transfer(state, transfer_parts.with_mix(state.transfer, index, name))
 
 
-def _share(state: ViewState, event: Event) -> ViewState:
-    transfer = transfer_parts.with_share(state.transfer, event.index, event.key, event.x)
+@edit
+def set_material_weight(state: ViewState, index: int, name: str, weight: float) -> ViewState:
+    """Set the weight of a material in a part's mix."""
+    transfer = transfer_parts.with_share(state.transfer, index, name, weight)
     return _with_transfer(state, transfer)
 
 
-def _region_values(state: ViewState, event: Event) -> ViewState:
-    return _placed(state, event.index, (event.x, event.y), None)
+@edit
+def set_region_values(state: ViewState, index: int, low: float, high: float) -> ViewState:
+    """Set the values of a region."""
+    return _placed(state, index, (low, high), None)
 
 
-def _region_gradients(state: ViewState, event: Event) -> ViewState:
-    return _placed(state, event.index, None, (event.x, event.y))
+@edit
+def set_region_gradients(state: ViewState, index: int, low: float, high: float) -> ViewState:
+    """Set the gradients of a region."""
+    return _placed(state, index, None, (low, high))
 
 
 def _placed(
@@ -112,14 +129,17 @@ def _placed(
     )
 
 
-def _softness(state: ViewState, event: Event) -> ViewState:
+@edit
+def set_softness(state: ViewState, index: int, softness: float) -> ViewState:
+    """Set how softly a region ends."""
     if not isinstance(state.transfer, Regions):
         return state
-    return _with_transfer(state, transfer_placing.softened(state.transfer, event.index, event.x))
+    return _with_transfer(state, transfer_placing.softened(state.transfer, index, softness))
 
 
-def _by_gradient(state: ViewState, _: Event) -> ViewState:
-    """Opacity by gradient on, as the scene's own where that has it, or off."""
+@edit
+def toggle_gradient_opacity(state: ViewState) -> ViewState:
+    """Turn opacity by gradient on, as the scene's own if it has that, or off."""
     curve, own = state.transfer, state.document.transfer
     if not isinstance(curve, TransferFunction) or curve.filters:  # these do not go together
         return state
@@ -130,28 +150,52 @@ def _by_gradient(state: ViewState, _: Event) -> ViewState:
     return replace(state, transfer=transfer_placing.factors_begun(curve, state.document.joint.top))
 
 
-def _gradient(edit: Callable[[TransferFunction, Event, float], TransferFunction]) -> Reducer:
-    """An edit of a curve's factors over gradients; it is given where the volume's end."""
-
-    def reducer(state: ViewState, event: Event) -> ViewState:
-        curve = state.transfer
-        if not isinstance(curve, TransferFunction) or not curve.gradient_opacity:
-            return state
-        return _with_transfer(state, edit(curve, event, state.document.joint.top))
-
-    return reducer
+@edit
+def move_gradient_point(state: ViewState, index: int, gradient: float, factor: float) -> ViewState:
+    """Move a point of a curve's factors over gradients."""
+    return _factored(state, transfer_placing.factor_moved, index, gradient, factor, _top(state))
 
 
-def _shift(state: ViewState, event: Event) -> ViewState:
+@edit
+def add_gradient_point(state: ViewState, gradient: float, factor: float) -> ViewState:
+    """Add a point to a curve's factors over gradients."""
+    return _factored(state, transfer_placing.factor_added, gradient, factor, _top(state))
+
+
+@edit
+def remove_gradient_point(state: ViewState, index: int) -> ViewState:
+    """Remove a point of a curve's factors over gradients."""
+    return _factored(state, transfer_placing.factor_removed, index)
+
+
+def _factored(
+    state: ViewState, change: Callable[..., TransferFunction], *given: float
+) -> ViewState:
+    curve = state.transfer
+    if not isinstance(curve, TransferFunction) or not curve.gradient_opacity:
+        return state
+    return _with_transfer(state, change(curve, *given))
+
+
+def _top(state: ViewState) -> float:
+    """The volume's greatest gradient."""
+    return state.document.joint.top
+
+
+@edit
+def shift(state: ViewState, shift: float) -> ViewState:
+    """Shift all values, by what is given from the start."""
     low, high = _span(state)
-    shift = min(max(event.x, low - high), high - low)
+    shift = min(max(shift, low - high), high - low)
     by = shift - state.shift
     moved = _remapped(state, lambda old: transfer_parts.shifted(old, by, (low, high)))
     return state if moved is state else replace(moved, shift=shift)
 
 
-def _thicken(state: ViewState, event: Event) -> ViewState:
-    thickness = min(max(event.x, THICKNESSES[0]), THICKNESSES[1])
+@edit
+def thicken(state: ViewState, thickness: float) -> ViewState:
+    """Multiply what opacities absorb, from the start."""
+    thickness = min(max(thickness, THICKNESSES[0]), THICKNESSES[1])
     thin, own = _thin(state)
     thicker = transfer_parts.thickened(thin, thickness / own)
     return replace(state, transfer=thicker, thickness=thickness, thin=(thin, own, thicker))
@@ -176,18 +220,20 @@ def _remapped(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewS
     return replace(state, transfer=new, thin=(change(thin), own, new))
 
 
-def _window(state: ViewState, event: Event) -> ViewState:
-    """A drag: across shifts the values, upwards spreads them."""
+@edit
+def window(state: ViewState, across: float, down: float) -> ViewState:
+    """Shift the values by a drag across, and spread them by one upwards."""
     low, high = _span(state)
-    moved = _shift(state, Event("shift", state.shift + event.x * (high - low)))
-    factor = math.exp(min(max(-_WIDER * event.y, -10.0), 10.0))
+    moved = shift(state, state.shift + across * (high - low))
+    factor = math.exp(min(max(-_WIDER * down, -10.0), 10.0))
     return _remapped(moved, lambda old: transfer_parts.stretched(old, factor, (low, high)))
 
 
-def _thicken_by(state: ViewState, event: Event) -> ViewState:
-    """A drag: upwards makes denser."""
-    factor = math.exp(min(max(-_THICKER * event.y, -10.0), 10.0))
-    return _thicken(state, Event("thicken", state.thickness * factor))
+@edit
+def thicken_by(state: ViewState, _across: float, down: float) -> ViewState:
+    """Make denser by a drag upwards."""
+    factor = math.exp(min(max(-_THICKER * down, -10.0), 10.0))
+    return thicken(state, state.thickness * factor)
 
 
 def _span(state: ViewState) -> tuple[float, float]:
@@ -209,66 +255,36 @@ def _reset(state: ViewState) -> ViewState:
     return _fresh(state, state.document.transfer)
 
 
+_LABELLED = "Labels are names, no values: neither presets nor other kinds fit them"
+
+
 def _preset(preset: preset_table.Preset) -> Change:
-    def change(state: ViewState) -> ViewState:
-        if isinstance(state.transfer, LabelFunction):  # labels are names, no values
-            return state
+    def change(state: ViewState) -> Edited:
+        if isinstance(state.transfer, LabelFunction):
+            return Edited(state, _LABELLED)
         document = state.document
         basis = document.transfer.basis
         fitted = presets.transfer_of(preset, document.volume, document.histogram, basis)
-        return _fresh(state, fitted)
+        return Edited(_fresh(state, fitted))
 
     return change
 
 
 def _into(kind: transfer_convert.Kind) -> Change:
-    def change(state: ViewState) -> ViewState:
+    def change(state: ViewState) -> Edited:
         new = transfer_convert.converted(state.transfer, kind, _span(state))
-        return state if new is state.transfer else _chosen(_with_transfer(state, new), 0)
+        if new is state.transfer:
+            labelled = isinstance(state.transfer, LabelFunction)
+            return Edited(state, _LABELLED if labelled else "")
+        lost = transfer_convert.left_out(state.transfer, kind, _span(state))
+        return Edited(_chosen(_with_transfer(state, new), 0), lost)
 
     return change
-
-
-def _labelled(state: ViewState) -> str:
-    """Why a transfer function stays what it is."""
-    if not isinstance(state.transfer, LabelFunction):
-        return ""
-    return "Labels are names, no values: neither presets nor other kinds fit them"
-
-
-def _lost(kind: transfer_convert.Kind) -> Callable[[ViewState], str]:
-    return lambda state: transfer_convert.left_out(state.transfer, kind, _span(state))
 
 
 def _is(kind: transfer_convert.Kind) -> Callable[[ViewState], bool]:
     return lambda state: transfer_convert.kind_of(state.transfer) == kind
 
-
-EVENTS: dict[str, Reducer] = {
-    "point": _point,
-    "add-point": _add_point,
-    "remove-point": _remove_point,
-    "choose-point": _choose,
-    "opacity": _opacity,
-    "material": _material,
-    "share": _share,
-    "region-values": _region_values,
-    "region-gradients": _region_gradients,
-    "softness": _softness,
-    "by-gradient": _by_gradient,
-    "gradient-point": _gradient(
-        lambda c, e, top: transfer_placing.factor_moved(c, e.index, e.x, e.y, top)
-    ),
-    "add-gradient-point": _gradient(
-        lambda c, e, top: transfer_placing.factor_added(c, e.x, e.y, top)
-    ),
-    "remove-gradient-point": _gradient(lambda c, e, _: transfer_placing.factor_removed(c, e.index)),
-    **materials.EVENTS,
-    "shift": _shift,
-    "thicken": _thicken,
-    "window": _window,
-    "thicken-by": _thicken_by,
-}
 
 # By kind: how it is called.
 KIND_TITLES: dict[transfer_convert.Kind, str] = {
@@ -276,21 +292,14 @@ KIND_TITLES: dict[transfer_convert.Kind, str] = {
     "regions": "Regions (2-D)",
     "surfaces": "Surfaces",
 }
-ACTIONS = (
+COMMANDS = (
     *(
-        Action(
-            *(f"preset-{preset.name}", "Transfer", f"Preset: {preset.title}", (), _preset(preset)),
-            refusal=_labelled,
-        )
+        Command(f"preset-{preset.name}", "Transfer", f"Preset: {preset.title}", (), _preset(preset))
         for preset in preset_table.PRESETS
     ),
     *(
-        Action(
-            *(f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _into(kind), _is(kind)),
-            refusal=_labelled,
-            told=_lost(kind),
-        )
+        Command(f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _into(kind), _is(kind))
         for kind, title in KIND_TITLES.items()
     ),
-    Action("reset-transfer", "Transfer", "The scene's own transfer function", (), _reset),
+    Command("reset-transfer", "Transfer", "The scene's own transfer function", (), _reset),
 )

@@ -5,7 +5,6 @@ state, lights -> [viewing] -> RelightSpec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
 from dataclasses import fields, replace
 from typing import Any
 
@@ -19,7 +18,7 @@ from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
-from volspec.viewer.model.event import Event, Reducer
+from volspec.viewer.model.edit import edit
 from volspec.viewer.model.lights import rig_of
 from volspec.viewer.model.state import ViewState
 
@@ -81,96 +80,137 @@ LEAST_LUX = 0.1
 EXPOSURE_RANGE = (0.1, 10.0)
 
 
-def _number(change: Callable[[RelightSpec, float], RelightSpec]) -> Reducer:
-    """A setting that is the event's ``x``."""
-
-    def reducer(state: ViewState, event: Event) -> ViewState:
-        return _with(state, change(state.seen, event.x))
-
-    return reducer
-
-
-def _word(known: Collection[str], change: Callable[[RelightSpec, str], RelightSpec]) -> Reducer:
-    """A setting that is the event's ``key``, one of the known."""
-
-    def reducer(state: ViewState, event: Event) -> ViewState:
-        return _with(state, change(state.seen, event.key)) if event.key in known else state
-
-    return reducer
-
-
 def _with(state: ViewState, seen: RelightSpec) -> ViewState:
-    """The state itself where nothing is set otherwise: specs are told apart by identity."""
+    """Return the state itself if nothing is set otherwise: specs are told apart by identity."""
     names = [field.name for field in fields(seen)]
     if all(getattr(seen, name) == getattr(state.seen, name) for name in names):
         return state
     return replace(state, seen=seen)
 
 
-def _own_luminance(state: ViewState, _: Event) -> ViewState:
-    """L_A by itself from now on, or from the light again."""
+def _set(state: ViewState, **changes: Any) -> ViewState:
+    return _with(state, changed(state.seen, **changes))
+
+
+def _set_display(state: ViewState, **changes: Any) -> ViewState:
+    return _with(state, with_display(state.seen, **changes))
+
+
+@edit
+def set_model(state: ViewState, name: str) -> ViewState:
+    """Set the appearance model."""
+    return _with(state, with_model(state.seen, name)) if name in MODELS else state
+
+
+@edit
+def set_adapting(state: ViewState, name: str) -> ViewState:
+    """Set what the eye adapts to: the numbers given, the picture, or each pixel's surroundings."""
+    return _set(state, adapting=name) if name in ADAPTING else state
+
+
+@edit
+def set_illuminance(state: ViewState, lux: float) -> ViewState:
+    """Set the illuminance of lights that have none of their own."""
+    return _set(state, illuminance_lux=max(lux, LEAST_LUX))
+
+
+@edit
+def toggle_own_luminance(state: ViewState) -> ViewState:
+    """Give L_A by itself, or have it follow from the light again."""
     viewing = state.seen.viewing
     own = luminance(rig_of(state.lights), viewing) if viewing.L_A is None else None
-    return _with(state, changed(state.seen, L_A=own))
+    return _set(state, L_A=own)
 
 
-def _luminance(seen: RelightSpec, L_A: float) -> RelightSpec:
-    return seen if seen.viewing.L_A is None else changed(seen, L_A=L_A)
+@edit
+def set_luminance(state: ViewState, L_A: float) -> ViewState:
+    """Set L_A in cd/m², if it is given by itself."""
+    return state if state.seen.viewing.L_A is None else _set(state, L_A=L_A)
 
 
-def _adaptation(seen: RelightSpec, D: float) -> RelightSpec:
-    """D; the model's own below 0."""
-    if seen.viewing.discount:
-        return seen
-    return changed(seen, D=None if D < 0 else min(D, 1.0))
+@edit
+def set_background(state: ViewState, Y_b: float) -> ViewState:
+    """Set the background's luminance factor, in percent."""
+    return _set(state, Y_b=min(max(Y_b, 0.0), 100.0))
 
 
-def _discount(state: ViewState, _: Event) -> ViewState:
+@edit
+def set_surround(state: ViewState, name: str) -> ViewState:
+    """Set the scene's surround."""
+    return _set(state, surround=name) if name in SURROUNDS else state
+
+
+@edit
+def set_adaptation(state: ViewState, D: float) -> ViewState:
+    """Set the degree of adaptation; below 0 it is the model's own."""
+    if state.seen.viewing.discount:
+        return state
+    return _set(state, D=None if D < 0 else min(D, 1.0))
+
+
+@edit
+def toggle_discount(state: ViewState) -> ViewState:
     """Discount the light's colour, or no longer."""
-    discount = not state.seen.viewing.discount
-    return _with(state, changed(state.seen, discount=discount, D=None))
+    return _set(state, discount=not state.seen.viewing.discount, D=None)
 
 
-def _room(seen: RelightSpec, name: str) -> RelightSpec:
-    """The display where a preset has it; what it can show stays."""
-    now = seen.viewing.display
+@edit
+def set_room(state: ViewState, name: str) -> ViewState:
+    """Put the display where a preset has it; what it can show stays."""
+    if name not in PRESETS:
+        return state
+    now = state.seen.viewing.display
     there = PRESETS[name].display(now.space, now.gamut)
-    return changed(seen, display=replace(there, mark=now.mark))
+    return _set(state, display=replace(there, mark=now.mark))
 
 
-def _white(seen: RelightSpec, cd_m2: float) -> RelightSpec:
-    """The display's white; what the eye adapts to goes up and down with it."""
-    now = seen.viewing.display
+@edit
+def set_space(state: ViewState, name: str) -> ViewState:
+    """Set the display's colour space."""
+    return _set_display(state, space=name) if name in SPACES else state
+
+
+@edit
+def set_white(state: ViewState, cd_m2: float) -> ViewState:
+    """Set the display's white; what the eye adapts to goes up and down with it."""
+    now = state.seen.viewing.display
     L_A = None if now.L_A is None else now.L_A * cd_m2 / now.white_cd_m2
-    return with_display(seen, white_cd_m2=cd_m2, L_A=L_A)
+    return _set_display(state, white_cd_m2=cd_m2, L_A=L_A)
 
 
-def _backdrop(seen: RelightSpec, share: float) -> RelightSpec:
-    """A grey; a spectrum of the scene's own stays."""
-    if isinstance(seen.backdrop, Spectrum):
-        return seen
-    return replace(seen, backdrop=min(max(share, 0.0), 1.0))
+@edit
+def set_display_surround(state: ViewState, name: str) -> ViewState:
+    """Set the display's surround."""
+    return _set_display(state, surround=name) if name in SURROUNDS else state
 
 
-EVENTS: dict[str, Reducer] = {
-    "model": _word(MODELS, with_model),
-    "adapting": _word(ADAPTING, lambda seen, key: changed(seen, adapting=key)),
-    "illuminance": _number(lambda seen, x: changed(seen, illuminance_lux=max(x, LEAST_LUX))),
-    "own-luminance": _own_luminance,
-    "luminance": _number(_luminance),
-    "background": _number(lambda seen, x: changed(seen, Y_b=min(max(x, 0.0), 100.0))),
-    "surround": _word(SURROUNDS, lambda seen, key: changed(seen, surround=key)),
-    "adaptation": _number(_adaptation),
-    "discount": _discount,
-    "room": _word(PRESETS, _room),
-    "space": _word(SPACES, lambda seen, key: with_display(seen, space=key)),
-    "white": _number(_white),
-    "display-surround": _word(SURROUNDS, lambda seen, key: with_display(seen, surround=key)),
-    "gamut": _word(GAMUTS, lambda seen, key: with_display(seen, gamut=key)),
-    "exposure": _number(
-        lambda seen, x: changed(seen, exposure=min(max(x, EXPOSURE_RANGE[0]), EXPOSURE_RANGE[1]))
-    ),
-    "backdrop": _number(_backdrop),
-    "mode": _word(MODES, lambda seen, key: replace(seen, mode=key)),
-    "level": _word(LEVELS, lambda seen, key: replace(seen, level=key)),
-}
+@edit
+def set_gamut(state: ViewState, name: str) -> ViewState:
+    """Set how colours come into the display's gamut."""
+    return _set_display(state, gamut=name) if name in GAMUTS else state
+
+
+@edit
+def set_exposure(state: ViewState, factor: float) -> ViewState:
+    """Set the exposure."""
+    return _set(state, exposure=min(max(factor, EXPOSURE_RANGE[0]), EXPOSURE_RANGE[1]))
+
+
+@edit
+def set_backdrop(state: ViewState, share: float) -> ViewState:
+    """Set the backdrop's grey; a spectrum of the scene's own stays."""
+    if isinstance(state.seen.backdrop, Spectrum):
+        return state
+    return _with(state, replace(state.seen, backdrop=min(max(share, 0.0), 1.0)))
+
+
+@edit
+def set_mode(state: ViewState, name: str) -> ViewState:
+    """Set how colours are computed from the basis."""
+    return _with(state, replace(state.seen, mode=name)) if name in MODES else state
+
+
+@edit
+def set_level(state: ViewState, name: str) -> ViewState:
+    """Set what the picture's level is relative to."""
+    return _with(state, replace(state.seen, level=name)) if name in LEVELS else state

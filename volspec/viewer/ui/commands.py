@@ -18,10 +18,9 @@ from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.spectra import light_names
-from volspec.viewer.model.commands import ACTIONS, found
-from volspec.viewer.model.event import Action, Change
-from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.lights_edits import refusal
+from volspec.viewer.model import interface_edits, lights_edits, viewing
+from volspec.viewer.model.commands import COMMANDS, found
+from volspec.viewer.model.edit import Change, Command, Edited
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Search, UiContext
 from volspec.viewer.ui.viewing import SETTINGS
@@ -39,7 +38,7 @@ _FLAGS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class Entry:
     """One row.
 
     Parameters
@@ -51,10 +50,6 @@ class Command:
         What it makes of a state.
     ask : str
         What is asked of the app instead.
-    refusal : callable, optional
-        Why it leaves a state as it is.
-    told : callable, optional
-        What is to be said of what it does to a state.
     item : str
         What of the viewing panel takes the keyboard.
     """
@@ -64,8 +59,6 @@ class Command:
     key: str = ""
     change: Change | None = None
     ask: str = ""
-    refusal: Callable[[ViewState], str] | None = None
-    told: Callable[[ViewState], str] | None = None
     item: str = ""
 
     @property
@@ -76,7 +69,7 @@ class Command:
 
 def commands_of(
     state: ViewState, recent: Sequence[RecentFile], text: str = ""
-) -> tuple[Command, ...]:
+) -> tuple[Entry, ...]:
     """All that can be done with a state, actions first; with a text the best matches first."""
     return _searched(_light_titles(state), tuple(recent), text)
 
@@ -93,70 +86,64 @@ def _light_titles(state: ViewState) -> tuple[str, ...]:
 @lru_cache(maxsize=8)
 def _searched(
     names: tuple[str, ...], recent: tuple[RecentFile, ...], text: str
-) -> tuple[Command, ...]:
+) -> tuple[Entry, ...]:
     """Looked up when something is typed, not in every frame."""
-    commands = (*_fixed(), *_alone(names), *_files(recent), *_added())
-    return tuple(found(commands, text, lambda command: command.text))
+    entries = (*_fixed(), *_alone(names), *_files(recent), *_added())
+    return tuple(found(entries, text, lambda entry: entry.text))
 
 
 @lru_cache(maxsize=1)
-def _fixed() -> tuple[Command, ...]:
+def _fixed() -> tuple[Entry, ...]:
     """Actions, models, displays, and settings of the viewing."""
-    shown = _after("open-viewing")
-    return (
-        *(_command_of(action) for action in ACTIONS if action.name != "commands"),
-        *(Command("Model", model, change=_after("model", model)) for model in MODELS),
-        *(Command("Display", name, change=_after("room", name)) for name in PRESETS),
-        *(Command("Surround", name, change=_after("surround", name)) for name in SURROUNDS),
-        *(Command("Space", name, change=_after("space", name)) for name in SPACES),
-        *(Command("Gamut", name, change=_after("gamut", name)) for name in GAMUTS),
-        *(Command("Setting", name, change=shown, item=name) for name in SETTINGS),
-    )
+    entries = [_entry_of(command) for command in COMMANDS if command.name != "commands"]
+    for group, names, change in (
+        ("Model", MODELS, viewing.set_model),
+        ("Display", PRESETS, viewing.set_room),
+        ("Surround", SURROUNDS, viewing.set_surround),
+        ("Space", SPACES, viewing.set_space),
+        ("Gamut", GAMUTS, viewing.set_gamut),
+    ):
+        entries += [Entry(group, name, change=_with(change, name)) for name in names]
+    shown = interface_edits.open_viewing
+    entries += [Entry("Setting", name, change=shown, item=name) for name in SETTINGS]
+    return tuple(entries)
 
 
-def _command_of(action: Action) -> Command:
-    ask = action.name if action.change is None else ""
-    title = action.title.removesuffix(" …")
-    return Command(
-        action.menu or "Step",
+def _entry_of(command: Command) -> Entry:
+    ask = command.name if command.change is None else ""
+    title = command.title.removesuffix(" …")
+    return Entry(
+        command.menu or "Step",
         title,
-        key_text(action),
-        action.change,
+        key_text(command),
+        command.change,
         ask,
-        action.refusal,
-        action.told,
     )
 
 
 @lru_cache(maxsize=8)
-def _alone(names: tuple[str, ...]) -> tuple[Command, ...]:
+def _alone(names: tuple[str, ...]) -> tuple[Entry, ...]:
     return tuple(
-        Command("Light", name, change=_after("alone", index=i)) for i, name in enumerate(names)
+        Entry("Light", name, change=_with(lights_edits.only, i)) for i, name in enumerate(names)
     )
 
 
 @lru_cache(maxsize=8)
-def _files(recent: tuple[RecentFile, ...]) -> tuple[Command, ...]:
-    return tuple(Command("Open", row.label, ask=f"open {row.path}") for row in recent if row.there)
+def _files(recent: tuple[RecentFile, ...]) -> tuple[Entry, ...]:
+    return tuple(Entry("Open", row.label, ask=f"open {row.path}") for row in recent if row.there)
 
 
 @lru_cache(maxsize=1)
-def _added() -> tuple[Command, ...]:
+def _added() -> tuple[Entry, ...]:
     """Lights of the library."""
     return tuple(
-        Command("Add light", name, change=_after("add-light", name), refusal=_no_light(name))
-        for name in light_names()
+        Entry("Add light", name, change=_with(lights_edits.add, name)) for name in light_names()
     )
 
 
-def _no_light(name: str) -> Callable[[ViewState], str]:
-    """Why a light of the library is not added."""
-    return lambda state: refusal(state, Event("add-light", key=name))
-
-
-def _after(name: str, key: str = "", index: int = 0) -> Change:
-    """What an event makes of a state."""
-    return lambda state: reduced(state, Event(name, key=key, index=index))
+def _with(change: Callable[..., ViewState | Edited], given: str | int) -> Change:
+    """An edit with its argument."""
+    return lambda state: change(state, given)
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
@@ -191,18 +178,18 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     return None
 
 
-def _act(command: Command, state: ViewState, ui: UiContext) -> ViewState | None:
+def _act(entry: Entry, state: ViewState, ui: UiContext) -> ViewState | None:
     """Do what was picked, or have it done."""
     ui.commands = None
-    if command.item:
-        ui.front, ui.item = "Viewing", command.item
-    if command.change is not None:
-        return ui.acted(state, command.change, command.refusal, command.told)
-    ui.asked.append(command.ask)
+    if entry.item:
+        ui.front, ui.item = "Viewing", entry.item
+    if entry.change is not None:
+        return ui.edited(state, entry.change)
+    ui.asked.append(entry.ask)
     return None
 
 
-def _body(search: Search, state: ViewState, ui: UiContext) -> Command | None:
+def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
     """The field and the rows; what was picked."""
     if search.fresh:
         imgui.set_keyboard_focus_here()
@@ -240,9 +227,9 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Command | None:
     return picked
 
 
-def _row(command: Command, chosen: bool, follow: bool, ui: UiContext) -> bool:
+def _row(entry: Entry, chosen: bool, follow: bool, ui: UiContext) -> bool:
     """One row: its group, what it does, its key at the right."""
-    imgui.push_id(command.text + command.ask)
+    imgui.push_id(entry.text + entry.ask)
     left = imgui.get_cursor_pos_x()
     right = left + imgui.get_content_region_avail().x
     pressed = bool(imgui.selectable("##row", chosen, 0, (0, imgui.get_frame_height()))[0])
@@ -250,12 +237,12 @@ def _row(command: Command, chosen: bool, follow: bool, ui: UiContext) -> bool:
         imgui.set_scroll_here_y(0.5)
     imgui.same_line(left + ui.px(6))
     imgui.align_text_to_frame_padding()
-    imgui.text_disabled(command.group)
+    imgui.text_disabled(entry.group)
     imgui.same_line(left + ui.px(92))
-    imgui.text(command.title)
-    if command.key:
-        imgui.same_line(right - text_width(command.key) - ui.px(8))
-        imgui.text_disabled(command.key)
+    imgui.text(entry.title)
+    if entry.key:
+        imgui.same_line(right - text_width(entry.key) - ui.px(8))
+        imgui.text_disabled(entry.key)
     imgui.pop_id()
     return pressed
 

@@ -7,14 +7,13 @@ Nothing of it is part of a picture, and undo does not know it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from imgui_bundle import imgui
 
 from volspec.raycast import CoefficientImage
-from volspec.viewer.model.event import Action, Change
+from volspec.viewer.model.edit import Change, Command, after
 from volspec.viewer.model.lights import Rows
 from volspec.viewer.model.palette_targets import News
 from volspec.viewer.model.projection import Projection
@@ -23,9 +22,6 @@ from volspec.viewer.work.error_map import Heat
 from volspec.viewer.work.probe import Reading
 from volspec.viewer.work.session_store import RecentFile
 from volspec.viewer.work.slice_pictures import SlicePictures
-
-# Words about a state, if any.
-Said = Callable[[ViewState], str] | None
 
 
 @dataclass(slots=True)
@@ -225,22 +221,23 @@ class UiContext:
         """A size in the window's pixels."""
         return size * self.scale
 
-    def acted(
-        self, state: ViewState, change: Change, refusal: Said = None, told: Said = None
-    ) -> ViewState:
-        """What an action makes of a state; why it refuses to, or what it left out, is said."""
-        new = change(state)
-        words = refusal if new is state else told
-        if words is not None and (said := words(state)):
-            self.asked.append(f"say {said}")
+    def say(self, message: str) -> None:
+        """Have a message shown to the user, if there is one."""
+        if message:
+            self.asked.append(f"say {message}")
+
+    def edited(self, state: ViewState, change: Change) -> ViewState:
+        """Return an edited state; say why it is refused, or what it left out."""
+        new, message = after(change, state)
+        self.say(message)
         return new
 
-    def done(self, state: ViewState, action: Action) -> ViewState:
-        """As `acted`, for an action; what is the app's to do is asked of it."""
-        if action.change is None:
-            self.asked.append(action.name)
+    def done(self, state: ViewState, command: Command) -> ViewState:
+        """Return a state after a command; what is the app's to do is asked of it."""
+        if command.change is None:
+            self.asked.append(command.name)
             return state
-        return self.acted(state, action.change, action.refusal, action.told)
+        return self.edited(state, command.change)
 
     def projection(self, state: ViewState) -> Projection:
         """Where the state's camera shows things in the window."""

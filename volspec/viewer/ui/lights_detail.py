@@ -8,10 +8,8 @@ from imgui_bundle import imgui, imgui_knobs
 
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
-from volspec.viewer.model import light_parts
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import light_parts, lights_edits
 from volspec.viewer.model.light_parts import facing_lux
-from volspec.viewer.model.lights_edits import refusal
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
@@ -60,7 +58,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         moved, kelvin = kelvin_slider("Temperature", row.kelvin)
         ui.note("temperature")
         if moved:
-            new = reduced(new, Event("kelvin", kelvin, index=index))
+            new = lights_edits.set_kelvin(new, index, kelvin)
     imgui.end_group()
     if not plain:
         new = _parts(new, ui, index, groups)
@@ -88,7 +86,7 @@ def _knob(state: ViewState, ui: UiContext, index: int) -> ViewState:
     imgui.set_cursor_pos_x(x + (ui.px(_KNOB) - text_width(text)) / 2)
     imgui.text(text)
     imgui.end_group()
-    return reduced(state, Event("weight", value, index=index)) if moved else state
+    return lights_edits.set_weight(state, index, value) if moved else state
 
 
 def _paint_knob(dark: bool) -> None:
@@ -117,7 +115,7 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     tip(_LUX_TIP)
     if pressed:
         lux = viewing.illuminance_lux if on else 0.0
-        return reduced(state, Event("lux", lux, index=index))
+        return lights_edits.set_lux(state, index, lux)
     imgui.same_line(0, ui.px(4))
     if not plain:
         facing = facing_lux(rig, state.shading.shares())
@@ -131,7 +129,7 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     moved, lux = imgui.slider_float("Illuminance##lux", now, *light_parts.LUX, text, _LOG)
     imgui.end_disabled()
     ui.note("lux")
-    return reduced(state, Event("lux", lux, index=index)) if moved and given else state
+    return lights_edits.set_lux(state, index, lux) if moved and given else state
 
 
 def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) -> ViewState:
@@ -160,10 +158,9 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
     if not entered:
         return state
     scraps.text_of = ("", 0)
-    event = Event("respell", index=index, part=part, key=text)
-    new = reduced(state, event)
-    if new is state and (why := refusal(state, event)):
-        scraps.complain(why, (index, part), state.lights)
+    new, refusal = lights_edits.respell(state, index, part, text)
+    if refusal:
+        scraps.complain(refusal, (index, part), state.lights)
     return new
 
 
@@ -221,7 +218,7 @@ def _part(
     picked, at = imgui.combo("##group", now, [in_line(name) or _ALL for name in names])
     ui.note(f"group {j}")
     if picked:
-        new = reduced(new, Event("regroup", index=index, part=j, key=names[at]))
+        new = lights_edits.regroup(new, index, j, names[at])
     imgui.table_next_column()
     x, y = imgui.get_cursor_screen_pos()
     side, inset = imgui.get_frame_height(), ui.px(3)
@@ -237,7 +234,7 @@ def _part(
     moved, weight = imgui.slider_float("##weight", rig.weights[j], 0.0, top, "%.2f")
     ui.note(f"part {j}")
     if moved:
-        new = reduced(new, Event("part-weight", weight, index=index, part=j))
+        new = lights_edits.set_part_weight(new, index, j, weight)
     tip("Weight beside the other spectra of this light")
     if rig.illuminance_lux:
         imgui.table_next_column()
@@ -247,10 +244,10 @@ def _part(
         ui.note(f"part lux {j}")
         tip("On a surface that faces it, were all groups to shine like this one")
         if moved:
-            new = reduced(new, Event("lux", lux, index=index, part=j))
+            new = lights_edits.set_lux(new, index, lux, j)
     imgui.table_next_column()
     if len(rig.lights) > 1 and imgui.button("×", (-1, 0)):
-        new = reduced(new, Event("remove-part", index=index, part=j))
+        new = lights_edits.remove_part(new, index, j)
     return new
 
 
@@ -259,7 +256,7 @@ def _more(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) 
     rig, new = state.lights[index].rig, state
     if "" in rig.groups:
         if imgui.button("A spectrum for each group"):
-            new = reduced(new, Event("split-part", index=index))
+            new = lights_edits.split_part(new, index)
         ui.note("part groups")
         return new
     dark = [name for name in groups if name not in rig.groups]
@@ -267,7 +264,7 @@ def _more(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) 
         if i:
             imgui.same_line()
         if imgui.button(f"Light {name}"):
-            new = reduced(new, Event("add-part", index=index, key=name))
+            new = lights_edits.add_part(new, index, name)
         tip(f"Nothing shines from {name} in this light")
     return new
 

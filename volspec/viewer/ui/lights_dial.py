@@ -12,7 +12,7 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import lights_edits
 from volspec.viewer.model.light_mixes import corners, dial_place
 from volspec.viewer.model.lights import shining
 from volspec.viewer.model.state import ViewState
@@ -274,7 +274,7 @@ def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewSt
     mouse = imgui.get_mouse_pos()
     place = (mouse.x - middle[0]) / radius, (mouse.y - middle[1]) / radius
     if imgui.is_item_active() and len(state.lights) > 1:
-        new = reduced(state, Event("dial", *place))
+        new = lights_edits.blend(state, *place)
     elif imgui.is_item_hovered():
         hovered = nearest(len(state.lights), *place, reach=ui.px(14) / radius)
         if hovered < 0:

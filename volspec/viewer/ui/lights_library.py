@@ -11,8 +11,7 @@ from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, light, light_names
 from volspec.spectra.files import split_address
 from volspec.spectra.lamps import LAMPS, PREFIX
-from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.lights_edits import refusal
+from volspec.viewer.model import lights_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
@@ -190,9 +189,7 @@ def _temperatures(ui: UiContext) -> str:
 
 
 def _added(state: ViewState, ui: UiContext, wanted: str) -> ViewState:
-    event = Event("add-light", key=wanted)
-    new = reduced(state, event)
-    ui.library.complaint = refusal(state, event) if new is state else ""
+    new, ui.library.complaint = lights_edits.add(state, wanted)
     if new is not state:
         imgui.close_current_popup()
     return new

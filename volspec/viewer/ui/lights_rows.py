@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import lights
+from volspec.viewer.model import lights, lights_edits
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import adapted_colour, raw_colour, spark
@@ -81,7 +80,7 @@ def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> 
     _swatch(state, ui, i)
     imgui.table_next_column()
     if _spark(state, ui, i, lit):
-        new = reduced(new, Event("select", index=i))
+        new = lights_edits.choose(new, i)
         ui.lights.to_tab = "Spectrum"
     imgui.table_next_column()
     new = _name(new, state, ui, i, lit)
@@ -90,15 +89,15 @@ def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> 
     moved, weight = imgui.slider_float("##weight", row.weight, 0.0, 1.0, "%.2f")
     ui.note(f"weight {i}")
     if moved:
-        new = reduced(new, Event("weight", weight, index=i))
-        new = reduced(new, Event("select", index=i))
+        new = lights_edits.set_weight(new, i, weight)
+        new = lights_edits.choose(new, i)
     imgui.table_next_column()
     if _toggle("S", row.solo, state, "Solo: only lights with S shine"):
-        new = reduced(new, Event("solo", index=i))
+        new = lights_edits.toggle_solo(new, i)
     ui.note(f"solo {i}")
     imgui.same_line(0, ui.px(3))
     if _toggle("M", row.muted, state, "Mute"):
-        new = reduced(new, Event("mute", index=i))
+        new = lights_edits.toggle_mute(new, i)
     ui.note(f"mute {i}")
     return new
 
@@ -113,7 +112,7 @@ def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) ->
     room = imgui.get_content_region_avail().x
     label = f"{shortened(row.name, room)}##name"
     if imgui.selectable(label, state.interface.light == i)[0]:
-        new = reduced(new, Event("select", index=i))
+        new = lights_edits.choose(new, i)
         if ui.lights.tab != "Spectrum":
             ui.lights.to_tab = "Light"
     imgui.pop_style_color()
@@ -122,7 +121,7 @@ def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) ->
     level = f"\n{lux:.4g} lx at weight 1" if lux else ""
     tip(f"{described(row)}{level}\nDouble-click: this light alone; F2: another name")
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
-        new = reduced(new, Event("alone", index=i))
+        new = lights_edits.only(new, i)
     return _context(new, ui, i)
 
 
@@ -142,7 +141,7 @@ def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
     entered, ended = name_field("##rename", scraps)
     ui.note(f"rename {i}")
     if entered:
-        new = reduced(new, Event("rename-light", index=i, key=scraps.name))
+        new = lights_edits.rename(new, i, scraps.name)
     if ended:
         scraps.renaming, scraps.name = -1, ""
     return new
@@ -156,7 +155,7 @@ def _context(new: ViewState, ui: UiContext, i: int) -> ViewState:
         action = BY_NAME[name]
         title = action.title.replace("the chosen ", "the ").replace("The chosen ", "This ")
         if imgui.menu_item(title, key_text(action), False)[0]:
-            new = ui.done(reduced(new, Event("select", index=i)), action)
+            new = ui.done(lights_edits.choose(new, i), action)
         ui.note(f"row {name}")
     imgui.end_popup()
     return new

@@ -7,8 +7,8 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from volspec.spectra import SpectralGrid
+from volspec.viewer.model import lights_edits
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.light_parts import row_at
 from volspec.viewer.model.lights import rig_of
 from volspec.viewer.model.state import ViewState
@@ -64,8 +64,8 @@ def draw_pen(state: ViewState, ui: UiContext, height: float) -> ViewState:
     mouse = imgui.get_mouse_pos()
     place = pen_place((mouse.x, mouse.y), rect, len(values), scraps.top)
     if held:
-        event = Event("draw", *place, index, part=scraps.part, start=scraps.pen)
-        new, scraps.pen = reduced(new, event), place
+        start, scraps.pen = scraps.pen or place, place
+        new = lights_edits.draw(new, index, scraps.part, start, place)
     _cross(ui, rect, (mouse.x, mouse.y), place, grid)
     return new
 

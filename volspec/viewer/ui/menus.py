@@ -1,4 +1,4 @@
-"""The menu at the top: every action, with its key, and the files opened lately."""
+"""The menu at the top: every command, with its key, and the files opened lately."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model.commands import ACTIONS, BY_NAME, MENUS, shown
-from volspec.viewer.model.event import Action
+from volspec.viewer.model.commands import BY_NAME, COMMANDS, MENUS, shown
+from volspec.viewer.model.edit import Command
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import in_line, key_text, shortened, text_width, whole_label
@@ -32,23 +32,23 @@ def draw_menu(state: ViewState, ui: UiContext) -> ViewState | None:
         ui.note(f"menu {title}")
         if not opened:
             continue
-        for action in ACTIONS:
-            if action.menu == title and action.name not in _ELSEWHERE:
-                new = _row(action, new, ui)
+        for command in COMMANDS:
+            if command.menu == title and command.name not in _ELSEWHERE:
+                new = _row(command, new, ui)
         imgui.end_menu()
     imgui.end_main_menu_bar()
     return None if new is state else new
 
 
-def _row(action: Action, state: ViewState, ui: UiContext) -> ViewState:
-    if action.name in _PARTS:
+def _row(command: Command, state: ViewState, ui: UiContext) -> ViewState:
+    if command.name in _PARTS:
         imgui.separator()
-    on = action.on is not None and action.on(state)
-    picked = imgui.menu_item(action.title, key_text(action), on)[0]
-    ui.note(f"action {action.name}")
-    if action.name == _AFTER:
+    on = command.on is not None and command.on(state)
+    picked = imgui.menu_item(command.title, key_text(command), on)[0]
+    ui.note(f"action {command.name}")
+    if command.name == _AFTER:
         _recent(ui)
-    return ui.done(state, action) if picked else state
+    return ui.done(state, command) if picked else state
 
 
 def _recent(ui: UiContext) -> None:
@@ -160,9 +160,9 @@ _PANELS = (
 def _rows_of(menu: str) -> tuple[Row, ...]:
     """A menu's actions that have keys."""
     return tuple(
-        (", ".join(shown(key) for key in action.keys if key), action.title.removesuffix(" …"))
-        for action in ACTIONS
-        if action.menu == menu and any(action.keys) and not action.name.startswith("recall-")
+        (", ".join(shown(key) for key in command.keys if key), command.title.removesuffix(" …"))
+        for command in COMMANDS
+        if command.menu == menu and any(command.keys) and not command.name.startswith("recall-")
     )
 
 

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
+from typing import Literal, TypeAlias
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import projection
+from volspec.viewer.model import camera_edits, cuts_edits, lights_edits, projection, transfer_edits
 from volspec.viewer.model.cuts import Handle, dragged, handles_of, nearest
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.inputs import STEPPING, Input
@@ -58,22 +59,28 @@ def _run_of(given: Input) -> tuple[str, str] | None:
 
 
 Area = tuple[int, int, int, int]
+# An edit by a drag across and down, in shares of the picture's height; or one that takes places.
+Drag: TypeAlias = Callable[[ViewState, float, float], ViewState] | Literal["roll", "divide"]
 # So near to the divide the mouse takes hold of it; pixels at 96 dpi, as the next.
 GRIP = 8
 # A press that moves less is a click.
 STILL = 4.0
 # What drags and the wheel do, by modifier keys and button; without an entry as without the keys.
-DRAGS: dict[tuple[str, str], str] = {
-    ("", "left"): "orbit",
-    ("", "middle"): "pan",
-    ("", "right"): "zoom",
+DRAGS: dict[tuple[str, str], Drag] = {
+    ("", "left"): camera_edits.orbit,
+    ("", "middle"): camera_edits.pan,
+    ("", "right"): camera_edits.zoom,
     ("shift", "left"): "roll",
-    ("shift", "right"): "pan",
-    ("ctrl", "left"): "window",
-    ("ctrl", "right"): "thicken-by",
-    ("ctrl+shift", "left"): "thicken-by",
+    ("shift", "right"): camera_edits.pan,
+    ("ctrl", "left"): transfer_edits.window,
+    ("ctrl", "right"): transfer_edits.thicken_by,
+    ("ctrl+shift", "left"): transfer_edits.thicken_by,
 }
-WHEELS: dict[str, str] = {"": "wheel", "shift": "roll-wheel", "ctrl": "fov"}
+WHEELS: dict[str, Callable[[ViewState, float], ViewState]] = {
+    "": camera_edits.zoom_notches,
+    "shift": camera_edits.roll_notches,
+    "ctrl": camera_edits.widen_notches,
+}
 
 
 class Mouse:
@@ -90,7 +97,8 @@ class Mouse:
         self.over_picture: Place | None = None
         self.scale = 1.0
         self._down: set[str] = set()
-        self._drag = self._event = ""
+        self._drag = ""
+        self._edit: Drag = camera_edits.orbit
         self._handle: Handle | None = None
         self._face: int | None = None
         self._pressed: Place = (-1.0, -1.0)
@@ -132,13 +140,13 @@ class Mouse:
             elif given.name == "release" and given.button == self._drag:
                 self._drag = ""
                 if self._face is not None:  # a click
-                    state = reduced(state, Event("face", index=self._face))
+                    state = camera_edits.look_at_face(state, self._face)
             elif given.name == "move" and self._drag:
                 state = self._dragged(state, before, area)
             elif given.name == "wheel" and free:
                 # With Shift some systems turn the wheel sideways.
-                event = WHEELS.get(given.modifiers, WHEELS[""])
-                state = reduced(state, Event(event, 0.0, given.y or given.x))
+                turn = WHEELS.get(given.modifiers, WHEELS[""])
+                state = turn(state, given.y or given.x)
         x, y, width, height = area
         inside = _inside(self._at, area) and not io.want_capture_mouse
         place = (self._at[0] - x) / max(width, 1), (self._at[1] - y) / max(height, 1)
@@ -148,7 +156,7 @@ class Mouse:
     def _begin(self, state: ViewState, given: Input, area: Area) -> ViewState:
         """Take hold of what a press is on."""
         self._drag, self._pressed = given.button, self._at
-        self._event = DRAGS.get((given.modifiers, given.button)) or DRAGS["", given.button]
+        self._edit = DRAGS.get((given.modifiers, given.button)) or DRAGS["", given.button]
         self._handle = self._face = None
         if given.button != "left" or given.modifiers:
             return state
@@ -156,7 +164,7 @@ class Mouse:
         self._handle = nearest(handles_of(state, seen, self.scale), self._at, self.scale)
         if self._handle is not None:
             if self._handle.name != "crop":
-                state = reduced(state, Event("plane-select", index=self._handle.index))
+                state = cuts_edits.choose_plane(state, self._handle.index)
             self._start = state
         elif state.interface.aids.cube:
             self._face = projection.face_at(seen, self._at, self.scale)
@@ -164,7 +172,7 @@ class Mouse:
         over = self._handle is not None or self._face is not None
         if state.other is not None and not over:
             near = abs(given.x - (x + state.divide * width)) < GRIP * self.scale
-            self._event = "divide" if near else self._event
+            self._edit = "divide" if near else self._edit
         return state
 
     def _dragged(self, state: ViewState, before: Place, area: Area) -> ViewState:
@@ -177,13 +185,13 @@ class Mouse:
             self._face, before = None, self._pressed
         if self._handle is not None and self._start is not None:
             return self._handled(state, self._start, self._handle, area)
-        if self._event == "divide":
-            return reduced(state, Event("divide", (self._at[0] - x) / max(width, 1)))
-        if self._event == "roll":
+        if self._edit == "divide":
+            return lights_edits.set_divide(state, (self._at[0] - x) / max(width, 1))
+        if self._edit == "roll":
             middle = x + width / 2, y + height / 2
-            return reduced(state, Event("roll", _turned_deg(middle, before, self._at)))
+            return camera_edits.roll(state, _turned_deg(middle, before, self._at))
         across, down = self._at[0] - before[0], self._at[1] - before[1]
-        return reduced(state, Event(self._event, across / tall, down / tall))
+        return self._edit(state, across / tall, down / tall)
 
     def _handled(self, state: ViewState, start: ViewState, handle: Handle, area: Area) -> ViewState:
         """What a handle's drag makes of a state, by what it was at its start."""
@@ -194,7 +202,7 @@ class Mouse:
             handle.held[1] + self._at[1] - self._pressed[1],
         )
         x, y = dragged(start.shading, volume, handle, place, seen)
-        return reduced(state, Event(handle.name, x, y, handle.index))
+        return cuts_edits.move_handle(state, handle, x, y)
 
     def _follow(self, given: Input) -> None:
         if given.name == "press":

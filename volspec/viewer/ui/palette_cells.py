@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from volspec.palette import Cell, CellReport
 from volspec.palette.advice import VISIBLE
 from volspec.spectra import Spectrum
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import palette_edits
 from volspec.viewer.model.lights import LightRow, shining
 from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clipped, stays
@@ -56,7 +56,7 @@ def member(
     ui.note(f"open {kind} {index}")
     tip(_MAY_CHANGE if single else _SEVERAL, WAITING_GREYED)
     if pressed:
-        new = reduced(new, Event("open", index=index, key=kind))
+        new = palette_edits.toggle_free(new, kind, index)
     imgui.same_line()
     x, y = imgui.get_cursor_screen_pos()
     size = wide - imgui.get_frame_height() - ui.px(5), imgui.get_frame_height()
@@ -193,7 +193,7 @@ def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> 
         tip(explained(report, wish))
         imgui.pop_id()
         if pressed:
-            new = reduced(new, Event("pick-cell", index=number))
+            new = palette_edits.choose_cell(new, number)
             ui.popup = CELL_POPUP
     return new
 

@@ -10,8 +10,7 @@ from volspec.palette import Cell
 from volspec.palette.colours import hexadecimal
 from volspec.palette.model import Place
 from volspec.spectra import light_names
-from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.palette_edits import MUST
+from volspec.viewer.model import interface_edits, lights_edits, palette_edits
 from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clipped
 from volspec.viewer.model.state import ViewState
@@ -81,7 +80,7 @@ def _cell(state: ViewState, table: Table, ui: UiContext, place: Place) -> ViewSt
     chosen = pick("##kind", KINDS[kind], _OF_WORDS, lambda each: tip(_TIPS[each], AT_ONCE))
     ui.note("wish kind")
     if chosen is not None:
-        new = reduced(new, Event("wish-kind", -1.0, index=number, key=_OF_WORDS[chosen]))
+        new = palette_edits.wish_kind(new, number, _OF_WORDS[chosen])
     if kind in ("", "colour"):
         # Where nothing is wanted yet, picking a colour wishes for it.
         codes = own.colour if own and own.colour else clipped(report.obtained)
@@ -89,7 +88,7 @@ def _cell(state: ViewState, table: Table, ui: UiContext, place: Place) -> ViewSt
         ui.note("picker")
         if moved:
             key = " ".join(f"{code:.5f}" for code in clipped((picked[0], picked[1], picked[2])))
-            new = reduced(new, Event("wish", index=number, key=key))
+            new = palette_edits.wish(new, number, key)
     elif own is not None:
         new = _other(new, table, number, own, ui)
     # Always there, so that nothing moves under the mouse with the first wish.
@@ -107,7 +106,7 @@ def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext
     if own.kind == "free":
         entered, name = imgui.input_text("##group", own.group, _ENTER)
         tip("Cells of one name come to one colour", AT_ONCE)
-        return reduced(state, Event("wish-group", index=number, key=name)) if entered else state
+        return palette_edits.wish_group(state, number, name) if entered else state
     new = state
     if own.other is not None:
         places = {" under ".join(place): table.index(place) for place in table.cells}
@@ -115,12 +114,11 @@ def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext
         chosen = pick("##other", " under ".join(own.other), others)
         ui.note("wish other")
         if chosen is not None:
-            at = float(places[chosen])
-            new = reduced(new, Event("wish-kind", at, index=number, key=own.kind))
+            new = palette_edits.wish_kind(new, number, own.kind, places[chosen])
     if own.kind == "distinct":
         moved, far = imgui.slider_float("##distance", own.distance, *DISTANCES, "ΔE %.0f or more")
         if moved:
-            new = reduced(new, Event("wish-distance", far, index=number))
+            new = palette_edits.wish_distance(new, number, far)
     return new
 
 
@@ -133,13 +131,12 @@ def _weight(state: ViewState, number: int, own: Cell, ui: UiContext) -> ViewStat
     imgui.end_disabled()
     tip("How much it counts beside the other wishes")
     if moved and not must:
-        new = reduced(new, Event("wish-weight", weight, index=number))
+        new = palette_edits.wish_weight(new, number, weight)
     if own.kind != "distinct":
         pressed, must = imgui.checkbox("Must be met", must)
         tip("Exactly, or the design is refused")
         if pressed:
-            key = MUST if must else ""
-            new = reduced(new, Event("wish-weight", 1.0, index=number, key=key))
+            new = palette_edits.wish_weight(new, number, None if must else 1.0)
     return new
 
 
@@ -154,19 +151,19 @@ def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
         imgui.text_disabled(about)
     imgui.separator()
     if imgui.menu_item("Show in the picture", "", False)[0]:
-        new = reduced(new, Event("show-light", index=index))
+        new = lights_edits.show_alone(new, index)
     ui.note("show light")
     opened = (LIGHT, name) in state.board.wishes.open
     single = len(state.lights[index].rig.lights) == 1
     if imgui.menu_item("May change", "", opened, single)[0]:
-        new = reduced(new, Event("open", index=index, key=LIGHT))
+        new = palette_edits.toggle_free(new, LIGHT, index)
     if imgui.begin_menu("A sum of real lamps", single):
         chosen = state.board.wishes.lamps.get(name, ())
         imgui.text_disabled("None ticked: any spectrum")
         if imgui.begin_child("lamps", (ui.px(230), ui.px(220))):
             for lamp in light_names():
                 if imgui.checkbox(lamp, lamp in chosen)[0]:
-                    new = reduced(new, Event("lamp", index=index, key=lamp))
+                    new = palette_edits.toggle_lamp(new, index, lamp)
         imgui.end_child()
         imgui.end_menu()
     return new
@@ -182,12 +179,12 @@ def _material(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     imgui.separator()
     opened = (REFLECTANCE, name) in state.board.wishes.open
     if imgui.menu_item("May change", "", opened)[0]:
-        new = reduced(new, Event("open", index=index, key=REFLECTANCE))
+        new = palette_edits.toggle_free(new, REFLECTANCE, index)
     constant = name in state.board.wishes.constant
     if imgui.menu_item("One colour under every light", "", constant)[0]:
-        new = reduced(new, Event("constant", index=index))
+        new = palette_edits.toggle_constant(new, index)
     for action, title in (("hide", "Hide …"), ("reveal", "Reveal …"), ("keep", "Keep its colour")):
         if imgui.menu_item(f"{title}##{action}", "", False)[0]:
-            new = reduced(new, Event("pick-material", key=name))
+            new = interface_edits.pick_material(new, name)
             ui.asked.append(action)
     return new

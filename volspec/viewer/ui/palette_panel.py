@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from imgui_bundle import imgui
 
 from volspec.palette.advice import VISIBLE
 from volspec.palette.model import METRICS
 from volspec.transfer import TransferFunction
+from volspec.viewer.model import interface_edits, palette_edits
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.palette_spectra import can_be_exact, columns
 from volspec.viewer.model.palette_table import Table, picked, ranges, table_of
 from volspec.viewer.model.palette_targets import DISTANCES, MOST_ROUNDS, SMOOTHNESS
@@ -51,28 +51,30 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     own, new = state.interface.pick, state
     half = (imgui.get_content_region_avail().x - ui.px(_UNDER)) / 2
     chosen = _combo("##material", material, rows, ui, half)
-    new = _told(new, "pick-material", chosen)
+    new = _picked(new, interface_edits.pick_material, chosen)
     imgui.same_line(0, ui.px(7))
     imgui.text_disabled("under")
     imgui.same_line(0, ui.px(7))
-    new = _told(new, "pick-light", _combo("##light", light, lights, ui))
+    new = _picked(new, interface_edits.pick_light, _combo("##light", light, lights, ui))
     like = own.like if own.like in lights else ""
     chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), ui)
     tip("Designs a light along, under which the other materials look as under this one")
-    new = _told(new, "pick-like", "" if chosen == _NO_LIGHT else chosen)
+    new = _picked(new, interface_edits.pick_like, "" if chosen == _NO_LIGHT else chosen)
     imgui.spacing()
     _ask("hide", "Hide", "Make it look like its surroundings under this light", ui)
     others = tuple(name for name in rows if name != material)
     # One that was taken out is none to hide in.
     within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
     chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), ui)
-    name = "pick-black" if chosen == _BLACK else "pick-within"
-    new = _told(new, name, "" if chosen in (_SURROUNDINGS, _BLACK) else chosen)
+    if chosen == _BLACK:
+        new = interface_edits.pick_black(new)
+    else:
+        new = _picked(new, interface_edits.pick_within, "" if chosen == _SURROUNDINGS else chosen)
     _ask("reveal", "Reveal", "Make it stand out from all others under this light", ui)
     imgui.set_next_item_width(-1)
     moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
     if moved:
-        new = reduced(new, Event("pick-distance", distance))
+        new = interface_edits.pick_distance(new, distance)
     _ask("keep", "Keep", "Give it one colour under all lights", ui)
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("its colour, under all lights")
@@ -80,9 +82,11 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     return _merged(new, rows)
 
 
-def _told(state: ViewState, name: str, key: str | None) -> ViewState:
-    """After an event with what was picked from a list, if anything was."""
-    return state if key is None else reduced(state, Event(name, key=key))
+def _picked(
+    state: ViewState, change: Callable[[ViewState, str], ViewState], name: str | None
+) -> ViewState:
+    """Return the state after an edit with what was picked from a list, if anything was."""
+    return state if name is None else change(state, name)
 
 
 def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
@@ -94,7 +98,7 @@ def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
     if imgui.begin_combo("##several", in_line(words), imgui.ComboFlags_.height_large):
         for number, name in enumerate(rows):
             if imgui.checkbox(f"{in_line(name)}###{number}", name in ticked)[0]:
-                new = reduced(new, Event("pick-merged", key=name))
+                new = interface_edits.toggle_merged(new, name)
         imgui.end_combo()
     return new
 
@@ -123,7 +127,7 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
         imgui.same_line(ui.px(100))
         chosen = _combo("##of", own.material, names, ui)
         if chosen not in (None, own.material):
-            new = reduced(new, Event("recast", index=number, key=chosen))
+            new = palette_edits.recast_range(new, number, chosen)
         imgui.pop_id()
     imgui.separator()
     told = state.interface.pick
@@ -137,12 +141,12 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
     )
     ui.note("range")
     if moved:
-        new = reduced(new, Event("pick-values", first, last))
+        new = interface_edits.pick_values(new, first, last)
     imgui.same_line()
-    new = _told(new, "pick-use", _combo("##use", use, names, ui, -ui.px(52)))
+    new = _picked(new, interface_edits.pick_use, _combo("##use", use, names, ui, -ui.px(52)))
     imgui.same_line()
     if imgui.button("Use", (-1, 0)):
-        new = reduced(new, Event("assign", first, last, key=use))
+        new = palette_edits.assign(new, first, last, use)
     ui.note("use")
     tip("Makes all values of this range this material; opacities stay")
     return new
@@ -158,16 +162,16 @@ def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("smooth")
     tip("How much smooth spectra count; much of it misses colours")
     if moved:
-        new = reduced(new, Event("smoothness", smoothness))
+        new = palette_edits.set_smoothness(new, smoothness)
     moved, rounds = imgui.slider_int("Rounds", criteria.rounds, 1, MOST_ROUNDS)
     tip("How often lights and materials take turns, and colours are compared anew")
     if moved:
-        new = reduced(new, Event("rounds", float(rounds)))
+        new = palette_edits.set_iterations(new, float(rounds))
     imgui.pop_item_width()
     chosen = _combo("Compare", _METRICS[criteria.metric], _METRICS.values(), ui)
     if chosen is not None:
         key = next(name for name, words in _METRICS.items() if words == chosen)
-        new = reduced(new, Event("metric", key=key))
+        new = palette_edits.set_metric(new, key)
     wrapped("No spectrum goes below 0, no reflectance above 1.", imgui.Col_.text_disabled)
     return new
 

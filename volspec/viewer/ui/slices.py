@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui
 
+from volspec.viewer.model import slices_edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.cuts import crop_of, world_mm
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.slices import (
     PLANES,
     Layout,
@@ -125,7 +125,7 @@ def _slider(
     if fits:
         imgui.same_line(0, imgui.get_style().item_inner_spacing.x)
         imgui.text(_where(_title(state, index), number, last))
-    return reduced(state, Event("slice", new / last, index=index)) if moved else state
+    return slices_edits.move_slice(state, index, new / last) if moved else state
 
 
 def _picture(
@@ -150,11 +150,11 @@ def _picture(
     if imgui.is_item_active():
         mouse = imgui.get_mouse_pos()
         share = (mouse.x - x) / width, (mouse.y - y) / high
-        new = reduced(new, Event("slice-point", *share, index=index))
+        new = slices_edits.point_at(new, index, *share)
     if imgui.is_item_hovered():
         imgui.set_item_key_owner(imgui.Key.mouse_wheel_y)
         if turned := imgui.get_io().mouse_wheel:
-            new = reduced(new, Event("slice-step", round(turned) or turned, index=index))
+            new = slices_edits.step_slice(new, index, round(turned) or turned)
     _crosshair(new, ui, layout, (x, y, width, high))
     return new
 
@@ -235,5 +235,5 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("greys")
     tip("Values shown black and white, where the transfer function shows nothing")
     if moved:
-        new = reduced(new, Event("slice-greys", (black - low) / span, (white - low) / span))
+        new = slices_edits.set_greys(new, (black - low) / span, (white - low) / span)
     return new

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import presets
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import materials, presets, transfer_edits
 from volspec.viewer.model.materials import why_kept
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of
@@ -48,7 +47,7 @@ def value_and_opacity(state: ViewState, ui: UiContext, what: str) -> ViewState:
     ui.note("part value")
     tip(f"{what} {index + 1} of {len(parts_of(state.transfer))}. Double-click to type")
     if moved:
-        new = reduced(new, Event("point", value, part.opacity, index=index))
+        new = transfer_edits.move_point(new, index, value, part.opacity)
     imgui.same_line()
     new = opacity(new, ui, index, wide)
     imgui.same_line()
@@ -62,7 +61,7 @@ def opacity(state: ViewState, ui: UiContext, index: int, wide: float) -> ViewSta
     moved, given = imgui.slider_float("##opacity", now, 0.0, 1.0, "opacity %.3f", _FINE)
     ui.note("part opacity")
     tip("Double-click or Ctrl+click to type")
-    return reduced(state, Event("opacity", given, index=index)) if moved else state
+    return transfer_edits.set_opacity(state, index, given) if moved else state
 
 
 def remove(state: ViewState, ui: UiContext, index: int, what: str) -> ViewState:
@@ -70,7 +69,7 @@ def remove(state: ViewState, ui: UiContext, index: int, what: str) -> ViewState:
     pressed = _cross(ui)
     ui.note("remove part")
     tip(what)
-    return reduced(state, Event("remove-point", index=index)) if pressed else state
+    return transfer_edits.remove_point(state, index) if pressed else state
 
 
 def _cross(ui: UiContext) -> bool:
@@ -109,7 +108,7 @@ def material(state: ViewState, ui: UiContext, index: int, wide: float = -1.0) ->
         flags = imgui.SelectableFlags_.no_auto_close_popups
         label = f"{shortened(name, ui.px(_NAME))}###{name}"
         if imgui.selectable(label, share > 0, flags, (ui.px(_NAME), 0))[0]:
-            new = reduced(new, Event("material", index=index, key=name))
+            new = transfer_edits.set_material(new, index, name)
         ui.note(f"material {name}")
         tip(f"Only {name}")
         imgui.same_line()
@@ -120,7 +119,7 @@ def material(state: ViewState, ui: UiContext, index: int, wide: float = -1.0) ->
         imgui.end_disabled()
         ui.note(f"share {name}")
         if moved:
-            new = reduced(new, Event("share", share, index=index, key=name))
+            new = transfer_edits.set_material_weight(new, index, name, share)
         imgui.same_line()
         new = _take_out(new, ui, name)
         imgui.pop_id()
@@ -137,7 +136,7 @@ def _take_out(state: ViewState, ui: UiContext, name: str) -> ViewState:
     ui.note(f"take out {name}")
     free = f"Take {in_line(name)} off the list: nothing is made of it"
     tip(why[:1].upper() + why[1:] or free, WAITING_GREYED)
-    return reduced(state, Event("remove-material", key=name)) if pressed else state
+    return materials.remove_material(state, name) if pressed else state
 
 
 def in_words(mix: Mapping[str, float]) -> str:

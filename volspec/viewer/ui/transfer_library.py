@@ -14,8 +14,13 @@ from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, reflectance_names
 from volspec.spectra.files import split_address
 from volspec.viewer.model.commands import found
-from volspec.viewer.model.events import Event, reduced
-from volspec.viewer.model.materials import colour_names, is_colour, reflectance_for, refusal, told
+from volspec.viewer.model.materials import (
+    add_material,
+    colour_names,
+    is_colour,
+    reflectance_for,
+    told,
+)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import spectrum_colour, swatch
@@ -193,14 +198,13 @@ def _entry(state: ViewState, name: str, ui: UiContext) -> bool:
 
 def added(state: ViewState, ui: UiContext, index: int, wanted: str) -> ViewState:
     """The part of what was picked; why not, where it cannot be."""
-    scraps, event = ui.library, Event("add-material", index=index, key=wanted)
+    scraps = ui.library
     if _waits(state.transfer.basis, wanted):
         # It is added as soon as it is made; the window goes on drawing while a notice stands.
         scraps.search, scraps.complaint = wanted, _WAITS
         ui.asked.append(f"say {_WAITS}")
         return state
-    new = reduced(state, event)
-    scraps.complaint = refusal(state, event) if new is state else ""
+    new, scraps.complaint = add_material(state, index, wanted)
     if not scraps.complaint:
         scraps.search = ""
     if said := told(state.transfer, new.transfer):

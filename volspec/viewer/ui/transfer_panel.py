@@ -5,9 +5,8 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.transfer import MAX_LABEL, LabelFunction, TransferFunction2D
-from volspec.viewer.model import presets, transfer_convert
+from volspec.viewer.model import interface_edits, presets, transfer_convert, transfer_edits
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
 from volspec.viewer.ui import transfer_detail, transfer_points, transfer_regions
@@ -48,7 +47,7 @@ def draw_labels(state: ViewState, ui: UiContext) -> ViewState:
             imgui.pop_id()
         imgui.end_table()
     if imgui.button("Add label"):
-        new = reduced(new, Event("add-point", next_label(function), 0.5))
+        new = transfer_edits.add_point(new, next_label(function), 0.5)
     tip("The least number that is not listed")
     return new
 
@@ -112,7 +111,7 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     if on:
         imgui.push_style_color(imgui.Col_.text, ACCENT[state.interface.dark])
     if imgui.button("log", (ui.px(40), 0)):
-        new = reduced(new, Event("logarithmic"))
+        new = ui.edited(new, interface_edits.toggled("logarithmic"))
     if on:
         imgui.pop_style_color()
     ui.note("log")
@@ -145,7 +144,7 @@ def _sliders(state: ViewState, ui: UiContext) -> ViewState:
         ui.note("shift")
         tip("Moves all values. In the picture: Ctrl+drag sideways; up and down spreads them")
         if moved:
-            new = reduced(new, Event("shift", shift))
+            new = transfer_edits.shift(new, shift)
         imgui.same_line()
     imgui.set_next_item_width(wide)
     moved, factor = imgui.slider_float(
@@ -153,4 +152,4 @@ def _sliders(state: ViewState, ui: UiContext) -> ViewState:
     )
     ui.note("thickness")
     tip("Multiplies all opacities, great ones near 1. In the picture: Ctrl+right drag")
-    return reduced(new, Event("thicken", factor)) if moved else new
+    return transfer_edits.thicken(new, factor) if moved else new

@@ -8,7 +8,7 @@ import numpy as np
 from imgui_bundle import imgui, implot
 
 from volspec.transfer import Isosurfaces, TransferFunction
-from volspec.viewer.model.events import Event, reduced
+from volspec.viewer.model import transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import Part, parts_of
 from volspec.viewer.model.transfer_placing import factors_top
@@ -36,11 +36,6 @@ _TIP = (
     "Drag the points; a double-click adds one, a right click removes it"
 )
 _FILTERED = "Not together with filters of materials, which this curve has"
-_EVENTS = {
-    "move": "gradient-point",
-    "remove": "remove-gradient-point",
-    "add": "add-gradient-point",
-}
 
 
 def gradients_height(curve: TransferFunction, ui: UiContext) -> float:
@@ -59,7 +54,7 @@ def draw_gradients(state: ViewState, curve: TransferFunction, ui: UiContext) -> 
     ui.note("by gradient")
     tip(_FILTERED if curve.filters else _TIP, WAITING_GREYED)
     if pressed:
-        new = reduced(new, Event("by-gradient"))
+        new = transfer_edits.toggle_gradient_opacity(new)
     if not on:
         return new
     imgui.same_line()
@@ -93,8 +88,13 @@ def _plot(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState
         x, y = implot.plot_to_pixels(*handle.place)
         ui.areas[f"gradient {i}"] = int(x), int(y), 0, 0
     for touch in touched(handles, -1, ui, state.interface.dark):
-        if touch.what in _EVENTS:
-            new = reduced(new, Event(_EVENTS[touch.what], touch.x, touch.y, touch.index))
+        match touch.what:
+            case "move":
+                new = transfer_edits.move_gradient_point(new, touch.index, touch.x, touch.y)
+            case "add":
+                new = transfer_edits.add_gradient_point(new, touch.x, touch.y)
+            case "remove":
+                new = transfer_edits.remove_gradient_point(new, touch.index)
     return new
 
 
@@ -125,12 +125,6 @@ def _line(factors: Sequence[tuple[float, float]], end: float, ui: UiContext) -> 
 _STRIP_PX = 3.0
 # The plot's height, alone and with another one below.
 _LEAST, _LEAST_OF_TWO = 115, 82
-_EVENTS_points = {
-    "move": "point",
-    "remove": "remove-point",
-    "choose": "choose-point",
-    "add": "add-point",
-}
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
@@ -196,8 +190,16 @@ def _handles(state: ViewState, ui: UiContext) -> ViewState:
         for part, colour in zip(parts, part_colours(state), strict=True)
     ]
     for touch in touched(handles, transfer_detail.chosen(state), ui, state.interface.dark):
-        event = Event(_EVENTS_points[touch.what], touch.x, opacity_at(touch.y), touch.index)
-        new = reduced(new, event)
+        match touch.what:
+            case "move":
+                place = touch.x, opacity_at(touch.y)
+                new = transfer_edits.move_point(new, touch.index, *place)
+            case "add":
+                new = transfer_edits.add_point(new, touch.x, opacity_at(touch.y))
+            case "remove":
+                new = transfer_edits.remove_point(new, touch.index)
+            case _:
+                new = transfer_edits.choose_part(new, touch.index)
     return new
 
 

@@ -10,9 +10,8 @@ from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
 from volspec.transfer import Region, TransferFunction2D
-from volspec.viewer.model import presets
+from volspec.viewer.model import presets, transfer_edits
 from volspec.viewer.model.document import JointHistogram
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import transfer_detail
 from volspec.viewer.ui.context import UiContext
@@ -79,7 +78,7 @@ def _rectangles(state: ViewState, ui: UiContext) -> ViewState:
         )
         held = held or bool(hovered) or bool(down)
         if hovered and imgui.is_mouse_clicked(1):
-            new = reduced(new, Event("remove-point", index=i))
+            new = transfer_edits.remove_point(new, i)
         elif moved:
             new = _placed(new, i, region, (a, c), (b, d))
         elif down and _well_inside(box, ui):
@@ -87,11 +86,11 @@ def _rectangles(state: ViewState, ui: UiContext) -> ViewState:
             across, up = _step()
             new = _placed(new, i, region, (x1 + across, x2 + across), (y1 + up, y2 + up))
         if clicked or down:
-            new = reduced(new, Event("choose-point", index=i))
+            new = transfer_edits.choose_part(new, i)
     implot.pop_plot_clip_rect()
     if implot.is_plot_hovered() and not held and imgui.is_mouse_double_clicked(0):
         mouse = implot.get_plot_mouse_pos()
-        new = reduced(new, Event("add-point", mouse.x, mouse.y))
+        new = transfer_edits.add_point(new, mouse.x, mouse.y)
     return new
 
 
@@ -120,11 +119,11 @@ def _placed(
     top = state.document.joint.top
     (bottom, end), shown = gradients, shown_gradients(region, top)
     if values != tuple(region.values):
-        state = reduced(state, Event("region-values", *values, index))
+        state = transfer_edits.set_region_values(state, index, *values)
     if bottom != shown[0] and end != shown[1] and not math.isfinite(region.gradients[1]):
         end = top
     if (bottom, end) != shown:
-        state = reduced(state, Event("region-gradients", bottom, end, index))
+        state = transfer_edits.set_region_gradients(state, index, bottom, end)
     return state
 
 
@@ -150,7 +149,7 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("region values")
     tip("From value to value")
     if moved:
-        new = reduced(new, Event("region-values", values[0], values[1], index))
+        new = transfer_edits.set_region_values(new, index, values[0], values[1])
     imgui.same_line()
     imgui.set_next_item_width(wide)
     bottom, end = shown_gradients(region, top)
@@ -161,7 +160,7 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("region gradients")
     tip("From gradient to gradient, value per mm; at the axis' end and above: any")
     if moved:
-        new = reduced(new, Event("region-gradients", gradients[0], gradients[1], index))
+        new = transfer_edits.set_region_gradients(new, index, gradients[0], gradients[1])
     wide = (imgui.get_content_region_avail().x - ui.px(36)) / 2
     new = transfer_detail.opacity(new, ui, index, wide)
     imgui.same_line()
@@ -169,7 +168,7 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     moved, softness = imgui.slider_float("##softness", region.softness, 0.0, 1.0, "softness %.2f")
     ui.note("softness")
     if moved:
-        new = reduced(new, Event("softness", softness, index=index))
+        new = transfer_edits.set_softness(new, index, softness)
     imgui.same_line()
     new = transfer_detail.remove(new, ui, index, "Remove the region")
     return transfer_detail.material(new, ui, transfer_detail.chosen(new))

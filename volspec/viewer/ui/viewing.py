@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from imgui_bundle import imgui
@@ -15,10 +15,31 @@ from volspec.basis import MODES
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.events import Event, reduced
 from volspec.viewer.model.lights import Rows, rig_of
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.viewing import EXPOSURE_RANGE, LEAST_LUX, luminance
+from volspec.viewer.model.viewing import (
+    EXPOSURE_RANGE,
+    LEAST_LUX,
+    luminance,
+    set_adaptation,
+    set_adapting,
+    set_backdrop,
+    set_background,
+    set_display_surround,
+    set_exposure,
+    set_gamut,
+    set_illuminance,
+    set_level,
+    set_luminance,
+    set_mode,
+    set_model,
+    set_room,
+    set_space,
+    set_surround,
+    set_white,
+    toggle_discount,
+    toggle_own_luminance,
+)
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import white_of
 from volspec.viewer.ui.widgets import pick, tip
@@ -78,11 +99,11 @@ def white_told(lights: Rows) -> str:
 
 def _eye(state: ViewState, ui: UiContext) -> ViewState:
     viewing = state.seen.viewing
-    new = _picked(state, "model", "Model", viewing.model, MODELS)
+    new = _picked(state, set_model, "Model", viewing.model, MODELS)
     ui.note("model")
     viewing = new.seen.viewing
     measurable = ADAPTING if viewing.model in PER_PIXEL else ADAPTING[:2]
-    new = _picked(new, "adapting", "Adapting", viewing.adapting, measurable)
+    new = _picked(new, set_adapting, "Adapting", viewing.adapting, measurable)
     tip("given: the numbers below; picture, pixel: measured in what is seen")
     return new
 
@@ -100,7 +121,7 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     imgui.end_disabled()
     tip("The lights' own lux count" if lux else "What lights without lux of their own give")
     if moved:
-        new = reduced(new, Event("illuminance", given))
+        new = set_illuminance(new, given)
     own = viewing.L_A is not None
     imgui.begin_disabled(not own)
     moved, L_A = imgui.slider_float(
@@ -108,18 +129,18 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     )
     imgui.end_disabled()
     if moved:
-        new = reduced(new, Event("luminance", L_A))
+        new = set_luminance(new, L_A)
     imgui.same_line()
     pressed, _ = imgui.checkbox("own L_A", own)
     tip("Luminance that the eye adapts to; else it follows from light and background")
     if pressed:
-        new = reduced(new, Event("own-luminance"))
+        new = toggle_own_luminance(new)
     _reach("Background", ui)
     moved, Y_b = imgui.slider_float("Background", viewing.Y_b, 1.0, 100.0, "Y_b %.0f %%")
     if moved:
-        new = reduced(new, Event("background", Y_b))
+        new = set_background(new, Y_b)
     _reach("Surround", ui)
-    return _picked(new, "surround", "Surround", _surround_text(viewing.surround), SURROUNDS)
+    return _picked(new, set_surround, "Surround", _surround_text(viewing.surround), SURROUNDS)
 
 
 def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
@@ -131,27 +152,27 @@ def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
     moved, D = imgui.slider_float("Adaptation", -0.01 if share is None else share, -0.01, 1.0, text)
     imgui.end_disabled()
     if moved:
-        new = reduced(new, Event("adaptation", D))
+        new = set_adaptation(new, D)
     pressed, _ = imgui.checkbox("Discount the light's colour", viewing.discount)
-    return reduced(new, Event("discount")) if pressed else new
+    return toggle_discount(new) if pressed else new
 
 
 def _display(state: ViewState, ui: UiContext) -> ViewState:
     display = state.seen.viewing.display
     _reach("Room", ui)
-    new = _picked(state, "room", "Room", preset_of(display), PRESETS)
+    new = _picked(state, set_room, "Room", preset_of(display), PRESETS)
     ui.note("room")
     space = display.space.name if isinstance(display.space, ColourSpace) else str(display.space)
     _reach("Space", ui)
-    new = _picked(new, "space", "Space", space, SPACES)
+    new = _picked(new, set_space, "Space", space, SPACES)
     _reach("White", ui)
     moved, white = imgui.slider_float("White", display.white_cd_m2, *_WHITE, "%.4g cd/m²", _LOG)
     if moved:
-        new = reduced(new, Event("white", white))
+        new = set_white(new, white)
     surround = _surround_text(display.surround)
-    new = _picked(new, "display-surround", "Surround##display", surround, SURROUNDS)
+    new = _picked(new, set_display_surround, "Surround##display", surround, SURROUNDS)
     _reach("Gamut", ui)
-    new = _picked(new, "gamut", "Gamut", display.gamut, GAMUTS)
+    new = _picked(new, set_gamut, "Gamut", display.gamut, GAMUTS)
     pressed, _ = imgui.checkbox("Mark what it cannot show", display.mark)
     return ui.done(new, BY_NAME["mark"]) if pressed else new
 
@@ -164,23 +185,29 @@ def _picture(state: ViewState, ui: UiContext) -> ViewState:
     )
     ui.note("exposure")
     if moved:
-        new = reduced(new, Event("exposure", exposure))
+        new = set_exposure(new, exposure)
     if not isinstance(seen.backdrop, Spectrum):
         _reach("Backdrop", ui)
         moved, backdrop = imgui.slider_float("Backdrop", seen.backdrop, 0.0, 1.0, "%.2f")
         if moved:
-            new = reduced(new, Event("backdrop", backdrop))
-    new = _picked(new, "mode", "Mode", seen.mode, MODES)
+            new = set_backdrop(new, backdrop)
+    new = _picked(new, set_mode, "Mode", seen.mode, MODES)
     tip("componentwise: channel by channel; exact: the light matrix. E shows the difference")
-    new = _picked(new, "level", "Level", seen.level, LEVELS)
+    new = _picked(new, set_level, "Level", seen.level, LEVELS)
     tip("relative: white stays white; absolute: by the lights' lux")
     return new
 
 
-def _picked(state: ViewState, event: str, label: str, now: str, names: Iterable[str]) -> ViewState:
+def _picked(
+    state: ViewState,
+    change: Callable[[ViewState, str], ViewState],
+    label: str,
+    now: str,
+    names: Iterable[str],
+) -> ViewState:
     """A list of settings; the state after what was picked."""
     key = pick(label, now, names)
-    return state if key is None else reduced(state, Event(event, key=key))
+    return state if key is None else change(state, key)
 
 
 def _reach(name: str, ui: UiContext) -> None:

@@ -14,7 +14,7 @@ from imgui_bundle import imgui
 
 from volspec.export.overview import printable
 from volspec.viewer.model.commands import shown
-from volspec.viewer.model.event import Action
+from volspec.viewer.model.edit import Command
 from volspec.viewer.model.lights import KELVIN
 from volspec.viewer.ui.context import LightScraps, UiContext
 from volspec.viewer.ui.style import ACCENT
@@ -167,6 +167,6 @@ def kelvin_slider(label: str, kelvin: float) -> tuple[bool, float]:
     )
 
 
-def key_text(action: Action) -> str:
+def key_text(command: Command) -> str:
     """The first key of an action as people write it; empty where it has none."""
-    return shown(action.keys[0]) if action.keys and action.keys[0] else ""
+    return shown(command.keys[0]) if command.keys and command.keys[0] else ""

@@ -1,0 +1,90 @@
+"""Edits of the viewer's state with arguments drawn by their types."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, get_type_hints
+
+from hypothesis import strategies as st
+
+from volspec.viewer.model import (
+    camera_edits,
+    cuts_edits,
+    interface_edits,
+    light_states_edits,
+    lights_edits,
+    materials,
+    palette_edits,
+    slices_edits,
+    transfer_edits,
+    viewing,
+)
+from volspec.viewer.model.edit import Edited
+from volspec.viewer.model.state import ViewState
+
+MODULES = (
+    *(camera_edits, cuts_edits, interface_edits, light_states_edits, lights_edits, materials),
+    *(palette_edits, slices_edits, transfer_edits, viewing),
+)
+NUMBERS = st.floats(-2, 30) | st.floats(-1e9, 1e9) | st.sampled_from([0.0, math.nan, math.inf])
+INDICES = st.integers(-2, 12)
+
+
+def edits_of(*modules: Any) -> dict[str, Callable[..., Any]]:
+    """Edits by module and name: what `volspec.viewer.model.edit` has made total."""
+    return {
+        f"{module.__name__.rpartition('.')[2]}.{name}": each
+        for module in modules
+        for name, each in vars(module).items()
+        if hasattr(each, "__wrapped__")
+        and each.__module__ == module.__name__
+        and next(iter(inspect.signature(each).parameters), "") == "state"
+    }
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """An edit with its arguments."""
+
+    name: str
+    given: tuple[Any, ...]
+
+    def __call__(self, state: ViewState) -> ViewState:
+        found = _EDITS[self.name](state, *self.given)
+        return found.state if isinstance(found, Edited) else found
+
+
+def drawn(words: tuple[str, ...], *modules: Any) -> st.SearchStrategy[Drawn]:
+    """Any edit with any arguments, of which texts are among ``words``."""
+    names = sorted(edits_of(*modules))
+    numbers, indices = st.tuples(*[NUMBERS] * 4), st.tuples(INDICES, INDICES)
+    return st.builds(_with, st.sampled_from(names), numbers, indices, st.sampled_from(words))
+
+
+def _with(name: str, numbers: tuple[float, ...], indices: tuple[int, ...], word: str) -> Drawn:
+    """An edit with arguments by their types."""
+    some, which, given = iter(numbers), iter(indices), list[Any]()
+    for kind in _types(name):
+        if kind is int:
+            given.append(next(which))
+        elif kind is str:
+            given.append(word)
+        elif kind == tuple[float, float]:
+            given.append((next(some), next(some)))
+        else:
+            given.append(next(some))
+    return Drawn(name, tuple(given))
+
+
+_EDITS = edits_of(*MODULES)
+
+
+@cache
+def _types(name: str) -> tuple[Any, ...]:
+    """Types of an edit's arguments behind the state."""
+    hints = get_type_hints(_EDITS[name].__wrapped__)  # type: ignore[attr-defined]
+    return tuple(hints[each] for each in list(inspect.signature(_EDITS[name]).parameters)[1:])
