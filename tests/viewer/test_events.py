@@ -120,7 +120,7 @@ def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState
 def pressed(state: ViewState, key: str) -> ViewState:
     change = BY_KEY[key].change
     assert change is not None
-    return change(state)
+    return after(change, state).state
 
 
 def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:

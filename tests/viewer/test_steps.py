@@ -40,7 +40,7 @@ from volspec.viewer.work.session_store import RecentFiles
 def done(state: ViewState, name: str) -> ViewState:
     change = BY_NAME[name].change
     assert change is not None
-    return change(state)
+    return after(change, state).state
 
 
 def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:

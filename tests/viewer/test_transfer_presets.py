@@ -14,6 +14,7 @@ from volspec.viewer.model import presets, transfer_edits
 from volspec.viewer.model import presets as preset_table
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.document import Document, histogram, joint_histogram
+from volspec.viewer.model.edit import after
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of
 from volspec.volume import Volume, phantom
@@ -61,7 +62,7 @@ def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document: Docu
     shifted = transfer_edits.shift(state, 0.2)
     change = BY_NAME["preset-skin"].change
     assert change is not None
-    new = change(shifted)
+    new = after(change, shifted).state
     assert list(new.transfer.materials) == ["skin"] and new.shift == 0
     assert new.transfer.basis.method == "materials"
     assert new.transfer.basis.grid == document.grid
