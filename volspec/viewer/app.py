@@ -1,6 +1,6 @@
-"""The event loop: input and panels make states, states make casts and relights.
+"""The event loop: inputs and panels make states, states make casts and relights.
 
-    Window -> events, panels -> state -> stale -> Casting | Screen -> Window
+    Window -> inputs, panels -> state -> Stage -> CastScheduler | Screen -> Window
 
 GL stays on this thread; casts and files have their own.
 """

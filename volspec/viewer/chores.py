@@ -1,9 +1,9 @@
-"""What actions ask of the app beyond the state: files and pictures, beside the window.
+"""Commands that go beyond the state: files, pictures, dialogs, the clipboard.
 
-    action -> [chores] -> opening | threads -> scene, script, session, PNG
+    command -> [chores] -> opening | tasks -> scene, script, session, PNG
 
-Names are those of `volspec.viewer.model.commands`, and ``say``; a path, or what is to be said, may
-follow after a blank.
+Names are those of `volspec.viewer.model.commands`, and ``say``; a path, or a message, may follow
+after a blank.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Where the viewer looks from: an orbit, what mouse and keys make of it.
+"""The view: an orbit around the volume, and what drags and keys make of it.
 
-input -> [views] -> Camera -> raycast
+View -> [camera] -> Camera -> raycast
 """
 
 from __future__ import annotations

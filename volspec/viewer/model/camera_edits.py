@@ -1,8 +1,9 @@
-"""The view that shows what the transfer function leaves to be seen, and no more of the volume.
+"""Edits and commands of the view: orbit, pan, zoom, roll, sides, and a view that fits.
 
-volume, transfer, cuts -> [fitting] -> View
+    mouse, keys -> [camera_edits] -> View
 
-A thinned volume will do: what is missed between its voxels is a part of a percent of the picture.
+A fitted view shows what the transfer function leaves visible, and no more of the volume. Every n-th
+voxel will do for that: what is missed between them is a part of a percent of the picture.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What a few letters mean: rows whose text has them, the best first.
+"""The registry of commands, and the search for them by a few letters.
 
-letters, rows -> [finding] -> command palette, library of materials
+menus, keys, command palette -> [commands] -> state, or a request to the app
 """
 
 from __future__ import annotations

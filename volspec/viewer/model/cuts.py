@@ -1,6 +1,6 @@
-"""The crop's box and the clip planes: how they are changed, and where they lie.
+"""The crop box and the clip planes, their handles and outlines.
 
-    handles, panel -> events -> [cuts] -> RaycastSpec -> raycast
+    cuts_edits -> [cuts] -> RaycastSpec -> raycast
 
 Whatever number comes, the result is a spec that leaves something of the volume.
 """

@@ -1,6 +1,6 @@
-"""Events and actions of what is cut away: the crop's box and the clip planes.
+"""Edits and commands of the crop box and the clip planes.
 
-mouse, keys -> [cuts] -> RaycastSpec
+mouse, keys -> [cuts_edits] -> RaycastSpec
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""How often values and gradients come together in a volume: what regions are drawn over.
+"""An open scene, its volume, and the joint histogram that regions are drawn over.
 
-volume -> [joint] -> panels, regions
+    Scene, Volume -> [document] -> state
 
 References
 ----------

@@ -1,6 +1,8 @@
-"""What a change costs, as a value: the first stage that must run again.
+"""Undo and redo over frozen states, and the cost of a change as a value.
 
-state, state -> [stale] -> "cast" | "relight" | "frame" | None
+    state, state -> [history] -> "cast" | "relight" | "frame" | None
+
+A gesture, such as one drag, is one step.
 """
 
 from __future__ import annotations

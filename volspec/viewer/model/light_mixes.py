@@ -1,6 +1,6 @@
-"""The present mix of lights as one light more.
+"""Mixes of all lights: by a place on the dial, and kept as one more light.
 
-rows -> [mixes] -> rows
+rows -> [light_mixes] -> rows
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What a light of the list is made of: spectra that shine from light groups, each with its lux.
+"""Parts of a light: spectra for light groups, each with its lux; drawn by hand.
 
-    panel -> [parts] -> rows
+    lights_edits -> [light_parts] -> rows
 
 A row's rig has one part for each spectrum. Whatever numbers come, a rig that gives no light is
 never made: the row stays as it is.

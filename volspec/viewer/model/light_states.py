@@ -1,8 +1,8 @@
-"""Light states: all lights and the viewing under a name, and the way from one to another.
+"""Light states: all lights and the viewing under a name, and the fade between two.
 
-    rows, viewing -> [states] -> LightState, and between two: faded
+    rows, viewing -> [light_states] -> LightState
 
-A fade is a pure function of a share; the clock stands in `volspec.viewer.work.fader`.
+A fade is a pure function of a share; its clock is `volspec.viewer.work.fader`.
 """
 
 from __future__ import annotations

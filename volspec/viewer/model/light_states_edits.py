@@ -1,6 +1,6 @@
-"""Saved light states: kept, recalled with a fade, renamed, deleted.
+"""Edits and commands of saved light states: save, recall, rename, delete.
 
-keys, panels -> [lightstates] -> state
+keys, panels -> [light_states_edits] -> state
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The lights of the viewer: rows with weights, solo and mute; added, heated, removed.
+"""The list of lights: rows with weights, solo and mute; added, heated, removed.
 
-rows -> [lighting] -> LightRig -> relight
+rows -> [lights] -> LightRig -> relight
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Events and actions of the lights: weights, lux, dial, pen, solo, mute, the divide.
+"""Edits and commands of the lights: weights, lux, dial, pen, solo, mute, notations, the divide.
 
-mouse, keys -> [lights] -> rows
+mouse, keys, panels -> [lights_edits] -> rows
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Materials that a transfer function is given, by name, colour or file, and that are taken out.
 
-notation -> [materials] -> Transfer -> raycast
+    notation -> [materials] -> Transfer -> raycast
 
 Materials become the channels of the cast, as they do for presets and palettes: a basis that was
 trained on others need not hold the new one, and so its colour is exact.

@@ -1,9 +1,9 @@
-"""Events and actions of the palette: wishes of cells, what may change, materials of values.
+"""Edits and commands of the palette: targets of cells, free spectra, materials of values.
 
-panel, menus -> [palette] -> Board, TransferFunction
+    panels, menus -> [palette_edits] -> Board, TransferFunction
 
-A cell is named by its number, row by row of `table.table_of`; a colour by its
-``#rrggbb`` or its three codes.
+A cell is named by its number, row by row of `palette_table.table_of`; a colour by its ``#rrggbb``
+or its three codes.
 """
 
 from __future__ import annotations

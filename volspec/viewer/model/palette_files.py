@@ -1,6 +1,6 @@
 """Palettes loaded into a state, and written from one.
 
-PALETTE.toml -> [files] -> state -> PALETTE.toml
+PALETTE.toml -> [palette_files] -> state -> PALETTE.toml
 """
 
 from __future__ import annotations

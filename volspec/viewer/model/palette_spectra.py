@@ -1,9 +1,9 @@
 """Spectra of a state changed in place: reflectances without a new cast, lights in their rows.
 
-    Design -> [spectra] -> Transfer, rows -> relight
+    Design -> [palette_spectra] -> Transfer, rows -> relight
 
-Where a transfer function's basis is one of its materials, the cast holds how much of each material
-a ray met, and a reflectance is only read when the picture is lit.
+If a transfer function's basis is one of its materials, the cast holds how much of each material a
+ray met, and a reflectance is only read when the picture is lit.
 """
 
 from __future__ import annotations

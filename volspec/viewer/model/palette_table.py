@@ -1,6 +1,6 @@
-"""Which material stands for which values: ranges of a transfer function's points.
+"""The palette's table of materials under lights, and the ranges of values of a material.
 
-panel -> [ranges] -> TransferFunction -> raycast
+state -> [palette_table] -> Table, Palette -> panels, designs
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""What the palette panel asks for, frozen: colours of cells, and which spectra may change for them.
+"""Targets of the palette: colours of cells, and which spectra may change for them.
 
-events, panels -> [wishes] -> table -> Palette -> worker
+    palette_edits -> [palette_targets] -> Palette -> designs
 
-The spectra themselves stand in the state's transfer function and lights; here stands what was
-wanted of them, so that undo takes both back together.
+The spectra themselves are in the state's transfer function and lights; what was wanted of them is
+here, so that undo takes both back together.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The wizards, asked by the panel: the state as a scene, and what was made of it as a state.
+"""The wizards on a state: the state as a scene, and the wizard's result as a state.
 
-state -> [wizards] -> Scene -> wizard -> state
+state -> [palette_wizards] -> Scene -> wizard -> state
 """
 
 from __future__ import annotations

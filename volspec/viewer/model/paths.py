@@ -1,6 +1,6 @@
-"""Files as people give them: dropped, typed and completed, chosen in the system's own dialog.
+"""Paths as people give them: files dropped, typed and completed.
 
-window -> [paths] -> chores
+window, dialogs -> [paths] -> chores
 """
 
 from __future__ import annotations

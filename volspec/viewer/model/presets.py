@@ -1,6 +1,6 @@
-"""The presets themselves: points in Hounsfield units, and materials by name.
+"""Presets: points in Hounsfield units with materials, fitted to a volume's values.
 
-[preset_table] -> presets -> Transfer
+Volume, histogram -> [presets] -> Transfer
 """
 
 from __future__ import annotations

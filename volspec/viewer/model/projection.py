@@ -1,6 +1,6 @@
-"""Where things of the world appear in the window, and what a place in the window means there.
+"""Places of the world in the window and back; the orientation cube.
 
-Camera -> [projection] -> handles, cube, scale bar -> events
+    Camera -> [projection] -> handles, cube, scale bar
 
 A handle is dragged by absolute places: the window's place gives a place on the handle's line, so
 that what was taken hold of stays under the mouse.

@@ -1,6 +1,6 @@
-"""The lights of the viewer as rows of a scene's file.
+"""A state as a scene file.
 
-    rows -> [as_lights] -> [[light]] -> as_scene
+    state -> [scene_file] -> SCENE.toml
 
 The light that shines goes first, as the viewer opens a scene under its first light.
 """

@@ -1,4 +1,7 @@
-"""What is drawn over the picture and beside it: frozen, a part of the window's state."""
+"""Slices and what else is drawn over the picture: planes, layouts, the patient's directions.
+
+Volume, Slices -> [slices] -> panel, outlines
+"""
 
 from __future__ import annotations
 

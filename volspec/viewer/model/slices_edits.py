@@ -1,6 +1,6 @@
-"""Events and actions of the slices: moved, pointed at, lit or grey.
+"""Edits and commands of the slices: moved, pointed at, lit or grey.
 
-mouse, keys -> [slices] -> Slices
+mouse, keys -> [slices_edits] -> Slices
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What the viewer shows, frozen: every change makes another state.
+"""The viewer's state, frozen: every change makes another one.
 
-    input, panels -> [state] -> stale -> cast, relight, frame
+    inputs, panels -> [state] -> cast, relight, frame
 
-A state is what undo goes back to; window, threads and GPU handles stand elsewhere.
+A state is what undo goes back to; window, threads and GPU handles are elsewhere.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """One kind of transfer function made from another: points, regions, surfaces.
 
-Transfer -> [converting] -> Transfer
+    Transfer -> [transfer_convert] -> Transfer
 
-Between them stand bands: ranges of values that look alike. From a curve a band is a run of points
+Between them are bands: ranges of values that look alike. From a curve a band is a run of points
 of one material whose opacities are near to each other.
 """
 

@@ -1,6 +1,6 @@
-"""Events of the transfer function, of whatever kind: its parts edited, its values moved.
+"""Edits and commands of the transfer function, of whatever kind: its parts, its values.
 
-mouse, panels -> [curve] -> Transfer
+mouse, panels -> [transfer_edits] -> Transfer
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Edits that every kind of transfer function knows: of its points, regions, surfaces or labels.
+"""Changes that every kind of transfer function knows: of points, regions, surfaces or labels.
 
-events -> [parts] -> Transfer -> raycast
+    transfer_edits -> [transfer_parts] -> Transfer -> raycast
 
 A part has an opacity and a mix of materials, whatever it is a part of.
 """

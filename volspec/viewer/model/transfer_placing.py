@@ -1,7 +1,6 @@
-"""Edits of what only some transfer functions have: points, surfaces and regions placed and added,
-a curve's factors over gradients.
+"""Changes that some transfer functions know: points, surfaces and regions placed and added.
 
-mouse -> [placing] -> Transfer -> raycast
+transfer_edits -> [transfer_placing] -> Transfer -> raycast
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""How the scene is looked at: settings that go together, and the light that the eye adapts to.
+"""The viewing: edits of its settings, and the luminance that the eye adapts to.
 
-state, lights -> [viewing] -> RelightSpec
+panels, command palette -> [viewing] -> RelightSpec
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Drawing and input: imgui and glfw."""
+"""Drawing and input: imgui and glfw. Panels are functions ``draw(state, ui) -> state``."""

@@ -1,4 +1,4 @@
-"""The line between two settings of lights, shown side by side."""
+"""Comparisons over the picture: the divide between two sets of lights, the error map."""
 
 from __future__ import annotations
 

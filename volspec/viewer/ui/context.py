@@ -1,6 +1,6 @@
-"""What panels are given besides the state: measured times, areas noted down, texts under way.
+"""Surroundings of the panels besides the state: results of services, rectangles, text under edit.
 
-app -> [ui] -> panels -> app
+    app -> [context] -> panels -> app
 
 Nothing of it is part of a picture, and undo does not know it.
 """

@@ -1,4 +1,4 @@
-"""What is cut away: the panel with its numbers, and the handles over the picture."""
+"""Crop box and clip planes: the panel with their numbers, and the handles over the picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dialogs over the picture: for a file's path, where the system has none, and for pictures."""
+"""Dialogs: for a file's path, the system's own or ours, and for pictures."""
 
 from __future__ import annotations
 

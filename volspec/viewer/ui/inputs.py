@@ -1,4 +1,4 @@
-"""What the user does, as glfw reports it: told to imgui, and kept for the viewer.
+"""Inputs as glfw reports them: passed to imgui, and collected for the viewer.
 
 glfw -> [inputs] -> Input -> mouse, app
 """

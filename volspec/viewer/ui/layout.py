@@ -1,4 +1,4 @@
-"""Where things are in the window: panels docked at the right, the picture in what is left."""
+"""The window's layout: panels docked at the right, the picture in what is left."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What white paper and materials look like under lights: to the display, and to an adapted eye.
+"""Colours and curves of lights: white paper and materials under them, spectra as sparklines.
 
-lights, RelightSpec -> [colours] -> swatches
+lights, RelightSpec -> [light_look] -> swatches, plots
 """
 
 from __future__ import annotations

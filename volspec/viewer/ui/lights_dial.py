@@ -1,7 +1,4 @@
-"""Names around the light dial: whole, in one line or two, where there is room; else cut.
-
-lights, area -> [names] -> Ring, labels -> dial
-"""
+"""The light dial, and the names around it: whole if there is room, else cut."""
 
 from __future__ import annotations
 

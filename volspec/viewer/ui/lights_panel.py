@@ -1,4 +1,4 @@
-"""Saved light states: a list to recall from, with a cross-fade."""
+"""The panel of lights: its tabs, and the list of saved light states."""
 
 from __future__ import annotations
 

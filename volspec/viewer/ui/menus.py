@@ -1,4 +1,4 @@
-"""The menu at the top: every command, with its key, and the files opened lately."""
+"""The menu bar, the status line and the sheet of keys."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""What counts as one gesture, which undo takes back whole.
+"""The mouse over the picture, gestures that undo takes back whole, and the keyboard's focus.
 
-Input -> [gestures] -> number -> history
+    Input -> [mouse] -> state, number of the gesture
 
-A drag is one, from the press to the release; so is a key, and a run of the wheel's notches or of a
-key that steps.
+A drag is one gesture, from the press to the release; so is a key, and a run of the wheel's notches
+or of a key that steps.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Text over the picture, or in place of one."""
+"""Overlays of the picture: messages, the probe, the scale bar, the orientation cube."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The margins of the palette's table: each spectrum's name and curve, and whether it may change.
-
-state, Table -> [margins] -> events
-"""
+"""The palette's table: cells, and margins with each spectrum's name and curve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a click in the palette opens: a cell's wish, and what a light or a material may become."""
+"""Popups of the palette: a cell's target, and what a light or a material may become."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Below the palette's table: wizards, which material stands for which values, criteria."""
+"""The palette's panel: its table, wizards, materials of values, criteria."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Three slices beside the volume, under the same lights; a click in one moves the others."""
+"""The panel of three slices under the same lights; a click in one moves the others."""
 
 from __future__ import annotations
 

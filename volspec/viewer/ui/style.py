@@ -1,4 +1,4 @@
-"""How the window looks: neutral greys, so that the picture's colours are judged beside none."""
+"""The window's look: neutral greys, so that no colour is next to the picture's."""
 
 from __future__ import annotations
 

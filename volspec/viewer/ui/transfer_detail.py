@@ -1,4 +1,4 @@
-"""What the chosen part is, in numbers: values, opacity, and its mix of materials."""
+"""The chosen part in numbers: values, opacity, and its mix of materials."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Materials that a transfer function does not have yet: a search, and what was found with its look.
-
-reflectances, CSS colours -> [library] -> events
-"""
+"""The library of materials: a search, and what was found with its colour."""
 
 from __future__ import annotations
 

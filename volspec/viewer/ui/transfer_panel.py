@@ -1,4 +1,4 @@
-"""The labels of a segmentation: each with its opacity and its material."""
+"""The transfer function's panel: its kind, values, and the labels of a segmentation."""
 
 from __future__ import annotations
 

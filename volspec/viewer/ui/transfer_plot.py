@@ -1,4 +1,4 @@
-"""A colour as a small square, beside a name."""
+"""Plots of a transfer function: axes, handles, colours of its parts, swatches."""
 
 from __future__ import annotations
 

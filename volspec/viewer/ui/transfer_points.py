@@ -1,4 +1,4 @@
-"""What gradients do to a curve's opacity: points of (gradient, factor) under the curve's plot."""
+"""Curves and surfaces: their plot, and the factors of a curve over gradients."""
 
 from __future__ import annotations
 

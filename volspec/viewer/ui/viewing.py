@@ -1,4 +1,4 @@
-"""How the scene is looked at: the eye in the scene, the display, and how the picture is made."""
+"""The viewing's panel: the eye in the scene, the display, and how the picture is made."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What panels are made of besides imgui's own: tips, colours, texts that fit, lists to pick from.
-
-imgui -> [widgets] -> panels
-"""
+"""Widgets that imgui lacks: tips, colours, texts that fit, lists to pick from."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Work beside the window of which only the newest is wanted.
+"""Background threads: one that does only the newest request, and one for tasks with files.
 
-    request -> [latest] -> a thread -> take
+    request -> [background] -> thread -> take
 
-Casts, designs, files, tables: the window asks for one, and takes what has come of it when it
-wakes. What waits is replaced by what is asked for next; nothing ever queues up.
+Casts, designs, files, LUTs: the window asks for one, and takes what has come of it when it wakes.
+What waits is replaced by the next request; nothing ever queues up.
 """
 
 from __future__ import annotations

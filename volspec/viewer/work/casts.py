@@ -1,6 +1,6 @@
-"""The thread that casts, coarsely and then whole, what was asked for last.
+"""Casts in a background thread, coarsely first and then whole, of the newest state.
 
-state -> casting -> [worker] -> CoefficientImage -> pictures
+state -> [casts] -> CoefficientImage -> pictures
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
-"""The thread that designs what was wished for last.
+"""Designs and wizards in the background, and their results in the history.
 
-state -> service -> [worker] -> Design -> state
+    state -> [designs] -> Design -> History
 
-A wish is answered twice: quickly, from the spectra as they are, and well when no other follows.
+A target is answered twice: quickly, from the spectra as they are, and well if no other follows.
+The result belongs to the step that asked for it: undo takes both back. A wizard's result is a step
+of its own.
 """
 
 from __future__ import annotations

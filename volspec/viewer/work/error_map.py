@@ -1,6 +1,6 @@
-"""Where the picture's colours are off, worked out beside the window and laid over the picture.
+"""The error map, computed in the background, as a texture.
 
-CoefficientImage, light -> thread -> ErrorMap -> [error_map] -> texture
+CoefficientImage, light -> [error_map] -> ErrorMap -> texture
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The clock of cross-fades: what is shown lies between two light states, whatever is kept.
+"""The clock of cross-fades between light states.
 
     state -> [fader] -> state as shown -> panels, relight
 

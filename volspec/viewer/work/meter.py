@@ -1,4 +1,4 @@
-"""How long frames take: for the status line and the trace."""
+"""Times of frames and relights: for the status line and the trace."""
 
 from __future__ import annotations
 

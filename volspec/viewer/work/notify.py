@@ -1,7 +1,7 @@
-"""What the viewer did, as JSON lines: ``{"t", "event", "stage", "ms"}`` and what belongs to it.
+"""Messages to the user, warnings collected for the window, and the trace of what was done.
 
-``t`` counts seconds from the start; ``stage`` is ``cast``, ``relight``, ``frame`` or ``design``,
-and null for all else.
+The trace has lines of JSON, ``{"t", "event", "stage", "ms"}`` and more: ``t`` in seconds from the
+start; ``stage`` is ``cast``, ``relight``, ``frame`` or ``design``, and null for all else.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Files opened and gone back to: scenes, volumes, sessions, the list of those opened lately.
+"""Scenes, volumes and sessions opened, and the list of recent files.
 
     chores, app -> [opening] -> threads -> Opened -> state
 
-Of whatever was asked for last one is opened. What was open before is kept as a session.
+Of several requests the last one is opened. What was open before is saved as a session.
 """
 
 from __future__ import annotations

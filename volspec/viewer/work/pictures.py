@@ -1,9 +1,9 @@
-"""Memory of pictures that are given up goes back to the system.
+"""The picture in the window's GL: textures of a cast, relit into a framebuffer.
 
-    view -> [memory] -> malloc
+    CoefficientImage, lights -> [pictures] -> framebuffer -> window
 
-glibc keeps what large blocks took, once it has seen them freed, and so holds up to twice the
-memory in use after some minutes of casts in ever other sizes.
+glibc keeps large blocks once it has seen them freed, and so holds up to twice the memory in use
+after some minutes of casts of ever other sizes; here they are given back.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What a pixel of the picture is: place, value, spectrum, colour, and how far off it may be.
+"""Values of one pixel of the picture: place, value, spectrum, colour, error.
 
-CoefficientImage, light -> [reading] -> probe
+CoefficientImage, light -> [probe] -> Reading
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Tables of models that no shader draws, worked out beside the window.
+"""The picture on the screen: relit when something has changed, in bands if that takes long.
 
-    lights, viewing -> pictures -> [tabling] -> HostTables -> pictures
+    casts, state -> [screen] -> Painted -> window
 
-What is on the screen stays meanwhile.
+LUTs of models that no shader draws are computed in the background; the old picture stays until
+then.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Pictures for a file: cast at any size, relit as the window shows them, beside the window.
+"""Pictures for a file: cast in the background at any size, relit as the window shows them.
 
 state, Shot -> [screenshot] -> PNG
 """

@@ -1,8 +1,8 @@
-"""What the viewer shows as a Python script, in the public interface: it makes the same frame.
+"""The state as a Python script in the public interface, which makes the same frame.
 
-    state -> [as_python] -> FILE.py -> PNG
+    state -> [script] -> FILE.py -> PNG
 
-Spectra stand by their names where those give the same numbers, and as numbers where not.
+Spectra are written by their names if those give the same numbers, and as numbers if not.
 """
 
 from __future__ import annotations

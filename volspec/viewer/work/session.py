@@ -4,7 +4,7 @@
 
 It holds the scene's tables as they were opened, so that what "the scene's own" means stays, and
 every field of the state. Only the volume's voxels and the files that the scene names are not in
-it: a session does not need the latter, spectra stand in it as numbers.
+it: a session does not need the latter, spectra are in it as numbers.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Frozen values as JSON and back: whatever the state's fields hold, now and later.
 
-    state <-> [session_values] <-> JSON
+    state <-> [session_codec] <-> JSON
 
-A field that is added to the state is kept without a line here; one that a file does not have yet
+A field that is added to the state is stored without a line here; one that a file does not have yet
 takes its default. Numbers come back to the last bit. What is compared by identity, as spectra and
 transfer functions are, is written once and is one again when it is read.
 """

@@ -1,6 +1,6 @@
-"""What is remembered from one run to the next: the user's folder for it, and files opened lately.
+"""Sessions and recent files in the user's folder, from one run to the next.
 
-files opened -> [recent] -> menu, command palette
+state, files opened -> [session_store] -> last session, menu
 """
 
 from __future__ import annotations

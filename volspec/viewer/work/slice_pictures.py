@@ -1,6 +1,6 @@
-"""Slices as textures: voxels looked up where a slice moves, colours where the light does.
+"""Slices as textures: voxels looked up if a slice moves, colours if the light changes.
 
-state -> slices -> [slice_pictures] -> texture -> panel
+state -> [slice_pictures] -> texture -> panel
 """
 
 from __future__ import annotations
