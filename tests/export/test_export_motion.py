@@ -14,9 +14,9 @@ from volspec.export.motion import between_keys, ratios_between_keys, short_way
 from volspec.export.plan import Plan, mix_of, plan_export, sweep_weights
 from volspec.raycast import Camera
 from volspec.relight import LightRig
+from volspec.relight.spec import mixed_rig
 from volspec.scene import Scene, write_scene
 from volspec.scene.export import KeyframeTable
-from volspec.scene.lights import mixed_rig
 from volspec.spectra import light
 from volspec.transfer import TransferFunction
 

@@ -17,9 +17,8 @@ from volspec.export.notebook.lights import DEFAULT_LIGHTS
 from volspec.pipeline import Relighter, relight
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig
-from volspec.relight.spec import Pixels
+from volspec.relight.spec import Pixels, mixed_rig
 from volspec.scene import Scene, viewing_of
-from volspec.scene.lights import mixed_rig
 from volspec.spectra import light
 
 

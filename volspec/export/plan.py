@@ -21,9 +21,9 @@ from volspec.raycast import Camera
 from volspec.raycast.reach import check_reach
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
+from volspec.relight.spec import mixed_rig
 from volspec.scene import NamedLight, Scene
 from volspec.scene.export import ExportTable
-from volspec.scene.lights import mixed_rig
 from volspec.scene.lux import require_lux
 from volspec.transfer import Transfer
 from volspec.volume import Volume

@@ -224,6 +224,31 @@ class LightRig:
         return sum(w * v for w, v in zip(self.weights, self.illuminance_lux, strict=True))
 
 
+def mixed_rig(rigs: Sequence[LightRig], weights: Sequence[float]) -> LightRig:
+    """Mix several rigs into one, each times its weight; lux count if all that shine have them.
+
+    Raises
+    ------
+    ViewingError
+        If nothing shines.
+
+    Examples
+    --------
+    >>> from volspec.spectra import light
+    >>> day, lamp = LightRig((light("D65"),)), LightRig((light("A"),), (0.5,))
+    >>> mixed_rig([day, lamp, day], [0.25, 1.0, 0.0]).weights
+    (0.25, 0.5)
+    """
+    lit = [(rig, float(w)) for rig, w in zip(rigs, weights, strict=True) if w > 0.0]
+    lux = [rig.illuminance_lux for rig, _ in lit if rig.illuminance_lux is not None]
+    return LightRig(
+        tuple(spectrum for rig, _ in lit for spectrum in rig.lights),
+        tuple(weight * own for rig, weight in lit for own in rig.weights),
+        tuple(v for each in lux for v in each) if len(lux) == len(lit) else None,
+        tuple(group for rig, _ in lit for group in rig.groups),
+    )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RelightSpec:
     """How a picture is made from coefficients and a light.

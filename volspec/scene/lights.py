@@ -232,31 +232,6 @@ class NamedLight:
     rig: LightRig
 
 
-def mixed_rig(rigs: Sequence[LightRig], weights: Sequence[float]) -> LightRig:
-    """Several settings as one, each times its weight; lux count where all that shine carry them.
-
-    Raises
-    ------
-    ViewingError
-        If nothing shines.
-
-    Examples
-    --------
-    >>> from volspec.spectra import light
-    >>> day, lamp = LightRig((light("D65"),)), LightRig((light("A"),), (0.5,))
-    >>> mixed_rig([day, lamp, day], [0.25, 1.0, 0.0]).weights
-    (0.25, 0.5)
-    """
-    lit = [(rig, float(w)) for rig, w in zip(rigs, weights, strict=True) if w > 0.0]
-    lux = [rig.illuminance_lux for rig, _ in lit if rig.illuminance_lux is not None]
-    return LightRig(
-        tuple(spectrum for rig, _ in lit for spectrum in rig.lights),
-        tuple(weight * own for rig, weight in lit for own in rig.weights),
-        tuple(v for each in lux for v in each) if len(lux) == len(lit) else None,
-        tuple(group for rig, _ in lit for group in rig.groups),
-    )
-
-
 def rows_by_name(rows: Sequence[LightTable]) -> dict[str, list[LightTable]]:
     """The rows of each setting, in the order of the file."""
     settings: dict[str, list[LightTable]] = {}

@@ -12,7 +12,8 @@ from dataclasses import replace
 from volspec.errors import ImageError, SpectrumError, ViewingError, quoted
 from volspec.raycast import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
-from volspec.scene.lights import NamedLight, mixed_rig
+from volspec.relight.spec import mixed_rig
+from volspec.scene.lights import NamedLight
 from volspec.spectra import Spectrum, light
 
 Given = str | Spectrum | LightRig

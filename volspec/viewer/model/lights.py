@@ -13,7 +13,8 @@ from typing import Any
 
 from volspec.errors import SpectrumError, ViewingError
 from volspec.relight import LightRig
-from volspec.scene.lights import LightTable, NamedLight, mixed_rig
+from volspec.relight.spec import mixed_rig
+from volspec.scene.lights import LightTable, NamedLight
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
 
