@@ -177,7 +177,7 @@ def test_nrrd_voxels_lie_in_the_header_s_folder(tmp_path: Path, field: str) -> N
         load_volume(tmp_path / "v.nhdr")
 
 
-@pytest.mark.parametrize(("fields", "data"), META_VARIANTS)
+@pytest.mark.parametrize(("fields", "data"), META_VARIANTS, ids=[each for each, _ in META_VARIANTS])
 def test_metaimage_headers_are_taken_as_itk_takes_them(
     tmp_path: Path, fields: str, data: bytes
 ) -> None:
@@ -186,7 +186,7 @@ def test_metaimage_headers_are_taken_as_itk_takes_them(
     loaded_as_itk_does(path)
 
 
-@pytest.mark.parametrize(("fields", "data"), NRRD_VARIANTS)
+@pytest.mark.parametrize(("fields", "data"), NRRD_VARIANTS, ids=[each for each, _ in NRRD_VARIANTS])
 def test_nrrd_headers_are_taken_as_itk_takes_them(tmp_path: Path, fields: str, data: bytes) -> None:
     path = tmp_path / "v.nrrd"
     head = "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\n"
