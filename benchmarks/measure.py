@@ -127,11 +127,11 @@ def report(figures: Iterable[Figure]) -> str:
     """A line each: the figure, what was asked, what was reached, whether it is met.
 
     >>> print(report([Figure("cast", 4.12, asked=3), Figure("scan", None, 3, note="no file")]))
-    figure                                asked     reached
-    cast                                  ≥ 3 x      4.12 x  met
-    scan                                  ≥ 3 x              skipped: no file
+    figure                                   asked        reached
+    cast                                     ≥ 3 x         4.12 x  met
+    scan                                     ≥ 3 x                 skipped: no file
     """
-    lines = [f"{'figure':32s}{'asked':>11s}{'reached':>12s}"]
+    lines = [f"{'figure':32s}{'asked':>14s}{'reached':>15s}"]
     for figure in figures:
         sign = "≤" if figure.at_most else "≥"
         asked = "" if figure.asked is None else f"{sign} {figure.asked:g} {figure.unit}"
@@ -139,5 +139,5 @@ def report(figures: Iterable[Figure]) -> str:
         verdict = {True: "met", False: "MISSED", None: ""}[figure.met]
         if figure.reached is None:
             verdict = f"skipped: {figure.note}"
-        lines.append(f"{figure.name:32s}{asked:>11s}{reached:>12s}  {verdict}".rstrip())
+        lines.append(f"{figure.name:32s}{asked:>14s}{reached:>15s}  {verdict}".rstrip())
     return "\n".join(lines)
