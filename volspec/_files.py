@@ -260,12 +260,18 @@ class _Capture:
     def end(self, start: int) -> list[str]:
         """Put them back, if no other thread captures; return lines printed since ``start``."""
         with self._lock:
-            self._sink.seek(start)
-            text = self._sink.read()  # to its end, where others go on
+            text = self._since(start)
             self._threads -= 1
             if not self._threads:
                 self._restore.close()
             return text.decode(errors="replace").splitlines()
+
+    def _since(self, start: int) -> bytes:
+        handle = self._sink.fileno()
+        if hasattr(os, "pread"):  # others may be writing, and share the place where that goes on
+            return os.pread(handle, os.fstat(handle).st_size - start, start)
+        self._sink.seek(start)
+        return self._sink.read()
 
 
 _capture = cache(_Capture)

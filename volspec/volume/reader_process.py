@@ -336,12 +336,12 @@ def _shared(values: NDArray[Any]) -> tuple[Stored, int]:
 
 def _limit_memory(nbytes: int | None) -> None:
     """Limit the bytes that this process may yet allocate, on systems that can; None: no limit."""
-    try:
-        import resource
+    if sys.platform == "win32":
+        return
+    import resource
 
+    with suppress(OSError, ValueError):
         taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         _, most = resource.getrlimit(resource.RLIMIT_AS)
         resource.setrlimit(resource.RLIMIT_AS, (most if nbytes is None else taken + nbytes, most))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    except (ImportError, OSError, ValueError):
-        return
