@@ -38,17 +38,23 @@ MODULES = sorted(path for path in ROOT.rglob("*.py") if path.parent != ROOT or p
 
 
 @cache
-def imports(path: Path) -> list[tuple[str, bool]]:
-    """(module, whether at module level) of every import in a file."""
+def statements(path: Path) -> list[tuple[ast.Import | ast.ImportFrom, bool]]:
+    """(statement, whether at module level) of every import in a file."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     top = set(map(id, tree.body))
+    kinds = ast.Import | ast.ImportFrom
+    return [(node, id(node) in top) for node in ast.walk(tree) if isinstance(node, kinds)]
+
+
+def imports(path: Path) -> list[tuple[str, bool]]:
+    """(module, whether at module level) of every import in a file."""
     found = []
-    for node in ast.walk(tree):
+    for node, at_top in statements(path):
         if isinstance(node, ast.Import):
-            found += [(alias.name, id(node) in top) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+            found += [(alias.name, at_top) for alias in node.names]
+        else:
             assert node.level == 0, f"{path}: relative import"
-            found.append((node.module or "", id(node) in top))
+            found.append((node.module or "", at_top))
     return found
 
 
@@ -56,20 +62,21 @@ def layer(path: Path) -> str:
     return path.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
+@cache
 def own_imports(path: Path) -> list[tuple[Path, bool]]:
     """(file of the project, whether at module level) of every import in a file."""
     found = []
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    top = set(map(id, tree.body))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "volspec":
-            for name in node.names:
-                parts = *(node.module or "").split(".")[1:], name.name
-                for place in (ROOT.joinpath(*parts), ROOT.joinpath(*parts[:-1])):
-                    files = place.with_suffix(".py"), place / "__init__.py"
-                    if is_there := [file for file in files if file.exists()]:
-                        found.append((is_there[0], id(node) in top))
-                        break
+    for node, at_top in statements(path):
+        module = getattr(node, "module", None) or ""
+        if module.split(".")[0] != "volspec":
+            continue
+        for alias in node.names:
+            parts = *module.split(".")[1:], alias.name
+            for place in (ROOT.joinpath(*parts), ROOT.joinpath(*parts[:-1])):
+                files = place.with_suffix(".py"), place / "__init__.py"
+                if is_there := [file for file in files if file.exists()]:
+                    found.append((is_there[0], at_top))
+                    break
     return found
 
 

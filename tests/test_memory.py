@@ -1,4 +1,4 @@
-"""What was left behind takes no memory: lights, pictures, casts, scenes.
+"""Memory of what is no longer in use: lights, pictures, casts, scenes take none.
 
 Counted are the blocks of Python's allocator, which depend neither on the machine nor on what else
 it does; `make trust` holds resident memory to the same (``benchmarks/drift.py``).

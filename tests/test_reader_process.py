@@ -281,7 +281,7 @@ def test_a_hostile_npy_header_is_one_line(tmp_path: Path, header: bytes) -> None
 
 
 def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path: Path) -> None:
-    """What the child has handed over stays when the child ends and the file is gone."""
+    """Voxels outlive the child that read them, and the file."""
     path = tmp_path / "v.nrrd"
     path.write_bytes(NRRD.replace("raw", "gzip").encode() + gzip.compress(VALUES.tobytes()))
     reading = reader_process.read_in_child(Query.of(str(path)))
@@ -296,7 +296,7 @@ def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path: Path) -> None
 
 
 def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> None:
-    """Paths that are no text, and a site that prints; an interpreter without a name is told."""
+    """Paths that are no text, and a site that prints; a nameless interpreter is one line."""
     (tmp_path / "v.nrrd").write_bytes(NRRD.encode() + VALUES.tobytes())
     (tmp_path / "site").mkdir()
     (tmp_path / "site/sitecustomize.py").write_text("print('welcome', flush=True)\n")

@@ -89,7 +89,7 @@ def test_a_display_draws_for_linux_without_egl(tmp_path: Path) -> None:
     image.save(tmp_path / "grey.exr")
     words = ("Xvfb", "-displayfd", "1", "-screen", "0", "64x64x24", "-nolisten", "tcp")
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
-    with subprocess.Popen(words, **pipes) as server:  # type: ignore[call-overload]
+    with subprocess.Popen(words, **pipes) as server:
         try:
             drawn = subprocess.run(
                 [sys.executable, "-c", GLX, tmp_path / "grey.exr"],

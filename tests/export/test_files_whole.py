@@ -35,7 +35,7 @@ DAY_S = 86400.0
 
 
 def left_by_a_kill(target: Path) -> list[Path]:
-    """What a killed writer of a file leaves, and its lock; parents are made."""
+    """Files as a killed writer leaves them, and its lock; parents are made."""
     target.parent.mkdir(parents=True, exist_ok=True)
     locked, handle = _files._make_lock(target.parent)
     os.close(handle)

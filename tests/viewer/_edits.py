@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from hypothesis import strategies as st
 
@@ -73,8 +73,8 @@ def _with(name: str, numbers: tuple[float, ...], indices: tuple[int, ...], word:
             given.append(next(which))
         elif kind is str:
             given.append(word)
-        elif kind == tuple[float, float]:
-            given.append((next(some), next(some)))
+        elif get_origin(kind) is tuple:
+            given.append(tuple(next(some) for _ in get_args(kind)))
         else:
             given.append(next(some))
     return Drawn(name, tuple(given))
@@ -86,5 +86,5 @@ _EDITS = edits_of(*MODULES)
 @cache
 def _types(name: str) -> tuple[Any, ...]:
     """Types of an edit's arguments behind the state."""
-    hints = get_type_hints(_EDITS[name].__wrapped__)  # type: ignore[attr-defined]
+    hints = get_type_hints(_EDITS[name].__wrapped__)
     return tuple(hints[each] for each in list(inspect.signature(_EDITS[name]).parameters)[1:])

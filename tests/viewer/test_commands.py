@@ -10,8 +10,7 @@ from volspec.viewer.model.commands import BY_KEY, COMMANDS, MENUS, shown
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.lights import shining
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import commands
-from volspec.viewer.ui import menus as keys
+from volspec.viewer.ui import commands, menus
 from volspec.viewer.work.session_store import RecentFile
 
 RECENT = (RecentFile("/data/head.nrrd", True), RecentFile("/data/gone.nrrd", False))
@@ -99,15 +98,15 @@ def test_keys_are_used_once_and_all_menus_are_known() -> None:
 
 
 def test_the_sheet_shows_every_key_in_columns_of_even_height() -> None:
-    listed = {what for _, rows in keys.SHEET for _, what in rows}
+    listed = {what for _, rows in menus.SHEET for _, what in rows}
     for action in COMMANDS:
         # Steps by arrows and the recall of states stand there as a line each.
         if action.menu and not action.name.startswith("recall-"):
             assert not any(action.keys) or action.title.removesuffix(" …") in listed
     for count in (1, 2, 3, 9):
-        columns = keys.columns(keys.SHEET, count)
+        columns = menus.columns(menus.SHEET, count)
         assert len(columns) <= count
-        assert [part for column in columns for part in column] == list(keys.SHEET)
-    tall = [sum(len(rows) + 2 for _, rows in column) for column in keys.columns(keys.SHEET, 2)]
+        assert [part for column in columns for part in column] == list(menus.SHEET)
+    tall = [sum(len(rows) + 2 for _, rows in column) for column in menus.columns(menus.SHEET, 2)]
     # Parts are not divided, so that one may stand over.
-    assert max(tall) - min(tall) <= max(len(rows) + 2 for _, rows in keys.SHEET)
+    assert max(tall) - min(tall) <= max(len(rows) + 2 for _, rows in menus.SHEET)

@@ -32,7 +32,6 @@ from volspec.viewer.ui import dialogs
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.dialogs import REQUESTS, Asking
 from volspec.viewer.work import designs
-from volspec.viewer.work import designs as design_worker
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.designs import Designing, DesignJob, DesignWorker
 from volspec.viewer.work.notify import Notice, Trace
@@ -77,7 +76,7 @@ def test_a_solver_that_fails_is_told_and_the_next_wish_designed(
             raise np.linalg.LinAlgError("SVD did not converge")
         return design(palette)
 
-    monkeypatch.setattr(design_worker, "design", once)
+    monkeypatch.setattr(designs, "design", once)
     told = threading.Semaphore(0)
     worker = DesignWorker(told.release)
     for colour in ("#8c5a3c", "#906050"):
@@ -100,7 +99,7 @@ def test_closing_does_not_wait_for_a_design(
         may_end.wait(20)
         raise PaletteError("ended")
 
-    monkeypatch.setattr(design_worker, "design", long)
+    monkeypatch.setattr(designs, "design", long)
     worker, asked = DesignWorker(lambda: None), wished(state)
     worker.request(DesignJob(palette_of(asked), asked.board.wishes))
     assert begun.wait(20)
@@ -154,9 +153,7 @@ def test_a_wizard_waits_for_the_design_under_way_and_lands_on_what_it_brings(
     pick = Pick(place=("gold", "A"))
     begun = wished(replace(state, interface=replace(state.interface, pick=pick)))
     result, may_end = palette_wizards.asked(begun, "hide"), threading.Event()
-    monkeypatch.setattr(
-        design_worker, "design", lambda palette: (may_end.wait(20), design(palette))[1]
-    )
+    monkeypatch.setattr(designs, "design", lambda palette: (may_end.wait(20), design(palette))[1])
     began_with: list[ViewState] = []
     monkeypatch.setattr(designs, "asked", lambda state, _: (began_with.append(state), result)[1])
     bench = Bench()

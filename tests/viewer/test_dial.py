@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from volspec.viewer.model.light_mixes import corners
-from volspec.viewer.ui import lights_dial as dial
-from volspec.viewer.ui import lights_dial as names
+from volspec.viewer.ui import lights_dial
 
 LONG = (
     *("Macbeth daylight", "Tungsten halogen", "HP1 high-pressure sodium"),
@@ -21,7 +20,7 @@ def wide(text: str) -> float:
     return 6.2 * len(text) + 4
 
 
-LETTERS = names.Letters(15.0, wide)
+LETTERS = lights_dial.Letters(15.0, wide)
 
 
 @given(
@@ -33,8 +32,8 @@ LETTERS = names.Letters(15.0, wide)
 def test_names_at_the_dial_never_overlap_and_never_leave_it(
     boxes: list[tuple[float, float, float, float]],
 ) -> None:
-    labels = [names.Label(i, box, float(i)) for i, box in enumerate(boxes)]
-    kept = names.free(labels, (0.0, 0.0, 100.0, 100.0))
+    labels = [lights_dial.Label(i, box, float(i)) for i, box in enumerate(boxes)]
+    kept = lights_dial.free(labels, (0.0, 0.0, 100.0, 100.0))
     for i, one in enumerate(kept):
         x, y, width, height = one.box
         assert x >= 0 and y >= 0 and x + width <= 100 and y + height <= 100
@@ -42,19 +41,21 @@ def test_names_at_the_dial_never_overlap_and_never_leave_it(
             left, top, wide, tall = other.box
             apart = x + width <= left or left + wide <= x or y + height <= top or top + tall <= y
             assert apart
-    inside = [e for e in labels if names.free([e], (0.0, 0.0, 100.0, 100.0))]
+    inside = [e for e in labels if lights_dial.free([e], (0.0, 0.0, 100.0, 100.0))]
     assert not inside or kept[0] == inside[0]
 
 
 def test_the_light_under_the_mouse_is_found_at_the_rim_only() -> None:
-    assert dial.nearest(4, 0.05, -1.0, 0.1) == 0 and dial.nearest(4, 1.0, 0.02, 0.1) == 1
-    assert dial.nearest(4, 0.0, 0.0, 0.1) == -1
+    assert (
+        lights_dial.nearest(4, 0.05, -1.0, 0.1) == 0 and lights_dial.nearest(4, 1.0, 0.02, 0.1) == 1
+    )
+    assert lights_dial.nearest(4, 0.0, 0.0, 0.1) == -1
 
 
 def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:
     """As wide and high as the panel has it in a window of 900 by 600 pixels."""
-    ring = names.ring_for(LONG, (0.0, 0.0, 250.0, 103.0), (24.0, 24.5), 10.0, wide)
-    labels = names.labels_of(LONG, range(6), ring, LETTERS)
+    ring = lights_dial.ring_for(LONG, (0.0, 0.0, 250.0, 103.0), (24.0, 24.5), 10.0, wide)
+    labels = lights_dial.labels_of(LONG, range(6), ring, LETTERS)
     written = {label.index: " ".join(label.lines).replace("- ", "-") for label in labels}
     assert written == dict(enumerate(LONG))
     # The sodium lamp, at the right, has moved the dial to the left.
@@ -62,12 +63,14 @@ def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:
 
 
 def test_names_at_the_left_end_at_the_dial_and_those_at_the_right_begin_there() -> None:
-    ring = names.ring_for(LONG, (0.0, 0.0, 320.0, 200.0), (24.0, 60.0), 10.0, wide)
+    ring = lights_dial.ring_for(LONG, (0.0, 0.0, 320.0, 200.0), (24.0, 60.0), 10.0, wide)
     reach = ring.radius + ring.out
-    for label in names.labels_of(LONG, range(6), ring, LETTERS):
+    for label in lights_dial.labels_of(LONG, range(6), ring, LETTERS):
         place = corners(6)[label.index]
         at = ring.middle[0] + place[0] * reach
-        for start, text in zip(names.line_starts(label, place, wide), label.lines, strict=True):
+        for start, text in zip(
+            lights_dial.line_starts(label, place, wide), label.lines, strict=True
+        ):
             if place[0] > 0.5:
                 assert start == pytest.approx(at)
             elif place[0] < -0.5:
@@ -76,25 +79,25 @@ def test_names_at_the_left_end_at_the_dial_and_those_at_the_right_begin_there() 
 
 def test_a_name_that_has_no_room_ends_in_an_ellipsis_and_takes_no_other_s_place() -> None:
     crowded = ("D65", "Osram Dulux, warm white", "x" * 40, *LONG)
-    ring = names.ring_for(crowded, (0.0, 0.0, 180.0, 103.0), (24.0, 24.5), 10.0, wide)
-    labels = names.labels_of(crowded, range(9), ring, LETTERS)
-    plain = names.free(labels, ring.within)
+    ring = lights_dial.ring_for(crowded, (0.0, 0.0, 180.0, 103.0), (24.0, 24.5), 10.0, wide)
+    labels = lights_dial.labels_of(crowded, range(9), ring, LETTERS)
+    plain = lights_dial.free(labels, ring.within)
     assert len(plain) == len(labels) and any(label.lines[0].endswith("…") for label in labels)
     assert labels[0].lines == ("D65",)
 
 
 def test_the_dial_is_smaller_for_long_names_and_stays_where_they_are_short() -> None:
     area = (0.0, 0.0, 330.0, 300.0)
-    short = names.ring_for(("D65", "A", "FL2"), area, (24.0, 105.0), 10.0, wide)
+    short = lights_dial.ring_for(("D65", "A", "FL2"), area, (24.0, 105.0), 10.0, wide)
     assert short.radius == 105.0 and short.middle == (165.0, 150.0)
-    long = names.ring_for(LONG, area, (24.0, 105.0), 10.0, wide)
+    long = lights_dial.ring_for(LONG, area, (24.0, 105.0), 10.0, wide)
     assert 63.0 <= long.radius < 105.0
-    assert sum(names.extents(LONG, long.radius + 10.0, wide)) <= 330.0
+    assert sum(lights_dial.extents(LONG, long.radius + 10.0, wide)) <= 330.0
 
 
 def test_a_name_under_the_mouse_stands_for_its_light() -> None:
-    ring = names.ring_for(LONG, (0.0, 0.0, 330.0, 300.0), (24.0, 105.0), 10.0, wide)
-    labels = names.labels_of(LONG, range(6), ring, LETTERS)
+    ring = lights_dial.ring_for(LONG, (0.0, 0.0, 330.0, 300.0), (24.0, 105.0), 10.0, wide)
+    labels = lights_dial.labels_of(LONG, range(6), ring, LETTERS)
     x, y, width, height = next(label for label in labels if label.index == 2).box
-    assert names.under(labels, x + width / 2, y + height / 2) == 2
-    assert names.under(labels, *ring.middle) == -1
+    assert lights_dial.under(labels, x + width / 2, y + height / 2) == 2
+    assert lights_dial.under(labels, *ring.middle) == -1

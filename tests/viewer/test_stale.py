@@ -85,6 +85,7 @@ _COSTS: dict[str, tuple[Any, ...]] = {
     "cuts_edits.flip_plane": ("cast", 1),
     "cuts_edits.remove_plane": ("cast", 1),
     "cuts_edits.choose_plane": ("frame", 1),
+    "cuts_edits.add_plane": ("cast", (0.0, 0.6, 0.8)),
     "slices_edits.move_slice": ("frame", 1, 0.3),
     "slices_edits.step_slice": ("frame", 1, 0.3),
     "slices_edits.point_at": ("frame", 1, 0.3, 0.4),

@@ -11,7 +11,6 @@ import pytest
 
 from volspec.pipeline import raycast
 from volspec.viewer.model import presets, transfer_edits
-from volspec.viewer.model import presets as preset_table
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.document import Document, histogram, joint_histogram
 from volspec.viewer.model.edit import after
@@ -39,7 +38,7 @@ def _volumes() -> dict[str, Volume]:
 def test_every_preset_fits_every_volume(state: ViewState, name: str) -> None:
     volume = _volumes()[name]
     low, high = presets.span(volume)
-    for preset in preset_table.PRESETS:
+    for preset in presets.PRESETS:
         made = presets.transfer_of(preset, volume, histogram(volume), state.transfer.basis)
         assert made.bake(1.0).opacity.max() > 0
         values = [value for part in parts_of(made) for value in part.values]
@@ -50,7 +49,7 @@ def test_every_preset_fits_every_volume(state: ViewState, name: str) -> None:
 def test_presets_take_hounsfield_units_as_they_are() -> None:
     volume = _volumes()["hounsfield"]
     assert presets.in_hounsfield(volume)
-    bone = presets.fitted(preset_table.BY_NAME["bone"], volume, histogram(volume))
+    bone = presets.fitted(presets.BY_NAME["bone"], volume, histogram(volume))
     assert [value for value, _, _ in bone] == [200, 380, 650, 1200]
     names = [preset.name for preset in presets.offered(volume)]
     assert names.index("bone") < names.index("metal")

@@ -30,7 +30,6 @@ from volspec.viewer.model.projection import Projection
 from volspec.viewer.model.slices import Aids
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import overlays
-from volspec.viewer.ui import overlays as drawn_cube
 from volspec.viewer.ui.mouse import DRAGS, WHEELS
 from volspec.volume import Volume
 
@@ -222,7 +221,7 @@ def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
 
 
 def test_a_face_is_named_by_where_it_looks() -> None:
-    assert [drawn_cube.cube_label(face, True) for face in range(6)] == [
+    assert [overlays.cube_label(face, True) for face in range(6)] == [
         "R",
         "L",
         "A",
@@ -230,7 +229,7 @@ def test_a_face_is_named_by_where_it_looks() -> None:
         "I",
         "S",
     ]
-    assert [drawn_cube.cube_label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
+    assert [overlays.cube_label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
 
 
 def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(document: Document) -> None:

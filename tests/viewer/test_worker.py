@@ -14,7 +14,6 @@ from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
 from volspec.raycast import CoefficientImage
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work import casts as worker
 from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
 
 
@@ -52,7 +51,7 @@ class SlowCasts:
 @pytest.fixture
 def casts(monkeypatch: pytest.MonkeyPatch) -> SlowCasts:
     slow = SlowCasts()
-    monkeypatch.setattr(worker, "raycast", slow)
+    monkeypatch.setattr("volspec.viewer.work.casts.raycast", slow)
     return slow
 
 
@@ -111,7 +110,7 @@ def test_an_error_is_told_and_the_thread_goes_on(
     def refuse(*what: Any, **more: Any) -> None:
         raise error
 
-    monkeypatch.setattr(worker, "raycast", refuse)
+    monkeypatch.setattr("volspec.viewer.work.casts.raycast", refuse)
     woken = threading.Event()
     casting = CastWorker(woken.set)
     for _ in range(2):

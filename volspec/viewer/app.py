@@ -285,17 +285,17 @@ class _App:
     def _results(self) -> Results:
         screen, meter = self._screen, self._meter
         return Results(
-            screen.image,
-            screen.whole,
-            screen.shown_at,
-            screen.fault,
-            meter.fps,
-            meter.ms,
-            screen.under_mouse,
-            screen.heat,
-            screen.slices,
-            self._designing.news,
-            self._chores.openings.recent,
+            image=screen.image,
+            whole=screen.whole,
+            shown_at=screen.shown_at,
+            fault=screen.fault,
+            fps=meter.fps,
+            ms=meter.ms,
+            under_mouse=screen.under_mouse,
+            heat=screen.heat,
+            slices=screen.slices,
+            design=self._designing.news,
+            recent=self._chores.openings.recent,
         )
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:

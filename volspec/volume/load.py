@@ -77,6 +77,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         _require_utf_8(query.path)
     reading = read_in_child(query) if library else read_here(query)
     values = reading.values
+    # None, where a format has none, is how a volume's geometry is left out.
     volume = Volume(
         values.read() if isinstance(values, Stored) else values,
         spacing_mm=reading.spacing_mm,  # type: ignore[arg-type]

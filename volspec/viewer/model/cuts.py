@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.errors import InputError
 from volspec.raycast import ClipPlane, RaycastSpec
 from volspec.raycast.spec import MAX_PLANES, Bounds
 from volspec.viewer.model.camera import Vector, radius_mm, vector
@@ -120,22 +121,21 @@ def distance_mm(plane: ClipPlane, volume: Volume) -> float:
 
 
 def with_plane(shading: RaycastSpec, volume: Volume, normal: Vector) -> RaycastSpec:
-    """Another plane through the volume's middle; not where `no_plane` says why."""
-    if no_plane(shading, volume, normal):
-        return shading
-    plane = ClipPlane(vector(volume.corners_mm.mean(axis=0)), normal)
-    return replace(shading, clip_planes=(*shading.clip_planes, plane))
+    """Add a clip plane through the volume's middle.
 
-
-def no_plane(shading: RaycastSpec, volume: Volume, normal: Vector) -> str:
-    """Why there can be no other plane through the volume's middle; empty where there can."""
-    wanted = np.asarray(normal) / np.linalg.norm(normal)
+    Raises
+    ------
+    InputError
+        If there is one already, no room for another, or the normal is 0.
+    """
+    new = ClipPlane(vector(volume.corners_mm.mean(axis=0)), normal)
     for plane in shading.clip_planes:
         near = abs(distance_mm(plane, volume)) <= _SAME * radius_mm(volume)
-        if near and np.linalg.norm(np.asarray(plane.normal) - wanted) <= _SAME:
-            return "A clip plane lies here already; move that one first"
-    full = len(shading.clip_planes) >= MAX_PLANES
-    return f"{MAX_PLANES} clip planes are the most; remove one first" if full else ""
+        if near and math.dist(plane.normal, new.normal) <= _SAME:
+            raise InputError("A clip plane lies here already; move that one first")
+    if len(shading.clip_planes) >= MAX_PLANES:
+        raise InputError(f"{MAX_PLANES} clip planes are the most; remove one first")
+    return replace(shading, clip_planes=(*shading.clip_planes, new))
 
 
 def changed(shading: RaycastSpec, index: int, plane: ClipPlane | None) -> RaycastSpec:
@@ -209,7 +209,7 @@ class Handle:
     Parameters
     ----------
     name : str
-        The event that a drag makes.
+        ``crop``, ``plane-shift`` or ``plane-tilt``.
     index : int
         Of the face (2 · axis, + 1 at the far end) or the plane.
     place : (x, y)
@@ -258,7 +258,7 @@ def handles(
 def dragged(
     shading: RaycastSpec, volume: Volume, handle: Handle, place: Place, seen: Projection
 ) -> tuple[float, float]:
-    """What a handle's event is to say when what it moves shall be seen at a place.
+    """Place a handle so that what it moves is seen at a place.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from typing import Any
 
 from volspec.viewer.model import cuts
 from volspec.viewer.model.camera import Vector, vector
-from volspec.viewer.model.edit import Change, Command, Edited, edit
+from volspec.viewer.model.edit import Change, Command, edit, refusable
 from volspec.viewer.model.state import ViewState
 
 # Beyond this no volume reaches, and float64 keeps its digits.
@@ -83,10 +83,10 @@ def flipped(name: str) -> Change:
     return lambda state: with_aids(state, **{name: not getattr(state.interface.aids, name)})
 
 
-def _added(state: ViewState, normal: Vector) -> ViewState:
+@refusable
+def add_plane(state: ViewState, normal: Vector) -> ViewState:
+    """Add a clip plane through the volume's middle, and choose it."""
     shading = cuts.with_plane(state.shading, state.document.volume, normal)
-    if shading is state.shading:
-        return state
     chosen = with_aids(state, plane=len(shading.clip_planes) - 1, planes=True)
     return replace(chosen, shading=shading)
 
@@ -104,14 +104,8 @@ def _along(axis: int) -> Callable[[ViewState], Vector]:
 def _adding(
     name: str, title: str, keys: tuple[str, ...], normal: Callable[[ViewState], Vector]
 ) -> Command:
-    """Adds a plane with the normal that a state gives."""
-
-    def change(state: ViewState) -> Edited:
-        across = normal(state)
-        refusal = cuts.no_plane(state.shading, state.document.volume, across)
-        return Edited(state, refusal) if refusal else Edited(_added(state, across))
-
-    return Command(name, "Cut", title, keys, change)
+    """A command that adds a plane with the normal that a state gives."""
+    return Command(name, "Cut", title, keys, lambda state: add_plane(state, normal(state)))
 
 
 def _uncropped(state: ViewState) -> ViewState:

@@ -27,12 +27,11 @@ from volspec.scene.lights import rows_by_name
 from volspec.spectra import SpectralGrid
 from volspec.transfer import Transfer
 from volspec.viewer.model import presets
-from volspec.viewer.model import presets as preset_table
 from volspec.viewer.model.camera import View
 from volspec.viewer.model.lights import Rows, rows_of
 from volspec.volume import Volume
 
-_BINS = 128, 64
+_JOINT_BINS = 128, 64
 # Voxels looked at: two milliseconds.
 _SAMPLES = 60_000
 # Of the gradients, those below the axis' end.
@@ -76,7 +75,7 @@ def joint_histogram(volume: Volume) -> JointHistogram:
     top = float(np.quantile(gradients, _SHOWN)) or 1.0
     low, high = volume.range
     shares = (_taken(values, at, 0, 0).ravel() - low) / max(high - low, 1e-30)
-    columns, rows = _BINS
+    columns, rows = _JOINT_BINS
     column = np.minimum((shares * columns).astype(np.intp), columns - 1)
     row = np.minimum((gradients / top * rows).astype(np.intp), rows - 1)
     counts = np.bincount(row * columns + column, minlength=rows * columns)
@@ -94,7 +93,7 @@ def _taken(
     return values[np.ix_(*moved)].astype(np.float64)
 
 
-_BINS_document = 256
+_BINS = 256
 # Of a volume without a scene.
 _LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "HP1": "sodium lamp"}
 
@@ -190,7 +189,7 @@ def demo() -> Path:
 
 def plain_scene(path: str, volume: Volume) -> SceneFile:
     """A scene for a volume of which nothing else is known, by the preset for such."""
-    preset = preset_table.BY_NAME[preset_table.DEFAULT]
+    preset = presets.BY_NAME[presets.DEFAULT]
     looks = presets.fitted(preset, volume, histogram(volume))
     document: dict[str, Any] = {
         "title": Path(path.partition("?")[0]).name,
@@ -214,7 +213,7 @@ def histogram(volume: Volume) -> NDArray[np.float64]:
     low, high = volume.range
     # From 0 on: far from it float32 has too few numbers to tell the bins' edges apart.
     above = np.subtract(sampled, low, dtype=np.float64)
-    return np.histogram(above, bins=_BINS_document, range=(0.0, high - low))[0].astype(np.float64)
+    return np.histogram(above, bins=_BINS, range=(0.0, high - low))[0].astype(np.float64)
 
 
 def _view_of(scene: Scene, volume: Volume) -> View:

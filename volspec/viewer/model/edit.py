@@ -9,7 +9,7 @@ it is total: what makes no sense leaves the state as it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import wraps
 from typing import Concatenate, NamedTuple, ParamSpec
@@ -85,10 +85,10 @@ def refusable(
     return total
 
 
-def _finite(*groups: object) -> bool:
+def _finite(*groups: Iterable[object]) -> bool:
     """Return True if no number among arguments, or in tuples of them, is NaN or infinite."""
     for group in groups:
-        for value in group:  # type: ignore[attr-defined]
+        for value in group:
             if isinstance(value, tuple):
                 if not _finite(value):
                     return False

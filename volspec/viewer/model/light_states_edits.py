@@ -31,8 +31,9 @@ def save(state: ViewState) -> ViewState:
 
 
 def _saved(state: ViewState) -> Edited:
+    new = save(state)
     full = f"{MOST_STATES} saved states are the most; delete one first"
-    return Edited(save(state), full if len(state.kept) >= MOST_STATES else "")
+    return Edited(new, full if new is state else "")
 
 
 @edit

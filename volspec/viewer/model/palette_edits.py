@@ -17,7 +17,7 @@ from volspec.palette import Cell
 from volspec.palette.colours import parsed_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import lights as lighting
+from volspec.viewer.model import lights
 from volspec.viewer.model.edit import Command, Edited, edit, tolerant
 from volspec.viewer.model.lights_edits import with_last
 from volspec.viewer.model.palette_spectra import columns, exact, with_new_light, with_reflectances
@@ -60,9 +60,9 @@ def choose_cell(state: ViewState, number: int) -> ViewState:
         return state
     own, column = replace(state.interface.pick, place=place), table.columns.index(place[1])
     state = replace(state, interface=replace(state.interface, pick=own, light=column))
-    if lighting.shining(state.lights)[column] > 0:
+    if lights.shining(state.lights)[column] > 0:
         return state
-    return replace(state, lights=lighting.alone(state.lights, column))
+    return replace(state, lights=lights.alone(state.lights, column))
 
 
 def _with_cell(
@@ -251,13 +251,13 @@ def _forget(state: ViewState) -> ViewState:
 
 def _own_spectra(state: ViewState) -> ViewState:
     """The scene's reflectances and lights, and no wishes."""
-    document, transfer, lights = state.document, state.transfer, state.lights
+    document, transfer, rows = state.document, state.transfer, state.lights
     own = document.transfer.materials
     if any(transfer.materials.get(name) is not own[name] for name in own):
         transfer = with_reflectances(transfer, own)
-    if [row.rig.lights for row in lights] != [row.rig.lights for row in document.lights]:
-        lights = document.lights
-    return replace(_forget(state), transfer=transfer, lights=lights)
+    if [row.rig.lights for row in rows] != [row.rig.lights for row in document.lights]:
+        rows = document.lights
+    return replace(_forget(state), transfer=transfer, lights=rows)
 
 
 def _new_light(state: ViewState) -> Edited:
@@ -266,7 +266,7 @@ def _new_light(state: ViewState) -> Edited:
     wave = first_wave(state.document.grid, len(state.lights))
     rows = with_new_light(state.lights, name, "designed light", replace(wave, name=name))
     if rows is state.lights:
-        return Edited(state, f"{lighting.MOST_ROWS} lights are the most; remove one first")
+        return Edited(state, f"{lights.MOST_ROWS} lights are the most; remove one first")
     wishes = state.board.wishes
     wishes = replace(wishes, open=wishes.open | {(LIGHT, name)})
     return Edited(with_last(_wishing(state, wishes), rows))

@@ -17,7 +17,6 @@ from volspec.viewer.model import (
     transfer_parts,
     transfer_placing,
 )
-from volspec.viewer.model import presets as preset_table
 from volspec.viewer.model.edit import Change, Command, Edited, edit
 from volspec.viewer.model.state import ViewState
 
@@ -258,7 +257,7 @@ def _reset(state: ViewState) -> ViewState:
 _LABELLED = "Labels are names, no values: neither presets nor other kinds fit them"
 
 
-def _preset(preset: preset_table.Preset) -> Change:
+def _preset(preset: presets.Preset) -> Change:
     def change(state: ViewState) -> Edited:
         if isinstance(state.transfer, LabelFunction):
             return Edited(state, _LABELLED)
@@ -295,7 +294,7 @@ KIND_TITLES: dict[transfer_convert.Kind, str] = {
 COMMANDS = (
     *(
         Command(f"preset-{preset.name}", "Transfer", f"Preset: {preset.title}", (), _preset(preset))
-        for preset in preset_table.PRESETS
+        for preset in presets.PRESETS
     ),
     *(
         Command(f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _into(kind), _is(kind))

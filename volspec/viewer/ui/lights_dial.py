@@ -25,7 +25,7 @@ _UPRIGHT = 0.2
 # From so far out names stand beside the rim: a longer one would reach over its light's dot.
 _BESIDE = 0.7
 # Of the greatest radius: what names that are long may leave.
-_LEAST = 0.6
+_LEAST_LETTERS = 0.6
 _RADII = 8
 
 
@@ -103,7 +103,7 @@ def ring_for(
     """
     x, y, width, height = within
     least, most = radii[0], max(radii)
-    least = min(max(least, _LEAST * most), most)
+    least = min(max(least, _LEAST_LETTERS * most), most)
     steps = [most + (least - most) * i / _RADII for i in range(_RADII + 1)]
     reaches = [extents(names, radius + out, measure) for radius in steps]
     found = next((i for i, ends in enumerate(reaches) if sum(ends) <= width), _RADII)
@@ -254,9 +254,9 @@ def _overlap(a: Box, b: Box) -> bool:
 
 
 # Room for names: above and below, and at the sides; beyond a dot, and between two of them.
-_ABOVE, _BESIDE_dial, _OUT, _GAP = 27.0, 60.0, 3.0, 4.0
+_ABOVE, _ASIDE, _OUT, _GAP = 27.0, 60.0, 3.0, 4.0
 # The least radius.
-_LEAST_dial = 24.0
+_LEAST_RADIUS = 24.0
 _DOT, _SMALL_DOT, _MANY = 7.0, 4.0, 16
 
 
@@ -329,13 +329,13 @@ def _rim(
 
 def _ring(state: ViewState, ui: UiContext, within: Box) -> Ring:
     _, _, width, height = within
-    radii = ui.px(_LEAST_dial), min(height / 2 - ui.px(_ABOVE), width / 2 - ui.px(_BESIDE_dial))
+    radii = ui.px(_LEAST_RADIUS), min(height / 2 - ui.px(_ABOVE), width / 2 - ui.px(_ASIDE))
     return ring_for(_asking(state), within, radii, _out(state, ui), _width(ui))
 
 
 def width_for(state: ViewState, ui: UiContext, height: float) -> float:
     """How wide it would be with all names whole."""
-    radius = max(height / 2 - ui.px(_ABOVE), ui.px(_LEAST_dial))
+    radius = max(height / 2 - ui.px(_ABOVE), ui.px(_LEAST_RADIUS))
     return sum(extents(_asking(state), radius + _out(state, ui), _width(ui)))
 
 

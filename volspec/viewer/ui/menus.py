@@ -171,7 +171,7 @@ SHEET: tuple[Part, ...] = (
     *((menu, rows) for menu in MENUS if (rows := _rows_of(menu))),
     ("In panels, after F6", _PANELS),
 )
-_FLAGS_keys = (
+_SHEET_FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
     | imgui.WindowFlags_.no_collapse
@@ -212,7 +212,7 @@ def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(3)))
     imgui.set_next_window_size_constraints((0, 0), viewport.work_size)
     imgui.set_next_window_bg_alpha(0.95)
-    imgui.begin("##keys", None, _FLAGS_keys)
+    imgui.begin("##keys", None, _SHEET_FLAGS)
     _columns(ui, viewport.work_size.x)
     # Not by its scrollbar.
     free = imgui.is_window_hovered() and not imgui.is_any_item_active()

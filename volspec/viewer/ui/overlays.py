@@ -119,7 +119,7 @@ def draw_scale(state: ViewState, ui: UiContext) -> ViewState | None:
     return None
 
 
-_FLAGS_probe = (
+_PROBE_FLAGS = (
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.no_inputs
     | imgui.WindowFlags_.no_docking
@@ -142,7 +142,7 @@ def draw_probe(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.set_next_window_bg_alpha(0.82)
     imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(5))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(3)))
-    if imgui.begin("##probe", None, _FLAGS_probe)[0]:
+    if imgui.begin("##probe", None, _PROBE_FLAGS)[0]:
         widest = max(text_width(name) for name, _ in reading.rows)
         label = widest + ui.px(14) + imgui.get_style().window_padding.x
         for name, value in reading.rows:

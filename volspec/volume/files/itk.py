@@ -14,8 +14,9 @@ import numpy as np
 
 from volspec._files import captured_output
 from volspec.errors import VolumeError
-from volspec.volume.files.headers import NIFTI_SUFFIXES, Layout, check_itk_header
+from volspec.volume.files.headers import check_itk_header
 from volspec.volume.files.lattice import affine
+from volspec.volume.files.layout import NIFTI_SUFFIXES, Layout
 from volspec.volume.files.query import Query, Reading
 
 
