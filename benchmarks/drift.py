@@ -32,7 +32,7 @@ from volspec._gpu.sources import asset
 from volspec.appearance.spec import MODELS, SURROUNDS, Viewing
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import Camera, ClipPlane, CoefficientImage
-from volspec.relight import LightRig
+from volspec.relight import LightRig, RelightSpec
 from volspec.relight.tables import is_tabled
 from volspec.scene import Scene
 from volspec.spectra import SpectralGrid, Spectrum
@@ -155,7 +155,9 @@ class Cycle:
             rig = self._rig(scene.basis.grid, list(image.groups))
             level = "absolute" if number % 7 == 6 else "relative"
             backdrop = self._dice.random()
-            relighters[backend].frame(rig, viewing, "componentwise", backdrop, level, dtype)
+            relighters[backend].frame(
+                rig, RelightSpec(viewing, backdrop=backdrop, level=level), dtype
+            )
             self.frames += 1
 
     def _rig(self, grid: SpectralGrid, groups: list[str]) -> LightRig:

@@ -64,14 +64,13 @@ def once(scene: Scene, size: tuple[int, int]) -> tuple[np.ndarray, float, bool]:
     volume = scene.volume()
     caster = Raycaster(volume)
     seen = scene.relight
-    shown = seen.viewing, seen.mode, seen.backdrop, seen.level
     frames: dict[str, np.ndarray] = {}
 
     def cast_each() -> None:
         for light in scene.lights:
             image = scene.render(volume, caster=caster, size=size)
             with Relighter(image, table=False) as relighter:
-                frames[light.name] = relighter.frame(light.rig, *shown)
+                frames[light.name] = relighter.frame(light.rig, seen)
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -12,6 +12,7 @@ from benchmarks.cast import SPECS
 from benchmarks.page import PAGE
 from benchmarks.volumes import BenchScene, bench_scenes
 from volspec.pipeline import Raycaster, raycast, relight
+from volspec.relight import RelightSpec
 from volspec.spectra import light
 
 TILE = (240, 240)
@@ -28,7 +29,9 @@ def sheet() -> np.ndarray:
             raycast(scene.volume, scene.transfer, scene.camera, TILE, spec, caster=caster)
             for spec in SPECS.values()
         ]
-        columns.append(np.concatenate([relight(c, daylight, backdrop=0.05) for c in casts]))
+        columns.append(
+            np.concatenate([relight(c, daylight, RelightSpec(backdrop=0.05)) for c in casts])
+        )
     return np.concatenate(columns, axis=1)
 
 

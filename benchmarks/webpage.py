@@ -127,7 +127,7 @@ def _worst(page: Any, path: Path, scene: Scene, view: PageView) -> float:
         for i, light in enumerate(scene.lights):
             page.click(f"#light-list li:nth-child({i + 1}) .light-name")
             page.wait_for_timeout(200)
-            frame = relighter.frame(light.rig, seen.viewing, seen.mode, seen.backdrop, seen.level)
+            frame = relighter.frame(light.rig, seen)
             found.append(apart(saved(page), frame))
     return max(found)
 

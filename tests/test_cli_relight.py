@@ -342,7 +342,7 @@ def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(
     assert call(*words, *more) == 0
     assert capsys.readouterr().err == ""
     frame = iio.imread(tmp_path / "F.png")
-    assert np.array_equal(frame, relight(image, rig, spec.viewing, level=level))
+    assert np.array_equal(frame, relight(image, rig, RelightSpec(spec.viewing, level=level)))
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from volspec.cli.viewing import PictureOptions
 from volspec.errors import InputError
 from volspec.export.icc import icc_profile
 from volspec.raycast import CoefficientImage
-from volspec.relight import relight
+from volspec.relight import RelightSpec, relight
 from volspec.scene.tables import ViewingTable
 from volspec.spectra import light, reflectance_set
 
@@ -93,7 +93,7 @@ def test_a_frame_is_made_for_the_display_asked_for(chart: Path, tmp_path: Path) 
     assert call(chart, "--light", "A", *words, "-o", tmp_path / "f.png") == 0
     stored = CoefficientImage.load(chart)
     viewing = onto(space="Display P3", gamut="reduce", mark=True, lux=200.0)
-    expected = relight(stored, light("A"), viewing, backdrop=0.2)
+    expected = relight(stored, light("A"), RelightSpec(viewing, backdrop=0.2))
     assert np.array_equal(iio.imread(tmp_path / "f.png"), expected)
     with Image.open(tmp_path / "f.png") as frame:
         assert frame.info["icc_profile"] == icc_profile(SPACES["Display P3"])

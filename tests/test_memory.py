@@ -21,7 +21,7 @@ from volspec._gpu.sources import asset
 from volspec.errors import OpenGLError
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import CoefficientImage
-from volspec.relight import LightRig, Relighter
+from volspec.relight import LightRig, Relighter, RelightSpec
 from volspec.scene import Scene
 from volspec.volume import Volume
 
@@ -68,7 +68,7 @@ def test_lights_and_viewings_that_changed_take_no_memory(
         lamp, sky = vs.light(f"planck:{first + 10 * number}"), f"daylight:{3000 + first + number}"
         rig = LightRig((lamp, vs.light(sky)), (1.0, 0.1 + number))
         viewing = vs.Viewing(illuminance_lux=100.0 + number, exposure=1.0 + number / 1000)
-        relighter.frame(rig, viewing, backdrop=number / 1000)
+        relighter.frame(rig, RelightSpec(viewing, backdrop=number / 1000))
 
     with Relighter(grey, backend) as relighter:
         # A cache takes a key, an entry and an array for each, or more.

@@ -184,7 +184,9 @@ def test_opaque_colours_are_vtks_under_daylight(plot: Plots) -> None:
     plotter.add_volume(even(0.7), cmap="viridis", opacity=[1.0, 1.0], show_scalar_bar=False)
     plotter.view_xy()
     image = vs.raycast(*vs.from_plotter(plotter))
-    frame = vs.relight(image, vs.light("D65"), vs.Viewing(model="none"), backdrop=0.0)
+    frame = vs.relight(
+        image, vs.light("D65"), vs.RelightSpec(vs.Viewing(model="none"), backdrop=0.0)
+    )
     theirs = plotter.screenshot(return_img=True)[16, 16, :3].astype(int)
     # Two codes between materials, one from the basis, one of the rest of opacity, 0.998.
     assert np.abs(frame[16, 16] - theirs).max() <= 4

@@ -13,6 +13,7 @@ from pydantic_core import PydanticUndefined
 
 from volspec import _tables as shared
 from volspec.pipeline import Relighter
+from volspec.relight import RelightSpec
 from volspec.scene import Scene, SceneFile, export, spectra, tables, transfer
 from volspec.scene import lights as light_tables
 from volspec.transfer import (
@@ -134,7 +135,7 @@ def test_scenes_that_ship_are_neither_dark_nor_washed_out(path: Path) -> None:
     viewing, relit = scene.relight.viewing, scene.relight
     with Relighter(image) as relighter:
         for light in scene.lights:
-            frame = relighter.frame(light.rig, viewing, relit.mode, relit.backdrop)
+            frame = relighter.frame(light.rig, RelightSpec(viewing, relit.mode, relit.backdrop))
             shown = frame[image.alpha > 0.5]
             assert 60 < shown.mean() < 190, light.name
             assert np.mean(shown == 255) < 0.02, light.name

@@ -69,9 +69,7 @@ def make(scene: vs.Scene, volume: vs.Volume, sheet: Sheet, path: Path) -> int:
     columns = []
     with vs.Relighter(image) as relighter:
         for light in scene.lights:
-            frame = relighter.frame(
-                light.rig, relit.viewing, relit.mode, relit.backdrop, relit.level
-            )
+            frame = relighter.frame(light.rig, relit)
             label = light.label if light.label != light.name else ""
             columns.append(SheetColumn(light.name, label, light.spectrum, [frame]))
     title = f"{scene.file.title} (cast once)"

@@ -37,7 +37,7 @@ _HOMES = {
         *("LightGroup", "Point", "RaycastSpec"),
     ),
     "volspec.raycast.adapt": ("from_plotter",),
-    "volspec.relight": ("LightRig",),
+    "volspec.relight": ("LightRig", "RelightSpec"),
     "volspec.relight.adapt": ("picture_plane", "to_texture"),
     "volspec.scene": ("Scene",),
     "volspec.spectra": (

@@ -1,7 +1,7 @@
 """The spine: cast once, relight for ever.
 
     image = raycast(volume, transfer, camera)        slow: when one of these changes
-    frame = relighter.frame(light, viewing)          fast: at every light change
+    frame = relighter.frame(light, spec)             fast: at every light change
 
 The demo, the command line, the exporters and the viewer all come through here.
 """

@@ -68,8 +68,7 @@ def opened(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 def shown(image: CoefficientImage, name: str, spec: RelightSpec = SPEC) -> NDArray[Any]:
     """Linear light of volspec's own frame: an eye that adapts by Bradford, black behind."""
     spec = dataclasses.replace(spec, backdrop=0.0)
-    given = LIGHTS[name], spec.viewing, spec.mode, spec.backdrop, spec.level
-    codes = relight(image, *given, dtype=np.float32, backend="numpy")
+    codes = relight(image, LIGHTS[name], spec, dtype=np.float32, backend="numpy")
     return SPACES["sRGB"].decode(codes)
 
 

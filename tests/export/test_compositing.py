@@ -68,7 +68,9 @@ def test_the_header_s_matrices_relight_the_file_s_channels(
 def test_over_the_header_s_backdrop_a_picture_is_the_opaque_frame() -> None:
     image, recipe = made(), Recipe.of(GENERAL, SHARES, LIGHTS, SPEC)
     behind = (1 - image.alpha)[..., None] * recipe.lights["evening"].backdrop
-    codes = relight(image, EVENING, SPEC.viewing, backdrop=0.25, dtype=np.float32, backend="numpy")
+    codes = relight(
+        image, EVENING, RelightSpec(SPEC.viewing, backdrop=0.25), dtype=np.float32, backend="numpy"
+    )
     frame = SPACES["sRGB"].decode(codes)
     assert close(recipe.picture(image, "evening") + behind, frame)
 

@@ -77,7 +77,7 @@ def layer(scene: Make) -> Any:
 
 def test_a_scene_opens_under_its_first_light(layer: Any, scene: Make) -> None:
     image, seen = scene().render(), scene().relight
-    wanted = relight(image, light("D65"), seen.viewing, seen.mode, seen.backdrop, seen.level)
+    wanted = relight(image, light("D65"), seen)
     # The GL picture of one cast and of another of the same scene.
     assert np.abs(layer.data.astype(int) - wanted).max() <= 1
     assert layer.metadata["weights"] == {"day": 1.0, "lamp": 0.0, "tube": 0.0}

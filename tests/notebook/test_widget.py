@@ -25,7 +25,7 @@ from volspec.errors import (
 )
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
-from volspec.relight import LightRig
+from volspec.relight import LightRig, RelightSpec
 from volspec.scene.lights import NamedLight
 
 pytest.importorskip("anywidget")
@@ -66,7 +66,9 @@ def test_a_frame_follows_every_setting(widget: Any, colours: CoefficientImage) -
     widget.weights = {"A": 0.5, "FL2": 0.25}
     widget.viewing, widget.mode, widget.backdrop = viewing, "exact", 0.4
     rig = LightRig((vs.light("A"), vs.light("FL2")), (0.5, 0.25))
-    np.testing.assert_array_equal(widget.frame(), relight(colours, rig, viewing, "exact", 0.4))
+    np.testing.assert_array_equal(
+        widget.frame(), relight(colours, rig, RelightSpec(viewing, "exact", 0.4))
+    )
     widget.weights = {}
     assert widget.rig is None and not widget.frame().any()
     with pytest.raises(RelightError, match=r"expected numpy\.uint8 or numpy\.float32"):

@@ -64,7 +64,7 @@ def engine_page(browser: Any, files: Path) -> Iterator[Opened]:
 
 def frame(image: CoefficientImage, lamp: NamedLight, seen: RelightSpec) -> NDArray[np.uint8]:
     with Relighter(image) as relighter:
-        return relighter.frame(lamp.rig, seen.viewing, seen.mode, seen.backdrop, seen.level)
+        return relighter.frame(lamp.rig, seen)
 
 
 def only(scene: Scene, i: int) -> str:

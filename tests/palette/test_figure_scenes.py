@@ -78,7 +78,7 @@ def test_figure_7_casts_the_frog(volumes: Path) -> None:
     scene = vs.Scene.load(DATA / "scenes" / "figure-7.toml")
     image = scene.render(vs.load_volume(volumes / "frog.nrrd"), size=(64, 64))
     whole, inside = (
-        vs.relight(image, light.rig, scene.relight.viewing, backdrop=0.0).mean()
+        vs.relight(image, light.rig, vs.RelightSpec(scene.relight.viewing, backdrop=0.0)).mean()
         for light in (scene.lights[0], scene.lights[-1])
     )
     assert 0 < inside < 0.8 * whole

@@ -78,13 +78,7 @@ def scene(trained: vs.Scene) -> vs.Scene:
 def frame_Lab(scene: vs.Scene, light: str, size: tuple[int, int] | None = None) -> np.ndarray:
     """(H, W, 3) CIELAB of a scene's frame, cast with its own basis."""
     found = next(each for each in scene.lights if each.name == light)
-    relit = scene.relight
-    shown = vs.relight(
-        *(scene.render(size=size), found.rig, relit.viewing),
-        mode=relit.mode,
-        backdrop=relit.backdrop,
-        dtype=np.float32,
-    )
+    shown = vs.relight(scene.render(size=size), found.rig, scene.relight, np.float32)
     space = space_of("sRGB")
     linear = space.decode(shown.astype(np.float64))
     return cielab(np.linalg.solve(space.RGB_from_XYZ, linear[..., None])[..., 0], space.white_XYZ)

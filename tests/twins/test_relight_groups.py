@@ -58,7 +58,9 @@ def test_three_groups_match_the_reference_in_every_mode(
 ) -> None:
     image = cast()
     truth = relight_reference(image, RIG, RelightSpec(mode=mode, level=level))
-    frame = relight(image, RIG, mode=mode, level=level, dtype=np.float32, backend=backend)
+    frame = relight(
+        image, RIG, RelightSpec(mode=mode, level=level), dtype=np.float32, backend=backend
+    )
     worst = np.unravel_index(np.abs(frame - truth).argmax(), truth.shape)
     # llvmpipe's pow, measured 5e-5.
     assert abs(frame[worst] - truth[worst]) < 2e-4, (worst, frame[worst[:2]], truth[worst[:2]])
@@ -90,7 +92,9 @@ def test_half_coefficients_give_the_frame_of_the_same_numbers_in_float32(backend
     whole = replace(half, coefficients=half.coefficients.astype(np.float32))
     assert half.coefficients.dtype == np.float16
     for mode in MODES:
-        one, other = (relight(im, RIG, mode=mode, backend=backend) for im in (half, whole))
+        one, other = (
+            relight(im, RIG, RelightSpec(mode=mode), backend=backend) for im in (half, whole)
+        )
         assert np.array_equal(one, other)
 
 

@@ -60,7 +60,11 @@ def test_relight_is_method_4_in_31_bands(backend, general, name):
     spec = RelightSpec(Viewing(model="none", exposure=0.5), "exact", behind)
     np.testing.assert_allclose(relight_reference(image, light(name), spec), truth, atol=1e-5)
     frame = relight(
-        image, light(name), spec.viewing, "exact", behind, dtype=np.float32, backend=backend
+        image,
+        light(name),
+        RelightSpec(spec.viewing, "exact", behind),
+        dtype=np.float32,
+        backend=backend,
     )
     # llvmpipe's pow, measured 5e-5.
     np.testing.assert_allclose(frame, truth, atol=2e-4)

@@ -78,8 +78,8 @@ def test_frame_matches_the_reference_in_both_modes(backend, mode, name):
     image = cast()
     truth = relight_reference(image, light(name), RelightSpec(mode=mode))
     with Relighter(image, backend) as relighter:
-        codes = relighter.frame(light(name), mode=mode)
-        exact = relighter.frame(light(name), mode=mode, dtype=np.float32)
+        codes = relighter.frame(light(name), RelightSpec(mode=mode))
+        exact = relighter.frame(light(name), RelightSpec(mode=mode), dtype=np.float32)
     assert codes.dtype == np.uint8 and codes.shape == (6, 5, 3)
     worst = np.unravel_index(np.abs(exact - truth).argmax(), truth.shape)
     # llvmpipe's pow, measured 5e-5.
@@ -90,7 +90,7 @@ def test_frame_matches_the_reference_in_both_modes(backend, mode, name):
 def test_row_0_of_the_image_is_row_0_of_the_frame(backend):
     image = cast()
     with Relighter(image, backend) as relighter:
-        frame = relighter.frame(light("D65"), backdrop=0.0)
+        frame = relighter.frame(light("D65"), RelightSpec(backdrop=0.0))
     # D65 sampled in 31 bands misses the display's white by less than a code.
     assert frame[0].min() >= 254
     assert frame[-1].max() == 0
@@ -116,9 +116,11 @@ def test_white_under_a_fully_adapted_eye_is_the_display_s_white(backend):
 def test_backdrop_is_a_lit_diffuser(backend):
     image = cast()
     with Relighter(image, backend) as relighter:
-        grey = relighter.frame(light("A"), RAW, backdrop=0.2, dtype=np.float32)
+        grey = relighter.frame(light("A"), RelightSpec(RAW, backdrop=0.2), dtype=np.float32)
         same = relighter.frame(
-            light("A"), RAW, backdrop=Spectrum([390, 710], [0.2, 0.2]), dtype=np.float32
+            light("A"),
+            RelightSpec(RAW, backdrop=Spectrum([390, 710], [0.2, 0.2])),
+            dtype=np.float32,
         )
     np.testing.assert_allclose(grey, same, atol=1e-6)
     # Tungsten unadapted: red above green above blue; Y is the reflectance.
@@ -134,7 +136,9 @@ def test_lights_of_a_rig_add_up(backend):
     with Relighter(image, backend) as relighter:
 
         def linear(rig: LightRig) -> np.ndarray:
-            codes = relighter.frame(rig, dim, level="absolute", mode="exact", dtype=np.float32)
+            codes = relighter.frame(
+                rig, RelightSpec(dim, level="absolute", mode="exact"), dtype=np.float32
+            )
             return decode(codes)
 
         alone = [linear(LightRig((light(n),), illuminance_lux=(v,))) for n, v in lux.items()]
@@ -247,7 +251,8 @@ def test_a_table_made_beforehand_on_another_thread_is_what_the_frame_is_drawn_wi
     monkeypatch: pytest.MonkeyPatch, adapting: str
 ) -> None:
     rig = LightRig((light("A"),), illuminance_lux=(500.0,))
-    how = rig, Viewing(model="Nayatani95", adapting=adapting, fov_deg=20.0), "exact"
+    viewing = Viewing(model="Nayatani95", adapting=adapting, fov_deg=20.0)
+    how = rig, RelightSpec(viewing, "exact")
     with gl_or_skip(cast()) as alone:
         alone_key, expected = alone.missing_table(*how), alone.frame(*how)
         assert alone.missing_table(*how) is None
@@ -357,7 +362,9 @@ def test_unlit_rig_and_other_nonsense_is_refused_in_one_line():
         ),
         (lambda: relight(image, A, dtype="wide", **lit), RelightError, "dtype is 'wide'"),
         (
-            lambda: relight(image, LightRig((A,), (), (1e30,)), level="absolute", **lit),
+            lambda: relight(
+                image, LightRig((A,), (), (1e30,)), RelightSpec(level="absolute"), **lit
+            ),
             ViewingError,
             "its lux and the exposure",
         ),
@@ -366,10 +373,15 @@ def test_unlit_rig_and_other_nonsense_is_refused_in_one_line():
         (lambda: RelightSpec(backdrop=1.2), ViewingError, "backdrop reflects 1.2"),
         (lambda: RelightSpec(backdrop="grey"), ViewingError, "backdrop is 'grey'"),
         (lambda: RelightSpec(viewing="CIECAM02"), ViewingError, "expected a Viewing"),
+        (lambda: relight(image, A, "exact", **lit), ViewingError, "a RelightSpec or a Viewing"),
         (lambda: relight(image, "A", **lit), ViewingError, "such as volspec.light"),
         (lambda: relight(image, black, **lit), SpectrumError, "night"),
         (lambda: relight(image, A, dtype=np.int8, **lit), RelightError, "numpy.uint8"),
-        (lambda: relight(image, A, level="absolute", **lit), ViewingError, "needs the lights' lux"),
+        (
+            lambda: relight(image, A, RelightSpec(level="absolute"), **lit),
+            ViewingError,
+            "needs the lights' lux",
+        ),
         (lambda: Relighter(image, backend="vulkan"), RelightError, "backend is 'vulkan'"),
         (
             lambda: Relighter(image, tables=3),

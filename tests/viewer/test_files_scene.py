@@ -94,12 +94,11 @@ def read(path: Path) -> ViewState:
 
 def picture(state: ViewState) -> NDArray[Any]:
     """The frame a state shows, in floats."""
-    volume, seen = state.document.volume, state.seen
+    volume = state.document.volume
     image = raycast(volume, state.transfer, state.view.camera(volume), state.size, state.shading)
     rig = rig_of(state.lights)
     assert rig is not None
-    how = seen.viewing, seen.mode, seen.backdrop, seen.level
-    return relight(image, rig, *how, dtype=np.float32, backend="numpy")
+    return relight(image, rig, state.seen, dtype=np.float32, backend="numpy")
 
 
 def assert_same_picture(state: ViewState, folder: Path) -> ViewState:

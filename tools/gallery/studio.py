@@ -75,7 +75,9 @@ def show(
     """Relight, and take the mean of two by two pixels."""
     light = vs.light(light) if isinstance(light, str) else light
     viewing = vs.Viewing(exposure=exposure)
-    return halved(vs.relight(image, light, viewing, backdrop=backdrop, dtype=np.float32))
+    return halved(
+        vs.relight(image, light, vs.RelightSpec(viewing, backdrop=backdrop), dtype=np.float32)
+    )
 
 
 def halved(codes: NDArray[Any]) -> Picture:

@@ -144,7 +144,7 @@ def relight(
                 relighter.set_reflectances(changes)
         for text, lamp, path, beside in zip(light, lamps, paths, maps, strict=True):
             with in_options():
-                frame = relighter.frame(lamp, spec.viewing, spec.mode, spec.backdrop, spec.level)
+                frame = relighter.frame(lamp, spec)
             notes = {"light": text, "Software": f"volspec {__version__}"}
             write_frame(path, frame, notes, spec.viewing.display.space)
             blanks.look(str(path), text, frame, stored.alpha)

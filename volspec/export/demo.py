@@ -103,16 +103,15 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
     columns, reports, frames, maps = [], [], {}, []
     materials = list(scene.materials.values())
     relit = scene.relight
-    unadapted = replace(relit.viewing, model="none")
-    seen: dict[str, Any] = {"mode": relit.mode, "backdrop": relit.backdrop, "level": relit.level}
+    unadapted = replace(relit, viewing=replace(relit.viewing, model="none"))
     with Relighter(image) as relighter:
         for i, light in enumerate(scene.lights):
             times = []
             for _ in range(_REPEATS):
                 started = time.perf_counter()
-                frame = relighter.frame(light.rig, relit.viewing, **seen)
+                frame = relighter.frame(light.rig, relit)
                 times.append(1e3 * (time.perf_counter() - started))
-            plain = relighter.frame(light.rig, unadapted, **seen)
+            plain = relighter.frame(light.rig, unadapted)
             frames[light.name] = frame
             columns.append(SheetColumn(light.name, light.label, light.spectrum, [frame, plain]))
             errors = report(scene.basis, light.rig.lights, materials)

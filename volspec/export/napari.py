@@ -37,8 +37,7 @@ class Relit:
         """(H, W, 3) uint8 under the weighed lights, seen as the image's scene says."""
         mix = mixed_rig(tuple(self.lights.values()), [weights[name] for name in self.lights])
         seen = viewing_of(self.image).spec().for_lights(self.lights.values())
-        settings = (mix, seen.viewing, seen.mode, seen.backdrop, seen.level)
-        return relighter.frame(*settings) if relighter else relight(self.image, *settings)
+        return relighter.frame(mix, seen) if relighter else relight(self.image, mix, seen)
 
 
 def reader(path: str | list[str]) -> Callable[[str], list[Any]] | None:

@@ -79,11 +79,9 @@ class Pane:
         if table.format == "exr":
             linear = self._linear(relighter, shot)
             return self._joined(linear * self._cover[..., None] if table.transparent else linear)
-        spec = shot.spec
-        shown = spec.viewing, spec.mode, spec.backdrop, spec.level
         if table.bits == 8 and not table.transparent:
-            return relighter.frame(shot.rig, *shown)
-        codes = relighter.frame(shot.rig, *shown, dtype=np.float32)
+            return relighter.frame(shot.rig, shot.spec)
+        codes = relighter.frame(shot.rig, shot.spec, dtype=np.float32)
         joined = self._joined(codes)
         rounded = to_uint16(joined) if table.bits == 16 else to_uint8(joined)
         if table.transparent:
@@ -115,8 +113,7 @@ class Pane:
             for rows in row_strips(image.size, image.coefficients.shape[2]):
                 light[rows] = both.scene_XYZ(image.coefficients[rows], image.alpha[rows])
             return light
-        shown = spec.viewing, spec.mode, spec.backdrop, spec.level
-        codes = relighter.frame(shot.rig, *shown, dtype=np.float32)
+        codes = relighter.frame(shot.rig, shot.spec, dtype=np.float32)
         space = space_of(spec.viewing.display.space)
         matrix = to.RGB_from_XYZ @ XYZ_adapted(space, to) @ space.XYZ_from_RGB
         return (space.decode(codes) @ matrix.T).astype(np.float32)
@@ -134,7 +131,8 @@ def measured(shot: Shot, image: CoefficientImage) -> Shot:
     """
     spec = shot.spec
     light = Illumination.of(image.basis, shot.rig, spec, image.groups)
-    viewing, _ = Adapting().seen(image, light, spec.viewing)
+    found, _ = Adapting().measured(image, light)
+    viewing = replace(spec.viewing, adapting="given", Y_b=found.Y_b, L_A=found.L_A)
     return replace(shot, spec=replace(spec, viewing=viewing))
 
 

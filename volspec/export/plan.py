@@ -218,7 +218,7 @@ def _require_shown(scene: Scene, table: ExportTable, shots: Sequence[Shot]) -> N
         with named(scene, f"[[light]] {shot.light}{when}"):
             lit = Illumination.of(scene.basis, shot.rig, shot.spec, shares)
             if table.has_eye and shot.spec.viewing.adapting == "given":
-                passage_of(lit.viewed(shot.spec.viewing), lit.white_XYZ)
+                passage_of(lit.viewing, lit.white_XYZ)
 
 
 def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.float64]:

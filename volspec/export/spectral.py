@@ -95,7 +95,7 @@ class SpectralIllumination:
             if isinstance(spec.backdrop, Spectrum)
             else spec.backdrop
         )
-        lux = lit.illuminance_lux or spec.viewing.illuminance_lux
+        lux = lit.viewing.illuminance_lux
         return cls(
             kappa * np.hstack(parts),
             kappa * mixed.values * reflected,

@@ -45,17 +45,16 @@ class Adapting:
     def __init__(self) -> None:
         self._net: tuple[object, AdaptingNet] | None = None
 
-    def seen(
-        self, image: CoefficientImage, light: Illumination, viewing: Viewing
+    def measured(
+        self, image: CoefficientImage, light: Illumination
     ) -> tuple[Viewing, PassageField | None]:
-        """A viewing as the engines take it.
+        """Return the light's viewing with what it asks to be measured, as the engines take it.
 
         Parameters
         ----------
         image : CoefficientImage
         light : Illumination
-            What lights it.
-        viewing : Viewing
+            What lights it, and how that is viewed.
 
         Returns
         -------
@@ -71,32 +70,30 @@ class Adapting:
             If neither viewing nor image knows the picture's field of view, or a white has no
             lightness.
         """
+        viewing = light.viewing
         if viewing.adapting == "given":
             return viewing, None
-        Y_b, L_A = self._conditions(image, light, viewing)
+        Y_b, L_A = self._conditions(image, light)
         if viewing.adapting == "pixel":
             nodes = refined(Y_b, _PASSAGES), refined(L_A, _PASSAGES)
             return viewing, PassageField.of(viewing, light.white_XYZ, *nodes)
         return replace(viewing, adapting="given", Y_b=Y_b.item(), L_A=L_A.item()), None
 
-    def maps(
-        self, image: CoefficientImage, light: Illumination, viewing: Viewing
-    ) -> tuple[Array, Array]:
+    def maps(self, image: CoefficientImage, light: Illumination) -> tuple[Array, Array]:
         """Y_b, percent of the white, and L_A, cd/m², of every pixel: (H, W) each.
 
-        Parameters and errors are those of `seen`.
+        Parameters and errors are those of `measured`.
         """
         height, width = image.alpha.shape
         Y_b, L_A = (
             between(field.shape[0], height) @ field @ between(field.shape[1], width).T
-            for field in self._conditions(image, light, viewing)
+            for field in self._conditions(image, light)
         )
         return Y_b, L_A
 
-    def _conditions(
-        self, image: CoefficientImage, light: Illumination, viewing: Viewing
-    ) -> tuple[Array, Array]:
+    def _conditions(self, image: CoefficientImage, light: Illumination) -> tuple[Array, Array]:
         """Y_b and L_A at the nodes of the net; (R, C) each."""
+        viewing = light.viewing
         net = self._net_of(image, viewing)
         rows, columns = net.samples(_SAMPLES[viewing.adapting])
         there = np.ix_(rows, columns)
@@ -108,7 +105,7 @@ class Adapting:
             return Y_b, np.full_like(Y_A, viewing.L_A)
         # Of a white of E_v/π.
         per_Y = replace(viewing, adapting="given", Y_b=100.0)
-        return Y_b, Y_A / light.white_XYZ[1] * light.viewed(per_Y).adapting_luminance
+        return Y_b, Y_A / light.white_XYZ[1] * per_Y.adapting_luminance
 
     def _net_of(self, image: CoefficientImage, viewing: Viewing) -> AdaptingNet:
         fov_deg = image.fov_deg if viewing.fov_deg is None else viewing.fov_deg

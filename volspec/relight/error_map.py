@@ -176,7 +176,7 @@ def error_map(
     mode : str
         What is measured against ``"exact"``, the light matrix.
     backdrop : float or Spectrum
-        As in `Relighter.frame`; both pictures have it.
+        As in `RelightSpec`; both pictures have it.
     every : int
         Look at every n-th row and column only, where the figures matter and not the map.
 

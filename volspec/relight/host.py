@@ -49,7 +49,7 @@ class HostEngine:
         """
         height, width = self._alpha.shape
         if field is None:
-            passage: Passage = passage_of(light.viewed(viewing), light.white_XYZ)
+            passage: Passage = passage_of(viewing, light.white_XYZ)
         screen = screen_of(viewing)
         frame = np.empty((height, width, 3), dtype=dtype)
         for row in range(0, height, _ROWS):

@@ -18,7 +18,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -61,6 +61,9 @@ class Illumination:
     """(3,): the lit backdrop, gain included."""
     illuminance_lux: float | None = None
     """E_v on what faces every source, lux; None where it carries none and the viewing's counts."""
+    viewing: Viewing = field(default_factory=Viewing)
+    """The spec's viewing under this light: an E_v that the light carries counts in place of its
+    own, so that L_A = E_v/π · Y_b/100 unless `Viewing.L_A` is given."""
     gain: float = 1.0
     """What level and exposure have multiplied matrix and backdrop with."""
 
@@ -123,16 +126,10 @@ class Illumination:
             backdrop = XYZ_of(mixed, spec.backdrop, basis.observer_deg)
         else:
             backdrop = spec.backdrop * white
-        return cls(gain * matrix, white, gain * backdrop, facing.total_lux, gain)
-
-    def viewed(self, viewing: Viewing) -> Viewing:
-        """A viewing under this light: its E_v, where it carries one, gives the scene's L_A.
-
-        L_A = E_v/π · Y_b/100; a `Viewing.L_A` that is given stays.
-        """
-        if self.illuminance_lux is None:
-            return viewing
-        return replace(viewing, illuminance_lux=self.illuminance_lux)
+        lux, viewing = facing.total_lux, spec.viewing
+        if lux is not None:
+            viewing = replace(viewing, illuminance_lux=lux)
+        return cls(gain * matrix, white, gain * backdrop, lux, viewing, gain)
 
     def scene_XYZ(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
         """Colour of each pixel in the scene.

@@ -167,7 +167,7 @@ def encoded_frame(
             "expected gamut='clip' and mark=False"
         )
     scene = light.scene_XYZ(coefficients, alpha)
-    XYZ = display_XYZ(scene, light.white_XYZ, light.viewed(viewing), adapted)
+    XYZ = display_XYZ(scene, light.white_XYZ, viewing, adapted)
     space = _Space(display.colours.name)
     return space.encode(np.clip(XYZ @ space.matrix.T, 0.0, 1.0))
 
@@ -198,9 +198,9 @@ def relight_reference(
     """
     spec = spec or RelightSpec()
     lit = Illumination.of(image.basis, light, spec, image.groups)
-    adapting, viewing, adapted = Adapting(), spec.viewing, None
+    adapting, viewing, adapted = Adapting(), lit.viewing, None
     if viewing.adapting == "pixel":
-        adapted = adapting.maps(image, lit, viewing)
+        adapted = adapting.maps(image, lit)
     else:
-        viewing, _ = adapting.seen(image, lit, viewing)
+        viewing, _ = adapting.measured(image, lit)
     return encoded_frame(image.coefficients, image.alpha, lit, viewing, adapted)

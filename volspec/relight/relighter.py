@@ -210,10 +210,7 @@ class Relighter:
     def frame(
         self,
         light: Spectrum | LightRig,
-        viewing: Viewing | None = None,
-        mode: str = "componentwise",
-        backdrop: float | Spectrum = 0.2,
-        level: str = "relative",
+        spec: RelightSpec | Viewing | None = None,
         dtype: Any = np.uint8,
     ) -> Pixels:
         """The picture under a light.
@@ -222,11 +219,10 @@ class Relighter:
         ----------
         light : Spectrum or LightRig
             What lights the scene.
-        viewing : Viewing, optional
-            The eye's and the display's conditions; CIECAM02 to an sRGB display by default. What
-            its ``adapting`` asks to be measured is measured in this picture.
-        mode, backdrop, level
-            As `RelightSpec`.
+        spec : RelightSpec or Viewing, optional
+            Viewing, mode, backdrop and level; a `Viewing` leaves the others at their defaults, and
+            CIECAM02 to an sRGB display is the viewing's. What its ``adapting`` asks to be measured
+            is measured in this picture.
         dtype : numpy.uint8 or numpy.float32
             8-bit codes, or codes 0 to 1 before rounding.
 
@@ -247,25 +243,20 @@ class Relighter:
         """
         self._require_open()
         kind = pixel_type(dtype)
-        lit, seen, field = self._lit(
-            light, RelightSpec(viewing or Viewing(), mode, backdrop, level)
-        )
-        return self._on_engine(lambda engine: engine.render(lit, seen, kind, field))
+        lit, viewing, field = self._lit(light, RelightSpec.of(spec))
+        return self._on_engine(lambda engine: engine.render(lit, viewing, kind, field))
 
     def draw(
         self,
         light: Spectrum | LightRig,
-        viewing: Viewing | None = None,
-        mode: str = "componentwise",
-        backdrop: float | Spectrum = 0.2,
-        level: str = "relative",
+        spec: RelightSpec | Viewing | None = None,
         within: tuple[int, int, int, int] | None = None,
     ) -> Any:
         """The picture of `frame` left on the device, for whoever lent the context.
 
         Parameters
         ----------
-        light, viewing, mode, backdrop, level
+        light, spec
             As `frame`.
         within : (x, y, width, height), optional
             The pixels to draw, y from the picture's first row; the others stay as they were.
@@ -285,18 +276,13 @@ class Relighter:
         self._require_open()
         if isinstance(self._engine, HostEngine):
             raise RelightError("relight: NumPy has no device to leave a picture on; take frame()")
-        lit, seen, field = self._lit(
-            light, RelightSpec(viewing or Viewing(), mode, backdrop, level)
-        )
-        return self._engine.draw(lit, seen, np.uint8, field, within)
+        lit, viewing, field = self._lit(light, RelightSpec.of(spec))
+        return self._engine.draw(lit, viewing, np.uint8, field, within)
 
     def missing_table(
         self,
         light: Spectrum | LightRig,
-        viewing: Viewing | None = None,
-        mode: str = "componentwise",
-        backdrop: float | Spectrum = 0.2,
-        level: str = "relative",
+        spec: RelightSpec | Viewing | None = None,
     ) -> TableKey | None:
         """What the next frame would wait for: a table that the host has to work out first.
 
@@ -304,7 +290,7 @@ class Relighter:
 
         Parameters
         ----------
-        light, viewing, mode, backdrop, level
+        light, spec
             As `frame`.
 
         Returns
@@ -320,11 +306,11 @@ class Relighter:
             As `frame`.
         """
         self._require_open()
-        spec = RelightSpec(viewing or Viewing(), mode, backdrop, level)
-        if isinstance(self._engine, HostEngine) or not is_tabled(spec.viewing.model):
+        settings = RelightSpec.of(spec)
+        if isinstance(self._engine, HostEngine) or not is_tabled(settings.viewing.model):
             return None
-        lit, seen, _ = self._lit(light, spec)
-        return self._engine.missing_table(lit, seen)
+        lit, viewing, _ = self._lit(light, settings)
+        return self._engine.missing_table(lit, viewing)
 
     def error_map(
         self,
@@ -337,8 +323,9 @@ class Relighter:
 
         Parameters
         ----------
-        light, mode, backdrop
-            As `frame`.
+        light : Spectrum or LightRig
+        mode, backdrop
+            As `RelightSpec`.
         every : int
             Look at every n-th row and column only: quick, where the map itself is not wanted.
 
@@ -381,7 +368,7 @@ class Relighter:
     ) -> tuple[Illumination, Viewing, PassageField | None]:
         """What a light makes of the image, the viewing that is measured in it, and its field."""
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
-        return lit, *self._adapting.seen(self._image, lit, spec.viewing)
+        return lit, *self._adapting.measured(self._image, lit)
 
     def _on_engine(self, call: Callable[[GLEngine | HostEngine], Any]) -> Any:
         """Call the engine; make it anew once where another library ended its context."""
@@ -419,10 +406,7 @@ class Relighter:
 def relight(
     image: CoefficientImage,
     light: Spectrum | LightRig,
-    viewing: Viewing | None = None,
-    mode: str = "componentwise",
-    backdrop: float | Spectrum = 0.2,
-    level: str = "relative",
+    spec: RelightSpec | Viewing | None = None,
     dtype: Any = np.uint8,
     backend: str | None = None,
 ) -> Pixels:
@@ -436,4 +420,4 @@ def relight(
         Codes of the viewing's display, sRGB by default; row 0 at the top.
     """
     with Relighter(image, backend) as relighter:
-        return relighter.frame(light, viewing, mode, backdrop, level, dtype)
+        return relighter.frame(light, spec, dtype)

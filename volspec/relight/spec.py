@@ -305,6 +305,23 @@ class RelightSpec:
                 f"relight: backdrop reflects {low:g} to {high:g}; expected within 0 (black) to 1"
             )
 
+    @classmethod
+    def of(cls, spec: RelightSpec | Viewing | None) -> RelightSpec:
+        """Return settings as a spec; with a `Viewing` alone the others are as by default.
+
+        Raises
+        ------
+        ViewingError
+            If it is neither.
+        """
+        if spec is None:
+            return cls()
+        if isinstance(spec, RelightSpec):
+            return spec
+        if isinstance(spec, Viewing):
+            return cls(spec)
+        raise ViewingError(f"relight: spec is {spec!r:.60}; expected a RelightSpec or a Viewing")
+
     def for_lights(self, lights: Iterable[Spectrum | LightRig]) -> RelightSpec:
         """The same for lights that are shown in turn: relative where one of them carries no lux.
 

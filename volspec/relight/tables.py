@@ -58,9 +58,8 @@ class TableKey:
     @classmethod
     def of(cls, light: Illumination, viewing: Viewing) -> TableKey:
         """Of a viewing under a light, with nothing in it to be measured."""
-        seen = light.viewed(viewing)
         white = tuple(float(value) for value in light.white_XYZ)
-        return cls(replace(seen, display=plain(seen)), white)
+        return cls(replace(viewing, display=plain(viewing)), white)
 
 
 class HostTables:

@@ -6,7 +6,7 @@ Scene -> [reached] -> figures
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,12 +95,13 @@ def shown_Lab(scene: Scene, light: NamedLight) -> Array:
 
     Through the scene's own basis, mode, level and viewing, clipped to the display.
     """
-    viewing, groups = Drawing(scene).viewing, scene.raycast.shares()
-    lit = Illumination.of(scene.basis, light.rig, scene.relight, groups)
+    groups = scene.raycast.shares()
+    spec = replace(scene.relight, viewing=Drawing(scene).viewing)
+    lit = Illumination.of(scene.basis, light.rig, spec, groups)
     channels = scene.basis.channels_of(scene.materials)
     layers = np.hstack([share * channels for share in groups.values()])
     XYZ = lit.scene_XYZ(layers, np.ones(len(layers)))
-    seen = passage_of(lit.viewed(viewing), lit.white_XYZ).apply(XYZ)
-    space = viewing.display.colours
+    seen = passage_of(lit.viewing, lit.white_XYZ).apply(XYZ)
+    space = spec.viewing.display.colours
     linear = np.clip(seen @ space.RGB_from_XYZ.T, 0.0, 1.0)
     return cielab(np.linalg.solve(space.RGB_from_XYZ, linear.T).T, space.white_XYZ)

@@ -141,7 +141,7 @@ def read_at(
     lit = Illumination.of(image.basis, rig, seen, image.groups)
     opacity = float(image.alpha[y, x])
     XYZ = lit.scene_XYZ(image.coefficients[y, x], opacity)
-    viewing = lit.viewed(seen.viewing)
+    viewing = lit.viewing
     model = MODELS[viewing.model if viewing.model in MODELS else "CIECAM02"]
     look = model.forward(XYZ, viewing.conditions(lit.white_XYZ))
     J, C, h = (

@@ -159,8 +159,7 @@ class RelightWidget(anywidget.AnyWidget):
         rig, (width, height) = self.rig, self.image.size
         if rig is None:
             return np.zeros((height, width, 3), pixel_type(dtype))
-        seen = self.seen
-        return relight(self.image, rig, seen.viewing, seen.mode, seen.backdrop, seen.level, dtype)
+        return relight(self.image, rig, self.seen, dtype)
 
     def __repr__(self) -> str:
         width, height = self.image.size

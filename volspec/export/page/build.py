@@ -232,7 +232,7 @@ def _still(image: CoefficientImage, light: NamedLight, seen: RelightSpec) -> str
     from PIL import Image
 
     with Relighter(image) as relighter:
-        frame = relighter.frame(light.rig, seen.viewing, seen.mode, seen.backdrop, seen.level)
+        frame = relighter.frame(light.rig, seen)
     buffer = io.BytesIO()
     Image.fromarray(frame).save(buffer, "JPEG", quality=88)
     return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

@@ -204,8 +204,7 @@ class Pictures:
         if self._shown is None or rig is None or not is_tabled(seen.viewing.model):
             return ()
         self._paint(self._shown)
-        how = seen.viewing, seen.mode, seen.backdrop, seen.level
-        keys = [self._shown.missing_table(each, *how) for each in (rig, other) if each]
+        keys = [self._shown.missing_table(each, seen) for each in (rig, other) if each]
         found = tuple(key for key in keys if key is not None)
         self.current &= not found
         return found
@@ -254,7 +253,6 @@ class Pictures:
         started = time.perf_counter()
         shown = self._halved() if coarse else self._shown
         self._paint(shown)
-        how = seen.viewing, seen.mode, seen.backdrop, seen.level
         self._queries.reverse()
         width, height = shown.size
         top, bottom = (round(share * height) for share in band)
@@ -263,7 +261,7 @@ class Pictures:
             for lights, start, end in ((rig, 0, left), (other, left, width)):
                 if lights is not None and start < end:
                     within = start, top, end - start, bottom - top
-                    frame = shown.draw(lights, *how, within=within)
+                    frame = shown.draw(lights, seen, within)
         GL.glFlush()
         self.current = bottom == height
         if self.current:

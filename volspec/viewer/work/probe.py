@@ -17,7 +17,6 @@ from volspec.raycast import Camera, CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.spectra import SpectralGrid, Spectrum
-from volspec.viewer.model.viewing import given_viewing
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -78,15 +77,15 @@ def read(
     XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
     rows = [*_place(image, camera, volume, pixel), ("RGB", "  ".join(map(str, code)))]
     rows.append(("XYZ", _numbers(XYZ)))
-    rows += attributes(XYZ, lit, seen)
+    rows += attributes(XYZ, lit)
     rows += _error(image, rig, seen, pixel)
     light, reflected = spectra(image, rig, seen, pixel)
     return Reading(tuple(rows), image.basis.grid, light, reflected)
 
 
-def attributes(XYZ: Array, lit: Illumination, seen: RelightSpec) -> list[tuple[str, str]]:
+def attributes(XYZ: Array, lit: Illumination) -> list[tuple[str, str]]:
     """What the viewing's model says of a colour; CIECAM02 where it only adapts."""
-    given = given_viewing(seen.viewing, lit.illuminance_lux)
+    given = replace(lit.viewing, adapting="given")
     name = given.model if given.model in MODELS else "CIECAM02"
     look = MODELS[name].forward(XYZ, given.conditions(lit.white_XYZ))
     if not bool(look.defined):

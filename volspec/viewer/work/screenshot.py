@@ -10,7 +10,6 @@ import threading
 from dataclasses import dataclass, field
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,13 +168,11 @@ def _cast(state: ViewState, size: tuple[int, int], progress: Progress) -> Coeffi
 def _relit(
     image: CoefficientImage, state: ViewState, rig: LightRig, other: LightRig | None
 ) -> NDArray[np.uint8]:
-    seen = state.seen
-    how: tuple[Any, ...] = (seen.viewing, seen.mode, seen.backdrop, seen.level)
     # A context of this thread's own: many pixels take longer than the window may wait.
     with Relighter(image) as relighter:
-        frame: NDArray[np.uint8] = relighter.frame(rig, *how)
+        frame: NDArray[np.uint8] = relighter.frame(rig, state.seen)
         if other is not None:
             left = round(state.divide * frame.shape[1])
             frame = frame.copy()
-            frame[:, left:] = relighter.frame(other, *how)[:, left:]
+            frame[:, left:] = relighter.frame(other, state.seen)[:, left:]
     return frame

@@ -115,11 +115,11 @@ def _lit(state: ViewState, window: tuple[float, float]) -> NDArray[np.uint8] | N
     if rig is None:
         return None
     # A table is no picture that an eye could adapt to.
-    viewing = replace(seen.viewing, adapting="given")
+    given = replace(seen, viewing=replace(seen.viewing, adapting="given"))
     try:
         image = table_image(state.document.volume, state.transfer, state.shading, window)
         # On the host, as few pixels are waited for: the GPU has the picture to draw.
         with Relighter(image, backend="numpy") as relighter:
-            return relighter.frame(rig, viewing, seen.mode, seen.backdrop, seen.level)[0]
+            return relighter.frame(rig, given)[0]
     except VolspecError:  # which the picture of the volume tells
         return None
