@@ -13,7 +13,7 @@ from volspec.appearance import Viewing
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light
 from volspec.viewer.model import camera_edits, light_states_edits, lights, lights_edits
-from volspec.viewer.model.history import History, stale_stage
+from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_parts import drawn
 from volspec.viewer.model.light_states import faded, recalled
 from volspec.viewer.model.lights import LightRow, Rows, rig_of, shining
@@ -142,7 +142,7 @@ def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) 
     assert shining(half.lights)[:2] == (0.5, 0.5)
     assert fader.shown(new, 12.0) is new and not fader.running
     assert new.lights == state.lights
-    assert stale_stage(first, half) == "relight"
+    assert Difference.between(first, half).stage == "relight"
 
 
 def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:

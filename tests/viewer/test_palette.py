@@ -22,7 +22,7 @@ from volspec.viewer.model import camera_edits, palette_edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Change, after
-from volspec.viewer.model.history import History, stale_stage
+from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.lights import LightRow
 from volspec.viewer.model.palette_spectra import columns, with_reflectances
 from volspec.viewer.model.palette_table import answered, assigned, palette_of, ranges, table_of
@@ -104,9 +104,9 @@ def test_a_column_says_which_groups_its_light_is_from(state: ViewState) -> None:
 def test_a_first_wish_casts_once_and_all_that_follows_relights(state: ViewState) -> None:
     first = wished(state, 5)
     assert isinstance(first.transfer.basis, MaterialBasis)
-    assert stale_stage(state, first) == "cast"
-    assert stale_stage(first, designed(first)) == "relight"
-    assert stale_stage(first, wished(first, 5, "#102030")) == "relight"
+    assert Difference.between(state, first).stage == "cast"
+    assert Difference.between(first, designed(first)).stage == "relight"
+    assert Difference.between(first, wished(first, 5, "#102030")).stage == "relight"
 
 
 def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: ViewState) -> None:
@@ -115,7 +115,7 @@ def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: Vi
     assert isinstance(curve, TransferFunction)
 
     def stage(transfer: TransferFunction) -> str | None:
-        return stale_stage(shown, replace(shown, transfer=transfer))
+        return Difference.between(shown, replace(shown, transfer=transfer)).stage
 
     silver = {"gold": reflectance("silver")}
     repainted = with_reflectances(curve, silver)
@@ -127,7 +127,7 @@ def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: Vi
     assert stage(replace(curve, basis=state.transfer.basis)) == "cast"
     # In a fitted basis reflectances are baked into the cast.
     fitted = with_reflectances(state.transfer, silver)
-    assert stale_stage(state, replace(state, transfer=fitted)) == "cast"
+    assert Difference.between(state, replace(state, transfer=fitted)).stage == "cast"
 
 
 def test_repainted_coefficients_are_those_of_a_new_cast(

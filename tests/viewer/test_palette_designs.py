@@ -14,7 +14,7 @@ from volspec.palette import Cell, load_palette
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import palette_edits, palette_files
-from volspec.viewer.model.history import stale_stage
+from volspec.viewer.model.history import Difference
 from volspec.viewer.model.palette_spectra import columns
 from volspec.viewer.model.palette_table import answered, palette_of, table_of
 from volspec.viewer.model.palette_targets import STAY, Wishes
@@ -79,7 +79,7 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState)
     assert len(table.errors) == 15 and max(table.errors) < SEEN
     assert len({summary(table), summary(table_of(begun))}) == 2
     assert all(row.rig.lights[0].values.min() >= 0 for row in made.lights)
-    assert stale_stage(begun, made) == "relight"
+    assert Difference.between(begun, made).stage == "relight"
 
 
 def test_a_light_of_real_lamps_is_a_sum_of_them(state: ViewState) -> None:

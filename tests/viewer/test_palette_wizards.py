@@ -20,7 +20,7 @@ from volspec.transfer import (
     TransferFunction2D,
 )
 from volspec.viewer.model import palette_files, palette_wizards
-from volspec.viewer.model.history import stale_stage
+from volspec.viewer.model.history import Difference
 from volspec.viewer.model.palette_spectra import columns
 from volspec.viewer.model.palette_table import palette_of, table_of
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Board, Pick
@@ -50,7 +50,7 @@ def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
     made = palette_wizards.applied(asked, palette_wizards.asked(asked, "hide"))
     assert columns(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
     assert (LIGHT, "new 1") in made.board.wishes.open
-    assert stale_stage(undressed(state), replace(made, board=Board())) == "relight"
+    assert Difference.between(undressed(state), replace(made, board=Board())).stage == "relight"
 
 
 def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState) -> None:
@@ -74,7 +74,7 @@ def test_filters_keep_their_basis_and_no_wizard_touches_them(state: ViewState) -
     glass = replace(state.transfer, filters={"gold": reflectance("gold")})
     asked = wished(replace(state, transfer=glass), 5)
     assert asked.transfer is glass and asked.board.waits
-    assert stale_stage(asked, designed(asked)) == "cast"
+    assert Difference.between(asked, designed(asked)).stage == "cast"
     with pytest.raises(PaletteError, match="filter"):
         palette_wizards.asked(asked, "hide")
 

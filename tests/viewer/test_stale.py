@@ -15,7 +15,7 @@ from volspec.viewer.model import camera_edits, lights_edits, slices_edits, trans
 from volspec.viewer.model.commands import BY_NAME, COMMANDS
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Edited, after
-from volspec.viewer.model.history import MOST_STEPS, STAGES, History, lit_otherwise, stale_stage
+from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
 from volspec.viewer.model.light_states import Fade, LightState
 from volspec.viewer.model.palette_targets import Board
 from volspec.viewer.model.state import Interface, ViewState
@@ -27,9 +27,9 @@ def test_every_field_of_the_state_has_its_stage() -> None:
 
 
 def test_nothing_to_do_where_nothing_changed_and_everything_at_first(state: ViewState) -> None:
-    assert stale_stage(None, state) == "cast"
-    assert stale_stage(state, state) is None
-    assert stale_stage(state, replace(state, view=replace(state.view))) is None
+    assert Difference.between(None, state).stage == "cast"
+    assert Difference.between(state, state).stage is None
+    assert Difference.between(state, replace(state, view=replace(state.view))).stage is None
 
 
 @pytest.mark.parametrize("name", STAGES)
@@ -53,20 +53,23 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "thin": (state.transfer, 1.0, state.transfer),
     }
     changed = replace(state, **{name: others[name]})
-    assert stale_stage(state, changed) == STAGES[name]
+    assert Difference.between(state, changed).stage == STAGES[name]
     # The picture that is shown until the cast is there need not be drawn again.
-    assert lit_otherwise(state, changed) == (STAGES[name] == "relight")
+    assert Difference.between(state, changed).relights == (STAGES[name] == "relight")
 
 
 def test_other_reflectances_are_lit_anew(state: ViewState) -> None:
     other = replace(state.transfer, basis=replace(state.transfer.basis))
-    assert lit_otherwise(state, replace(state, transfer=other)) and lit_otherwise(None, state)
+    assert (
+        Difference.between(state, replace(state, transfer=other)).relights
+        and Difference.between(None, state).relights
+    )
 
 
 def test_the_first_of_several_stages_is_named(state: ViewState) -> None:
     both = replace(state, lights=state.lights[:-1], interface=Interface(keys=True))
-    assert stale_stage(state, both) == "relight"
-    assert stale_stage(state, replace(both, size=(8, 8))) == "cast"
+    assert Difference.between(state, both).stage == "relight"
+    assert Difference.between(state, replace(both, size=(8, 8))).stage == "cast"
 
 
 # What each edit does at most, and its arguments, with which it does something if it can.
@@ -205,7 +208,7 @@ def test_edits_cost_what_their_names_say(cut: ViewState) -> None:
     for name, (cost, *given) in _COSTS.items():
         found = edits_of(*MODULES)[name](cut, *given)
         new = found.state if isinstance(found, Edited) else found
-        assert stale_stage(cut, new) == cost, name
+        assert Difference.between(cut, new).stage == cost, name
 
 
 # What an action does at most, by its menu; others are in `_ODD`.
@@ -232,7 +235,8 @@ def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
     for action in COMMANDS:
         if action.change is not None:
             cost = _ODD.get(action.name, _MENUS.get(action.menu))
-            assert stale_stage(old, after(action.change, old).state) == cost, action.name
+            new = after(action.change, old).state
+            assert Difference.between(old, new).stage == cost, action.name
 
 
 def done(state: ViewState, name: str) -> ViewState:

@@ -23,7 +23,7 @@ from volspec.viewer.model import (
 )
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import after
-from volspec.viewer.model.history import History, changed_in
+from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_parts import drawn, respelled, undrawn
 from volspec.viewer.model.lights import LightRow, shining
 from volspec.viewer.model.lights_edits import rename
@@ -124,7 +124,7 @@ def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
     ],
 )
 def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> None:
-    assert changed_in(state, change(state)) == what == changed_in(change(state), state)
+    assert Difference.between(state, change(state)).name == what
 
 
 def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:

@@ -19,7 +19,7 @@ from imgui_bundle import imgui, implot
 
 from volspec.viewer.chores import Chores
 from volspec.viewer.model.commands import BY_KEY
-from volspec.viewer.model.history import History, changed_in, lit_otherwise, stale_stage
+from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import overlays
 from volspec.viewer.ui.context import Results, UiContext
@@ -261,7 +261,11 @@ class _App:
             self._ask()
             if self._docks.settled:
                 self._designing.follow(self._history.present)  # a fade's end, not what is shown
-                self._update(self._fader.shown(self._history.present, started), started)
+                now = self._fader.shown(self._history.present, started)
+                change = self._history.difference
+                if change is None or change.old is not self._shown or change.new is not now:
+                    change = Difference.between(self._shown, now)  # a fade, or several steps
+                self._update(change, started)
             if self._fader.running:
                 self._settle = max(self._settle, _SETTLE)
         else:
@@ -344,20 +348,19 @@ class _App:
         if self._history is history:
             said = f"Nothing to {'undo' if back else 'redo'}"
         else:
-            what = changed_in(history.present, self._history.present)
-            said = f"{'Undone' if back else 'Redone'}: {what}"
+            assert self._history.difference is not None
+            said = f"{'Undone' if back else 'Redone'}: {self._history.difference.name}"
         self._notice.say(said, SHORT_SECONDS)
         self._designing.forget()
 
-    def _update(self, state: ViewState, now: float) -> None:
-        """Have done what a state needs."""
-        stage, relights = stale_stage(self._shown, state), lit_otherwise(self._shown, state)
-        self._shown = state
+    def _update(self, change: Difference, now: float) -> None:
+        """Have done what a change needs."""
+        self._shown = change.new
         held = self._mouse.held or self._fader.running
-        if stage == "cast":
-            self._casting.change(state, now, held)
+        if change.stage == "cast":
+            self._casting.change(change.new, now, held)
             self._screen.whole = False
-        if relights:
+        if change.relights:
             self._screen.stale()
 
     def _relight(self, state: ViewState) -> None:

@@ -36,46 +36,10 @@ STAGES: dict[str, Stage] = {
 }
 
 
-def stale_stage(old: ViewState | None, new: ViewState) -> Stage | None:
-    """The first stage whose result two states do not share.
-
-    Parameters
-    ----------
-    old : ViewState or None
-        What is shown; None where nothing is.
-    new : ViewState
-        What shall be.
-
-    Returns
-    -------
-    "cast", "relight", "frame" or None
-        None where the window can stay as it is.
-    """
-    if old is None:
-        return "cast"
-    if old is new:
-        return None
-    differ = [name for name in STAGES if getattr(old, name) != getattr(new, name)]
-    found = {STAGES[name] for name in differ}
-    if "transfer" in differ and repainted(old.transfer, new.transfer):
-        # Other reflectances of materials that are channels are read when the picture is lit.
-        found = {STAGES[name] for name in differ if name != "transfer"} | {"relight"}
-    order: tuple[Stage, ...] = ("cast", "relight", "frame")
-    return next((stage for stage in order if stage in found), None)
-
-
-def lit_otherwise(old: ViewState | None, new: ViewState) -> bool:
-    """Whether the picture that is shown must be lit anew, be another under way or not."""
-    if old is None:
-        return True
-    lighting = (name for name, stage in STAGES.items() if stage == "relight")
-    differs = any(getattr(old, name) != getattr(new, name) for name in lighting)
-    return differs or old.transfer.basis is not new.transfer.basis
-
-
 MOST_STEPS = 200
-# What a step has changed, in words; the first that fits.
-_WHAT = (
+_ORDER: tuple[Stage, ...] = ("cast", "relight", "frame")
+# Names of changes; the first that fits.
+_WORDS = (
     ("palette", ("board",)),  # before the spectra that it has designed
     ("view", ("view",)),
     ("lights", ("lights", "other", "divide")),
@@ -84,6 +48,70 @@ _WHAT = (
     ("viewing", ("seen",)),
 )
 _CUTS = ("clip_planes", "crop_voxels")
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One state compared with another.
+
+    Parameters
+    ----------
+    old : ViewState or None
+        None if there was none.
+    new : ViewState
+    fields : set of str
+        Fields of the state that differ.
+    """
+
+    old: ViewState | None
+    new: ViewState
+    fields: frozenset[str]
+
+    @classmethod
+    def between(cls, old: ViewState | None, new: ViewState) -> Difference:
+        """Compare two states field by field."""
+        if old is new:
+            return cls(old, new, frozenset())
+        names = (n for n in STAGES if old is None or getattr(old, n) != getattr(new, n))
+        return cls(old, new, frozenset(names))
+
+    @property
+    def stage(self) -> Stage | None:
+        """Return the first stage whose result is not shared; None if nothing need be drawn."""
+        return self._stage_of(self.fields)
+
+    @property
+    def relights(self) -> bool:
+        """Return True if the picture that is shown must be lit again, also while another is cast.
+
+        Reflectances of materials that are channels are read when the picture is lit.
+        """
+        if self.old is None or self.old.transfer.basis is not self.new.transfer.basis:
+            return True
+        return any(STAGES[name] == "relight" for name in self.fields)
+
+    @property
+    def undoable(self) -> bool:
+        """Return True if undo goes back over it: not over sizes and the window's own settings."""
+        stage = self._stage_of(self.fields - {"size"})
+        return stage not in (None, "frame") or "kept" in self.fields
+
+    @property
+    def name(self) -> str:
+        """Return what has changed, in words."""
+        for name, fields in _WORDS:
+            if not self.fields.isdisjoint(fields):
+                return name
+        old, new = self.old and self.old.shading, self.new.shading
+        cut = any(getattr(old, name, None) != getattr(new, name) for name in _CUTS)
+        return "cuts" if cut else "shading"
+
+    def _stage_of(self, fields: frozenset[str]) -> Stage | None:
+        found = {STAGES[name] for name in fields}
+        old = self.old
+        if "transfer" in fields and old and repainted(old.transfer, self.new.transfer):
+            found = {STAGES[name] for name in fields - {"transfer"}} | {"relight"}
+        return next((stage for stage in _ORDER if stage in found), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,58 +125,55 @@ class History:
         The nearest last.
     gesture : int
         That made the present state.
+    difference : Difference, optional
+        From the state before to the present one.
     """
 
     present: ViewState
     past: tuple[ViewState, ...] = ()
     future: tuple[ViewState, ...] = ()
     gesture: int = -1
+    difference: Difference | None = None
 
     def then(self, state: ViewState, gesture: int) -> History:
         """Go on to a state; of one gesture only the start is kept."""
-        old = self.present
-        same = state.kept == old.kept
-        if same and stale_stage(old, replace(state, size=old.size)) in (None, "frame"):
-            return replace(self, present=state)
+        difference = Difference.between(self.present, state)
+        if not difference.undoable:
+            return replace(self, present=state, difference=difference)
         if gesture == self.gesture:
-            return replace(self, present=state, future=())
-        return History(state, (*self.past, old)[-MOST_STEPS:], (), gesture)
+            return replace(self, present=state, future=(), difference=difference)
+        past = (*self.past, self.present)[-MOST_STEPS:]
+        return History(state, past, (), gesture, difference)
 
     def step(self, state: ViewState) -> History:
         """Go on to a state that nobody's hand made: a step of its own."""
-        return History(state, (*self.past, self.present)[-MOST_STEPS:])
+        past = (*self.past, self.present)[-MOST_STEPS:]
+        return History(state, past, difference=Difference.between(self.present, state))
 
     def amended(self, state: ViewState) -> History:
         """The present step, completed: what follows from it took its time."""
-        return replace(self, present=state)
+        return replace(self, present=state, difference=Difference.between(self.present, state))
 
     def undone(self) -> History:
         """One step back; the window stays as it is."""
         if not self.past:
             return self
         future = (*self.future, self.present)
-        return History(self._here(self.past[-1]), self.past[:-1], future)
+        return self._at(self.past[-1], self.past[:-1], future)
 
     def redone(self) -> History:
         """One step forth again."""
         if not self.future:
             return self
         past = (*self.past, self.present)
-        return History(self._here(self.future[-1]), past, self.future[:-1])
+        return self._at(self.future[-1], past, self.future[:-1])
 
-    def _here(self, state: ViewState) -> ViewState:
+    def _at(
+        self, state: ViewState, past: tuple[ViewState, ...], future: tuple[ViewState, ...]
+    ) -> History:
         now = self.present
         interface = now.interface
         if state.lights != now.lights:  # which one was chosen goes with them
             interface = replace(interface, light=state.interface.light)
-        return replace(state, size=now.size, interface=interface, fade=None)
-
-
-def changed_in(old: ViewState, new: ViewState) -> str:
-    """What two states differ in, in words."""
-    for what, names in _WHAT:
-        if any(getattr(old, name) != getattr(new, name) for name in names):
-            return what
-    if any(getattr(old.shading, name) != getattr(new.shading, name) for name in _CUTS):
-        return "cuts"
-    return "shading"
+        state = replace(state, size=now.size, interface=interface, fade=None)
+        return History(state, past, future, difference=Difference.between(now, state))
