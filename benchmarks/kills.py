@@ -33,7 +33,7 @@ from PIL import Image
 from volspec import _cache, cli
 from volspec.export.demo import run_demo
 from volspec.scene import Scene
-from volspec.viewer.model import camera_edits, scene_file
+from volspec.viewer.model import camera, scene_file
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work import script
@@ -181,7 +181,7 @@ def jobs(inputs: Path) -> Iterator[Job]:
     basis = ("-o", "OUT/basis.json", "--figure", "OUT/basis.png")
     yield command("basis", "basis", "general-5", "--reflectances", "patches", *basis)
     state = ViewState.first(Document.of(opened, opened.volume(), None), (32, 32))
-    moved = camera_edits.orbit(state, 0.2, 0.1)
+    moved = camera.orbit(state, 0.2, 0.1)
     yield Job("viewer: scene", lambda out: scene_file.export_scene(moved, out / "saved.toml"))
     yield Job("viewer: Python", lambda out: script.export_python(moved, out / "saved.py"))
     yield Job("viewer: session", lambda out: sessions(out, state), varies=("*.volspec.json",))
@@ -197,7 +197,7 @@ def sessions(folder: Path, state: ViewState) -> None:
         state = replace(state, document=replace(state.document, title=title))
         store.begin(state)
         for _ in range(2):
-            state = camera_edits.orbit(state, 0.1, 0.0)
+            state = camera.orbit(state, 0.1, 0.0)
             store.save(state)
     store.end()
 

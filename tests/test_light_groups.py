@@ -161,7 +161,7 @@ def test_a_dim_group_alone_looks_dim_at_relative_level() -> None:
     rig = LightRig((A, D65), (1, 0), (1000.0, 1000.0), ("fill", "key"))
     found = lit(image, rig)
     assert found.white_XYZ[1] == pytest.approx(100)
-    assert found.viewed(Viewing()).illuminance_lux == pytest.approx(200)
+    assert found.viewing.illuminance_lux == pytest.approx(200)
 
 
 def test_the_error_map_of_groups_is_that_of_their_sum_where_one_light_shines() -> None:

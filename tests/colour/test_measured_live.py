@@ -47,13 +47,13 @@ def lit(image: CoefficientImage, name: str = "A", **spec: Any) -> Illumination:
 
 def seen(image: CoefficientImage, viewing: Viewing, **spec: Any) -> Viewing:
     """The viewing with what was measured in the picture."""
-    return Adapting().seen(image, lit(image, viewing=viewing, **spec), viewing)[0]
+    return Adapting().measured(image, lit(image, viewing=viewing, **spec))[0]
 
 
 def frame(image: CoefficientImage, viewing: Viewing, **others: Any) -> np.ndarray:
+    spec = RelightSpec(viewing, **{"mode": "exact", **others})
     with Relighter(image, "numpy") as relighter:
-        given = {"mode": "exact", "dtype": np.float32, **others}
-        return relighter.frame(light("A"), viewing, **given)
+        return relighter.frame(light("A"), spec, np.float32)
 
 
 PICTURE, PIXEL = Viewing(adapting="picture"), Viewing(adapting="pixel")
@@ -69,7 +69,9 @@ def test_a_uniform_picture_before_a_backdrop_like_it_has_its_Y(shape, alpha):
     assert found.Y_b == pytest.approx(30.0, rel=1e-6)
     assert pytest.approx(0.3 * LUX_1000, rel=1e-6) == found.L_A
     for field, expected in zip(
-        Adapting().maps(image, lit(image, backdrop=0.3), PIXEL), (30.0, 0.3 * LUX_1000), strict=True
+        Adapting().maps(image, lit(image, viewing=PIXEL, backdrop=0.3)),
+        (30.0, 0.3 * LUX_1000),
+        strict=True,
     ):
         assert field.shape == shape
         np.testing.assert_allclose(field, expected, rtol=1e-6)
@@ -82,7 +84,7 @@ def test_half_a_picture_of_black_halves_background_and_adapting_field():
     assert found.Y_b == pytest.approx(30.0, rel=1e-6)
     assert pytest.approx(0.3 * LUX_1000, rel=1e-6) == found.L_A
     # Per pixel: 22° from the other half and from the edge, the background is of one Y.
-    Y_b, _ = Adapting().maps(greys(Y, fov_deg=90.0), lit(greys(Y), backdrop=0.0), PIXEL)
+    Y_b, _ = Adapting().maps(greys(Y, fov_deg=90.0), lit(greys(Y), viewing=PIXEL, backdrop=0.0))
     assert Y_b[64, 38] == pytest.approx(60.0, rel=1e-6)
     assert Y_b[64, 89] == pytest.approx(0.0, abs=1e-6)
     assert Y_b[48:80, 63:65].mean(axis=1) == pytest.approx(30.0, abs=0.1)
@@ -105,7 +107,7 @@ def test_measuring_at_a_stride_is_the_measurement_of_every_pixel():
     # A third of the pixels along each side; measured 0.02 of Y, 0.04 cd/m².
     assert found.Y_b == pytest.approx(whole.Y_b, abs=0.1)
     assert pytest.approx(whole.L_A, abs=0.1) == found.L_A
-    maps = Adapting().maps(image, lit(image), PIXEL)
+    maps = Adapting().maps(image, lit(image, viewing=PIXEL))
     exact = adapting_fields(Y, 50.0, LUX_1000, outside=20.0)
     # Cells of 2.4° in place of 1.6°, and hard edges; measured 2.2 of Y, 0.14 cd/m².
     assert np.abs(maps[0] - exact[0]).max() < 3.0
@@ -138,7 +140,7 @@ def test_exposure_and_level_are_the_cameras_and_not_the_eyes():
     for level, exposure in (("relative", 4.0), ("absolute", 1.0), ("absolute", 0.1)):
         viewing = dataclasses.replace(PICTURE, exposure=exposure, illuminance_lux=2000.0)
         spec = RelightSpec(viewing, "exact", 0.3, level)
-        found, _ = Adapting().seen(image, Illumination.of(BASIS, rig, spec), viewing)
+        found, _ = Adapting().measured(image, Illumination.of(BASIS, rig, spec))
         assert found.Y_b == pytest.approx(30.0, rel=1e-6)
         assert pytest.approx(0.3 * 500.0 / math.pi, rel=1e-6) == found.L_A
 

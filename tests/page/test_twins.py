@@ -24,7 +24,7 @@ from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.scene.lights import NamedLight
 from volspec.spectra import light, reflectance
 from volspec.viewer.model.light_mixes import dial_place, dial_weights
-from volspec.viewer.model.lights import LightRow, rig_of
+from volspec.viewer.model.light_rows import LightRow, rig_of
 
 NAMES = ("D65", "A", "FL2", "HP1", "planck:1800", "FL11")
 # Both sides compute in double precision; sums of 31 terms in another order differ by 1e-13.

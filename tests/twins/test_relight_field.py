@@ -118,9 +118,11 @@ def test_an_even_field_is_the_passage_of_its_numbers(model: str) -> None:
     for adapting in ("picture", "pixel"):
         viewing = dataclasses.replace(given, adapting=adapting, Y_b=20.0)
         with Relighter(image, "gl") as relighter:
-            options = {"mode": "exact", "backdrop": 0.35}
-            shown = relighter.frame(light("A"), viewing, **options)
-            assert np.array_equal(shown, relighter.frame(light("A"), given, **options))
+            frames = [
+                relighter.frame(light("A"), RelightSpec(each, "exact", 0.35))
+                for each in (viewing, given)
+            ]
+            assert np.array_equal(*frames)
 
 
 @pytest.mark.parametrize("model", ["CIECAM02", "RLAB", "Hunt", "none"])

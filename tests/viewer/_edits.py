@@ -12,14 +12,14 @@ from typing import Any, get_args, get_origin, get_type_hints
 from hypothesis import strategies as st
 
 from volspec.viewer.model import (
-    camera_edits,
-    cuts_edits,
-    interface_edits,
-    light_states_edits,
-    lights_edits,
+    camera,
+    commands,
+    cuts,
+    light_states,
+    lights,
     materials,
     palette_edits,
-    slices_edits,
+    slices,
     transfer_edits,
     viewing,
 )
@@ -27,8 +27,8 @@ from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.state import ViewState
 
 MODULES = (
-    *(camera_edits, cuts_edits, interface_edits, light_states_edits, lights_edits, materials),
-    *(palette_edits, slices_edits, transfer_edits, viewing),
+    *(camera, commands, cuts, light_states, lights, materials),
+    *(palette_edits, slices, transfer_edits, viewing),
 )
 NUMBERS = st.floats(-2, 30) | st.floats(-1e9, 1e9) | st.sampled_from([0.0, math.nan, math.inf])
 INDICES = st.integers(-2, 12)

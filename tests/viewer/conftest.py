@@ -10,10 +10,10 @@ from volspec.raycast import RaycastSpec
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
-from volspec.viewer.model.camera import View
 from volspec.viewer.model.document import Document, histogram
-from volspec.viewer.model.lights import LightRow
+from volspec.viewer.model.light_rows import LightRow
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import View
 from volspec.volume import phantom
 
 

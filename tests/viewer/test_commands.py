@@ -8,7 +8,7 @@ from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
 from volspec.viewer.model.commands import BY_KEY, COMMANDS, MENUS, shown
 from volspec.viewer.model.edit import after
-from volspec.viewer.model.lights import shining
+from volspec.viewer.model.light_rows import shining
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import commands, menus
 from volspec.viewer.work.session_store import RecentFile

@@ -18,19 +18,19 @@ from volspec.errors import PaletteError
 from volspec.palette import Design, Palette, PaletteSpectrum, design, load_palette
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
-from volspec.viewer.chores import Chores
 from volspec.viewer.model import palette_edits, palette_files, palette_wizards
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import History
-from volspec.viewer.model.lights import MOST_ROWS
-from volspec.viewer.model.palette_spectra import with_reflectances
+from volspec.viewer.model.light_rows import MOST_ROWS
+from volspec.viewer.model.materials import with_reflectances
 from volspec.viewer.model.palette_table import palette_of
 from volspec.viewer.model.palette_targets import Pick
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import dialogs
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.dialogs import REQUESTS, Asking
+from volspec.viewer.ui.file_commands import Chores
 from volspec.viewer.work import designs
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.designs import Designing, DesignJob, DesignWorker
@@ -209,7 +209,7 @@ def test_files_asked_for_are_there_when_the_window_has_closed(
         Path(path).touch()
 
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
-    monkeypatch.setattr("volspec.viewer.chores.export_scene", slow)
+    monkeypatch.setattr("volspec.viewer.ui.file_commands.export_scene", slow)
     monkeypatch.setattr(palette_files, "saved", slow)
     scene, palette, bench = tmp_path / "scene.toml", tmp_path / "palette.toml", Bench()
     rest = (UiContext(), bench.notice, Trace(), None, None)

@@ -14,12 +14,12 @@ from tests.viewer._edits import MODULES, drawn
 from volspec.errors import SpectrumError
 from volspec.raycast import Camera
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import light_mixes, lights, lights_edits, transfer_edits
-from volspec.viewer.model.camera import View
+from volspec.viewer.model import light_mixes, light_rows, lights, transfer_edits
 from volspec.viewer.model.commands import BY_KEY, COMMANDS
 from volspec.viewer.model.document import Document, plain_scene
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import View
 from volspec.viewer.work.casts import DIVISORS, Pace
 
 WORDS = ("", "no such", "gold", "A", "#804020", "CAM16", "dim", "free", "light")
@@ -34,10 +34,10 @@ def test_ten_thousand_random_edits_never_raise(state: ViewState, edits: list[Cha
     for edit in edits:
         state = after(edit, state).state
     state.view.camera(state.document.volume)
-    rig = lights.rig_of(state.lights)
+    rig = light_rows.rig_of(state.lights)
     assert rig is None or any(rig.weights)
     assert state.lights and state.transfer.bake(1.0).opacity.max() <= 1
-    assert 0 <= state.interface.light < lights.MOST_ROWS
+    assert 0 <= state.interface.light < light_rows.MOST_ROWS
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
@@ -100,21 +100,21 @@ def test_lights_stand_where_the_dial_takes_them_alone() -> None:
 def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
     lit = state
     for i in range(3):
-        lit = lights_edits.set_weight(lit, i, 0.5)
-    assert lights.shining(lit.lights) == (0.5, 0.5, 0.5, 0.0)
-    solo = lights_edits.toggle_solo(lit, 1)
-    assert lights.shining(solo.lights) == (0.0, 0.5, 0.0, 0.0)
-    assert lights.shining(lights_edits.toggle_mute(solo, 1).lights) == (0.0,) * 4
-    assert lights.rig_of(lights_edits.toggle_mute(solo, 1).lights) is None
+        lit = lights.set_weight(lit, i, 0.5)
+    assert light_rows.shining(lit.lights) == (0.5, 0.5, 0.5, 0.0)
+    solo = lights.toggle_solo(lit, 1)
+    assert light_rows.shining(solo.lights) == (0.0, 0.5, 0.0, 0.0)
+    assert light_rows.shining(lights.toggle_mute(solo, 1).lights) == (0.0,) * 4
+    assert light_rows.rig_of(lights.toggle_mute(solo, 1).lights) is None
 
 
 def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState) -> None:
-    rows = lights.added(state.lights, "planck:2700", state.document.grid)
-    assert lights.shining(rows) == (0.0, 0.0, 0.0, 0.0, 1.0) and rows[-1].kelvin == 2700
-    hotter = lights.heated(rows, 4, 5000.4)
+    rows = light_rows.added(state.lights, "planck:2700", state.document.grid)
+    assert light_rows.shining(rows) == (0.0, 0.0, 0.0, 0.0, 1.0) and rows[-1].kelvin == 2700
+    hotter = light_rows.heated(rows, 4, 5000.4)
     assert hotter[4].name == "5000 K" and hotter[4].rig is not rows[4].rig
     with pytest.raises(SpectrumError, match="D65"):
-        lights.added(rows, "D66", state.document.grid)
+        light_rows.added(rows, "D66", state.document.grid)
 
 
 def pressed(state: ViewState, key: str) -> ViewState:
@@ -127,16 +127,16 @@ def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
     kept = pressed(state, "b")
     changed = pressed(kept, "space")
     assert changed.other == state.lights != changed.lights
-    assert lights_edits.set_divide(changed, 7.0).divide == 0.98
+    assert lights.set_divide(changed, 7.0).divide == 0.98
     assert pressed(changed, "b").other is None
 
 
 def test_space_goes_round_all_lights(state: ViewState) -> None:
     seen = []
     for _ in state.lights:
-        seen.append(lights.brightest(state.lights))
+        seen.append(light_rows.brightest(state.lights))
         state = pressed(state, "space")
-    assert seen == [0, 1, 2, 3] and lights.brightest(state.lights) == 0
+    assert seen == [0, 1, 2, 3] and light_rows.brightest(state.lights) == 0
 
 
 def test_points_stay_in_order_and_shift_together(state: ViewState) -> None:

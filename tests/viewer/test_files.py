@@ -21,9 +21,9 @@ from volspec.raycast import Ambient, Directional, LightGroup
 from volspec.raycast.checks import MAX_SIDE
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum, light
-from volspec.viewer.model import camera_edits, lights, transfer_edits
+from volspec.viewer.model import camera, light_rows, transfer_edits
 from volspec.viewer.model.document import demo
-from volspec.viewer.model.lights import LightRow
+from volspec.viewer.model.light_rows import LightRow
 from volspec.viewer.model.paths import PathRequest, dropped, listing
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.screenshot import (
@@ -44,7 +44,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def edited(state: ViewState) -> ViewState:
     """What a script has most to say of: groups, a drawn light, a mix, another view."""
-    state = camera_edits.orbit(state, 0.2, 0.1)
+    state = camera.orbit(state, 0.2, 0.1)
     state = transfer_edits.move_point(state, 1, 0.8, 0.7)
     nm = state.document.grid.wavelengths_nm
     drawn = Spectrum(nm, np.linspace(0.3, 1.7, nm.size), "drawn")
@@ -206,8 +206,8 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
     from volspec.export.frames import read_frame_text
 
     state = replace(opened(tmp_path), size=(40, 30))
-    compared = replace(state, other=lights.alone(state.lights, 1), divide=0.5)
-    tungsten = replace(state, lights=lights.alone(state.lights, 1))
+    compared = replace(state, other=light_rows.alone(state.lights, 1), divide=0.5)
+    tungsten = replace(state, lights=light_rows.alone(state.lights, 1))
     # What the light does is plain where no eye adapts to it.
     plain = replace(state.seen, viewing=replace(state.seen.viewing, model="none"))
     left, both, right = (
@@ -311,7 +311,7 @@ def test_without_a_clipboard_or_a_picture_one_line_says_so(tmp_path: Path) -> No
 
 
 _COPY = """
-from volspec.viewer.work.clipboard import ClipboardError, copy_values
+from volspec.viewer.work.screenshot import ClipboardError, copy_values
 from volspec.viewer.work.probe import Reading
 for values in (None, Reading((("XYZ", "1 2 3"),), None, None, None)):
     try:

@@ -19,9 +19,9 @@ from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
-from volspec.viewer.model import camera_edits, lights, lights_edits, transfer_edits
+from volspec.viewer.model import camera, light_rows, lights, transfer_edits
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.lights import LightRow, rig_of
+from volspec.viewer.model.light_rows import LightRow, rig_of
 from volspec.viewer.model.scene_file import display_table, export_scene, scene_of
 from volspec.viewer.model.state import ViewState
 from volspec.volume import phantom
@@ -121,13 +121,13 @@ def test_every_kind_of_transfer_function_comes_back(tmp_path: Path, kind: str) -
 
 def test_what_mouse_and_sliders_change_comes_back(tmp_path: Path) -> None:
     state = opened(tmp_path)
-    state = camera_edits.orbit(state, 0.2, 0.1)
-    state = camera_edits.pan(state, 0.05, 0.02)
-    state = camera_edits.zoom(state, 0.0, -0.1)
+    state = camera.orbit(state, 0.2, 0.1)
+    state = camera.pan(state, 0.05, 0.02)
+    state = camera.zoom(state, 0.0, -0.1)
     state = transfer_edits.shift(state, 0.05)
     state = transfer_edits.move_point(state, 1, 0.8, 0.7)
-    state = lights_edits.set_weight(state, 0, 0.6)
-    state = lights_edits.set_weight(state, 1, 0.9)
+    state = lights.set_weight(state, 0, 0.6)
+    state = lights.set_weight(state, 1, 0.9)
     again = assert_same_picture(state, tmp_path)
     assert [row.name for row in again.lights] == ["mix", "day", "tungsten"]
     assert again.view == state.view
@@ -169,7 +169,7 @@ def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
         transfer=replace(state.transfer, materials=materials),
         lights=(*state.lights, LightRow("edited", "mine", LightRig((ramp,)), 0.0)),
     )
-    state = replace(state, lights=lights.alone(state.lights, 2))
+    state = replace(state, lights=light_rows.alone(state.lights, 2))
     again = assert_same_picture(state, tmp_path)
     assert again.lights[0].name == "edited" and again.lights[0].label == "mine"
     text = (tmp_path / "again.toml").read_text(encoding="utf-8")
@@ -194,7 +194,7 @@ def test_a_basis_that_a_scene_trains_is_kept_where_new_lights_would_change_it(
     state = opened(tmp_path, basis='train = "scene"\nsize = 4')
     assert_same_picture(state, tmp_path)
     assert not (tmp_path / "again.basis.json").exists()
-    more = replace(state, lights=lights.added(state.lights, "HP1", state.document.grid))
+    more = replace(state, lights=light_rows.added(state.lights, "HP1", state.document.grid))
     assert_same_picture(more, tmp_path)
     assert (tmp_path / "again.basis.json").exists()
 
@@ -202,7 +202,7 @@ def test_a_basis_that_a_scene_trains_is_kept_where_new_lights_would_change_it(
 def test_materials_as_channels_and_another_folder(tmp_path: Path) -> None:
     state = opened(tmp_path, basis='method = "materials"')
     (tmp_path / "there").mkdir()
-    again = assert_same_picture(camera_edits.orbit(state, 0.1, 0.0), tmp_path / "there")
+    again = assert_same_picture(camera.orbit(state, 0.1, 0.0), tmp_path / "there")
     assert again.document.file is not None
     assert again.document.file.volume.file == "../ball.npy"
 

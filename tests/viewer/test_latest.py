@@ -14,13 +14,13 @@ import pytest
 from tests.viewer.test_files_scene import opened
 from volspec.errors import CastCancelled
 from volspec.pipeline import Raycaster
-from volspec.viewer import chores
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.work import opening
+from volspec.viewer.work import documents
 from volspec.viewer.work.background import LatestWorker, Tasks
+from volspec.viewer.work.documents import Opened, Openings
 from volspec.viewer.work.notify import Notice, Trace
-from volspec.viewer.work.opening import Opened, Openings
 from volspec.viewer.work.screenshot import Progress, frame_of
 from volspec.viewer.work.session import SUFFIX, save_session
 from volspec.viewer.work.session_store import STATE_VARIABLE
@@ -124,9 +124,9 @@ def test_of_two_files_the_one_asked_for_last_is_opened(
     def slow(name: str, result: object) -> Callable[..., Any]:
         return lambda *_: (may_end[name].wait(20), result)[1]
 
-    monkeypatch.setattr(opening, "opened", slow("scene", state.document))
+    monkeypatch.setattr(documents, "opened", slow("scene", state.document))
     resumed = replace(state, document=replace(state.document, title="resumed"))
-    monkeypatch.setattr(opening, "resumed", slow("session", resumed))
+    monkeypatch.setattr(documents, "resumed", slow("session", resumed))
     tasks = Tasks(lambda: None)
     each = Openings(tasks, Notice(), Trace(), None)
     found: list[Opened] = []
@@ -156,7 +156,7 @@ def test_only_what_was_said_of_the_opening_goes_with_it(
 ) -> None:
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     state, notice = opened(tmp_path), Notice()
-    monkeypatch.setattr(opening, "opened", lambda *_: state.document)
+    monkeypatch.setattr(documents, "opened", lambda *_: state.document)
     each = Openings(Tasks(lambda: None), notice, Trace(), None)
     each.open("a.toml")
     assert notice.text == "Opening a.toml …"
@@ -179,10 +179,10 @@ def test_a_picture_that_is_written_is_said_to_be_saved_though_it_was_given_up(
         return tmp_path / "late.png"
 
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
-    monkeypatch.setattr(chores, "taken", taken)
+    monkeypatch.setattr(file_commands, "taken", taken)
     notice, came = Notice(), threading.Event()
     rest: tuple[Any, ...] = (UiContext(), notice, Trace(), None, None, lambda *_: None)
-    each = chores.Chores(Tasks(came.set), cast(Any, None), *rest)
+    each = file_commands.Chores(Tasks(came.set), cast(Any, None), *rest)
     each.do("screenshot", opened(tmp_path))
     assert came.wait(20) and each.take(first=False)[0]
     said = f"Saved {tmp_path / 'late.png'}" if written else "The picture was given up"

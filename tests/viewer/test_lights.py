@@ -16,14 +16,9 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import (
-    light_mixes,
-    light_parts,
-    lights,
-    lights_edits,
-)
+from volspec.viewer.model import light_mixes, light_parts, light_rows, lights
 from volspec.viewer.model.light_parts import drawn, stroke
-from volspec.viewer.model.lights import LightRow, Rows, rig_of
+from volspec.viewer.model.light_rows import LightRow, Rows, rig_of
 from volspec.viewer.model.state import ViewState
 
 _SCENES = Path(__file__).resolve().parents[2] / "data" / "scenes"
@@ -34,7 +29,7 @@ _PLACE = st.tuples(st.floats(-0.5, 1.5), _POWER)
 
 def row(text: str, weight: float = 0.0, lux: float | None = None) -> LightRow:
     rig = LightRig((light(text),), illuminance_lux=None if lux is None else (lux,))
-    return LightRow(text, text, rig, weight, texts=(text,), kelvin=lights.kelvin_of(text))
+    return LightRow(text, text, rig, weight, texts=(text,), kelvin=light_rows.kelvin_of(text))
 
 
 def grouped() -> LightRow:
@@ -77,7 +72,7 @@ def test_two_strokes_meet_where_the_pen_was() -> None:
 
 
 def test_a_drawn_light_is_one_of_its_own_until_it_is_reset() -> None:
-    rows = lights.weighted(ROWS, 2, 0.4)
+    rows = light_rows.weighted(ROWS, 2, 0.4)
     edited = drawn(rows, 2, 0, (0.2, 1.0), (0.4, 2.0))
     again = drawn(edited, 2, 0, (0.6, 1.0), (0.7, 2.0))
     assert again[2].name == "planck:3000 edited" and again[2].text is None
@@ -110,7 +105,7 @@ def test_lux_count_where_all_that_shines_has_them() -> None:
     rig = rig_of(rows)
     assert rig is not None and rig.total_lux == 500.0
     assert light_parts.lux_note(rows, _SHARES, RelightSpec()).startswith("Together 500 lx")
-    both = lights.weighted(rows, 1, 1.0)
+    both = light_rows.weighted(rows, 1, 1.0)
     rig = rig_of(both)
     assert rig is not None and rig.total_lux is None
     assert (
@@ -138,8 +133,8 @@ def test_lux_of_groups_are_told_for_what_faces_them_all() -> None:
 
 def test_a_light_added_among_lights_with_lux_has_as_many() -> None:
     lit = (row("D65", 0.5, 400.0), row("A", 0.0, 50.0))
-    assert lights.added(lit, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux == (200.0,)
-    assert lights.added(ROWS, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux is None
+    assert light_rows.added(lit, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux == (200.0,)
+    assert light_rows.added(ROWS, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux is None
 
 
 # Groups
@@ -215,7 +210,7 @@ def test_no_edit_of_parts_makes_a_row_that_gives_no_light(
 def test_scenes_keep_the_notation_of_their_lights() -> None:
     for name in ("engine.toml", "engine-groups.toml"):
         scene = Scene.load(_SCENES / name)
-        rows = lights.rows_of(scene.lights, rows_by_name(scene.file.light))
+        rows = light_rows.rows_of(scene.lights, rows_by_name(scene.file.light))
         texts = [text for each in rows for text in each.texts]
         assert texts == [table.spectrum for table in scene.file.light]
 
@@ -235,37 +230,37 @@ def test_a_file_is_found_beside_the_scene_and_else_where_the_program_runs(
         lines = [f"{nm},{1 + nm / 1000}" for nm in range(380, 741, 10)]
         (folder / f"{folder.name}.csv").write_text("nm,lamp\n" + "\n".join(lines))
     monkeypatch.chdir(here)
-    assert lights.spectrum_of("scene.csv", DEFAULT_GRID, str(scene))[1] == "scene.csv"
-    assert lights.spectrum_of("here.csv", DEFAULT_GRID, str(scene))[1] == str(here / "here.csv")
+    assert light_rows.spectrum_of("scene.csv", DEFAULT_GRID, str(scene))[1] == "scene.csv"
+    assert light_rows.spectrum_of("here.csv", DEFAULT_GRID, str(scene))[1] == str(here / "here.csv")
     with pytest.raises(SpectrumError, match=r"nosuch\.csv"):
-        lights.added(ROWS, "nosuch.csv", DEFAULT_GRID, str(scene))
+        light_rows.added(ROWS, "nosuch.csv", DEFAULT_GRID, str(scene))
 
 
 def test_names_stay_apart_as_rows_of_one_name_are_one_setting() -> None:
     rows = ROWS
     for _ in range(3):
-        rows = lights.added(rows, "d65", DEFAULT_GRID)
+        rows = light_rows.added(rows, "d65", DEFAULT_GRID)
     assert [each.name for each in rows[4:]] == ["D65 (2)", "D65 (3)", "D65 (4)"]
     assert {each.text for each in rows[4:]} == {"D65"}
 
 
 def test_forty_lights_have_room_and_more_are_refused_in_words() -> None:
     rows = ROWS
-    for _ in range(lights.MOST_ROWS - len(rows)):
-        rows = lights.added(rows, "A", DEFAULT_GRID)
+    for _ in range(light_rows.MOST_ROWS - len(rows)):
+        rows = light_rows.added(rows, "A", DEFAULT_GRID)
     assert len(rows) >= 64
     with pytest.raises(SpectrumError, match="remove one first"):
-        lights.added(rows, "A", DEFAULT_GRID)
+        light_rows.added(rows, "A", DEFAULT_GRID)
 
 
 # Mixes
 
 
 def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed() -> None:
-    rows = lights.weighted(lights.weighted(ROWS[:3], 0, 0.7), 1, 0.3)
+    rows = light_rows.weighted(light_rows.weighted(ROWS[:3], 0, 0.7), 1, 0.3)
     before, kept = rig_of(rows), light_mixes.with_mix(rows, DEFAULT_GRID)
     assert before is not None
-    assert kept[-1].text == "D65*0.7+A*0.3" and lights.shining(kept) == (0, 0, 0, 1)
+    assert kept[-1].text == "D65*0.7+A*0.3" and light_rows.shining(kept) == (0, 0, 0, 1)
     # The text has four digits.
     expected = before.mixed(DEFAULT_GRID).values
     np.testing.assert_allclose(kept[-1].rig.lights[0].values, expected, rtol=1e-3)
@@ -284,10 +279,10 @@ def test_a_kept_mix_with_lux_has_their_sum_and_shares_of_it() -> None:
 
 
 def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are() -> None:
-    edited = lights.weighted(drawn(ROWS, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
+    edited = light_rows.weighted(drawn(ROWS, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
     kept = light_mixes.with_mix(edited, DEFAULT_GRID)[-1]
     assert kept.rig.groups == ("", "lamp", "sky") and kept.texts == (None, "A", "D65*0.5")
-    dark = lights.changed(lights.changed(edited, 0, weight=0.0), 3, muted=True)
+    dark = light_rows.changed(light_rows.changed(edited, 0, weight=0.0), 3, muted=True)
     assert light_mixes.with_mix(dark, DEFAULT_GRID) is dark
 
 
@@ -301,7 +296,7 @@ def test_a_stroke_of_many_samples_is_one_step_of_undo(state: ViewState) -> None:
     pen = None
     for x in np.linspace(0.2, 0.8, 9):
         end = float(x), 2.0
-        history = history.then(lights_edits.draw(history.present, 1, 0, pen or end, end), 5)
+        history = history.then(lights.draw(history.present, 1, 0, pen or end, end), 5)
         pen = end
     assert history.present.lights[1].name == "A edited"
     assert history.undone().present.lights == state.lights
@@ -315,9 +310,9 @@ def test_edits_of_lights_take_any_index_and_number(
         for part in (-1, 0, 5):
             for x in (-1e300, 0.0, 1e300):
                 for new in (
-                    lights_edits.set_lux(state, index, x, part),
-                    lights_edits.set_part_weight(state, index, part, x),
-                    lights_edits.draw(state, index, part, start, (x, x)),
+                    lights.set_lux(state, index, x, part),
+                    lights.set_part_weight(state, index, part, x),
+                    lights.draw(state, index, part, start, (x, x)),
                 ):
                     rig = rig_of(new.lights)
                     assert rig is not None and np.isfinite(rig.mixed(DEFAULT_GRID).values).all()

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from volspec.appearance import Viewing
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import camera_edits, light_states_edits, lights, lights_edits
+from volspec.viewer.model import camera, light_rows, light_states, lights
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_parts import drawn
+from volspec.viewer.model.light_rows import LightRow, Rows, rig_of, shining
 from volspec.viewer.model.light_states import faded, recalled
-from volspec.viewer.model.lights import LightRow, Rows, rig_of, shining
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.fader import Fader
 
@@ -26,7 +26,7 @@ DIM, BRIGHT = RelightSpec(), RelightSpec(Viewing(illuminance_lux=10.0, Y_b=40.0)
 
 def row(text: str, weight: float, lux: float | None = None) -> LightRow:
     rig = LightRig((light(text),), illuminance_lux=None if lux is None else (lux,))
-    return LightRow(text, text, rig, weight, texts=(text,), kelvin=lights.kelvin_of(text))
+    return LightRow(text, text, rig, weight, texts=(text,), kelvin=light_rows.kelvin_of(text))
 
 
 START: Rows = (row("D65", 1.0, 100.0), row("A", 0.5, 200.0), row("planck:2000", 0.2, 50.0))
@@ -34,8 +34,8 @@ START: Rows = (row("D65", 1.0, 100.0), row("A", 0.5, 200.0), row("planck:2000", 
 
 def after(rows: Rows) -> Rows:
     """D65 muted, A solo and drawn, the radiator hotter, and one light more."""
-    rows = drawn(lights.changed(rows, 0, muted=True), 1, 0, (0.1, 3.0), (0.4, 3.0))
-    rows = lights.heated(rows, 2, 8000.0)
+    rows = drawn(light_rows.changed(rows, 0, muted=True), 1, 0, (0.1, 3.0), (0.4, 3.0))
+    rows = light_rows.heated(rows, 2, 8000.0)
     return (*rows, row("FL2", 0.8, 400.0))
 
 
@@ -103,35 +103,35 @@ def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
 
 
 def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None:
-    one = light_states_edits.save(state)
-    two = light_states_edits.save(lights_edits.set_weight(one, 2, 0.3))
+    one = light_states.save(state)
+    two = light_states.save(lights.set_weight(one, 2, 0.3))
     assert [kept.name for kept in two.kept] == ["State 1", "State 2"]
-    assert light_states_edits.rename(two, 0, "  Day\n light ").kept[0].name == "Day light"
-    assert light_states_edits.rename(two, 0, "State 2") is two
-    assert light_states_edits.rename(two, 0, " ") is two
-    over = light_states_edits.save_over(two, 0)
+    assert light_states.rename(two, 0, "  Day\n light ").kept[0].name == "Day light"
+    assert light_states.rename(two, 0, "State 2") is two
+    assert light_states.rename(two, 0, " ") is two
+    over = light_states.save_over(two, 0)
     assert over.kept[0].lights is two.lights and over.kept[0].name == "State 1"
-    back = light_states_edits.recall(two, 0)
+    back = light_states.recall(two, 0)
     assert back.lights == state.lights and back.seen == state.seen and back.fade is not None
-    gone = light_states_edits.delete(two, 0)
-    assert [kept.name for kept in light_states_edits.save(gone).kept] == ["State 2", "State 1"]
+    gone = light_states.delete(two, 0)
+    assert [kept.name for kept in light_states.save(gone).kept] == ["State 2", "State 1"]
     for index in (-1, 2, 99):
-        assert light_states_edits.recall(two, index) is two
-        assert light_states_edits.delete(two, index) is two
-        assert light_states_edits.save_over(two, index) is two
+        assert light_states.recall(two, index) is two
+        assert light_states.delete(two, index) is two
+        assert light_states.save_over(two, index) is two
 
 
 def test_saving_and_deleting_a_state_can_be_undone(state: ViewState) -> None:
-    history = History(state).then(light_states_edits.save(state), 1)
-    history = history.then(light_states_edits.delete(history.present, 0), 2)
+    history = History(state).then(light_states.save(state), 1)
+    history = history.then(light_states.delete(history.present, 0), 2)
     assert history.present.kept == () and len(history.undone().present.kept) == 1
 
 
 def recalling(state: ViewState, seconds: float) -> ViewState:
     """A state on its way from A alone to D65 alone."""
-    kept = light_states_edits.save(light_states_edits.set_fade(state, seconds))
-    other = replace(kept, lights=lights.alone(kept.lights, 1))
-    return light_states_edits.recall(other, 0)
+    kept = light_states.save(light_states.set_fade(state, seconds))
+    other = replace(kept, lights=light_rows.alone(kept.lights, 1))
+    return light_states.recall(other, 0)
 
 
 def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> None:
@@ -146,13 +146,13 @@ def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) 
 
 
 def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
-    fader, before = Fader(), replace(state, lights=lights.alone(state.lights, 1))
-    before = replace(before, kept=light_states_edits.save(state).kept)
-    history = History(before).then(light_states_edits.recall(before, 0), 1)
+    fader, before = Fader(), replace(state, lights=light_rows.alone(state.lights, 1))
+    before = replace(before, kept=light_states.save(state).kept)
+    history = History(before).then(light_states.recall(before, 0), 1)
     for i in range(1, 4):
         present = history.present
         shown = fader.shown(present, float(i) / 10)
-        turned = camera_edits.orbit(shown, 0.1, 0.0)
+        turned = camera.orbit(shown, 0.1, 0.0)
         history = history.then(fader.to_keep(present, shown, turned), 1 + i)
     assert history.present.lights == state.lights and fader.running
     for _ in range(4):
@@ -168,7 +168,7 @@ def test_a_hand_on_a_light_stops_the_fade_where_it_is(state: ViewState) -> None:
     fader, new = Fader(), recalling(state, 1.0)
     fader.shown(new, 0.0)
     shown = fader.shown(new, 0.5)
-    stopped = fader.to_keep(new, shown, lights_edits.set_weight(shown, 2, 0.9))
+    stopped = fader.to_keep(new, shown, lights.set_weight(shown, 2, 0.9))
     assert stopped.fade is None and shining(stopped.lights)[:3] == (0.5, 0.5, 0.9)
     assert fader.shown(stopped, 0.6) is stopped and not fader.running
 
@@ -177,7 +177,7 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
     fader, new = Fader(), recalling(state, 1.0)
     fader.shown(new, 0.0)
     shown = fader.shown(new, 0.5)
-    again = fader.to_keep(new, shown, light_states_edits.recall(shown, 0))
+    again = fader.to_keep(new, shown, light_states.recall(shown, 0))
     assert again.fade is not None and shining(again.fade.lights)[:2] == (0.5, 0.5)
     assert shining(fader.shown(again, 0.7).lights)[:2] == (0.5, 0.5)
 
@@ -185,4 +185,4 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
 def test_a_fade_of_no_time_is_a_cut(state: ViewState) -> None:
     fader, new = Fader(), recalling(state, 0.0)
     assert fader.shown(new, 0.0) is new and not fader.running
-    assert light_states_edits.set_fade(state, 99.0).interface.fade_s == 10.0
+    assert light_states.set_fade(state, 99.0).interface.fade_s == 10.0

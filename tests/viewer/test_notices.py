@@ -10,10 +10,10 @@ import pytest
 from tests.viewer.test_transfer import of_kind
 from volspec.palette import Cell, CellReport
 from volspec.relight.error_map import ErrorMap
-from volspec.viewer.model import lights_edits
+from volspec.viewer.model import lights
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.light_states import MOST_STATES, LightState
-from volspec.viewer.model.lights import MOST_ROWS
+from volspec.viewer.model.light_rows import MOST_ROWS, LightState
+from volspec.viewer.model.light_states import MOST_STATES
 from volspec.viewer.model.palette_table import Table, table_of
 from volspec.viewer.model.palette_targets import STAY
 from volspec.viewer.model.state import ViewState
@@ -164,7 +164,7 @@ def test_the_error_map_says_whether_an_eye_would_see_it() -> None:
 def test_the_adopted_white_is_told_of_what_shines_alone(state: ViewState) -> None:
     from volspec.viewer.ui.viewing import white_told
 
-    muted = lights_edits.toggle_mute(state, 0)
+    muted = lights.toggle_mute(state, 0)
     assert white_told(muted.lights) == white_told(())
-    both = lights_edits.set_weight(state, 1, 1.0)
+    both = lights.set_weight(state, 1, 1.0)
     assert white_told(both.lights) != white_told(state.lights)

@@ -18,14 +18,21 @@ from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import camera_edits, palette_edits
+from volspec.viewer.model import camera, palette_edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.lights import LightRow
-from volspec.viewer.model.palette_spectra import columns, with_reflectances
-from volspec.viewer.model.palette_table import answered, assigned, palette_of, ranges, table_of
+from volspec.viewer.model.light_rows import LightRow
+from volspec.viewer.model.materials import with_reflectances
+from volspec.viewer.model.palette_table import (
+    answered,
+    assigned,
+    columns,
+    palette_of,
+    ranges,
+    table_of,
+)
 from volspec.viewer.model.palette_targets import REFLECTANCE, STAY, Board
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.palette_cells import contrast, importance, levels, parts_told
@@ -231,7 +238,7 @@ _KEYS = (
     *("", "colour", "free", "black", "same", "distinct", "must", "light", "reflectance"),
     *("#804020", "0.1 0.9 2.0", "0.2 0.3 0.4", "nan nan nan", "A", "nosuch", "gold", "RGB"),
 )
-_EDITED = [module for module in MODULES if module is not camera_edits]
+_EDITED = [module for module in MODULES if module is not camera]
 _CHANGES = [BY_NAME[n] for n in ("palette-light", "palette-anew", "palette-forget", "palette-own")]
 
 

@@ -15,8 +15,7 @@ from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import palette_edits, palette_files
 from volspec.viewer.model.history import Difference
-from volspec.viewer.model.palette_spectra import columns
-from volspec.viewer.model.palette_table import answered, palette_of, table_of
+from volspec.viewer.model.palette_table import answered, columns, palette_of, table_of
 from volspec.viewer.model.palette_targets import STAY, Wishes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.palette_cells import explained

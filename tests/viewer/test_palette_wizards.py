@@ -21,8 +21,7 @@ from volspec.transfer import (
 )
 from volspec.viewer.model import palette_files, palette_wizards
 from volspec.viewer.model.history import Difference
-from volspec.viewer.model.palette_spectra import columns
-from volspec.viewer.model.palette_table import palette_of, table_of
+from volspec.viewer.model.palette_table import columns, palette_of, table_of
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Board, Pick
 from volspec.viewer.model.state import ViewState
 

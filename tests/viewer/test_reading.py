@@ -15,7 +15,7 @@ from volspec.relight import Illumination, LightRig
 from volspec.relight.error_map import error_map
 from volspec.spectra import color_matching_functions
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.lights import rig_of
+from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.probe import place_mm, read, spectra, value_at
 

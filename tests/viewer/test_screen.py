@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.viewer.test_tabling import SIZE, done, pixels
-from volspec.viewer.model import lights
+from volspec.viewer.model import light_rows
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.meter import Meter
 from volspec.viewer.work.notify import Notice, Trace
@@ -36,7 +36,7 @@ def slow(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Ite
 
 
 def under(state: ViewState, light: int) -> ViewState:
-    return replace(state, lights=lights.alone(state.lights, light))
+    return replace(state, lights=light_rows.alone(state.lights, light))
 
 
 def lit(screen: Screen, state: ViewState) -> NDArray[np.uint8]:

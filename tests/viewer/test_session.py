@@ -21,10 +21,9 @@ from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.relight import LightRig
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
-from volspec.viewer.model import camera_edits, lights_edits, transfer_edits
+from volspec.viewer.model import camera, lights, transfer_edits
 from volspec.viewer.model.document import Document, plain_scene
-from volspec.viewer.model.light_states import Fade
-from volspec.viewer.model.lights import LightRow
+from volspec.viewer.model.light_rows import Fade, LightRow
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.work import session_store
 from volspec.viewer.work.session import (
@@ -45,7 +44,7 @@ FIXTURES = Path(__file__).with_name("sessions")
 
 def worked_on(state: ViewState) -> ViewState:
     """A state with something of every kind changed."""
-    state = camera_edits.orbit(state, 0.2, 0.1)
+    state = camera.orbit(state, 0.2, 0.1)
     state = transfer_edits.move_point(state, 1, 0.8, 0.7)
     state = transfer_edits.shift(state, 0.05)
     nm = state.document.grid.wavelengths_nm
@@ -95,7 +94,7 @@ def test_the_scene_s_own_is_still_what_the_file_had(tmp_path: Path) -> None:
 def test_what_was_one_is_one_again(tmp_path: Path) -> None:
     """A light change must not cast, and what is unchanged must be known to be so."""
     state = opened(tmp_path)
-    back = again(lights_edits.set_weight(state, 1, 0.5), tmp_path)
+    back = again(lights.set_weight(state, 1, 0.5), tmp_path)
     assert back.transfer is back.document.transfer and back.seen is back.document.seen
     assert back.lights[0].rig is back.document.lights[0].rig
     moved = again(transfer_edits.shift(state, 0.1), tmp_path)
@@ -197,7 +196,7 @@ def test_nothing_is_kept_where_nothing_was_changed(tmp_path: Path) -> None:
 def test_a_session_is_kept_when_what_changed_rests(tmp_path: Path) -> None:
     state, store = opened(tmp_path), SessionStore(tmp_path / "state")
     store.begin(state)
-    changed = camera_edits.orbit(state, 0.1, 0.0)
+    changed = camera.orbit(state, 0.1, 0.0)
     assert not store.due(state, 100.0) and not store.due(state, 200.0)
     assert not store.due(changed, 300.0) and not store.due(changed, 300.0 + 0.9 * REST_S)
     assert store.due(changed, 300.0 + REST_S)
@@ -206,7 +205,7 @@ def test_a_session_is_kept_when_what_changed_rests(tmp_path: Path) -> None:
     assert not store.due(changed, 305.0) and store.due(changed, 304.0 + EVERY_S)
     assert store.save(changed) is not None and store.save(changed) is None
     assert not store.due(changed, 1000.0)
-    again = camera_edits.orbit(changed, 0.1, 0.0)
+    again = camera.orbit(changed, 0.1, 0.0)
     assert not store.due(again, 1001.0) and store.due(again, 1001.0 + REST_S)
 
 
@@ -214,13 +213,13 @@ def test_a_state_that_is_late_to_be_written_does_not_overwrite_a_newer_one(tmp_p
     """As at the end, when a thread that was to save has not come to it yet."""
     state, store = opened(tmp_path), SessionStore(tmp_path / "state")
     store.begin(state)
-    older, newer = (camera_edits.orbit(state, x, 0.0) for x in (0.1, 0.2))
+    older, newer = (camera.orbit(state, x, 0.0) for x in (0.1, 0.2))
     late = store.saving(older, 1.0)
     own = store.save(newer)
     assert own is not None and late() is None
     assert resumed(read_session(own), cast=False).view == newer.view
     # What was written in its order is.
-    again = store.saving(camera_edits.orbit(newer, 0.1, 0.0), 2.0)
+    again = store.saving(camera.orbit(newer, 0.1, 0.0), 2.0)
     assert again() == own
 
 
@@ -229,7 +228,7 @@ def test_a_session_is_kept_every_thirty_seconds_while_something_changes(tmp_path
     store.begin(state)
     due = []
     for second in range(int(EVERY_S) + 1):
-        state = camera_edits.orbit(state, 0.1, 0.0)
+        state = camera.orbit(state, 0.1, 0.0)
         due.append(store.due(state, 100.0 + second))
     assert due == [False] * int(EVERY_S) + [True]
 
@@ -237,7 +236,7 @@ def test_a_session_is_kept_every_thirty_seconds_while_something_changes(tmp_path
 def test_a_session_whose_program_died_is_told_of_once(tmp_path: Path) -> None:
     state, store = opened(tmp_path), SessionStore(tmp_path / "state")
     store.begin(state)
-    store.save(camera_edits.orbit(state, 0.1, 0.0))
+    store.save(camera.orbit(state, 0.1, 0.0))
     # Another window, while the first is open, is told nothing.
     assert not SessionStore(tmp_path / "state").ended_early()
     # What a dead program leaves is the same files, and no lock.
@@ -251,7 +250,7 @@ def test_a_session_whose_program_died_is_told_of_once(tmp_path: Path) -> None:
 def test_another_document_ends_the_one_before_as_it_should(tmp_path: Path) -> None:
     state, store = opened(tmp_path), SessionStore(tmp_path / "state")
     store.begin(state)
-    store.save(camera_edits.orbit(state, 0.1, 0.0))
+    store.save(camera.orbit(state, 0.1, 0.0))
     store.begin(replace(state, document=replace(state.document, title="another")))
     assert list((tmp_path / "state" / "running").iterdir()) == []
 
@@ -259,17 +258,17 @@ def test_another_document_ends_the_one_before_as_it_should(tmp_path: Path) -> No
 def test_another_file_does_not_overwrite_what_was_made_before(tmp_path: Path) -> None:
     state, store = opened(tmp_path), SessionStore(tmp_path / "state")
     store.begin(state)
-    first = store.save(camera_edits.orbit(state, 0.1, 0.0))
+    first = store.save(camera.orbit(state, 0.1, 0.0))
     other = replace(state, document=replace(state.document, title="another"))
     store.begin(other)
     assert first is not None and store.last() == first
     time.sleep(0.02)  # files are sorted by when they were written
-    second = store.save(camera_edits.orbit(other, 0.3, 0.0))
+    second = store.save(camera.orbit(other, 0.3, 0.0))
     assert second != first and store.last() == first
     # Restored, it goes on in its own file.
     back = resumed(store.read(first), cast=False)
     store.begin(back, first)
-    assert store.save(camera_edits.orbit(back, 0.5, 0.0)) == first
+    assert store.save(camera.orbit(back, 0.5, 0.0)) == first
     assert store.last() == second
 
 
@@ -280,7 +279,7 @@ def test_the_oldest_sessions_are_forgotten(tmp_path: Path, monkeypatch: pytest.M
     for _ in range(MOST_SESSIONS + 3):
         store = SessionStore(tmp_path / "state")
         store.begin(state)
-        store.save(camera_edits.orbit(state, 0.1, 0.0))
+        store.save(camera.orbit(state, 0.1, 0.0))
     assert len(list((tmp_path / "state" / "sessions").iterdir())) == MOST_SESSIONS
 
 
@@ -294,7 +293,7 @@ def test_the_session_just_saved_is_the_last_whatever_the_clock_said(
     for number in range(MOST_SESSIONS + 3):
         store = SessionStore(tmp_path / "state")
         store.begin(state)
-        saved = store.save(camera_edits.orbit(state, 0.1, 0.0))
+        saved = store.save(camera.orbit(state, 0.1, 0.0))
         assert saved is not None and SessionStore(tmp_path / "state").last() == saved
         later = time.time() + ahead_s + number
         os.utime(saved, (later, later))
@@ -308,7 +307,7 @@ KILLED_SAVE = """
 import os, signal, sys
 from pathlib import Path
 from tests.viewer.test_files_scene import opened
-from volspec.viewer.model.camera_edits import orbit
+from volspec.viewer.model.camera import orbit
 from volspec.viewer.work.session_store import SessionStore
 
 def half(path, text, **settings):
@@ -326,7 +325,7 @@ store.save(orbit(state, 0.2, 0.0))
 def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path: Path) -> None:
     state, store = opened(tmp_path), SessionStore(tmp_path / "state")
     store.begin(state)
-    saved = store.save(camera_edits.orbit(state, 0.1, 0.0))
+    saved = store.save(camera.orbit(state, 0.1, 0.0))
     store.end()
     assert saved is not None
     before = saved.read_bytes()
@@ -335,7 +334,7 @@ def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path: Path) -> Non
     after = SessionStore(tmp_path / "state")
     assert after.ended_early() and after.last() == saved
     after.begin(state)
-    assert resumed(after.read(saved), cast=False).view == camera_edits.orbit(state, 0.1, 0.0).view
+    assert resumed(after.read(saved), cast=False).view == camera.orbit(state, 0.1, 0.0).view
     assert list((tmp_path / "state" / "sessions").iterdir()) == [saved]
 
 

@@ -11,12 +11,12 @@ from tests.viewer._edits import MODULES, edits_of
 from volspec.raycast import ClipPlane
 from volspec.relight import RelightSpec
 from volspec.spectra import reflectance
-from volspec.viewer.model import camera_edits, lights_edits, slices_edits, transfer_edits
+from volspec.viewer.model import camera, lights, slices, transfer_edits
 from volspec.viewer.model.commands import BY_NAME, COMMANDS
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Edited, after
 from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
-from volspec.viewer.model.light_states import Fade, LightState
+from volspec.viewer.model.light_rows import Fade, LightState
 from volspec.viewer.model.palette_targets import Board
 from volspec.viewer.model.state import Interface, ViewState
 
@@ -74,53 +74,53 @@ def test_the_first_of_several_stages_is_named(state: ViewState) -> None:
 
 # What each edit does at most, and its arguments, with which it does something if it can.
 _COSTS: dict[str, tuple[Any, ...]] = {
-    "camera_edits.orbit": ("cast", 0.3, 0.4),
-    "camera_edits.pan": ("cast", 0.3, 0.4),
-    "camera_edits.zoom": ("cast", 0.3, 0.4),
-    "camera_edits.roll": ("cast", 0.3),
-    "camera_edits.zoom_notches": ("cast", 0.4),
-    "camera_edits.roll_notches": ("cast", 0.4),
-    "camera_edits.widen_notches": ("cast", 0.4),
-    "camera_edits.look_at_face": ("cast", 1),
-    "cuts_edits.move_crop": ("cast", 1, 0.3),
-    "cuts_edits.shift_plane": ("cast", 1, 0.3),
-    "cuts_edits.tilt_plane": ("cast", 1, 0.3, 0.4),
-    "cuts_edits.flip_plane": ("cast", 1),
-    "cuts_edits.remove_plane": ("cast", 1),
-    "cuts_edits.choose_plane": ("frame", 1),
-    "cuts_edits.add_plane": ("cast", (0.0, 0.6, 0.8)),
-    "slices_edits.move_slice": ("frame", 1, 0.3),
-    "slices_edits.step_slice": ("frame", 1, 0.3),
-    "slices_edits.point_at": ("frame", 1, 0.3, 0.4),
-    "slices_edits.set_greys": ("frame", 0.3, 0.4),
-    "lights_edits.set_weight": ("relight", 1, 0.3),
-    "lights_edits.set_kelvin": ("relight", 3, 0.3),
-    "lights_edits.set_lux": ("relight", 1, 0.3),
-    "lights_edits.set_part_weight": ("relight", 1, 0, 0.3),
-    "lights_edits.draw": ("relight", 1, 0, (0.3, 0.4), (0.3, 0.4)),
-    "lights_edits.blend": ("relight", 0.3, 0.4),
-    "lights_edits.toggle_solo": ("relight", 1),
-    "lights_edits.toggle_mute": ("relight", 1),
-    "lights_edits.remove": ("relight", 1),
-    "lights_edits.choose": ("frame", 1),
-    "lights_edits.set_divide": ("relight", 0.3),
-    "lights_edits.only": ("relight", 1),
-    "lights_edits.rename": ("relight", 1, "gold"),
-    "lights_edits.keep_mix": ("relight",),
-    "lights_edits.add": ("relight", "HP1"),
-    "lights_edits.respell": ("relight", 1, 0, "FL2"),
-    "lights_edits.show_alone": ("relight", 1),
+    "camera.orbit": ("cast", 0.3, 0.4),
+    "camera.pan": ("cast", 0.3, 0.4),
+    "camera.zoom": ("cast", 0.3, 0.4),
+    "camera.roll": ("cast", 0.3),
+    "camera.zoom_notches": ("cast", 0.4),
+    "camera.roll_notches": ("cast", 0.4),
+    "camera.widen_notches": ("cast", 0.4),
+    "camera.look_at_face": ("cast", 1),
+    "cuts.move_crop": ("cast", 1, 0.3),
+    "cuts.shift_plane": ("cast", 1, 0.3),
+    "cuts.tilt_plane": ("cast", 1, 0.3, 0.4),
+    "cuts.flip_plane": ("cast", 1),
+    "cuts.remove_plane": ("cast", 1),
+    "cuts.choose_plane": ("frame", 1),
+    "cuts.add_plane": ("cast", (0.0, 0.6, 0.8)),
+    "slices.move_slice": ("frame", 1, 0.3),
+    "slices.step_slice": ("frame", 1, 0.3),
+    "slices.point_at": ("frame", 1, 0.3, 0.4),
+    "slices.set_greys": ("frame", 0.3, 0.4),
+    "lights.set_weight": ("relight", 1, 0.3),
+    "lights.set_kelvin": ("relight", 3, 0.3),
+    "lights.set_lux": ("relight", 1, 0.3),
+    "lights.set_part_weight": ("relight", 1, 0, 0.3),
+    "lights.draw": ("relight", 1, 0, (0.3, 0.4), (0.3, 0.4)),
+    "lights.blend": ("relight", 0.3, 0.4),
+    "lights.toggle_solo": ("relight", 1),
+    "lights.toggle_mute": ("relight", 1),
+    "lights.remove": ("relight", 1),
+    "lights.choose": ("frame", 1),
+    "lights.set_divide": ("relight", 0.3),
+    "lights.only": ("relight", 1),
+    "lights.rename": ("relight", 1, "gold"),
+    "lights.keep_mix": ("relight",),
+    "lights.add": ("relight", "HP1"),
+    "lights.respell": ("relight", 1, 0, "FL2"),
+    "lights.show_alone": ("relight", 1),
     # What mends or parts a light of one spectrum: of parts, there is one and no group.
-    "lights_edits.regroup": ("relight", 1, 0, "gold"),
-    "lights_edits.add_part": ("relight", 1, "gold"),
-    "lights_edits.remove_part": (None, 1, 0),
-    "lights_edits.split_part": (None, 1),
-    "light_states_edits.save": ("frame",),
-    "light_states_edits.save_over": ("frame", 1),
-    "light_states_edits.rename": ("frame", 1, "gold"),
-    "light_states_edits.delete": ("frame", 1),
-    "light_states_edits.recall": ("relight", 1),
-    "light_states_edits.set_fade": ("frame", 0.3),
+    "lights.regroup": ("relight", 1, 0, "gold"),
+    "lights.add_part": ("relight", 1, "gold"),
+    "lights.remove_part": (None, 1, 0),
+    "lights.split_part": (None, 1),
+    "light_states.save": ("frame",),
+    "light_states.save_over": ("frame", 1),
+    "light_states.rename": ("frame", 1, "gold"),
+    "light_states.delete": ("frame", 1),
+    "light_states.recall": ("relight", 1),
+    "light_states.set_fade": ("frame", 0.3),
     "viewing.set_model": ("relight", "CAM16"),
     "viewing.set_adapting": ("relight", "picture"),
     "viewing.set_illuminance": ("relight", 0.3),
@@ -179,16 +179,16 @@ _COSTS: dict[str, tuple[Any, ...]] = {
     "palette_edits.assign": ("cast", 0.3, 0.4, "gold"),
     "palette_edits.recast_range": ("cast", 1, "copper"),
     # The panel is open.
-    "interface_edits.open_viewing": (None,),
-    "interface_edits.pick_material": ("frame", "gold"),
-    "interface_edits.pick_light": ("frame", "A"),
-    "interface_edits.pick_like": ("frame", "gold"),
-    "interface_edits.pick_within": ("frame", "gold"),
-    "interface_edits.pick_black": ("frame",),
-    "interface_edits.pick_distance": ("frame", 0.3),
-    "interface_edits.toggle_merged": ("frame", "gold"),
-    "interface_edits.pick_values": ("frame", 0.3, 0.4),
-    "interface_edits.pick_use": ("frame", "gold"),
+    "commands.open_viewing": (None,),
+    "palette_edits.pick_material": ("frame", "gold"),
+    "palette_edits.pick_light": ("frame", "A"),
+    "palette_edits.pick_like": ("frame", "gold"),
+    "palette_edits.pick_within": ("frame", "gold"),
+    "palette_edits.pick_black": ("frame",),
+    "palette_edits.pick_distance": ("frame", 0.3),
+    "palette_edits.toggle_merged": ("frame", "gold"),
+    "palette_edits.pick_values": ("frame", 0.3, 0.4),
+    "palette_edits.pick_use": ("frame", "gold"),
 }
 
 
@@ -226,10 +226,10 @@ _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
 
 
 def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
-    state = slices_edits.set_greys(slices_edits.move_slice(cut, 1, 0.3), 0.2, 0.4)
+    state = slices.set_greys(slices.move_slice(cut, 1, 0.3), 0.2, 0.4)
     old = transfer_edits.shift(replace(state, view=replace(state.view, zoom=3.0)), 0.1)
     states = [LightState(str(i), state.lights[1:], state.seen) for i in range(9)]
-    drawn = lights_edits.draw(old, 2, 0, (0.5, 2.0), (0.5, 2.0))
+    drawn = lights.draw(old, 2, 0, (0.5, 2.0), (0.5, 2.0))
     old = replace(drawn, other=state.lights, kept=tuple(states))
     old = replace(old, interface=replace(old.interface, light=2))
     for action in COMMANDS:
@@ -248,7 +248,7 @@ def done(state: ViewState, name: str) -> ViewState:
 def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state: ViewState) -> None:
     history = History(state)
     for weight in (0.2, 0.5, 0.8):
-        history = history.then(lights_edits.set_weight(history.present, 1, weight), 1)
+        history = history.then(lights.set_weight(history.present, 1, weight), 1)
     history = history.then(done(history.present, "dark"), 2)
     history = history.then(done(history.present, "view-right"), 3)
     assert len(history.past) == 2
@@ -266,7 +266,7 @@ def test_history_is_bounded_and_a_new_step_forgets_the_future(
 ) -> None:
     history = History(state)
     for gesture in range(MOST_STEPS + 20):
-        history = history.then(camera_edits.orbit(history.present, 0.01, 0.0), gesture)
+        history = history.then(camera.orbit(history.present, 0.01, 0.0), gesture)
     assert len(history.past) == MOST_STEPS
     other = history.undone().then(replace(state, document=replace(document)), 10**6)
     assert other.future == ()

@@ -14,26 +14,20 @@ from volspec.errors import InputError
 from volspec.palette import Cell
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import (
-    cuts_edits,
-    light_states_edits,
-    lights,
-    lights_edits,
-    transfer_edits,
-)
+from volspec.viewer.model import cuts, light_rows, light_states, lights, transfer_edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_parts import drawn, respelled, undrawn
-from volspec.viewer.model.lights import LightRow, shining
-from volspec.viewer.model.lights_edits import rename
+from volspec.viewer.model.light_rows import LightRow, shining
+from volspec.viewer.model.lights import rename
 from volspec.viewer.model.palette_targets import LIGHT, Board, Wishes
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.mouse import RUN_S, Gestures
 from volspec.viewer.work.background import Tasks
+from volspec.viewer.work.documents import Opened, Openings
 from volspec.viewer.work.notify import Notice, Trace
-from volspec.viewer.work.opening import Opened, Openings
 from volspec.viewer.work.session_store import RecentFiles
 
 
@@ -52,7 +46,7 @@ def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:
 
 
 def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) -> None:
-    start = lights_edits.choose(state, 1)
+    start = lights.choose(state, 1)
     history = History(start).then(done(start, "keep-mix"), 1)
     assert history.present.interface.light == 4
     back = history.undone()
@@ -60,7 +54,7 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) 
     assert back.redone().present.interface.light == 4
     # What is chosen is no step, and a step of the view leaves it.
     looked = History(start).then(done(start, "view-right"), 1)
-    looked = looked.then(lights_edits.choose(looked.present, 3), 2)
+    looked = looked.then(lights.choose(looked.present, 3), 2)
     assert looked.undone().present.interface.light == 3
 
 
@@ -76,10 +70,10 @@ def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
 
 def test_another_file_chooses_its_shining_light_and_keeps_the_window(state: ViewState) -> None:
     before = replace(state, size=(40, 30), interface=Interface(dark=False, light=3))
-    lit = replace(state, lights=lights.alone(state.lights, 2))
+    lit = replace(state, lights=light_rows.alone(state.lights, 2))
     new = Opened(lit).after(before).state
     assert new.interface.light == 2 and not new.interface.dark and new.size == (40, 30)
-    session = Opened(lights_edits.choose(state, 1), session=Path("x")).after(before)
+    session = Opened(lights.choose(state, 1), session=Path("x")).after(before)
     assert session.state.interface.light == 1 and session.state.interface.dark
 
 
@@ -115,10 +109,10 @@ def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
         ("view", lambda s: done(s, "view-right")),
         ("lights", lambda s: done(s, "next-light")),
         ("lights", lambda s: done(s, "compare")),
-        ("light states", light_states_edits.save),
+        ("light states", light_states.save),
         ("transfer function", lambda s: transfer_edits.shift(s, 0.1)),
         ("viewing", lambda s: done(s, "mark")),
-        ("cuts", lambda s: cuts_edits.move_crop(s, 0, 0.3)),
+        ("cuts", lambda s: cuts.move_crop(s, 0, 0.3)),
         ("shading", lambda s: replace(s, shading=replace(s.shading, ambient=0.7))),
         ("palette", lambda s: replace(s, board=Board(Wishes(constant=frozenset(["gold"]))))),
     ],
@@ -128,27 +122,27 @@ def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> 
 
 
 def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
-    rows = lights.renamed(state.lights, 1, "  my\n lamp ")
+    rows = light_rows.renamed(state.lights, 1, "  my\n lamp ")
     assert rows[1].name == "my lamp" and rows[1].rig is state.lights[1].rig
-    assert lights.renamed(rows, 2, "my lamp")[2].name == "my lamp (2)"
+    assert light_rows.renamed(rows, 2, "my lamp")[2].name == "my lamp (2)"
     for index, name in ((1, "my lamp"), (1, " "), (9, "x"), (-1, "x")):
-        assert lights.renamed(rows, index, name) is rows
+        assert light_rows.renamed(rows, index, name) is rows
 
 
 def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
-    rows = lights.renamed(state.lights, 3, "lamp")
-    assert lights.heated(rows, 3, 5000.0)[3].name == "lamp"
+    rows = light_rows.renamed(state.lights, 3, "lamp")
+    assert light_rows.heated(rows, 3, 5000.0)[3].name == "lamp"
     assert respelled(rows, 3, 0, "D50", DEFAULT_GRID)[3].name == "lamp"
     pen = drawn(rows, 3, 0, (0.1, 2.0), (0.5, 2.0))
     assert pen[3].name == "lamp" == undrawn(pen, 3)[3].name
     # Also where it was given after the drawing.
-    later = lights.renamed(drawn(state.lights, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
+    later = light_rows.renamed(drawn(state.lights, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
     assert drawn(later, 1, 0, (0.6, 2.0), (0.9, 2.0))[1].name == "mine"
 
 
 def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
-    kept = light_states_edits.save(state)
-    back = light_states_edits.recall(replace(kept, lights=lights.renamed(kept.lights, 0, "x")), 0)
+    kept = light_states.save(state)
+    back = light_states.recall(replace(kept, lights=light_rows.renamed(kept.lights, 0, "x")), 0)
     assert back.lights == state.lights
 
 
@@ -181,7 +175,7 @@ def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
     scraps.complain("'Q': no such light", (1, 0), state.lights)
     assert scraps.complaint_at((1, 0), state.lights) == "'Q': no such light"
     assert scraps.complaint_at((0, 0), state.lights) == ""
-    edited = lights_edits.set_weight(state, 2, 0.4).lights
+    edited = lights.set_weight(state, 2, 0.4).lights
     assert scraps.complaint_at((1, 0), edited) == ""
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from volspec.errors import ViewingError
 from volspec.raycast import CoefficientImage
 from volspec.relight import tables
-from volspec.viewer.model import lights
+from volspec.viewer.model import light_rows
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.window import Window
 from volspec.viewer.work.casts import CastDone, CastJob
@@ -49,7 +49,7 @@ def done(state: ViewState, seed: int) -> CastDone:
 
 def seen_by(state: ViewState, model: str, light: int) -> ViewState:
     viewing = replace(state.seen.viewing, model=model)
-    rows = lights.alone(state.lights, light)
+    rows = light_rows.alone(state.lights, light)
     return replace(state, seen=replace(state.seen, viewing=viewing), lights=rows)
 
 
@@ -124,7 +124,9 @@ def test_a_table_under_way_is_given_up_for_the_next_light(
 def test_both_sides_of_the_divide_have_tables_of_their_own(
     screen: Screen, state: ViewState
 ) -> None:
-    both = replace(seen_by(state, "Nayatani95", 0), other=lights.alone(state.lights, 1), divide=0.5)
+    both = replace(
+        seen_by(state, "Nayatani95", 0), other=light_rows.alone(state.lights, 1), divide=0.5
+    )
     screen.relight(both, held=False)
     until_told(screen)
     screen.relight(both, held=False)

@@ -12,23 +12,15 @@ from numpy.typing import NDArray
 
 from volspec.raycast import ClipPlane
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import (
-    camera_edits,
-    cuts,
-    cuts_edits,
-    projection,
-    slices_edits,
-    transfer_edits,
-)
-from volspec.viewer.model.camera import View
-from volspec.viewer.model.camera_edits import fitted, shown_mm
+from volspec.viewer.model import camera, cuts, projection, slices, transfer_edits
+from volspec.viewer.model.camera import fitted, shown_mm
 from volspec.viewer.model.commands import BY_KEY, BY_NAME
 from volspec.viewer.model.cuts import dragged, handles, nearest
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Command, after
 from volspec.viewer.model.projection import Projection
-from volspec.viewer.model.slices import Aids
-from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.state import Aids, ViewState
+from volspec.viewer.model.view import View
 from volspec.viewer.ui import overlays
 from volspec.viewer.ui.mouse import DRAGS, WHEELS
 from volspec.volume import Volume
@@ -106,7 +98,7 @@ def test_a_face_dragged_by_what_ten_voxels_cover_moves_by_ten(
     wanted = middle[axis] + (-10 if far else 10)
     middle[axis] = wanted
     x, _ = dragged(state.shading, volume, handle, place(seen, cuts.world_mm(volume, middle)), seen)
-    moved = cuts_edits.move_crop(state, face, x)
+    moved = cuts.move_crop(state, face, x)
     assert cuts.crop_of(moved.shading, volume)[axis][far] == pytest.approx(wanted, abs=0.5)
     assert abs(x - wanted) < 1e-6  # the half voxel is for hands; geometry is exact
 
@@ -128,13 +120,13 @@ def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
     # Where it is: nothing changes. Elsewhere: the axis stands where the mouse is.
     plane = state.shading.clip_planes[0]
     x, y = dragged(state.shading, volume, tilt_handle, tilt_handle.held, seen)
-    same = cuts_edits.tilt_plane(state, 0, x, y).shading.clip_planes[0]
+    same = cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0]
     np.testing.assert_allclose(same.normal, plane.normal, atol=1e-6)
     right, up, forward = seen.camera.frame()
     middle = place(seen, np.asarray(plane.point_mm))
     to = middle[0] + 0.6 * tilt_handle.arm, middle[1] - 0.5 * tilt_handle.arm
     x, y = dragged(state.shading, volume, tilt_handle, to, seen)
-    normal = np.asarray(cuts_edits.tilt_plane(state, 0, x, y).shading.clip_planes[0].normal)
+    normal = np.asarray(cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0].normal)
     normal *= -math.copysign(1.0, float(normal @ forward))
     np.testing.assert_allclose([normal @ right, normal @ up], [0.6, 0.5], atol=1e-6)
 
@@ -153,11 +145,11 @@ def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state: ViewSt
 
 def test_a_crop_leaves_a_voxel_and_a_whole_volume_is_no_crop(state: ViewState) -> None:
     volume = state.document.volume  # 8 voxels along each axis
-    cropped = cuts_edits.move_crop(state, 0, 99.0)
+    cropped = cuts.move_crop(state, 0, 99.0)
     assert cropped.shading.crop_voxels == ((6.0, 7.0), (0.0, 7.0), (0.0, 7.0))
     cropped.shading.kept(volume)
-    assert cuts_edits.move_crop(cropped, 0, -99.0).shading == state.shading
-    assert cuts_edits.move_crop(cropped, 7, 3.0).shading is cropped.shading
+    assert cuts.move_crop(cropped, 0, -99.0).shading == state.shading
+    assert cuts.move_crop(cropped, 7, 3.0).shading is cropped.shading
 
 
 def test_six_planes_are_the_most_and_flipping_twice_is_nothing(state: ViewState) -> None:
@@ -168,9 +160,9 @@ def test_six_planes_are_the_most_and_flipping_twice_is_nothing(state: ViewState)
         state, refusal = after(add.change, state)
         assert bool(refusal) == (azimuth > 5)
     assert len(state.shading.clip_planes) == 6 and state.interface.aids.plane == 5
-    twice = cuts_edits.flip_plane(cuts_edits.flip_plane(state, 2), 2)
+    twice = cuts.flip_plane(cuts.flip_plane(state, 2), 2)
     assert twice.shading == state.shading
-    assert len(cuts_edits.remove_plane(state, 5).shading.clip_planes) == 5
+    assert len(cuts.remove_plane(state, 5).shading.clip_planes) == 5
 
 
 def test_a_plane_cuts_a_hexagon_out_of_a_cube_across_its_diagonal() -> None:
@@ -214,7 +206,7 @@ def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
             for face, corners, _ in shown:
                 x, y = projection.middle(seen, 1.0) + projection.HALF * corners.mean(axis=0)
                 assert projection.face_at(seen, (x, y), 1.0) == face
-                there = seen_of(camera_edits.look_at_face(replace(state, view=view), face))
+                there = seen_of(camera.look_at_face(replace(state, view=view), face))
                 # Now it alone is seen, and whole.
                 assert [each[0] for each in projection.faces(there.camera)] == [face]
     assert projection.face_at(seen, (400.0, 300.0), 1.0) is None
@@ -247,14 +239,14 @@ def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(document: Docume
 
 
 def test_the_field_of_view_changes_and_the_volume_keeps_its_size(state: ViewState) -> None:
-    wide = camera_edits.widen_notches(state, -5.0)
+    wide = camera.widen_notches(state, -5.0)
     assert wide.view.fov_deg > state.view.fov_deg
     radius = [
         view.camera(state.document.volume).distance_mm * math.sin(math.radians(view.fov_deg) / 2)
         for view in (state.view, wide.view)
     ]
     assert radius[0] == pytest.approx(radius[1])
-    assert camera_edits.widen_notches(state, 1e6).view.fov_deg == 5.0
+    assert camera.widen_notches(state, 1e6).view.fov_deg == 5.0
 
 
 def test_everything_the_mouse_does_to_the_view_has_a_key(state: ViewState) -> None:
@@ -269,7 +261,7 @@ def test_everything_the_mouse_does_to_the_view_has_a_key(state: ViewState) -> No
 
 
 def test_drags_go_by_button_and_keys_held() -> None:
-    assert DRAGS["shift", "left"] == "roll" and WHEELS["ctrl"] is camera_edits.widen_notches
+    assert DRAGS["shift", "left"] == "roll" and WHEELS["ctrl"] is camera.widen_notches
     assert DRAGS["ctrl", "left"] is transfer_edits.window
     assert DRAGS["ctrl", "right"] is transfer_edits.thicken_by
 
@@ -289,9 +281,9 @@ def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str
     for view in VIEWS:
         odd = replace(state, view=view)
         for edit, *given in (
-            (cuts_edits.move_crop, 1, 1.0),
-            (cuts_edits.shift_plane, 0, 1e6),
-            (slices_edits.move_slice, 0, 0.7),
+            (cuts.move_crop, 1, 1.0),
+            (cuts.shift_plane, 0, 1e6),
+            (slices.move_slice, 0, 0.7),
         ):
             odd = edit(done(BY_KEY["p"], odd), *given)
         odd.shading.kept(volume)
@@ -315,7 +307,7 @@ def test_a_plane_is_not_added_where_there_is_one(state: ViewState) -> None:
     twice, refusal = after(add.change, once)
     assert twice is once and "lies here already; move" in refusal
     # One that was moved away, or that cuts the other side, is another.
-    for other in (cuts_edits.shift_plane(once, 0, 1.0), cuts_edits.flip_plane(once, 0)):
+    for other in (cuts.shift_plane(once, 0, 1.0), cuts.flip_plane(once, 0)):
         assert after(add.change, other).message == ""
 
 

@@ -20,18 +20,17 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer.model import camera_edits, lights_edits, slice_table, slices, slices_edits
+from volspec.viewer.model import camera, lights, slice_table, slices
 from volspec.viewer.model.slices import (
     PLANES,
-    Slices,
     edge_letters,
     layout_of,
     letters,
     pointed,
     sliced,
+    with_slices,
 )
-from volspec.viewer.model.slices_edits import with_slices
-from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.state import Slices, ViewState
 from volspec.viewer.ui.slices import drawn_sizes, said
 from volspec.viewer.work.slice_pictures import SlicePictures
 from volspec.volume import Volume, load_volume
@@ -105,7 +104,7 @@ def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
     state = replace(state, document=replace(state.document, volume=volume))
     layout = layout_of(volume, PLANES[0])
     # The middle of the second column and the last row; x runs against the picture.
-    moved = slices_edits.point_at(state, 0, 1.5 / 6, 4.6 / 5)
+    moved = slices.point_at(state, 0, 1.5 / 6, 4.6 / 5)
     at = moved.interface.slices.at
     numbers = [slices.number_of(volume, axis, at[axis]) for axis in range(3)]
     assert numbers == [4, 4, 2]  # z as it was, in the middle
@@ -128,7 +127,7 @@ def test_steps_go_up_whichever_way_the_voxels_run(state: ViewState) -> None:
         given = replace(state, document=replace(state.document, volume=volume))
         before, after = (
             sign * slices.number_of(volume, 2, each.interface.slices.at[2])
-            for each in (given, slices_edits.step_slice(given, 0, 1.0))
+            for each in (given, slices.step_slice(given, 0, 1.0))
         )
         assert after == before + 1
 
@@ -164,11 +163,11 @@ def test_a_slice_is_written_again_only_where_it_changes(state: ViewState) -> Non
 
     assert written(state) == [1, 1, 1]
     assert written(replace(state, view=replace(state.view, zoom=2.0))) == [1, 1, 1]
-    assert written(slices_edits.move_slice(state, 0, 0.9)) == [2, 1, 1]
-    assert written(slices_edits.move_slice(state, 0, 0.9)) == [2, 1, 1]
-    lit = lights_edits.set_weight(slices_edits.move_slice(state, 0, 0.9), 1, 1.0)
+    assert written(slices.move_slice(state, 0, 0.9)) == [2, 1, 1]
+    assert written(slices.move_slice(state, 0, 0.9)) == [2, 1, 1]
+    lit = lights.set_weight(slices.move_slice(state, 0, 0.9), 1, 1.0)
     assert written(lit) == [3, 2, 2]
-    assert written(camera_edits.orbit(lit, 0.1, 0.0)) == [3, 2, 2]
+    assert written(camera.orbit(lit, 0.1, 0.0)) == [3, 2, 2]
 
 
 def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
@@ -207,7 +206,7 @@ def test_greys_are_the_values_between_black_and_white(state: ViewState) -> None:
     grey = context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)[..., 1]
     # 4096 entries and rounding to codes: half a code.
     assert np.abs(grey - 255 * (shown - low) / (high - low)).max() <= 0.6
-    narrow = slices_edits.set_greys(plain, 0.7, 0.2).interface.slices.greys
+    narrow = slices.set_greys(plain, 0.7, 0.2).interface.slices.greys
     assert narrow is not None and narrow[0] < narrow[1]
 
 

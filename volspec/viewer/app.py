@@ -17,25 +17,24 @@ from queue import SimpleQueue
 
 from imgui_bundle import imgui, implot
 
-from volspec.viewer.chores import Chores
 from volspec.viewer.model.commands import BY_KEY
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import overlays
 from volspec.viewer.ui.context import Results, UiContext
+from volspec.viewer.ui.file_commands import Chores
 from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.layout import Docks
 from volspec.viewer.ui.mouse import Focus, Mouse
-from volspec.viewer.ui.widgets import in_line
-from volspec.viewer.ui.window import Window, style
+from volspec.viewer.ui.widgets import in_line, set_theme
+from volspec.viewer.ui.window import Window
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.casts import Casting
 from volspec.viewer.work.designs import Designing
-from volspec.viewer.work.documents import opened
+from volspec.viewer.work.documents import Opened, opened
 from volspec.viewer.work.fader import Fader
 from volspec.viewer.work.meter import Meter
 from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, collected_warnings
-from volspec.viewer.work.opening import Opened
 from volspec.viewer.work.pictures import give_back_large
 from volspec.viewer.work.screen import Area, Screen
 from volspec.viewer.work.session import SUFFIX
@@ -374,4 +373,4 @@ class _App:
         dark = self._history is None or self._history.present.interface.dark
         if dark != self._dark:
             self._dark = dark
-            style.set_theme(imgui, implot, dark)
+            set_theme(imgui, implot, dark)

@@ -7,18 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from volspec.viewer.model import (
-    camera_edits,
-    cuts_edits,
-    lights_edits,
-    palette_edits,
-    slices_edits,
-    transfer_edits,
-)
-from volspec.viewer.model.edit import Command
-from volspec.viewer.model.interface_edits import toggled
+from volspec.viewer.model import camera, cuts, lights, palette_edits, slices, transfer_edits
+from volspec.viewer.model.edit import Change, Command, edit
 from volspec.viewer.model.state import ViewState
 
 Row = TypeVar("Row")
@@ -100,6 +92,25 @@ _EDITS = (
     Command("copy-picture", "Edit", "Copy the picture", ("ctrl+c",)),
     Command("copy-values", "Edit", "Copy the values under the mouse", ("ctrl+shift+c",)),
 )
+
+
+def toggled(name: str) -> Change:
+    """Return an edit that turns a part of the interface on or off."""
+
+    def change(state: ViewState) -> ViewState:
+        other: dict[str, Any] = {name: not getattr(state.interface, name)}
+        return replace(state, interface=replace(state.interface, **other))
+
+    return change
+
+
+@edit
+def open_viewing(state: ViewState) -> ViewState:
+    """Open the panel of the viewing's settings."""
+    panels = state.interface.panels | {"Viewing"}
+    return replace(state, interface=replace(state.interface, panels=panels))
+
+
 _OVER = (
     Command(
         *("error-map", "View", "Error map", ("e",), toggled("error_map")),
@@ -124,13 +135,13 @@ COMMANDS: tuple[Command, ...] = (
     *_FILES,
     *_EDITS,
     *transfer_edits.COMMANDS,
-    *camera_edits.COMMANDS,
+    *camera.COMMANDS,
     *_OVER,
-    *lights_edits.COMMANDS,
+    *lights.COMMANDS,
     *palette_edits.COMMANDS,
     *_WINDOW,
-    *cuts_edits.COMMANDS,
-    *slices_edits.COMMANDS,
+    *cuts.COMMANDS,
+    *slices.COMMANDS,
 )
 BY_NAME = {action.name: action for action in COMMANDS}
 BY_KEY = {key: action for action in COMMANDS for key in action.keys if key}

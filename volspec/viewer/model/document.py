@@ -27,8 +27,8 @@ from volspec.scene.lights import rows_by_name
 from volspec.spectra import SpectralGrid
 from volspec.transfer import Transfer
 from volspec.viewer.model import presets
-from volspec.viewer.model.camera import View
-from volspec.viewer.model.lights import Rows, rows_of
+from volspec.viewer.model.light_rows import Rows, rows_of
+from volspec.viewer.model.view import View
 from volspec.volume import Volume
 
 _JOINT_BINS = 128, 64

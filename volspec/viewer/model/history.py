@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from volspec.viewer.model.palette_spectra import repainted
+from volspec.viewer.model.materials import repainted
 from volspec.viewer.model.state import ViewState
 
 Stage = Literal["cast", "relight", "frame"]

@@ -14,7 +14,7 @@ from volspec.errors import VolspecError
 from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.lights import light_terms
-from volspec.viewer.model.lights import LightRow, Rows, rig_of, shining, with_row
+from volspec.viewer.model.light_rows import LightRow, Rows, rig_of, shining, with_row
 
 _DIGITS = 4
 

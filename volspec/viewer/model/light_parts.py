@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, Spectrum, color_matching_functions
-from volspec.viewer.model.lights import (
+from volspec.viewer.model.light_rows import (
     LightRow,
     Rows,
     kelvin_of,

@@ -8,55 +8,30 @@ A fade is a pure function of a share; its clock is `volspec.viewer.work.fader`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from volspec.appearance import Viewing
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum
-from volspec.viewer.model.lights import LightRow, Rows, heated, shining
+from volspec.viewer.model.edit import Change, Command, Edited, edit
+from volspec.viewer.model.light_rows import (
+    Fade,
+    LightRow,
+    LightState,
+    Rows,
+    brightest,
+    heated,
+    shining,
+)
+from volspec.viewer.model.state import ViewState
 
 MOST_SECONDS = 10.0
 MOST_STATES = 99
 # Of what an eye takes by ratios.
 _BY_RATIO = ("illuminance_lux", "exposure")
 _BY_STEP = ("L_A", "Y_b", "surround", "D", "fov_deg")
-
-
-@dataclass(frozen=True, slots=True)
-class LightState:
-    """Lights as they were when they were saved.
-
-    Parameters
-    ----------
-    name : str
-    lights : tuple of LightRow
-    seen : RelightSpec
-        Viewing, mode, backdrop and level.
-    """
-
-    name: str
-    lights: Rows
-    seen: RelightSpec
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Fade:
-    """The way to the state's lights from those that were before.
-
-    Parameters
-    ----------
-    lights : tuple of LightRow
-    seen : RelightSpec
-        Where it starts.
-    seconds : float
-        How long it takes.
-    """
-
-    lights: Rows
-    seen: RelightSpec
-    seconds: float
 
 
 def named_anew(states: tuple[LightState, ...]) -> str:
@@ -201,3 +176,80 @@ def _mean(a: Any, b: Any, share: float) -> Any:
 
 def _are_numbers(*values: object) -> bool:
     return all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
+
+
+@edit
+def save(state: ViewState) -> ViewState:
+    """Save the present lights and viewing as a state."""
+    if len(state.kept) >= MOST_STATES:
+        return state
+    new = LightState(named_anew(state.kept), state.lights, state.seen)
+    return replace(state, kept=(*state.kept, new))
+
+
+def _saved(state: ViewState) -> Edited:
+    new = save(state)
+    full = f"{MOST_STATES} saved states are the most; delete one first"
+    return Edited(new, full if new is state else "")
+
+
+@edit
+def save_over(state: ViewState, index: int) -> ViewState:
+    """Replace a saved state by the present lights and viewing."""
+    return _with(state, index, lights=state.lights, seen=state.seen)
+
+
+@edit
+def rename(state: ViewState, index: int, name: str) -> ViewState:
+    """Rename a saved state, if the name is one and free."""
+    name = " ".join(name.split())
+    if not name or any(kept.name == name for kept in state.kept):
+        return state
+    return _with(state, index, name=name)
+
+
+@edit
+def delete(state: ViewState, index: int) -> ViewState:
+    """Delete a saved state."""
+    if not 0 <= index < len(state.kept):
+        return state
+    return replace(state, kept=(*state.kept[:index], *state.kept[index + 1 :]))
+
+
+@edit
+def recall(state: ViewState, index: int) -> ViewState:
+    """Take the lights and the viewing of a saved state; the way there is a fade."""
+    if not 0 <= index < len(state.kept):
+        return state
+    saved = state.kept[index]
+    fade = Fade(state.lights, state.seen, state.interface.fade_s)
+    rows = recalled(state.lights, saved.lights)
+    interface = replace(state.interface, light=brightest(rows))
+    return replace(state, lights=rows, seen=saved.seen, fade=fade, interface=interface)
+
+
+@edit
+def set_fade(state: ViewState, seconds: float) -> ViewState:
+    """Set how long fades take, in seconds."""
+    seconds = min(max(seconds, 0.0), MOST_SECONDS)
+    return replace(state, interface=replace(state.interface, fade_s=seconds))
+
+
+def _with(state: ViewState, index: int, **changes: Any) -> ViewState:
+    if not 0 <= index < len(state.kept):
+        return state
+    new = replace(state.kept[index], **changes)
+    return replace(state, kept=(*state.kept[:index], new, *state.kept[index + 1 :]))
+
+
+def _recall(index: int) -> Change:
+    return lambda state: recall(state, index)
+
+
+COMMANDS = (
+    Command("save-state", "Light", "Save these lights as a state", ("alt+s",), _saved),
+    *(
+        Command(f"recall-{i}", "Light", f"Fade to state {i}", (f"alt+{i}",), _recall(i - 1))
+        for i in range(1, 10)
+    ),
+)

@@ -1,263 +1,259 @@
-"""The list of lights: rows with weights, solo and mute; added, heated, removed.
+"""Edits and commands of the lights: weights, lux, dial, pen, solo, mute, notations, the divide.
 
-rows -> [lights] -> LightRig -> relight
+mouse, keys, panels -> [lights_edits] -> rows
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from types import MappingProxyType
-from typing import Any
+from collections.abc import Callable
+from dataclasses import replace
 
-from volspec.errors import SpectrumError, ViewingError
-from volspec.relight import LightRig
-from volspec.relight.spec import mixed_rig
-from volspec.scene.lights import LightTable, NamedLight
-from volspec.spectra import SpectralGrid, Spectrum, light
-from volspec.spectra.files import split_address
-
-KELVIN = (1000.0, 20000.0)
-MOST_ROWS = 99
+from volspec.errors import InputError
+from volspec.viewer.model import light_mixes, light_parts, light_rows, light_states
+from volspec.viewer.model.edit import Change, Command, Edited, edit, refusable
+from volspec.viewer.model.state import ViewState
 
 
-@dataclass(frozen=True, slots=True)
-class LightRow:
-    """One light of the list.
-
-    Parameters
-    ----------
-    name : str
-    label : str
-        What it is, in words.
-    rig : LightRig
-        What it shines with at weight 1.
-    weight : float
-        0 to 1.
-    solo, muted : bool
-    kelvin : float, optional
-        Of a Planck radiator, whose temperature can be changed.
-    texts : tuple of (str or None), optional
-        What each light of the rig was made from, in `volspec.light`'s notation; None where it was
-        drawn. Relative files start from the document's folder.
-    before : LightRow, optional
-        What it was until its spectrum was drawn.
-    named : bool
-        Whether its name was given by hand: it stays when the spectrum becomes another.
-
-    Raises
-    ------
-    ViewingError
-        If there is not one text for each light of the rig.
-    """
-
-    name: str
-    label: str
-    rig: LightRig
-    weight: float = 0.0
-    solo: bool = False
-    muted: bool = False
-    kelvin: float | None = None
-    texts: tuple[str | None, ...] = ()
-    before: LightRow | None = None
-    named: bool = False
-
-    def __post_init__(self) -> None:
-        count = len(self.rig.lights)
-        texts = tuple(self.texts) or (None,) * count
-        if len(texts) != count:
-            raise ViewingError(f"light {self.name!r} has {len(texts)} texts for {count} spectra")
-        object.__setattr__(self, "texts", texts)
-
-    @property
-    def text(self) -> str | None:
-        """What it was made from; None where it was drawn, or has several spectra."""
-        return self.texts[0] if len(self.texts) == 1 else None
+@edit
+def set_weight(state: ViewState, index: int, weight: float) -> ViewState:
+    """Set a light's weight in the mix."""
+    return replace(state, lights=light_rows.weighted(state.lights, index, weight))
 
 
-Rows = tuple[LightRow, ...]
+@edit
+def set_kelvin(state: ViewState, index: int, kelvin: float) -> ViewState:
+    """Set a light's colour temperature."""
+    return replace(state, lights=light_rows.heated(state.lights, index, kelvin))
 
 
-def rows_of(
-    lights: Sequence[NamedLight],
-    tables: Mapping[str, Sequence[LightTable]] = MappingProxyType({}),
-) -> Rows:
-    """A scene's lights, of which the first is on.
-
-    Parameters
-    ----------
-    lights : sequence of NamedLight
-    tables : {name: rows}, optional
-        What the file has of each (`volspec.scene.lights.rows_by_name`): the notation.
-    """
-    rows = []
-    for i, named in enumerate(lights):
-        given = [table.spectrum for table in tables.get(named.name, ())]
-        texts = tuple(each if isinstance(each, str) else None for each in given)
-        kelvin = kelvin_of(texts[0]) if len(texts) == 1 else None
-        weight = 1.0 if i == 0 else 0.0
-        rows.append(
-            LightRow(named.name, named.label, named.rig, weight, kelvin=kelvin, texts=texts)
-        )
-    return tuple(rows)
+@edit
+def set_lux(state: ViewState, index: int, lux: float, part: int = 0) -> ViewState:
+    """Set the illuminance of one of a light's spectra."""
+    return replace(state, lights=light_parts.lit_with(state.lights, index, lux, part))
 
 
-def kelvin_of(text: str | None) -> float | None:
-    """The temperature that ``planck:KELVIN`` names; None for any other light.
-
-    >>> kelvin_of("planck:3200"), kelvin_of("D65")
-    (3200.0, None)
-    """
-    prefix, _, number = (text or "").partition(":")
-    try:
-        return float(number) if prefix.strip().casefold() == "planck" else None
-    except ValueError:
-        return None
+@edit
+def set_part_weight(state: ViewState, index: int, part: int, weight: float) -> ViewState:
+    """Set the weight of one of a light's spectra."""
+    rows = light_parts.part_weighted(state.lights, index, part, weight)
+    return replace(state, lights=rows)
 
 
-def shining(rows: Rows) -> tuple[float, ...]:
-    """The weights that count, after solo and mute."""
-    solo = any(row.solo for row in rows)
-    return tuple(0.0 if row.muted or (solo and not row.solo) else row.weight for row in rows)
+Place = tuple[float, float]
 
 
-def rig_of(rows: Rows) -> LightRig | None:
-    """What lights the picture; None where every light is off.
-
-    The lights' lux count where all that shine carry them.
-    """
-    weights = shining(rows)
-    return mixed_rig([row.rig for row in rows], weights) if any(weights) else None
+@edit
+def draw(state: ViewState, index: int, part: int, start: Place, end: Place) -> ViewState:
+    """Draw on a light's spectrum: shares of the wavelengths' range, and power."""
+    rows = light_parts.drawn(state.lights, index, part, start, end)
+    return replace(state, lights=rows)
 
 
-def changed(rows: Rows, index: int, **changes: Any) -> Rows:
-    """One row with other settings; all as they are where there is no such row."""
-    if not 0 <= index < len(rows):
-        return rows
-    row = replace(rows[index], **changes)
-    return (*rows[:index], row, *rows[index + 1 :])
+@edit
+def blend(state: ViewState, x: float, y: float) -> ViewState:
+    """Blend all lights by a place on the dial."""
+    return replace(state, lights=light_mixes.blended(state.lights, x, y))
 
 
-def weighted(rows: Rows, index: int, weight: float) -> Rows:
-    """One row with another weight, within 0 to 1."""
-    return changed(rows, index, weight=min(max(weight, 0.0), 1.0))
+@edit
+def toggle_solo(state: ViewState, index: int) -> ViewState:
+    """Solo a light, or no longer."""
+    return _toggled(state, index, "solo")
 
 
-def alone(rows: Rows, index: int) -> Rows:
-    """One light on, all others off."""
-    return tuple(
-        replace(row, weight=1.0 if i == index else 0.0, solo=False, muted=False)
-        for i, row in enumerate(rows)
-    )
+@edit
+def toggle_mute(state: ViewState, index: int) -> ViewState:
+    """Mute a light, or no longer."""
+    return _toggled(state, index, "muted")
 
 
-def brightest(rows: Rows) -> int:
-    """The row that shines most; the first where none does."""
-    weights = shining(rows)
-    return weights.index(max(weights)) if weights else 0
+def _toggled(state: ViewState, index: int, name: str) -> ViewState:
+    if not 0 <= index < len(state.lights):
+        return state
+    on = not getattr(state.lights[index], name)
+    return replace(state, lights=light_rows.changed(state.lights, index, **{name: on}))
 
 
-def heated(rows: Rows, index: int, kelvin: float) -> Rows:
-    """A Planck radiator at another temperature."""
-    if not (0 <= index < len(rows)) or rows[index].kelvin is None:
-        return rows
-    kelvin = min(max(round(kelvin), KELVIN[0]), KELVIN[1])
-    row, text = rows[index], f"planck:{kelvin:g}"
-    rig = replace(row.rig, lights=(light(text, row.rig.lights[0].grid),))
-    name = row.name
-    if not row.named:
-        name = unused(f"{kelvin:g} K", (*rows[:index], *rows[index + 1 :]))
-    return changed(rows, index, rig=rig, kelvin=kelvin, name=name, texts=(text,))
+@edit
+def remove(state: ViewState, index: int) -> ViewState:
+    """Remove a light, unless it is the last."""
+    return _with(state, light_rows.removed(state.lights, index))
 
 
-def renamed(rows: Rows, index: int, name: str) -> Rows:
-    """A row under another name, numbered where that is taken; without one all stay as they are."""
-    name = " ".join(name.split())
-    if not 0 <= index < len(rows) or name in ("", rows[index].name):
-        return rows
-    others = (*rows[:index], *rows[index + 1 :])
-    return changed(rows, index, name=unused(name, others), named=True)
+@edit
+def choose(state: ViewState, index: int) -> ViewState:
+    """Choose a light."""
+    if not 0 <= index < len(state.lights):
+        return state
+    return replace(state, interface=replace(state.interface, light=index))
 
 
-def unused(name: str, rows: Rows) -> str:
-    """A name that no row has: with a number behind it where it is taken.
-
-    Rows of one name would be one setting of a scene file.
-    """
-    taken = {row.name for row in rows}
-    names = (name, *(f"{name} ({number})" for number in range(2, len(rows) + 3)))
-    return next(each for each in names if each not in taken)
+@edit
+def set_divide(state: ViewState, share: float) -> ViewState:
+    """Move the divide between the lights that are compared, in shares of the picture's width."""
+    return replace(state, divide=min(max(share, 0.02), 0.98))
 
 
-def spectrum_of(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[Spectrum, str]:
-    """A light in `volspec.light`'s notation, and that notation as it is kept.
-
-    A file's relative name starts from the document's folder, or from where the program runs if
-    it is only there; then it is kept whole.
-
-    Raises
-    ------
-    SpectrumError
-        If there is no such light.
-    """
-    text = text.strip()
-    address = split_address(text) if text else None
-    if address is None:
-        spectrum = light(text, grid, folder=folder)
-        return spectrum, spectrum.name
-    file, selector = address
-    if not Path(folder, file).exists() and Path(file).exists():
-        text = f"{Path(file).absolute()}{'#' if selector else ''}{selector}"
-    return light(text, grid, folder=folder), text
+def _next_light(state: ViewState) -> ViewState:
+    return only(state, (light_rows.brightest(state.lights) + 1) % len(state.lights))
 
 
-def added(rows: Rows, text: str, grid: SpectralGrid, folder: str = ".") -> Rows:
-    """A light of the library, in `volspec.light`'s notation, alone and at the end of the list.
-
-    It gets as many lux as shine now, where all the others have some.
-
-    Raises
-    ------
-    SpectrumError
-        If there is no such light, or no room.
-    """
-    spectrum, kept = spectrum_of(text, grid, folder)
-    kelvin = kelvin_of(kept)
-    name, label = (kept if split_address(kept) is None else spectrum.name or kept), kept
-    if kelvin is not None:
-        name, label = f"{kelvin:g} K", "Planck radiator"
-    rig = LightRig((spectrum,), illuminance_lux=_present_lux(rows))
-    return with_row(rows, LightRow(name, label, rig, kelvin=kelvin, texts=(kept,)))
+@edit
+def only(state: ViewState, index: int) -> ViewState:
+    """Show one light alone, and choose it."""
+    if not 0 <= index < len(state.lights):
+        return state
+    return _chosen_of(state, light_rows.alone(state.lights, index), index)
 
 
-def with_row(rows: Rows, row: LightRow) -> Rows:
-    """One more row at the end, alone, under a name of its own.
-
-    Raises
-    ------
-    SpectrumError
-        If there is no room.
-    """
-    if len(rows) >= MOST_ROWS:
-        raise SpectrumError(f"{MOST_ROWS} lights are the most; remove one first")
-    return alone((*rows, replace(row, name=unused(row.name, rows))), len(rows))
+def with_last(state: ViewState, rows: light_rows.Rows) -> ViewState:
+    """Set lights of which the last is new, and choose it."""
+    return _chosen_of(state, rows, len(rows) - 1)
 
 
-def _present_lux(rows: Rows) -> tuple[float] | None:
-    if any(row.rig.illuminance_lux is None for row in rows):
-        return None
-    rig = rig_of(rows) or rows[0].rig
-    lux = rig.illuminance_lux
-    # Of one group's light a surface gets that group's share.
-    named = any(rig.groups)
-    total = max(lux or (0.0,)) if named else rig.total_lux
-    return (total,) if total else None
+@edit
+def rename(state: ViewState, index: int, name: str) -> ViewState:
+    """Give a light another name; the palette knows it by that."""
+    rows = light_rows.renamed(state.lights, index, name)
+    if rows is state.lights:
+        return state
+    board = state.board.with_light_renamed(state.lights[index].name, rows[index].name)
+    return replace(state, lights=rows, board=board)
 
 
-def removed(rows: Rows, index: int) -> Rows:
-    """Without one row; the last one stays."""
-    if len(rows) < 2 or not 0 <= index < len(rows):
-        return rows
-    rest = (*rows[:index], *rows[index + 1 :])
-    return rest if any(shining(rest)) else alone(rest, min(index, len(rest) - 1))
+def _chosen_of(state: ViewState, rows: light_rows.Rows, index: int) -> ViewState:
+    return replace(state, lights=rows, interface=replace(state.interface, light=index))
+
+
+def _compare(state: ViewState) -> ViewState:
+    """Keep the present lights at the right of a divide, or end that."""
+    return replace(state, other=None if state.other else state.lights, divide=0.5)
+
+
+def _swap(state: ViewState) -> ViewState:
+    """The lights of both sides of the divide change places."""
+    if state.other is None:
+        return state
+    return replace(state, lights=state.other, other=state.lights)
+
+
+@refusable
+def keep_mix(state: ViewState) -> ViewState:
+    """Keep the mix of all lights as one more light."""
+    rows = light_mixes.with_mix(state.lights, state.document.grid, state.document.folder)
+    if rows is state.lights:
+        raise InputError("No light is on: there is no mix to keep")
+    return with_last(state, rows)
+
+
+def _remove_chosen(state: ViewState) -> Edited:
+    if len(state.lights) < 2:
+        return Edited(state, "The last light stays; add another one first")
+    return Edited(remove(state, state.interface.light))
+
+
+def _blend_all(state: ViewState) -> ViewState:
+    return replace(state, lights=light_mixes.blended(state.lights, 0.0, 0.0))
+
+
+def _reset_spectrum(state: ViewState) -> ViewState:
+    """The chosen light's spectrum as it was before it was drawn."""
+    return replace(state, lights=light_parts.undrawn(state.lights, state.interface.light))
+
+
+def _alone(state: ViewState) -> ViewState:
+    return only(state, state.interface.light)
+
+
+def _chosen(change: Callable[[ViewState, int], ViewState]) -> Change:
+    """An edit of the chosen light."""
+    return lambda state: change(state, state.interface.light)
+
+
+def _mark(state: ViewState) -> ViewState:
+    """Hatch what the display cannot show, or no longer."""
+    seen = state.seen
+    display = replace(seen.viewing.display, mark=not seen.viewing.display.mark)
+    return replace(state, seen=replace(seen, viewing=replace(seen.viewing, display=display)))
+
+
+COMMANDS = (
+    Command("next-light", "Light", "Next light alone", ("space",), _next_light),
+    Command(
+        "compare",
+        "Light",
+        "Compare: keep these lights at the right",
+        ("b",),
+        _compare,
+        lambda state: state.other is not None,
+    ),
+    Command(
+        *("mark", "View", "Mark what the display cannot show", ("m",), _mark),
+        lambda s: s.seen.viewing.display.mark,
+    ),
+    Command("swap", "Light", "Swap the two sides", ("x",), _swap),
+    Command("alone", "Light", "The chosen light alone", (), _alone),
+    Command("solo", "Light", "Solo the chosen light", (), _chosen(toggle_solo)),
+    Command("mute", "Light", "Mute the chosen light", (), _chosen(toggle_mute)),
+    Command("blend-all", "Light", "All lights alike", (), _blend_all),
+    Command("keep-mix", "Light", "Keep this mix as a light", ("k",), keep_mix),
+    Command(
+        "reset-spectrum", "Light", "Undo the drawing of the chosen spectrum", (), _reset_spectrum
+    ),
+    Command("rename-light", "Light", "Rename the chosen light", ("f2",)),
+    Command("remove-light", "Light", "Remove the chosen light", (), _remove_chosen),
+    *light_states.COMMANDS,
+)
+
+
+def _with(state: ViewState, rows: light_rows.Rows) -> ViewState:
+    return state if rows is state.lights else replace(state, lights=rows)
+
+
+@refusable
+def add(state: ViewState, text: str) -> ViewState:
+    """Add a light in `volspec.light`'s notation, alone and chosen."""
+    document = state.document
+    rows = light_rows.added(state.lights, text, document.grid, document.folder)
+    return with_last(state, rows)
+
+
+@refusable
+def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
+    """Give a part of a light another spectrum, in the same notation."""
+    document = state.document
+    place = document.grid, document.folder
+    return _with(state, light_parts.respelled(state.lights, index, part, text, *place))
+
+
+@edit
+def show_alone(state: ViewState, index: int) -> ViewState:
+    """Show one light alone; the chosen one stays."""
+    if not 0 <= index < len(state.lights):
+        return state
+    return replace(state, lights=light_rows.alone(state.lights, index))
+
+
+@edit
+def split_part(state: ViewState, index: int) -> ViewState:
+    """Give a light a spectrum for each light group of the scene in place of one for all."""
+    groups = tuple(group.name for group in state.shading.groups)
+    return _with(state, light_parts.parted(state.lights, index, groups))
+
+
+@edit
+def regroup(state: ViewState, index: int, part: int, group: str) -> ViewState:
+    """Have one of a light's spectra shine on another light group."""
+    return _with(state, light_parts.regrouped(state.lights, index, part, group))
+
+
+@edit
+def add_part(state: ViewState, index: int, group: str) -> ViewState:
+    """Add a spectrum to a light, for a light group."""
+    return _with(state, light_parts.part_added(state.lights, index, group))
+
+
+@edit
+def remove_part(state: ViewState, index: int, part: int) -> ViewState:
+    """Remove one of a light's spectra."""
+    return _with(state, light_parts.part_removed(state.lights, index, part))

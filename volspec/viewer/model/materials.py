@@ -9,9 +9,11 @@ trained on others need not hold the new one, and so its colour is exact.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import lru_cache
 from typing import Any
+
+import numpy as np
 
 from volspec.basis import MaterialBasis
 from volspec.errors import SpectrumError, TransferError, quoted
@@ -26,7 +28,6 @@ from volspec.transfer import (
 )
 from volspec.transfer.mixes import used
 from volspec.viewer.model.edit import refusable, tolerant
-from volspec.viewer.model.palette_spectra import exact
 from volspec.viewer.model.scene_file import same_spectrum
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of, with_mix
@@ -252,3 +253,56 @@ def remove_material(state: ViewState, name: str) -> ViewState:
     """Remove a material that no part is made of."""
     new = without_material(state.transfer, name)
     return state if new is state.transfer else replace(state, transfer=new)
+
+
+_SPECTRA = ("materials", "basis")
+
+
+def repainted(old: Transfer, new: Transfer) -> bool:
+    """Whether two transfer functions differ in their materials' spectra alone, as channels of a
+    `MaterialBasis`: a cast of one then serves the other."""
+    if type(old) is not type(new) or not same_channels(old.basis, new.basis):
+        return False
+    names = (each.name for each in fields(old) if each.name not in _SPECTRA)
+    return all(getattr(old, name) == getattr(new, name) for name in names)
+
+
+def same_channels(one: object, other: object) -> bool:
+    """Whether two bases are of the same materials by name, in one order, on one grid."""
+    if not (isinstance(one, MaterialBasis) and isinstance(other, MaterialBasis)):
+        return False
+    same = one.grid == other.grid and one.observer_deg == other.observer_deg
+    return same and list(one.materials) == list(other.materials)
+
+
+def can_be_exact(transfer: Transfer) -> bool:
+    """Whether it can be cast by its materials: these are few, and none absorbs by wavelength."""
+    filtered = isinstance(transfer, TransferFunction) and bool(transfer.filters)
+    return not filtered and len(transfer.materials) < MAX_CHANNELS
+
+
+def exact(transfer: Transfer) -> Transfer:
+    """The same with its materials as channels; as it is where it is so already, or cannot be."""
+    basis = transfer.basis
+    if isinstance(basis, MaterialBasis) or not can_be_exact(transfer):
+        return transfer
+    own = MaterialBasis(transfer.materials, basis.name, basis.grid, basis.observer_deg)
+    return replace(transfer, basis=own)
+
+
+def with_reflectances(transfer: Transfer, changes: Mapping[str, Spectrum]) -> Transfer:
+    """The same with other reflectances of some of its materials; other names are left out."""
+    own = {name: s for name, s in changes.items() if name in transfer.materials}
+    if not own:
+        return transfer
+    materials = {**transfer.materials, **own}
+    if isinstance(transfer.basis, MaterialBasis):
+        known = {name: s for name, s in own.items() if name in transfer.basis.materials}
+        basis = transfer.basis.with_reflectances(known)
+        return replace(transfer, materials=materials, basis=basis)
+    return replace(transfer, materials=materials)
+
+
+def physical(spectrum: Spectrum, most: float | None = None) -> Spectrum:
+    """Without what a solver leaves beyond its bounds by rounding."""
+    return replace(spectrum, values=np.clip(spectrum.values, 0.0, most))

@@ -17,17 +17,20 @@ from volspec.palette import Cell
 from volspec.palette.colours import parsed_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import lights
+from volspec.viewer.model import light_rows
 from volspec.viewer.model.edit import Command, Edited, edit, tolerant
-from volspec.viewer.model.lights_edits import with_last
-from volspec.viewer.model.palette_spectra import columns, exact, with_new_light, with_reflectances
+from volspec.viewer.model.lights import with_last
+from volspec.viewer.model.materials import exact, with_reflectances
 from volspec.viewer.model.palette_table import (
     assigned,
+    columns,
     first_wave,
     new_name,
     opened,
+    picked,
     recast,
     table_of,
+    with_new_light,
 )
 from volspec.viewer.model.palette_targets import (
     DISTANCES,
@@ -60,9 +63,9 @@ def choose_cell(state: ViewState, number: int) -> ViewState:
         return state
     own, column = replace(state.interface.pick, place=place), table.columns.index(place[1])
     state = replace(state, interface=replace(state.interface, pick=own, light=column))
-    if lights.shining(state.lights)[column] > 0:
+    if light_rows.shining(state.lights)[column] > 0:
         return state
-    return replace(state, lights=lights.alone(state.lights, column))
+    return replace(state, lights=light_rows.alone(state.lights, column))
 
 
 def _with_cell(
@@ -266,7 +269,7 @@ def _new_light(state: ViewState) -> Edited:
     wave = first_wave(state.document.grid, len(state.lights))
     rows = with_new_light(state.lights, name, "designed light", replace(wave, name=name))
     if rows is state.lights:
-        return Edited(state, f"{lights.MOST_ROWS} lights are the most; remove one first")
+        return Edited(state, f"{light_rows.MOST_ROWS} lights are the most; remove one first")
     wishes = state.board.wishes
     wishes = replace(wishes, open=wishes.open | {(LIGHT, name)})
     return Edited(with_last(_wishing(state, wishes), rows))
@@ -284,3 +287,67 @@ COMMANDS = (
     Command("palette-load", "Palette", "Load a palette …"),
     Command("palette-save", "Palette", "Save the palette …"),
 )
+
+
+def _with_pick(state: ViewState, **changes: Any) -> ViewState:
+    """Change what wizards are about."""
+    pick = replace(state.interface.pick, **changes)
+    return replace(state, interface=replace(state.interface, pick=pick))
+
+
+@edit
+def pick_material(state: ViewState, name: str) -> ViewState:
+    """Pick the material that wizards are about."""
+    if name not in state.transfer.materials:
+        return state
+    return _with_pick(state, place=(name, picked(state)[1]))
+
+
+@edit
+def pick_light(state: ViewState, name: str) -> ViewState:
+    """Pick the light that wizards are about."""
+    if name not in columns(state.lights):
+        return state
+    return _with_pick(state, place=(picked(state)[0], name))
+
+
+@edit
+def pick_like(state: ViewState, name: str) -> ViewState:
+    """Pick the light that a new one is to be like; none by an empty name."""
+    return _with_pick(state, like=name)
+
+
+@edit
+def pick_within(state: ViewState, name: str) -> ViewState:
+    """Pick the material to hide in; an empty name is what surrounds it."""
+    return _with_pick(state, within=name, black=False)
+
+
+@edit
+def pick_black(state: ViewState) -> ViewState:
+    """Have a material hidden in black."""
+    return _with_pick(state, within="", black=True)
+
+
+@edit
+def pick_distance(state: ViewState, distance: float) -> ViewState:
+    """Set how far a revealed material is to stand out."""
+    return _with_pick(state, distance=min(max(distance, DISTANCES[0]), DISTANCES[1]))
+
+
+@edit
+def toggle_merged(state: ViewState, name: str) -> ViewState:
+    """Merge a material with others, or no longer."""
+    return _with_pick(state, materials=state.interface.pick.materials ^ {name})
+
+
+@edit
+def pick_values(state: ViewState, first: float, last: float) -> ViewState:
+    """Pick the values that a material is assigned to."""
+    return _with_pick(state, values=(min(first, last), max(first, last)))
+
+
+@edit
+def pick_use(state: ViewState, name: str) -> ViewState:
+    """Pick the material that is assigned to values."""
+    return _with_pick(state, use=name)

@@ -14,16 +14,17 @@ from volspec.palette import Cell, Palette, PaletteSpectrum, save_palette
 from volspec.palette.model import Place
 from volspec.spectra import Spectrum
 from volspec.spectra.lights import light_names
-from volspec.viewer.model.lights import MOST_ROWS
-from volspec.viewer.model.palette_spectra import (
+from volspec.viewer.model.light_rows import MOST_ROWS
+from volspec.viewer.model.materials import exact, physical, with_reflectances
+from volspec.viewer.model.palette_table import (
     columns,
-    exact,
-    physical,
+    first_wave,
+    lit_columns,
+    palette_of,
+    plain,
     with_lights,
     with_new_light,
-    with_reflectances,
 )
-from volspec.viewer.model.palette_table import first_wave, lit_columns, palette_of, plain
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Board, Member, Wishes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.viewing import with_model

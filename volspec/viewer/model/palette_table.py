@@ -22,14 +22,9 @@ from volspec.spectra import SpectralGrid, Spectrum
 from volspec.spectra import light as find_light
 from volspec.transfer import Transfer, TransferFunction
 from volspec.transfer.mixes import Mix, Point
-from volspec.viewer.model.lights import brightest
-from volspec.viewer.model.palette_spectra import (
-    columns,
-    exact,
-    physical,
-    with_lights,
-    with_reflectances,
-)
+from volspec.viewer.model import light_rows
+from volspec.viewer.model.light_rows import LightRow, Rows, brightest
+from volspec.viewer.model.materials import exact, physical, with_reflectances
 from volspec.viewer.model.palette_targets import (
     LIGHT,
     REFLECTANCE,
@@ -353,3 +348,31 @@ def new_name(state: ViewState) -> str:
     taken = columns(state.lights)
     number = next(n for n in range(1, len(taken) + 2) if f"new {n}" not in taken)
     return f"new {number}"
+
+
+def columns(rows: Rows) -> tuple[str, ...]:
+    """What a palette calls the lights: their names, numbered where two have one."""
+    names: list[str] = []
+    for row in rows:
+        name, number = row.name, 2
+        while name in names:
+            name, number = f"{row.name} ({number})", number + 1
+        names.append(name)
+    return tuple(names)
+
+
+def with_lights(rows: Rows, changes: Mapping[str, Spectrum]) -> Rows:
+    """Lights with other spectra, by their `columns`; their lux and weights stay."""
+    for index, name in enumerate(columns(rows)):
+        if name in changes and len(rows[index].rig.lights) == 1:
+            rig = replace(rows[index].rig, lights=(changes[name],))
+            rows = light_rows.changed(rows, index, rig=rig, kelvin=None)
+    return rows
+
+
+def with_new_light(rows: Rows, name: str, label: str, spectrum: Spectrum) -> Rows:
+    """One more light, which then shines alone; as they are where there is no room."""
+    if len(rows) >= light_rows.MOST_ROWS:
+        return rows
+    row = LightRow(name, label, LightRig((spectrum,)))
+    return light_rows.alone((*rows, row), len(rows))

@@ -14,15 +14,14 @@ from volspec.palette.model import Place
 from volspec.scene import Scene, SceneFile
 from volspec.spectra import Spectrum
 from volspec.transfer import MAX_CHANNELS
-from volspec.viewer.model.palette_spectra import (
-    can_be_exact,
+from volspec.viewer.model.materials import can_be_exact, exact, physical, with_reflectances
+from volspec.viewer.model.palette_table import (
     columns,
-    exact,
-    physical,
+    lit_columns,
+    new_name,
+    picked,
     with_new_light,
-    with_reflectances,
 )
-from volspec.viewer.model.palette_table import lit_columns, new_name, picked
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, STAY, Board, Wishes, clipped
 from volspec.viewer.model.scene_file import transfer_table, viewing_table
 from volspec.viewer.model.state import ViewState

@@ -43,7 +43,7 @@ from volspec.spectra import Spectrum, light
 from volspec.spectra.observer import color_matching_functions
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer.mixes import Mix
-from volspec.viewer.model.lights import LightRow, rig_of, shining
+from volspec.viewer.model.light_rows import LightRow, rig_of, shining
 from volspec.viewer.model.state import ViewState
 
 # Names are not to find files by chance, that lie where the program runs.

@@ -6,61 +6,18 @@ Volume, Slices -> [slices] -> panel, outlines
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.viewer.model.cuts import toggle_aid, with_aids
+from volspec.viewer.model.edit import Change, Command, edit
+from volspec.viewer.model.state import Slices, ViewState
 from volspec.volume import Volume
-
-
-@dataclass(frozen=True, slots=True)
-class Aids:
-    """What stands over the picture.
-
-    Parameters
-    ----------
-    cube, scale : bool
-        The orientation cube and the scale bar.
-    crop, planes : bool
-        The crop's box and the clip planes, with handles; they cut whether seen or not.
-    plane : int
-        The clip plane that stands out.
-    outlines : bool
-        Where the slices lie.
-    patient : bool, optional
-        Whether directions are named by the patient's body; None where the volume says.
-    """
-
-    cube: bool = True
-    scale: bool = True
-    crop: bool = False
-    planes: bool = True
-    plane: int = 0
-    outlines: bool = True
-    patient: bool | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Slices:
-    """Where the slices lie and how they are shown.
-
-    Parameters
-    ----------
-    at : (x, y, z)
-        Along each axis of the voxels, 0 to 1 of the volume.
-    lit : bool
-        Shown with the transfer function's materials under the lights; else as greys.
-    greys : (low, high), optional
-        Values shown black and white, 0 to 1 of the volume's range; None where most values lie.
-    """
-
-    at: tuple[float, float, float] = (0.5, 0.5, 0.5)
-    lit: bool = True
-    greys: tuple[float, float] | None = None
-
 
 # Shares of the voxels between which greys run unless they are set.
 _MOST = (0.005, 0.995)
@@ -263,3 +220,113 @@ def window_of(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, fl
     below = np.cumsum(counts) / counts.sum()
     low, high = (int(np.searchsorted(below, share)) for share in _MOST)
     return low / len(counts), (high + 1) / len(counts)
+
+
+# The least part of the range between black and white.
+_NARROWEST = 0.002
+
+
+def with_slices(state: ViewState, **changes: Any) -> ViewState:
+    """Other slices."""
+    slices = replace(state.interface.slices, **changes)
+    return replace(state, interface=replace(state.interface, slices=slices))
+
+
+@edit
+def move_slice(state: ViewState, plane: int, share: float) -> ViewState:
+    """Move a plane to a share of its axis."""
+    if not 0 <= plane < len(PLANES):
+        return state
+    axis = layout_of(state.document.volume, PLANES[plane]).normal
+    at = list(state.interface.slices.at)
+    at[axis] = min(max(share, 0.0), 1.0)
+    return with_slices(state, at=tuple(at))
+
+
+@edit
+def step_slice(state: ViewState, plane: int, steps: float) -> ViewState:
+    """Move a plane by slices: up, to the back or to the patient's left."""
+    if not 0 <= plane < len(PLANES):
+        return state
+    volume, which = state.document.volume, PLANES[plane]
+    axis = layout_of(volume, which).normal
+    last = volume.shape_xyz[axis] - 1
+    rising = volume.world_from_index[which.normal, axis] >= 0
+    number = number_of(volume, axis, state.interface.slices.at[axis])
+    return move_slice(state, plane, (number + (steps if rising else -steps)) / last)
+
+
+@edit
+def point_at(state: ViewState, plane: int, x: float, y: float) -> ViewState:
+    """Move the other two planes to a place in one's picture, in shares of its sides."""
+    if not 0 <= plane < len(PLANES):
+        return state
+    volume = state.document.volume
+    layout = layout_of(volume, PLANES[plane])
+    return with_slices(
+        state, at=pointed(volume, layout, state.interface.slices, _share(x), _share(y))
+    )
+
+
+@edit
+def set_greys(state: ViewState, black: float, white: float) -> ViewState:
+    """Set black and white, in shares of the volume's range."""
+    low = min(_share(black), 1.0 - _NARROWEST)
+    return with_slices(state, greys=(low, max(_share(white), low + _NARROWEST)))
+
+
+def _share(value: float) -> float:
+    return min(max(value, 0.0), 1.0)
+
+
+def _lit(state: ViewState) -> ViewState:
+    return with_slices(state, lit=not state.interface.slices.lit)
+
+
+def _all_greys(state: ViewState) -> ViewState:
+    return with_slices(state, greys=None)
+
+
+def _centred(state: ViewState) -> ViewState:
+    return with_slices(state, at=Slices().at)
+
+
+def _patient(state: ViewState) -> ViewState:
+    now = is_patient(state.document.volume, state.interface.aids.patient)
+    return with_aids(state, patient=not now)
+
+
+def _stepping(plane: int, steps: float) -> Change:
+    return lambda state: step_slice(state, plane, steps)
+
+
+# Up or down a page, with these held; the plane's name, and what it then moves to.
+_PAGES = (
+    ("", "Axial", ("down", "up")),
+    ("shift+", "Coronal", ("forward", "backward")),
+    ("ctrl+", "Sagittal", ("right", "left")),
+)
+COMMANDS = (
+    Command(
+        *("slices-lit", "Window", "Slices under the lights", (), _lit),
+        lambda s: s.interface.slices.lit,
+    ),
+    Command("slices-middle", "Window", "Slices through the middle", (), _centred),
+    Command("slices-greys", "Window", "Slices' greys by the values", (), _all_greys),
+    Command(
+        *("outlines", "Window", "Slices' outlines in the picture", (), toggle_aid("outlines")),
+        lambda s: s.interface.aids.outlines,
+    ),
+    Command(
+        *("patient", "Window", "Directions by the patient's body", (), _patient),
+        lambda s: is_patient(s.document.volume, s.interface.aids.patient),
+    ),
+    *(
+        Command(
+            *(f"{plane.lower()}-{to}", "", f"{plane} slice {to}", (f"{held}page{key}",)),
+            _stepping(i, by),
+        )
+        for i, (held, plane, names) in enumerate(_PAGES)
+        for to, key, by in zip(names, ("down", "up"), (-1.0, 1.0), strict=True)
+    ),
+)

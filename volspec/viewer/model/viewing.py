@@ -19,7 +19,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
 from volspec.viewer.model.edit import edit
-from volspec.viewer.model.lights import rig_of
+from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 
 

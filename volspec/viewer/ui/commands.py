@@ -18,7 +18,7 @@ from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.spectra import light_names
-from volspec.viewer.model import interface_edits, lights_edits, viewing
+from volspec.viewer.model import commands, lights, viewing
 from volspec.viewer.model.commands import COMMANDS, found
 from volspec.viewer.model.edit import Change, Command, Edited
 from volspec.viewer.model.state import ViewState
@@ -104,7 +104,7 @@ def _fixed() -> tuple[Entry, ...]:
         ("Gamut", GAMUTS, viewing.set_gamut),
     ):
         entries += [Entry(group, name, change=_with(change, name)) for name in names]
-    shown = interface_edits.open_viewing
+    shown = commands.open_viewing
     entries += [Entry("Setting", name, change=shown, item=name) for name in SETTINGS]
     return tuple(entries)
 
@@ -123,9 +123,7 @@ def _entry_of(command: Command) -> Entry:
 
 @lru_cache(maxsize=8)
 def _alone(names: tuple[str, ...]) -> tuple[Entry, ...]:
-    return tuple(
-        Entry("Light", name, change=_with(lights_edits.only, i)) for i, name in enumerate(names)
-    )
+    return tuple(Entry("Light", name, change=_with(lights.only, i)) for i, name in enumerate(names))
 
 
 @lru_cache(maxsize=8)
@@ -136,9 +134,7 @@ def _files(recent: tuple[RecentFile, ...]) -> tuple[Entry, ...]:
 @lru_cache(maxsize=1)
 def _added() -> tuple[Entry, ...]:
     """Lights of the library."""
-    return tuple(
-        Entry("Add light", name, change=_with(lights_edits.add, name)) for name in light_names()
-    )
+    return tuple(Entry("Add light", name, change=_with(lights.add, name)) for name in light_names())
 
 
 def _with(change: Callable[..., ViewState | Edited], given: str | int) -> Change:

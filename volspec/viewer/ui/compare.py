@@ -8,7 +8,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from volspec.relight.error_map import ErrorMap
-from volspec.viewer.model.lights import Rows, shining
+from volspec.viewer.model.light_rows import Rows, shining
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import BLACK, WHITE, over_picture, packed, shortened, text_width

@@ -14,7 +14,7 @@ from imgui_bundle import imgui
 
 from volspec.raycast import CoefficientImage
 from volspec.viewer.model.edit import Change, Command, after
-from volspec.viewer.model.lights import Rows
+from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.palette_targets import News
 from volspec.viewer.model.projection import Projection
 from volspec.viewer.model.state import ViewState

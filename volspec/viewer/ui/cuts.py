@@ -7,16 +7,15 @@ from imgui_bundle import imgui
 
 from volspec.raycast import ClipPlane
 from volspec.raycast.spec import MAX_PLANES
-from volspec.viewer.model import cuts, cuts_edits
-from volspec.viewer.model.camera import radius_mm
+from volspec.viewer.model import cuts
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.cuts import handles_of, nearest
 from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.slices import outline_index
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import radius_mm
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.style import ACCENT
-from volspec.viewer.ui.widgets import BLACK, WHITE, over_picture, packed, tip
+from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, packed, tip
 
 # A handle's radius; pixels at 96 dpi.
 _SIZE = 5.5
@@ -51,9 +50,9 @@ def _crop(state: ViewState, ui: UiContext) -> ViewState:
         )
         ui.note(f"crop {name}")
         if moved and least != low:
-            new = cuts_edits.move_crop(new, 2 * axis, least)
+            new = cuts.move_crop(new, 2 * axis, least)
         if moved and most != high:
-            new = cuts_edits.move_crop(new, 2 * axis + 1, most)
+            new = cuts.move_crop(new, 2 * axis + 1, most)
     imgui.pop_item_width()
     return new
 
@@ -87,7 +86,7 @@ def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewS
     volume = state.document.volume
     imgui.push_id(index)
     if imgui.radio_button(f"{index + 1}", state.interface.aids.plane == index):
-        state = cuts_edits.choose_plane(state, index)
+        state = cuts.choose_plane(state, index)
     imgui.same_line()
     x, y, z = plane.normal
     imgui.set_next_item_width(-ui.px(92))
@@ -98,14 +97,14 @@ def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewS
     ui.note(f"plane {index}")
     tip(f"From the volume's middle, along ({x:.2f}, {y:.2f}, {z:.2f})")
     if moved:
-        state = cuts_edits.shift_plane(state, index, at)
+        state = cuts.shift_plane(state, index, at)
     imgui.same_line()
     if imgui.button("Flip"):
-        state = cuts_edits.flip_plane(state, index)
+        state = cuts.flip_plane(state, index)
     ui.note(f"flip {index}")
     imgui.same_line()
     if imgui.button("×", (-1, 0)):
-        state = cuts_edits.remove_plane(state, index)
+        state = cuts.remove_plane(state, index)
     ui.note(f"remove {index}")
     imgui.pop_id()
     return state

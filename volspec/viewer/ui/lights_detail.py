@@ -8,13 +8,20 @@ from imgui_bundle import imgui, imgui_knobs
 
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
-from volspec.viewer.model import light_parts, lights_edits
+from volspec.viewer.model import light_parts, lights
 from volspec.viewer.model.light_parts import facing_lux
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
-from volspec.viewer.ui.style import ACCENT
-from volspec.viewer.ui.widgets import in_line, kelvin_slider, packed, text_width, tip, wrapped
+from volspec.viewer.ui.widgets import (
+    ACCENT,
+    in_line,
+    kelvin_slider,
+    packed,
+    text_width,
+    tip,
+    wrapped,
+)
 
 _KNOB, _LABELS, _COMPLAINT = 52.0, 84.0, 320.0
 # Of the knob: weight for each pixel that the mouse is dragged.
@@ -58,7 +65,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         moved, kelvin = kelvin_slider("Temperature", row.kelvin)
         ui.note("temperature")
         if moved:
-            new = lights_edits.set_kelvin(new, index, kelvin)
+            new = lights.set_kelvin(new, index, kelvin)
     imgui.end_group()
     if not plain:
         new = _parts(new, ui, index, groups)
@@ -86,7 +93,7 @@ def _knob(state: ViewState, ui: UiContext, index: int) -> ViewState:
     imgui.set_cursor_pos_x(x + (ui.px(_KNOB) - text_width(text)) / 2)
     imgui.text(text)
     imgui.end_group()
-    return lights_edits.set_weight(state, index, value) if moved else state
+    return lights.set_weight(state, index, value) if moved else state
 
 
 def _paint_knob(dark: bool) -> None:
@@ -115,7 +122,7 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     tip(_LUX_TIP)
     if pressed:
         lux = viewing.illuminance_lux if on else 0.0
-        return lights_edits.set_lux(state, index, lux)
+        return lights.set_lux(state, index, lux)
     imgui.same_line(0, ui.px(4))
     if not plain:
         facing = facing_lux(rig, state.shading.shares())
@@ -129,7 +136,7 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     moved, lux = imgui.slider_float("Illuminance##lux", now, *light_parts.LUX, text, _LOG)
     imgui.end_disabled()
     ui.note("lux")
-    return lights_edits.set_lux(state, index, lux) if moved and given else state
+    return lights.set_lux(state, index, lux) if moved and given else state
 
 
 def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) -> ViewState:
@@ -158,7 +165,7 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
     if not entered:
         return state
     scraps.text_of = ("", 0)
-    new, refusal = lights_edits.respell(state, index, part, text)
+    new, refusal = lights.respell(state, index, part, text)
     if refusal:
         scraps.complain(refusal, (index, part), state.lights)
     return new
@@ -218,7 +225,7 @@ def _part(
     picked, at = imgui.combo("##group", now, [in_line(name) or _ALL for name in names])
     ui.note(f"group {j}")
     if picked:
-        new = lights_edits.regroup(new, index, j, names[at])
+        new = lights.regroup(new, index, j, names[at])
     imgui.table_next_column()
     x, y = imgui.get_cursor_screen_pos()
     side, inset = imgui.get_frame_height(), ui.px(3)
@@ -234,7 +241,7 @@ def _part(
     moved, weight = imgui.slider_float("##weight", rig.weights[j], 0.0, top, "%.2f")
     ui.note(f"part {j}")
     if moved:
-        new = lights_edits.set_part_weight(new, index, j, weight)
+        new = lights.set_part_weight(new, index, j, weight)
     tip("Weight beside the other spectra of this light")
     if rig.illuminance_lux:
         imgui.table_next_column()
@@ -244,10 +251,10 @@ def _part(
         ui.note(f"part lux {j}")
         tip("On a surface that faces it, were all groups to shine like this one")
         if moved:
-            new = lights_edits.set_lux(new, index, lux, j)
+            new = lights.set_lux(new, index, lux, j)
     imgui.table_next_column()
     if len(rig.lights) > 1 and imgui.button("×", (-1, 0)):
-        new = lights_edits.remove_part(new, index, j)
+        new = lights.remove_part(new, index, j)
     return new
 
 
@@ -256,7 +263,7 @@ def _more(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) 
     rig, new = state.lights[index].rig, state
     if "" in rig.groups:
         if imgui.button("A spectrum for each group"):
-            new = lights_edits.split_part(new, index)
+            new = lights.split_part(new, index)
         ui.note("part groups")
         return new
     dark = [name for name in groups if name not in rig.groups]
@@ -264,7 +271,7 @@ def _more(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) 
         if i:
             imgui.same_line()
         if imgui.button(f"Light {name}"):
-            new = lights_edits.add_part(new, index, name)
+            new = lights.add_part(new, index, name)
         tip(f"Nothing shines from {name} in this light")
     return new
 

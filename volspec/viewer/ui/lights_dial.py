@@ -9,14 +9,13 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import lights_edits
+from volspec.viewer.model import lights
 from volspec.viewer.model.light_mixes import corners, dial_place
-from volspec.viewer.model.lights import shining
+from volspec.viewer.model.light_rows import shining
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
-from volspec.viewer.ui.style import ACCENT
-from volspec.viewer.ui.widgets import in_line, packed, shortened, text_width, tip
+from volspec.viewer.ui.widgets import ACCENT, in_line, packed, shortened, text_width, tip
 
 Box = tuple[float, float, float, float]
 Measure = Callable[[str], float]
@@ -271,7 +270,7 @@ def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewSt
     mouse = imgui.get_mouse_pos()
     place = (mouse.x - middle[0]) / radius, (mouse.y - middle[1]) / radius
     if imgui.is_item_active() and len(state.lights) > 1:
-        new = lights_edits.blend(state, *place)
+        new = lights.blend(state, *place)
     elif imgui.is_item_hovered():
         hovered = nearest(len(state.lights), *place, reach=ui.px(14) / radius)
         if hovered < 0:

@@ -11,7 +11,7 @@ from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, light, light_names
 from volspec.spectra.files import split_address
 from volspec.spectra.lamps import LAMPS, PREFIX
-from volspec.viewer.model import lights_edits
+from volspec.viewer.model import lights
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
@@ -189,7 +189,7 @@ def _temperatures(ui: UiContext) -> str:
 
 
 def _added(state: ViewState, ui: UiContext, wanted: str) -> ViewState:
-    new, ui.library.complaint = lights_edits.add(state, wanted)
+    new, ui.library.complaint = lights.add(state, wanted)
     if new is not state:
         imgui.close_current_popup()
     return new

@@ -7,10 +7,10 @@ from functools import lru_cache
 from imgui_bundle import imgui
 
 from volspec.relight import LightRig
-from volspec.viewer.model import light_states_edits
+from volspec.viewer.model import light_states
 from volspec.viewer.model.commands import BY_NAME
+from volspec.viewer.model.light_rows import Rows, rig_of
 from volspec.viewer.model.light_states import MOST_SECONDS, recalled
-from volspec.viewer.model.lights import Rows, rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import (
     lights_detail,
@@ -48,7 +48,7 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
     moved, seconds = imgui.slider_float("Fade", state.interface.fade_s, 0.0, MOST_SECONDS, text)
     ui.note("fade")
     if moved:
-        new = light_states_edits.set_fade(new, seconds)
+        new = light_states.set_fade(new, seconds)
     if not state.kept:
         imgui.text_disabled("Saved states stand here. Alt+1 … Alt+9 fade to them.")
         return new
@@ -71,7 +71,7 @@ def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     ui.note(f"state {i}")
     tip(f"Fade to {in_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
     if pressed:
-        new = light_states_edits.recall(new, i)
+        new = light_states.recall(new, i)
     _look(state, ui, i, (x, y))
     imgui.same_line(width - button)
     if imgui.button("…", (button, 0)):
@@ -111,7 +111,7 @@ def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
     entered, ended = name_field("##name", scraps)
     ui.note("state name")
     if entered:
-        new = light_states_edits.rename(new, i, scraps.name)
+        new = light_states.rename(new, i, scraps.name)
     if ended:
         scraps.naming, scraps.name = -1, ""
     return new
@@ -125,9 +125,9 @@ def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
         ui.lights.focus = True
     ui.note("rename state")
     if imgui.menu_item("Save the present lights here", "", False)[0]:
-        new = light_states_edits.save_over(new, i)
+        new = light_states.save_over(new, i)
     if imgui.menu_item("Delete", "", False)[0]:
-        new = light_states_edits.delete(new, i)
+        new = light_states.delete(new, i)
     imgui.end_popup()
     return new
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import lights, lights_edits
+from volspec.viewer.model import light_rows, lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
@@ -39,7 +39,7 @@ def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
     imgui.table_setup_column("name", stretch, 1.0)
     imgui.table_setup_column("weight", stretch, 0.95)
     imgui.table_setup_column("solo", fixed, ui.px(_BOTH))
-    shining = lights.shining(state.lights)
+    shining = light_rows.shining(state.lights)
     new = state
     _scroll(state, ui, height)
     clipper = imgui.ListClipper()
@@ -80,7 +80,7 @@ def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> 
     _swatch(state, ui, i)
     imgui.table_next_column()
     if _spark(state, ui, i, lit):
-        new = lights_edits.choose(new, i)
+        new = lights.choose(new, i)
         ui.lights.to_tab = "Spectrum"
     imgui.table_next_column()
     new = _name(new, state, ui, i, lit)
@@ -89,15 +89,15 @@ def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> 
     moved, weight = imgui.slider_float("##weight", row.weight, 0.0, 1.0, "%.2f")
     ui.note(f"weight {i}")
     if moved:
-        new = lights_edits.set_weight(new, i, weight)
-        new = lights_edits.choose(new, i)
+        new = lights.set_weight(new, i, weight)
+        new = lights.choose(new, i)
     imgui.table_next_column()
     if _toggle("S", row.solo, state, "Solo: only lights with S shine"):
-        new = lights_edits.toggle_solo(new, i)
+        new = lights.toggle_solo(new, i)
     ui.note(f"solo {i}")
     imgui.same_line(0, ui.px(3))
     if _toggle("M", row.muted, state, "Mute"):
-        new = lights_edits.toggle_mute(new, i)
+        new = lights.toggle_mute(new, i)
     ui.note(f"mute {i}")
     return new
 
@@ -112,7 +112,7 @@ def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) ->
     room = imgui.get_content_region_avail().x
     label = f"{shortened(row.name, room)}##name"
     if imgui.selectable(label, state.interface.light == i)[0]:
-        new = lights_edits.choose(new, i)
+        new = lights.choose(new, i)
         if ui.lights.tab != "Spectrum":
             ui.lights.to_tab = "Light"
     imgui.pop_style_color()
@@ -121,11 +121,11 @@ def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) ->
     level = f"\n{lux:.4g} lx at weight 1" if lux else ""
     tip(f"{described(row)}{level}\nDouble-click: this light alone; F2: another name")
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
-        new = lights_edits.only(new, i)
+        new = lights.only(new, i)
     return _context(new, ui, i)
 
 
-def described(row: lights.LightRow) -> str:
+def described(row: light_rows.LightRow) -> str:
     """What a light is, in lines: its name, and what it was made from."""
     name = in_line(row.name)
     if row.before is not None:
@@ -141,7 +141,7 @@ def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
     entered, ended = name_field("##rename", scraps)
     ui.note(f"rename {i}")
     if entered:
-        new = lights_edits.rename(new, i, scraps.name)
+        new = lights.rename(new, i, scraps.name)
     if ended:
         scraps.renaming, scraps.name = -1, ""
     return new
@@ -155,7 +155,7 @@ def _context(new: ViewState, ui: UiContext, i: int) -> ViewState:
         action = BY_NAME[name]
         title = action.title.replace("the chosen ", "the ").replace("The chosen ", "This ")
         if imgui.menu_item(title, key_text(action), False)[0]:
-            new = ui.done(lights_edits.choose(new, i), action)
+            new = ui.done(lights.choose(new, i), action)
         ui.note(f"row {name}")
     imgui.end_popup()
     return new

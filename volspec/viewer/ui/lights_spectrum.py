@@ -7,10 +7,10 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from volspec.spectra import SpectralGrid
-from volspec.viewer.model import lights_edits
+from volspec.viewer.model import lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_parts import row_at
-from volspec.viewer.model.lights import rig_of
+from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Rect, fill, mixed_values, outline
@@ -65,7 +65,7 @@ def draw_pen(state: ViewState, ui: UiContext, height: float) -> ViewState:
     place = pen_place((mouse.x, mouse.y), rect, len(values), scraps.top)
     if held:
         start, scraps.pen = scraps.pen or place, place
-        new = lights_edits.draw(new, index, scraps.part, start, place)
+        new = lights.draw(new, index, scraps.part, start, place)
     _cross(ui, rect, (mouse.x, mouse.y), place, grid)
     return new
 

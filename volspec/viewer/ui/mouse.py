@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import camera_edits, cuts_edits, lights_edits, projection, transfer_edits
+from volspec.viewer.model import camera, cuts, lights, projection, transfer_edits
 from volspec.viewer.model.cuts import Handle, dragged, handles_of, nearest
 from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.state import ViewState
@@ -67,19 +67,19 @@ GRIP = 8
 STILL = 4.0
 # What drags and the wheel do, by modifier keys and button; without an entry as without the keys.
 DRAGS: dict[tuple[str, str], Drag] = {
-    ("", "left"): camera_edits.orbit,
-    ("", "middle"): camera_edits.pan,
-    ("", "right"): camera_edits.zoom,
+    ("", "left"): camera.orbit,
+    ("", "middle"): camera.pan,
+    ("", "right"): camera.zoom,
     ("shift", "left"): "roll",
-    ("shift", "right"): camera_edits.pan,
+    ("shift", "right"): camera.pan,
     ("ctrl", "left"): transfer_edits.window,
     ("ctrl", "right"): transfer_edits.thicken_by,
     ("ctrl+shift", "left"): transfer_edits.thicken_by,
 }
 WHEELS: dict[str, Callable[[ViewState, float], ViewState]] = {
-    "": camera_edits.zoom_notches,
-    "shift": camera_edits.roll_notches,
-    "ctrl": camera_edits.widen_notches,
+    "": camera.zoom_notches,
+    "shift": camera.roll_notches,
+    "ctrl": camera.widen_notches,
 }
 
 
@@ -98,7 +98,7 @@ class Mouse:
         self.scale = 1.0
         self._down: set[str] = set()
         self._drag = ""
-        self._edit: Drag = camera_edits.orbit
+        self._edit: Drag = camera.orbit
         self._handle: Handle | None = None
         self._face: int | None = None
         self._pressed: Place = (-1.0, -1.0)
@@ -140,7 +140,7 @@ class Mouse:
             elif given.name == "release" and given.button == self._drag:
                 self._drag = ""
                 if self._face is not None:  # a click
-                    state = camera_edits.look_at_face(state, self._face)
+                    state = camera.look_at_face(state, self._face)
             elif given.name == "move" and self._drag:
                 state = self._dragged(state, before, area)
             elif given.name == "wheel" and free:
@@ -164,7 +164,7 @@ class Mouse:
         self._handle = nearest(handles_of(state, seen, self.scale), self._at, self.scale)
         if self._handle is not None:
             if self._handle.name != "crop":
-                state = cuts_edits.choose_plane(state, self._handle.index)
+                state = cuts.choose_plane(state, self._handle.index)
             self._start = state
         elif state.interface.aids.cube:
             self._face = projection.face_at(seen, self._at, self.scale)
@@ -186,10 +186,10 @@ class Mouse:
         if self._handle is not None and self._start is not None:
             return self._handled(state, self._start, self._handle, area)
         if self._edit == "divide":
-            return lights_edits.set_divide(state, (self._at[0] - x) / max(width, 1))
+            return lights.set_divide(state, (self._at[0] - x) / max(width, 1))
         if self._edit == "roll":
             middle = x + width / 2, y + height / 2
-            return camera_edits.roll(state, _turned_deg(middle, before, self._at))
+            return camera.roll(state, _turned_deg(middle, before, self._at))
         across, down = self._at[0] - before[0], self._at[1] - before[1]
         return self._edit(state, across / tall, down / tall)
 
@@ -202,7 +202,7 @@ class Mouse:
             handle.held[1] + self._at[1] - self._pressed[1],
         )
         x, y = dragged(start.shading, volume, handle, place, seen)
-        return cuts_edits.move_handle(state, handle, x, y)
+        return cuts.move_handle(state, handle, x, y)
 
     def _follow(self, given: Input) -> None:
         if given.name == "press":

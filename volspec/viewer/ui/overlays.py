@@ -11,8 +11,7 @@ from volspec.viewer.model.slices import AXES, PATIENT, is_patient
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import fill, outline
-from volspec.viewer.ui.style import ACCENT
-from volspec.viewer.ui.widgets import BLACK, WHITE, over_picture, packed, text_width
+from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, packed, text_width
 from volspec.viewer.work.probe import Reading
 
 _FLAGS = (

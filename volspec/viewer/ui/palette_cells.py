@@ -12,14 +12,22 @@ from volspec.palette import Cell, CellReport
 from volspec.palette.advice import VISIBLE
 from volspec.spectra import Spectrum
 from volspec.viewer.model import palette_edits
-from volspec.viewer.model.lights import LightRow, shining
+from volspec.viewer.model.light_rows import LightRow, shining
 from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clipped, stays
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import fill, outline
-from volspec.viewer.ui.style import ACCENT
-from volspec.viewer.ui.widgets import BLACK, WAITING_GREYED, WHITE, in_line, packed, shortened, tip
+from volspec.viewer.ui.widgets import (
+    ACCENT,
+    BLACK,
+    WAITING_GREYED,
+    WHITE,
+    in_line,
+    packed,
+    shortened,
+    tip,
+)
 
 ROW_POPUP, COLUMN_POPUP = "palette row", "palette column"
 _MAY_CHANGE = "It may change, to show the colours wanted"

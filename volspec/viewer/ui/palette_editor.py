@@ -10,7 +10,7 @@ from volspec.palette import Cell
 from volspec.palette.colours import hexadecimal
 from volspec.palette.model import Place
 from volspec.spectra import light_names
-from volspec.viewer.model import interface_edits, lights_edits, palette_edits
+from volspec.viewer.model import lights, palette_edits
 from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clipped
 from volspec.viewer.model.state import ViewState
@@ -151,7 +151,7 @@ def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
         imgui.text_disabled(about)
     imgui.separator()
     if imgui.menu_item("Show in the picture", "", False)[0]:
-        new = lights_edits.show_alone(new, index)
+        new = lights.show_alone(new, index)
     ui.note("show light")
     opened = (LIGHT, name) in state.board.wishes.open
     single = len(state.lights[index].rig.lights) == 1
@@ -185,6 +185,6 @@ def _material(state: ViewState, table: Table, ui: UiContext) -> ViewState:
         new = palette_edits.toggle_constant(new, index)
     for action, title in (("hide", "Hide …"), ("reveal", "Reveal …"), ("keep", "Keep its colour")):
         if imgui.menu_item(f"{title}##{action}", "", False)[0]:
-            new = interface_edits.pick_material(new, name)
+            new = palette_edits.pick_material(new, name)
             ui.asked.append(action)
     return new

@@ -9,17 +9,25 @@ from imgui_bundle import imgui
 from volspec.palette.advice import VISIBLE
 from volspec.palette.model import METRICS
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import interface_edits, palette_edits
+from volspec.viewer.model import palette_edits
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.palette_spectra import can_be_exact, columns
-from volspec.viewer.model.palette_table import Table, picked, ranges, table_of
+from volspec.viewer.model.materials import can_be_exact
+from volspec.viewer.model.palette_table import Table, columns, picked, ranges, table_of
 from volspec.viewer.model.palette_targets import DISTANCES, MOST_ROUNDS, SMOOTHNESS
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import kind_of
 from volspec.viewer.ui import palette_cells, palette_editor
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.style import ACCENT
-from volspec.viewer.ui.widgets import AT_ONCE, WAITING_GREYED, in_line, packed, pick, tip, wrapped
+from volspec.viewer.ui.widgets import (
+    ACCENT,
+    AT_ONCE,
+    WAITING_GREYED,
+    in_line,
+    packed,
+    pick,
+    tip,
+    wrapped,
+)
 
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
 _SURROUNDINGS, _BLACK = "what surrounds it", "nothing: black"
@@ -51,15 +59,15 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     own, new = state.interface.pick, state
     half = (imgui.get_content_region_avail().x - ui.px(_UNDER)) / 2
     chosen = _combo("##material", material, rows, ui, half)
-    new = _picked(new, interface_edits.pick_material, chosen)
+    new = _picked(new, palette_edits.pick_material, chosen)
     imgui.same_line(0, ui.px(7))
     imgui.text_disabled("under")
     imgui.same_line(0, ui.px(7))
-    new = _picked(new, interface_edits.pick_light, _combo("##light", light, lights, ui))
+    new = _picked(new, palette_edits.pick_light, _combo("##light", light, lights, ui))
     like = own.like if own.like in lights else ""
     chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), ui)
     tip("Designs a light along, under which the other materials look as under this one")
-    new = _picked(new, interface_edits.pick_like, "" if chosen == _NO_LIGHT else chosen)
+    new = _picked(new, palette_edits.pick_like, "" if chosen == _NO_LIGHT else chosen)
     imgui.spacing()
     _ask("hide", "Hide", "Make it look like its surroundings under this light", ui)
     others = tuple(name for name in rows if name != material)
@@ -67,14 +75,14 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
     chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), ui)
     if chosen == _BLACK:
-        new = interface_edits.pick_black(new)
+        new = palette_edits.pick_black(new)
     else:
-        new = _picked(new, interface_edits.pick_within, "" if chosen == _SURROUNDINGS else chosen)
+        new = _picked(new, palette_edits.pick_within, "" if chosen == _SURROUNDINGS else chosen)
     _ask("reveal", "Reveal", "Make it stand out from all others under this light", ui)
     imgui.set_next_item_width(-1)
     moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
     if moved:
-        new = interface_edits.pick_distance(new, distance)
+        new = palette_edits.pick_distance(new, distance)
     _ask("keep", "Keep", "Give it one colour under all lights", ui)
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("its colour, under all lights")
@@ -98,7 +106,7 @@ def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
     if imgui.begin_combo("##several", in_line(words), imgui.ComboFlags_.height_large):
         for number, name in enumerate(rows):
             if imgui.checkbox(f"{in_line(name)}###{number}", name in ticked)[0]:
-                new = interface_edits.toggle_merged(new, name)
+                new = palette_edits.toggle_merged(new, name)
         imgui.end_combo()
     return new
 
@@ -141,9 +149,9 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
     )
     ui.note("range")
     if moved:
-        new = interface_edits.pick_values(new, first, last)
+        new = palette_edits.pick_values(new, first, last)
     imgui.same_line()
-    new = _picked(new, interface_edits.pick_use, _combo("##use", use, names, ui, -ui.px(52)))
+    new = _picked(new, palette_edits.pick_use, _combo("##use", use, names, ui, -ui.px(52)))
     imgui.same_line()
     if imgui.button("Use", (-1, 0)):
         new = palette_edits.assign(new, first, last, use)

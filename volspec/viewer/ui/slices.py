@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui
 
-from volspec.viewer.model import slices_edits
+from volspec.viewer.model import slices
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.cuts import crop_of, world_mm
 from volspec.viewer.model.slices import (
@@ -125,7 +125,7 @@ def _slider(
     if fits:
         imgui.same_line(0, imgui.get_style().item_inner_spacing.x)
         imgui.text(_where(_title(state, index), number, last))
-    return slices_edits.move_slice(state, index, new / last) if moved else state
+    return slices.move_slice(state, index, new / last) if moved else state
 
 
 def _picture(
@@ -150,11 +150,11 @@ def _picture(
     if imgui.is_item_active():
         mouse = imgui.get_mouse_pos()
         share = (mouse.x - x) / width, (mouse.y - y) / high
-        new = slices_edits.point_at(new, index, *share)
+        new = slices.point_at(new, index, *share)
     if imgui.is_item_hovered():
         imgui.set_item_key_owner(imgui.Key.mouse_wheel_y)
         if turned := imgui.get_io().mouse_wheel:
-            new = slices_edits.step_slice(new, index, round(turned) or turned)
+            new = slices.step_slice(new, index, round(turned) or turned)
     _crosshair(new, ui, layout, (x, y, width, high))
     return new
 
@@ -164,7 +164,7 @@ def _crosshair(
 ) -> None:
     """What a crop leaves, and the other two slices' lines in their colours."""
     x, y, width, height = area
-    volume, slices = state.document.volume, state.interface.slices
+    volume = state.document.volume
     draw_list = imgui.get_window_draw_list()
     left, top, right, bottom = kept(volume, layout, crop_of(state.shading, volume))
     for x0, y0, x1, y1 in (
@@ -173,7 +173,7 @@ def _crosshair(
     ):
         ends = (x + x0 * width, y + y0 * height), (x + x1 * width, y + y1 * height)
         draw_list.add_rect_filled(*ends, packed(BLACK, 0.55))
-    across, down = shown_at(volume, layout, slices)
+    across, down = shown_at(volume, layout, state.interface.slices)
     at = x + across * width, y + down * height
     for axis, ends in (
         (layout.across, ((at[0], y), (at[0], y + height))),
@@ -210,8 +210,8 @@ def _letters(
 
 
 def _looks(state: ViewState, ui: UiContext) -> ViewState:
-    slices = state.interface.slices
-    pressed, _ = imgui.checkbox("Lit", slices.lit)
+    settings = state.interface.slices
+    pressed, _ = imgui.checkbox("Lit", settings.lit)
     ui.note("lit")
     tip("Under the same lights as the volume; else plain greys")
     new = ui.done(state, BY_NAME["slices-lit"]) if pressed else state
@@ -219,13 +219,13 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     imgui.same_line()
     if imgui.get_content_region_avail().x < wanted:
         imgui.new_line()
-    imgui.begin_disabled(slices.greys is None)
+    imgui.begin_disabled(settings.greys is None)
     if imgui.button("Auto greys"):
         new = ui.done(new, BY_NAME["slices-greys"])
     imgui.end_disabled()
     low, high = state.document.volume.range
     span = (high - low) or 1.0
-    window = window_of(slices, state.document.histogram)
+    window = window_of(settings, state.document.histogram)
     black, white = (low + share * span for share in window)
     imgui.set_next_item_width(_steady_width())
     digits = "%.0f" if state.document.volume.values.dtype.kind in "iu" else "%.4g"
@@ -235,5 +235,5 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("greys")
     tip("Values shown black and white, where the transfer function shows nothing")
     if moved:
-        new = slices_edits.set_greys(new, (black - low) / span, (white - low) / span)
+        new = slices.set_greys(new, (black - low) / span, (white - low) / span)
     return new

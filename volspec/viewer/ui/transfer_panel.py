@@ -5,14 +5,18 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.transfer import MAX_LABEL, LabelFunction, TransferFunction2D
-from volspec.viewer.model import interface_edits, presets, transfer_convert, transfer_edits
+from volspec.viewer.model import (
+    commands,
+    presets,
+    transfer_convert,
+    transfer_edits,
+)
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
 from volspec.viewer.ui import transfer_detail, transfer_points, transfer_regions
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.style import ACCENT
-from volspec.viewer.ui.widgets import AT_ONCE, pick, tip
+from volspec.viewer.ui.widgets import ACCENT, AT_ONCE, pick, tip
 
 # The list's height.
 _LEAST = 100
@@ -111,7 +115,7 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     if on:
         imgui.push_style_color(imgui.Col_.text, ACCENT[state.interface.dark])
     if imgui.button("log", (ui.px(40), 0)):
-        new = ui.edited(new, interface_edits.toggled("logarithmic"))
+        new = ui.edited(new, commands.toggled("logarithmic"))
     if on:
         imgui.pop_style_color()
     ui.note("log")

@@ -19,13 +19,12 @@ from volspec.spectra import SpectralGrid, Spectrum, XYZ_of, white_XYZ
 from volspec.transfer import Transfer
 from volspec.transfer.mixes import share_matrix
 from volspec.viewer.model import presets
-from volspec.viewer.model.lights import Rows, rig_of
+from volspec.viewer.model.light_rows import Rows, rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Colour, adapted_to, as_colour
-from volspec.viewer.ui.style import ACCENT
-from volspec.viewer.ui.widgets import packed, tip
+from volspec.viewer.ui.widgets import ACCENT, packed, tip
 
 
 def swatch(ui: UiContext, colour: Colour) -> None:

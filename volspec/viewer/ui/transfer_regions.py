@@ -15,9 +15,8 @@ from volspec.viewer.model.document import JointHistogram
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import transfer_detail
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.style import ACCENT
 from volspec.viewer.ui.transfer_plot import FLAGS, bars, note_area, part_colours, set_values_axis
-from volspec.viewer.ui.widgets import packed, tip
+from volspec.viewer.ui.widgets import ACCENT, packed, tip
 
 # Of edges and corners, to either side.
 _GRIP = 6

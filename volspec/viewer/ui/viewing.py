@@ -15,7 +15,7 @@ from volspec.basis import MODES
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.lights import Rows, rig_of
+from volspec.viewer.model.light_rows import Rows, rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.viewing import (
     EXPOSURE_RANGE,

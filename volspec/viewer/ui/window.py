@@ -14,7 +14,7 @@ from imgui_bundle.python_backends.glfw_backend import GlfwRenderer
 
 from volspec._gpu.opengl import window_context
 from volspec.errors import OpenGLError
-from volspec.viewer.ui import style
+from volspec.viewer.ui import widgets
 from volspec.viewer.ui.inputs import Input, Inputs
 from volspec.viewer.work.gl import GL
 from volspec.viewer.work.pictures import Painted
@@ -92,8 +92,8 @@ class Window:
         io.set_ini_filename("")
         io.config_flags |= imgui.ConfigFlags_.docking_enable
         io.config_windows_move_from_title_bar_only = True
-        style.load_font(imgui)
-        style.set_sizes(imgui, implot)
+        widgets.load_font(imgui)
+        widgets.set_sizes(imgui, implot)
         self.scale = 1.0
         self._rescale()
         self._renderer = GlfwRenderer(self._window, attach_callbacks=False)
@@ -105,7 +105,7 @@ class Window:
         """
         scale = max(1.0, glfw.get_window_content_scale(self._window)[0] / self.pixel_ratio)
         if scale != self.scale:
-            style.set_scale(imgui, implot, scale, self.scale)
+            widgets.set_scale(imgui, implot, scale, self.scale)
             self.scale = scale
 
     @property

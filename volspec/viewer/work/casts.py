@@ -1,22 +1,70 @@
 """Casts in a background thread, coarsely first and then whole, of the newest state.
 
 state -> [casts] -> CoefficientImage -> pictures
+
+A device's own threads give way to the window's, where both want the same cores.
 """
 
 from __future__ import annotations
 
+import os
+import sys
+import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
-from volspec.errors import CastCancelled, VolspecError, one_line
-from volspec.pipeline import raycast
+from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
+from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.relight.packed import PackedLayers
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
+from volspec.volume import Volume
+
+T = TypeVar("T")
+
+# Of 19: a cast gets a tenth of a core that the window wants, too.
+_NICE = 10
+
+
+def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:
+    """Make what casts a volume; or None, and why this machine cannot.
+
+    Raises
+    ------
+    OpenCLError
+        If the device that is named cannot.
+    """
+    try:
+        return yielding(lambda: Raycaster(volume, device=device)), ""
+    except OpenCLError as error:
+        if device is not None:
+            raise
+        warnings.warn(one_line(error), VolspecWarning, stacklevel=2)
+        return None, one_line(error)
+
+
+def yielding(make: Callable[[], T]) -> T:
+    """What a function makes, whose own threads, which outlive it, give way.
+
+    Linux gives a thread the priority of the one that starts it; elsewhere nothing changes.
+
+    >>> yielding(lambda: 6 * 7)
+    42
+    """
+    with ThreadPoolExecutor(1, "volspec-yielding", initializer=_give_way) as pool:
+        return pool.submit(make).result()
+
+
+def _give_way() -> None:
+    if sys.platform == "linux":
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

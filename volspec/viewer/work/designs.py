@@ -20,8 +20,7 @@ from volspec.palette.advice import VISIBLE, suggestions
 from volspec.viewer.model import palette_files
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
-from volspec.viewer.model.palette_spectra import columns
-from volspec.viewer.model.palette_table import answered, palette_of, picked, table_of
+from volspec.viewer.model.palette_table import answered, columns, palette_of, picked, table_of
 from volspec.viewer.model.palette_targets import News, Wishes, stays
 from volspec.viewer.model.palette_wizards import WIZARDS, applied, asked, told
 from volspec.viewer.model.state import ViewState

@@ -14,7 +14,7 @@ from volspec.errors import RelightError
 from volspec.raycast import CoefficientImage
 from volspec.relight import RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map
-from volspec.viewer.model.lights import Rows, rig_of
+from volspec.viewer.model.light_rows import Rows, rig_of
 from volspec.viewer.work.background import Tasks
 
 # So many pixels are looked at: a fraction of a second, and finer than an eye asks of a map.

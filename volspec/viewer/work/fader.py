@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from volspec.viewer.model.light_states import Fade, faded
+from volspec.viewer.model.light_rows import Fade
+from volspec.viewer.model.light_states import faded
 from volspec.viewer.model.state import ViewState
 
 

@@ -23,7 +23,7 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.packed import PackedLayers
 from volspec.relight.tables import HostTables, TableKey, is_tabled
-from volspec.viewer.model.palette_spectra import same_channels
+from volspec.viewer.model.materials import same_channels
 from volspec.viewer.work.gl import GL
 
 # mallopt(3): blocks from this size on are the system's own, whatever has been freed.

@@ -16,7 +16,7 @@ from volspec.errors import TableCancelled, VolspecError, one_line
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.tables import HostTables, TableKey, is_tabled
-from volspec.viewer.model.lights import rig_of
+from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
 from volspec.viewer.work.casts import CastDone

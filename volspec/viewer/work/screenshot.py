@@ -15,15 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec import __version__
-from volspec.errors import CastCancelled, InputError, OpenCLError, ViewingError
+from volspec.errors import CastCancelled, DeviceError, InputError, OpenCLError, ViewingError
 from volspec.export import write_frame
 from volspec.export.frames import file_stem
 from volspec.pipeline import Relighter, raycast
 from volspec.raycast import CoefficientImage
 from volspec.raycast.checks import MAX_SIDE
 from volspec.relight import LightRig
-from volspec.viewer.model.lights import rig_of
+from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.pictures import Pictures
+from volspec.viewer.work.probe import Reading
 
 SHOWN, TWICE, UHD, CUSTOM = "As shown", "Twice as shown", "4K, 3840 × 2160", "Custom"
 PRESETS = (SHOWN, TWICE, UHD, CUSTOM)
@@ -176,3 +178,72 @@ def _relit(
             frame = frame.copy()
             frame[:, left:] = relighter.frame(other, state.seen)[:, left:]
     return frame
+
+
+class ClipboardError(DeviceError):
+    """There is no clipboard, it does not take what it is given, or there is nothing to give."""
+
+
+def copy_shown(pictures: Pictures) -> str:
+    """Copy the picture that is shown; what to say of it.
+
+    Raises
+    ------
+    ClipboardError
+        If there is none, or as `copy_picture`.
+    """
+    if not pictures.framebuffer:
+        raise ClipboardError("There is no picture to copy yet")
+    copy_picture(pictures.pixels())
+    return "The picture is copied"
+
+
+def copy_values(reading: Reading | None) -> str:
+    """Copy what is under the mouse, a name and a value to the line; what to say of it.
+
+    Raises
+    ------
+    ClipboardError
+        If nothing is there, or as `copy_text`.
+    """
+    if reading is None:
+        raise ClipboardError("Point at something in the picture first")
+    copy_text(str(reading))
+    return "The values are copied"
+
+
+def copy_picture(frame: NDArray[np.uint8]) -> None:
+    """Put a picture on the clipboard; it stays there while the program runs.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+
+    Raises
+    ------
+    ClipboardError
+    """
+    import copykitten
+
+    height, width, _ = frame.shape
+    opaque = np.full((height, width, 1), 255, np.uint8)
+    data = np.concatenate([frame, opaque], axis=2).tobytes()
+    try:
+        copykitten.copy_image(data, width, height)
+    except copykitten.CopykittenError as error:
+        raise ClipboardError(f"The picture cannot be copied: {error}") from error
+
+
+def copy_text(text: str) -> None:
+    """Put text on the clipboard.
+
+    Raises
+    ------
+    ClipboardError
+    """
+    import copykitten
+
+    try:
+        copykitten.copy(text)
+    except copykitten.CopykittenError as error:
+        raise ClipboardError(f"The text cannot be copied: {error}") from error

@@ -25,14 +25,13 @@ from volspec.export.frames import file_stem
 from volspec.export.recipes import python_text
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
-from volspec.viewer.model.lights import rig_of
+from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.scene_file import NOWHERE, same_spectrum
 from volspec.viewer.model.state import ViewState
 
 _WIDTH = 88
 _NUMBERS = 6
 # Of a `RelightSpec`, what a frame takes beside the viewing.
-_SEEN = ("mode", "backdrop", "level")
 # Left to the machine that runs the script.
 _LEFT_OUT = ("tile_ms",)
 
@@ -84,7 +83,6 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
     code = _Code(_texts(state))
     title = f"{document.title}, as seen in volspec {volspec.__version__}"
     space = state.seen.viewing.display.space
-    frame = tuple(f"{name}={code.of(getattr(state.seen, name), 8)}" for name in _SEEN)
     arguments = "volume", "transfer", "camera", f"size={state.size}", "spec=spec"
     lines = [
         f"volume = {_volume(state)}",
@@ -94,11 +92,11 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
         f"camera = {code.camera(state)}",
         f"spec = {code.of(state.shading, 0)}",
         f"rig = {code.of(rig, 0)}",
-        f"viewing = {code.of(state.seen.viewing, 0)}",
+        f"relight_spec = {code.of(state.seen, 0)}",
         "",
         _call("image = vs.raycast", arguments, 0),
         "with vs.Relighter(image) as relighter:",
-        "    " + _call("frame = relighter.frame", ("rig", "viewing", *frame), 4),
+        "    frame = relighter.frame(rig, relight_spec)",
         f'vs.write_frame("{file_stem(document.title)}.png", frame, space={code.of(space, 0)})',
     ]
     head = [f'"""{python_text(title)[1:-1]}."""', ""]

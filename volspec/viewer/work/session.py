@@ -29,7 +29,7 @@ from volspec.scene.file import SceneFile
 from volspec.scene.resolve import Resolver
 from volspec.viewer.model.document import Document, histogram
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.documents import make_caster
+from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.session_codec import Reader, ValueFault, Writer
 
 FORMAT = "volspec-session"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from volspec.errors import VolspecError
 from volspec.pipeline import Relighter
 from volspec.transfer import LabelFunction
-from volspec.viewer.model.lights import rig_of
+from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.slice_table import Entries, entries_of, greys, table_image
 from volspec.viewer.model.slices import Layout, number_of, sliced, window_of
 from volspec.viewer.model.state import ViewState

@@ -17,12 +17,11 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Search, UiContext
 from volspec.viewer.ui.dialogs import REQUESTS, Asking, PictureDialog, progress
 from volspec.viewer.work.background import Outcome, Tasks
-from volspec.viewer.work.clipboard import copy_shown, copy_values
 from volspec.viewer.work.designs import PALETTES
+from volspec.viewer.work.documents import Opened, Openings
 from volspec.viewer.work.notify import Notice, Trace
-from volspec.viewer.work.opening import Opened, Openings
 from volspec.viewer.work.pictures import Pictures
-from volspec.viewer.work.screenshot import CUSTOM, Progress, Shot, taken
+from volspec.viewer.work.screenshot import CUSTOM, Progress, Shot, copy_shown, copy_values, taken
 from volspec.viewer.work.script import export_python
 from volspec.viewer.work.session import save_session
 
