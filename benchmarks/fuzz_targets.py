@@ -231,9 +231,9 @@ def _rewrite_palette(path: Path) -> None:
 
 
 def _read_session(path: Path) -> None:
-    from volspec.viewer.work.session import read_session, resumed
+    from volspec.viewer.work.session import read_session, restore_state
 
-    resumed(read_session(path), cast=False)
+    restore_state(read_session(path), cast=False)
 
 
 def _session_parts() -> dict[str, bytes]:

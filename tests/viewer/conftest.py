@@ -32,7 +32,7 @@ def document() -> Document:
         transfer=TransferFunction(points, metals, SpectralBasis.load("general-7")),
         shading=RaycastSpec(),
         lights=(*rows, planck),
-        seen=RelightSpec(),
+        relight=RelightSpec(),
         histogram=histogram(ball),
     )
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
-from volspec.viewer.model.commands import BY_KEY, COMMANDS, MENUS, shown
+from volspec.viewer.model.commands import BY_KEY, COMMANDS, MENUS, key_text_of
 from volspec.viewer.model.edit import after
-from volspec.viewer.model.light_rows import shining
+from volspec.viewer.model.light_rows import effective_weights
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import commands, menus
 from volspec.viewer.work.session_store import RecentFile
@@ -56,15 +56,15 @@ def test_rows_do_what_they_say(state: ViewState) -> None:
         assert row.change is not None
         return after(row.change, state).state
 
-    assert shining(done("light FL2 alone").lights) == (0.0, 0.0, 1.0, 0.0)
-    assert done("model CAM16").seen.viewing.model == "CAM16"
+    assert effective_weights(done("light FL2 alone").lights) == (0.0, 0.0, 1.0, 0.0)
+    assert done("model CAM16").relight.viewing.model == "CAM16"
     assert done("add light HP1").lights[-1].name == "HP1"
     assert done("window dark").interface.dark != state.interface.dark
     dark = next(name for name, preset in PRESETS.items() if preset.surround == "dark")
-    marked = replace(state.seen.viewing.display, mark=True)
-    seen = replace(state.seen, viewing=replace(state.seen.viewing, display=marked))
+    marked = replace(state.relight.viewing.display, mark=True)
+    seen = replace(state.relight, viewing=replace(state.relight.viewing, display=marked))
     row = commands.commands_of(state, (), f"display {dark}")[0]
-    display = after(row.change, replace(state, seen=seen)).state.seen.viewing.display
+    display = after(row.change, replace(state, relight=seen)).state.relight.viewing.display
     assert display.surround == "dark" and display.mark
 
 
@@ -79,8 +79,8 @@ def test_settings_are_reached_by_name(state: ViewState) -> None:
         assert "Viewing" in after(setting.change, closed).state.interface.panels
     dim, reduce = row("surround dim").change, row("gamut reduce").change
     assert dim is not None and reduce is not None
-    assert after(dim, state).state.seen.viewing.surround == "dim"
-    assert after(reduce, state).state.seen.viewing.display.gamut == "reduce"
+    assert after(dim, state).state.relight.viewing.surround == "dim"
+    assert after(reduce, state).state.relight.viewing.display.gamut == "reduce"
 
 
 def test_lights_that_find_no_room_change_nothing(state: ViewState) -> None:
@@ -94,7 +94,7 @@ def test_keys_are_used_once_and_all_menus_are_known() -> None:
     assert len(used) == len(set(used)) == len(BY_KEY)
     # Those of no menu are steps, which only keys make.
     assert {action.menu for action in COMMANDS} <= {*MENUS, ""}
-    assert shown("f1") == "F1" and shown("ctrl+p") == "Ctrl+P"
+    assert key_text_of("f1") == "F1" and key_text_of("ctrl+p") == "Ctrl+P"
 
 
 def test_the_sheet_shows_every_key_in_columns_of_even_height() -> None:

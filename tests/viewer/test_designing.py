@@ -29,11 +29,11 @@ from volspec.viewer.model.palette_targets import Pick
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import dialogs
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.dialogs import REQUESTS, Asking
-from volspec.viewer.ui.file_commands import Chores
+from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs
+from volspec.viewer.ui.file_commands import FileCommands
 from volspec.viewer.work import designs
 from volspec.viewer.work.background import Tasks
-from volspec.viewer.work.designs import Designing, DesignJob, DesignWorker
+from volspec.viewer.work.designs import DesignJob, DesignService, DesignWorker
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.session_store import STATE_VARIABLE
 
@@ -41,23 +41,23 @@ PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 
 
 class Bench:
-    """A `Designing` without a window."""
+    """A `DesignService` without a window."""
 
     def __init__(self) -> None:
         self.notice = Notice()
-        self.designing = Designing(lambda: None, self.notice, Trace())
+        self.designs = DesignService(lambda: None, self.notice, Trace())
 
     def until(self, history: History, ended: Callable[[History], bool]) -> History:
         end = time.time() + 20
         while time.time() < end and not ended(history):
-            history = self.designing.taken(history)
+            history = self.designs.taken(history)
             time.sleep(0.005)
         assert ended(history)
         return history
 
 
 def wished(state: ViewState, colour: str = "#8c5a3c") -> ViewState:
-    return palette_edits.wish(state, 5, colour)
+    return palette_edits.set_target(state, 5, colour)
 
 
 def acted(name: str, state: ViewState) -> ViewState:
@@ -81,7 +81,7 @@ def test_a_solver_that_fails_is_told_and_the_next_wish_designed(
     worker = DesignWorker(told.release)
     for colour in ("#8c5a3c", "#906050"):
         asked = wished(state, colour)
-        worker.request(DesignJob(palette_of(asked), asked.board.wishes))
+        worker.request(DesignJob(palette_of(asked), asked.palette.targets))
         assert told.acquire(timeout=20)
     done = worker.take()
     worker.close()
@@ -101,7 +101,7 @@ def test_closing_does_not_wait_for_a_design(
 
     monkeypatch.setattr(designs, "design", long)
     worker, asked = DesignWorker(lambda: None), wished(state)
-    worker.request(DesignJob(palette_of(asked), asked.board.wishes))
+    worker.request(DesignJob(palette_of(asked), asked.palette.targets))
     assert begun.wait(20)
     started = time.perf_counter()
     worker.close(0.1)
@@ -113,14 +113,14 @@ def test_closing_does_not_wait_for_a_design(
 
 def test_wishes_that_were_answered_are_designed_again_from_scratch(state: ViewState) -> None:
     bench, asked = Bench(), wished(state)
-    bench.designing.follow(asked)
-    history = bench.until(History(asked), lambda h: not bench.designing.news.busy)
+    bench.designs.follow(asked)
+    history = bench.until(History(asked), lambda h: not bench.designs.status.busy)
     anew = acted("palette-anew", history.present)
-    assert anew.board.waits
-    bench.designing.follow(anew)
-    assert bench.designing.news.busy == "Designing …"
-    bench.until(History(anew), lambda h: not h.present.board.waits)
-    bench.designing.close()
+    assert anew.palette.is_pending
+    bench.designs.follow(anew)
+    assert bench.designs.status.busy == "Designing …"
+    bench.until(History(anew), lambda h: not h.present.palette.is_pending)
+    bench.designs.close()
 
 
 @pytest.mark.parametrize("other", [True, False])
@@ -129,20 +129,20 @@ def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
 ) -> None:
     pick = Pick(place=("gold", "A"))
     begun = replace(state, interface=replace(state.interface, pick=pick))
-    result, may_end = palette_wizards.asked(begun, "hide"), threading.Event()
-    monkeypatch.setattr(designs, "asked", lambda *_: (may_end.wait(20), result)[1])
+    result, may_end = palette_wizards.run_wizard(begun, "hide"), threading.Event()
+    monkeypatch.setattr(designs, "run_wizard", lambda *_: (may_end.wait(20), result)[1])
     bench = Bench()
-    bench.designing.follow(begun)
-    bench.designing.do("hide", begun)
-    bench.designing.taken(History(begun))
-    bench.designing.forget()  # as undo does
-    assert bench.designing.news.busy.startswith("Hiding gold")
+    bench.designs.follow(begun)
+    bench.designs.do("hide", begun)
+    bench.designs.taken(History(begun))
+    bench.designs.forget()  # as undo does
+    assert bench.designs.status.busy.startswith("Hiding gold")
     silver = with_reflectances(state.transfer, {"gold": reflectance("silver")})
     history = History(replace(begun, transfer=silver) if other else begun)
     may_end.set()
-    after = bench.until(history, lambda h: not bench.designing.news.busy)
+    after = bench.until(history, lambda h: not bench.designs.status.busy)
     assert (after.present is history.present) == other
-    assert ("dropped: the materials changed" in bench.designing.news.complaint) == other
+    assert ("dropped: the materials changed" in bench.designs.status.complaint) == other
     assert ("dropped: the materials changed" in bench.notice.text) == other
 
 
@@ -152,24 +152,26 @@ def test_a_wizard_waits_for_the_design_under_way_and_lands_on_what_it_brings(
     """It began at once, and was dropped when the design's last pass changed the materials."""
     pick = Pick(place=("gold", "A"))
     begun = wished(replace(state, interface=replace(state.interface, pick=pick)))
-    result, may_end = palette_wizards.asked(begun, "hide"), threading.Event()
+    result, may_end = palette_wizards.run_wizard(begun, "hide"), threading.Event()
     monkeypatch.setattr(designs, "design", lambda palette: (may_end.wait(20), design(palette))[1])
     began_with: list[ViewState] = []
-    monkeypatch.setattr(designs, "asked", lambda state, _: (began_with.append(state), result)[1])
+    monkeypatch.setattr(
+        designs, "run_wizard", lambda state, _: (began_with.append(state), result)[1]
+    )
     bench = Bench()
-    bench.designing.follow(begun)
-    bench.designing.do("hide", begun)
-    history = bench.designing.taken(History(begun))
-    assert not began_with and bench.designing.news.busy.startswith("Hiding gold")
-    # Wishes that come later are designed after it.
+    bench.designs.follow(begun)
+    bench.designs.do("hide", begun)
+    history = bench.designs.taken(History(begun))
+    assert not began_with and bench.designs.status.busy.startswith("Hiding gold")
+    # DesignTargets that come later are designed after it.
     later = wished(history.present, "#906050")
-    bench.designing.follow(later)
+    bench.designs.follow(later)
     may_end.set()
-    history = bench.until(history, lambda h: not bench.designing.news.busy)
+    history = bench.until(history, lambda h: not bench.designs.status.busy)
     assert began_with[0].transfer is not begun.transfer
-    assert "dropped" not in bench.notice.text + bench.designing.news.complaint
+    assert "dropped" not in bench.notice.text + bench.designs.status.complaint
     assert history.past[-1] is began_with[0] and history.present.transfer is not begun.transfer
-    bench.designing.close()
+    bench.designs.close()
 
 
 def test_the_scene_s_own_spectra_are_its_lights_too(state: ViewState) -> None:
@@ -186,19 +188,19 @@ def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
     state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
-    monkeypatch.setattr(dialogs, "native", lambda: False)
+    monkeypatch.setattr(dialogs, "has_native_dialogs", lambda: False)
     path, bench, asked = str(tmp_path / "mine.toml"), Bench(), wished(state)
     rest = (UiContext(), bench.notice, Trace(), None, None)
-    chores = Chores(Tasks(lambda: None), cast(Any, None), *rest, bench.designing.file)
+    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, bench.designs.file)
     history = History(asked)
     for name in ("palette-save", "palette-load"):
-        assert name not in bench.designing.asks
-        chores.do(name, asked)
-        monkeypatch.setattr(Asking, "take", lambda _, request=REQUESTS[name]: (request, path))
-        chores.take(first=False)
+        assert name not in bench.designs.asks
+        file_commands.do(name, asked)
+        monkeypatch.setattr(FileDialogs, "take", lambda _, request=REQUESTS[name]: (request, path))
+        file_commands.take(first=False)
         ends = {"palette-save": lambda h: bench.notice.text == f"Saved {path}"}
         history = bench.until(history, ends.get(name, lambda h: len(h.past) == 1))
-    assert load_palette(path).cells == history.present.board.wishes.cells
+    assert load_palette(path).cells == history.present.palette.targets.cells
 
 
 def test_files_asked_for_are_there_when_the_window_has_closed(
@@ -210,24 +212,26 @@ def test_files_asked_for_are_there_when_the_window_has_closed(
 
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
     monkeypatch.setattr("volspec.viewer.ui.file_commands.export_scene", slow)
-    monkeypatch.setattr(palette_files, "saved", slow)
+    monkeypatch.setattr(palette_files, "save_state_palette", slow)
     scene, palette, bench = tmp_path / "scene.toml", tmp_path / "palette.toml", Bench()
     rest = (UiContext(), bench.notice, Trace(), None, None)
-    chores = Chores(Tasks(lambda: None), cast(Any, None), *rest, bench.designing.file)
+    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, bench.designs.file)
     for name, path in (("export-scene", scene), ("palette-save", palette)):
         answer = REQUESTS[name], str(path)
-        monkeypatch.setattr(Asking, "take", lambda _, answer=answer: answer)
-        chores.do("say", state)
-        chores.take(first=False)
-    chores.close(None, faulty=True)
-    bench.designing.close()
+        monkeypatch.setattr(FileDialogs, "take", lambda _, answer=answer: answer)
+        file_commands.do("say", state)
+        file_commands.take(first=False)
+    file_commands.close(None, faulty=True)
+    bench.designs.close()
     assert scene.exists() and palette.exists()
 
 
 def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
     wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
-    viewing = replace(state.seen.viewing, display=Display(space=wall))
-    scene = palette_wizards.scene_of(replace(state, seen=replace(state.seen, viewing=viewing)))
+    viewing = replace(state.relight.viewing, display=Display(space=wall))
+    scene = palette_wizards.scene_of(
+        replace(state, relight=replace(state.relight, viewing=viewing))
+    )
     assert scene.relight.viewing.display.colours == wall
 
 
@@ -236,11 +240,11 @@ def test_a_palette_s_model_that_cannot_adapt_to_pixels_measures_the_picture(
 ) -> None:
     palette = load_palette(PALETTES / "figure-2.toml")
     palette = replace(palette, viewing=replace(palette.viewing, model="CAT02"))
-    eye = replace(state.seen.viewing, model="CAM16", adapting="pixel")
+    eye = replace(state.relight.viewing, model="CAM16", adapting="pixel")
     loaded = palette_files.with_palette(
-        replace(state, seen=replace(state.seen, viewing=eye)), palette
+        replace(state, relight=replace(state.relight, viewing=eye)), palette
     )
-    found = loaded.seen.viewing
+    found = loaded.relight.viewing
     assert (found.model, found.adapting) == ("CAT02", "picture")
 
 

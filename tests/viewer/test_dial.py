@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from volspec.viewer.model.light_mixes import corners
+from volspec.viewer.model.light_mixes import rim_places
 from volspec.viewer.ui import lights_dial
 
 LONG = (
@@ -33,7 +33,7 @@ def test_names_at_the_dial_never_overlap_and_never_leave_it(
     boxes: list[tuple[float, float, float, float]],
 ) -> None:
     labels = [lights_dial.Label(i, box, float(i)) for i, box in enumerate(boxes)]
-    kept = lights_dial.free(labels, (0.0, 0.0, 100.0, 100.0))
+    kept = lights_dial.non_overlapping(labels, (0.0, 0.0, 100.0, 100.0))
     for i, one in enumerate(kept):
         x, y, width, height = one.box
         assert x >= 0 and y >= 0 and x + width <= 100 and y + height <= 100
@@ -41,15 +41,16 @@ def test_names_at_the_dial_never_overlap_and_never_leave_it(
             left, top, wide, tall = other.box
             apart = x + width <= left or left + wide <= x or y + height <= top or top + tall <= y
             assert apart
-    inside = [e for e in labels if lights_dial.free([e], (0.0, 0.0, 100.0, 100.0))]
+    inside = [e for e in labels if lights_dial.non_overlapping([e], (0.0, 0.0, 100.0, 100.0))]
     assert not inside or kept[0] == inside[0]
 
 
 def test_the_light_under_the_mouse_is_found_at_the_rim_only() -> None:
     assert (
-        lights_dial.nearest(4, 0.05, -1.0, 0.1) == 0 and lights_dial.nearest(4, 1.0, 0.02, 0.1) == 1
+        lights_dial.light_at(4, 0.05, -1.0, 0.1) == 0
+        and lights_dial.light_at(4, 1.0, 0.02, 0.1) == 1
     )
-    assert lights_dial.nearest(4, 0.0, 0.0, 0.1) == -1
+    assert lights_dial.light_at(4, 0.0, 0.0, 0.1) == -1
 
 
 def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:
@@ -66,7 +67,7 @@ def test_names_at_the_left_end_at_the_dial_and_those_at_the_right_begin_there() 
     ring = lights_dial.ring_for(LONG, (0.0, 0.0, 320.0, 200.0), (24.0, 60.0), 10.0, wide)
     reach = ring.radius + ring.out
     for label in lights_dial.labels_of(LONG, range(6), ring, LETTERS):
-        place = corners(6)[label.index]
+        place = rim_places(6)[label.index]
         at = ring.middle[0] + place[0] * reach
         for start, text in zip(
             lights_dial.line_starts(label, place, wide), label.lines, strict=True
@@ -81,7 +82,7 @@ def test_a_name_that_has_no_room_ends_in_an_ellipsis_and_takes_no_other_s_place(
     crowded = ("D65", "Osram Dulux, warm white", "x" * 40, *LONG)
     ring = lights_dial.ring_for(crowded, (0.0, 0.0, 180.0, 103.0), (24.0, 24.5), 10.0, wide)
     labels = lights_dial.labels_of(crowded, range(9), ring, LETTERS)
-    plain = lights_dial.free(labels, ring.within)
+    plain = lights_dial.non_overlapping(labels, ring.within)
     assert len(plain) == len(labels) and any(label.lines[0].endswith("…") for label in labels)
     assert labels[0].lines == ("D65",)
 
@@ -99,5 +100,5 @@ def test_a_name_under_the_mouse_stands_for_its_light() -> None:
     ring = lights_dial.ring_for(LONG, (0.0, 0.0, 330.0, 300.0), (24.0, 105.0), 10.0, wide)
     labels = lights_dial.labels_of(LONG, range(6), ring, LETTERS)
     x, y, width, height = next(label for label in labels if label.index == 2).box
-    assert lights_dial.under(labels, x + width / 2, y + height / 2) == 2
-    assert lights_dial.under(labels, *ring.middle) == -1
+    assert lights_dial.label_at(labels, x + width / 2, y + height / 2) == 2
+    assert lights_dial.label_at(labels, *ring.middle) == -1

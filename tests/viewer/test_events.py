@@ -91,7 +91,7 @@ def test_dial_weights_share_one_and_come_back_to_their_place(
 
 def test_lights_stand_where_the_dial_takes_them_alone() -> None:
     for count in (2, 3, 5, 8):
-        for i, place in enumerate(light_mixes.corners(count)):
+        for i, place in enumerate(light_mixes.rim_places(count)):
             np.testing.assert_allclose(
                 light_mixes.dial_weights(count, *place), np.eye(count)[i], atol=1e-12
             )
@@ -101,20 +101,22 @@ def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
     lit = state
     for i in range(3):
         lit = lights.set_weight(lit, i, 0.5)
-    assert light_rows.shining(lit.lights) == (0.5, 0.5, 0.5, 0.0)
+    assert light_rows.effective_weights(lit.lights) == (0.5, 0.5, 0.5, 0.0)
     solo = lights.toggle_solo(lit, 1)
-    assert light_rows.shining(solo.lights) == (0.0, 0.5, 0.0, 0.0)
-    assert light_rows.shining(lights.toggle_mute(solo, 1).lights) == (0.0,) * 4
+    assert light_rows.effective_weights(solo.lights) == (0.0, 0.5, 0.0, 0.0)
+    assert light_rows.effective_weights(lights.toggle_mute(solo, 1).lights) == (0.0,) * 4
     assert light_rows.rig_of(lights.toggle_mute(solo, 1).lights) is None
 
 
 def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState) -> None:
-    rows = light_rows.added(state.lights, "planck:2700", state.document.grid)
-    assert light_rows.shining(rows) == (0.0, 0.0, 0.0, 0.0, 1.0) and rows[-1].kelvin == 2700
-    hotter = light_rows.heated(rows, 4, 5000.4)
+    rows = light_rows.with_new_light(state.lights, "planck:2700", state.document.grid)
+    assert (
+        light_rows.effective_weights(rows) == (0.0, 0.0, 0.0, 0.0, 1.0) and rows[-1].kelvin == 2700
+    )
+    hotter = light_rows.with_kelvin(rows, 4, 5000.4)
     assert hotter[4].name == "5000 K" and hotter[4].rig is not rows[4].rig
     with pytest.raises(SpectrumError, match="D65"):
-        light_rows.added(rows, "D66", state.document.grid)
+        light_rows.with_new_light(rows, "D66", state.document.grid)
 
 
 def pressed(state: ViewState, key: str) -> ViewState:
@@ -134,9 +136,9 @@ def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
 def test_space_goes_round_all_lights(state: ViewState) -> None:
     seen = []
     for _ in state.lights:
-        seen.append(light_rows.brightest(state.lights))
+        seen.append(light_rows.brightest_row(state.lights))
         state = pressed(state, "space")
-    assert seen == [0, 1, 2, 3] and light_rows.brightest(state.lights) == 0
+    assert seen == [0, 1, 2, 3] and light_rows.brightest_row(state.lights) == 0
 
 
 def test_points_stay_in_order_and_shift_together(state: ViewState) -> None:

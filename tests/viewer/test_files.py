@@ -24,7 +24,7 @@ from volspec.spectra import Spectrum, light
 from volspec.viewer.model import camera, light_rows, transfer_edits
 from volspec.viewer.model.document import demo
 from volspec.viewer.model.light_rows import LightRow
-from volspec.viewer.model.paths import PathRequest, dropped, listing
+from volspec.viewer.model.paths import PathRequest, list_paths, path_of_drop
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.screenshot import (
     CUSTOM,
@@ -34,7 +34,7 @@ from volspec.viewer.work.screenshot import (
     Progress,
     Shot,
     frame_of,
-    taken,
+    save_picture,
 )
 from volspec.viewer.work.script import export_python, script_of
 from volspec.viewer.work.session_store import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
@@ -56,10 +56,10 @@ def edited(state: ViewState) -> ViewState:
         LightGroup("key", (Directional((1, 0, 1), shadows=True),)),
         LightGroup("sky", (Ambient(occlusion=True),)),
     )
-    viewing = replace(state.seen.viewing, model="CAM16", surround="dim", exposure=1.25)
+    viewing = replace(state.relight.viewing, model="CAM16", surround="dim", exposure=1.25)
     shading = replace(state.shading, groups=groups, preintegrated=True)
-    seen = replace(state.seen, viewing=viewing, mode="exact")
-    return replace(state, lights=rows, shading=shading, seen=seen, size=(48, 36))
+    seen = replace(state.relight, viewing=viewing, mode="exact")
+    return replace(state, lights=rows, shading=shading, relight=seen, size=(48, 36))
 
 
 @pytest.mark.parametrize("basis", ['method = "materials"', 'train = "scene"\nsize = 4'])
@@ -122,13 +122,13 @@ def test_a_script_is_refused_where_it_could_not_run(state: ViewState, tmp_path: 
 
 
 def test_dropped_files_mean_one_scene_or_one_volume() -> None:
-    assert dropped(["/a/x.nrrd"]) == "/a/x.nrrd"
-    assert dropped(["/a/x.raw", "/a/x.mhd"]) == "/a/x.mhd"
-    assert dropped([f"/a/stack/{i}.tif" for i in range(9)]) == "/a/stack"
-    assert dropped(["/a/1.dcm", "/a/2.DCM"]) == "/a/1.dcm"  # one of a series stands for it
+    assert path_of_drop(["/a/x.nrrd"]) == "/a/x.nrrd"
+    assert path_of_drop(["/a/x.raw", "/a/x.mhd"]) == "/a/x.mhd"
+    assert path_of_drop([f"/a/stack/{i}.tif" for i in range(9)]) == "/a/stack"
+    assert path_of_drop(["/a/1.dcm", "/a/2.DCM"]) == "/a/1.dcm"  # one of a series stands for it
     for several in (["/a/x.nrrd", "/a/y.nrrd"], ["/a/1.tif", "/b/2.tif"], ["/a/1.tif", "/a/x.png"]):
         with pytest.raises(InputError, match="2 files were dropped; drop one"):
-            dropped(several)
+            path_of_drop(several)
 
 
 def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> None:
@@ -136,14 +136,14 @@ def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> N
         (tmp_path / name).touch()
     (tmp_path / "folder").mkdir()
     start = f"{tmp_path}/"
-    everything = listing(start, (".toml",))
+    everything = list_paths(start, (".toml",))
     assert everything.rows == ("folder/", "Engine-a.toml", "engine-b.toml")
     assert everything.common == start
-    some = listing(start + "en", (".toml",))
+    some = list_paths(start + "en", (".toml",))
     assert some.common.casefold() == start.casefold() + "engine-"
-    assert listing(start + "f").common == start + "folder/"
-    assert listing(start + ".h", (".toml",)).rows == (".hidden.toml",)
-    nothing = listing(f"{tmp_path}/no/such")
+    assert list_paths(start + "f").common == start + "folder/"
+    assert list_paths(start + ".h", (".toml",)).rows == (".hidden.toml",)
+    nothing = list_paths(f"{tmp_path}/no/such")
     assert nothing.rows == () and nothing.common == f"{tmp_path}/no/such"
 
 
@@ -206,18 +206,18 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
     from volspec.export.frames import read_frame_text
 
     state = replace(opened(tmp_path), size=(40, 30))
-    compared = replace(state, other=light_rows.alone(state.lights, 1), divide=0.5)
-    tungsten = replace(state, lights=light_rows.alone(state.lights, 1))
+    compared = replace(state, other=light_rows.only_row(state.lights, 1), divide=0.5)
+    tungsten = replace(state, lights=light_rows.only_row(state.lights, 1))
     # What the light does is plain where no eye adapts to it.
-    plain = replace(state.seen, viewing=replace(state.seen.viewing, model="none"))
+    plain = replace(state.relight, viewing=replace(state.relight.viewing, model="none"))
     left, both, right = (
-        frame_of(replace(each, seen=plain), (40, 30), Progress(""))
+        frame_of(replace(each, relight=plain), (40, 30), Progress(""))
         for each in (state, compared, tungsten)
     )
     np.testing.assert_array_equal(both[:, :20], left[:, :20])
     np.testing.assert_array_equal(both[:, 20:], right[:, 20:])
     assert (left != right).any()
-    path = taken(state, Shot(folder=str(tmp_path)), Progress(""))
+    path = save_picture(state, Shot(folder=str(tmp_path)), Progress(""))
     assert read_frame_text(path)["scene"] == "ball"
 
 
@@ -225,10 +225,10 @@ def test_a_picture_that_is_given_up_is_not_written(tmp_path: Path) -> None:
     progress = Progress("")
     progress.end()
     with pytest.raises(CastCancelled):
-        taken(opened(tmp_path), Shot(folder=str(tmp_path)), progress)
+        save_picture(opened(tmp_path), Shot(folder=str(tmp_path)), progress)
     assert not list(tmp_path.glob("*.png"))
     with pytest.raises(InputError, match="no such folder"):
-        taken(opened(tmp_path), Shot(folder=str(tmp_path / "no")), Progress(""))
+        save_picture(opened(tmp_path), Shot(folder=str(tmp_path / "no")), Progress(""))
 
 
 def test_a_document_knows_what_opens_it_again(tmp_path: Path) -> None:
@@ -263,8 +263,8 @@ esac
 _ASK = """
 import time
 from volspec.viewer.model.paths import PathRequest
-from volspec.viewer.ui.dialogs import NativeDialog, native
-assert native()
+from volspec.viewer.ui.dialogs import NativeDialog, has_native_dialogs
+assert has_native_dialogs()
 read = PathRequest("o", "Open", suffixes=(".nrrd",))
 for request in (read, PathRequest("s", "Save", True, (".toml",), "x.toml")):
     dialog = NativeDialog(request)

@@ -98,7 +98,7 @@ def picture(state: ViewState) -> NDArray[Any]:
     image = raycast(volume, state.transfer, state.view.camera(volume), state.size, state.shading)
     rig = rig_of(state.lights)
     assert rig is not None
-    return relight(image, rig, state.seen, dtype=np.float32, backend="numpy")
+    return relight(image, rig, state.relight, dtype=np.float32, backend="numpy")
 
 
 def assert_same_picture(state: ViewState, folder: Path) -> ViewState:
@@ -169,7 +169,7 @@ def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
         transfer=replace(state.transfer, materials=materials),
         lights=(*state.lights, LightRow("edited", "mine", LightRig((ramp,)), 0.0)),
     )
-    state = replace(state, lights=light_rows.alone(state.lights, 2))
+    state = replace(state, lights=light_rows.only_row(state.lights, 2))
     again = assert_same_picture(state, tmp_path)
     assert again.lights[0].name == "edited" and again.lights[0].label == "mine"
     text = (tmp_path / "again.toml").read_text(encoding="utf-8")
@@ -182,8 +182,8 @@ def test_lux_stay_with_their_lights(tmp_path: Path) -> None:
         LightRow(name, name, LightRig((light(name),), illuminance_lux=(lux,)), 0.7)
         for name, lux in (("D65", 300.0), ("A", 40.0))
     )
-    seen = replace(state.seen, level="absolute")
-    again = assert_same_picture(replace(state, lights=rows, seen=seen), tmp_path)
+    seen = replace(state.relight, level="absolute")
+    again = assert_same_picture(replace(state, lights=rows, relight=seen), tmp_path)
     rig = rig_of(again.lights)
     assert rig is not None and rig.total_lux == pytest.approx(0.7 * 340.0)
 
@@ -194,7 +194,9 @@ def test_a_basis_that_a_scene_trains_is_kept_where_new_lights_would_change_it(
     state = opened(tmp_path, basis='train = "scene"\nsize = 4')
     assert_same_picture(state, tmp_path)
     assert not (tmp_path / "again.basis.json").exists()
-    more = replace(state, lights=light_rows.added(state.lights, "HP1", state.document.grid))
+    more = replace(
+        state, lights=light_rows.with_new_light(state.lights, "HP1", state.document.grid)
+    )
     assert_same_picture(more, tmp_path)
     assert (tmp_path / "again.basis.json").exists()
 
@@ -230,7 +232,7 @@ def test_what_no_file_can_say_is_refused_in_a_line(state: ViewState, tmp_path: P
     here = opened(tmp_path)
     spectrum = RelightSpec(backdrop=Spectrum([400, 700], [0.1, 0.2]))
     with pytest.raises(SceneError, match="backdrop is a spectrum"):
-        scene_of(replace(here, seen=spectrum))
+        scene_of(replace(here, relight=spectrum))
     with pytest.raises(SceneError, match=r"name it \.toml"):
         export_scene(here, tmp_path / "x.json")
     with pytest.raises(InputError, match="cannot write there"):

@@ -19,7 +19,7 @@ from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.work import documents
 from volspec.viewer.work.background import LatestWorker, Tasks
-from volspec.viewer.work.documents import Opened, Openings
+from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.screenshot import Progress, frame_of
 from volspec.viewer.work.session import SUFFIX, save_session
@@ -124,11 +124,11 @@ def test_of_two_files_the_one_asked_for_last_is_opened(
     def slow(name: str, result: object) -> Callable[..., Any]:
         return lambda *_: (may_end[name].wait(20), result)[1]
 
-    monkeypatch.setattr(documents, "opened", slow("scene", state.document))
+    monkeypatch.setattr(documents, "open_document", slow("scene", state.document))
     resumed = replace(state, document=replace(state.document, title="resumed"))
-    monkeypatch.setattr(documents, "resumed", slow("session", resumed))
+    monkeypatch.setattr(documents, "restore_state", slow("session", resumed))
     tasks = Tasks(lambda: None)
-    each = Openings(tasks, Notice(), Trace(), None)
+    each = DocumentService(tasks, Notice(), Trace(), None)
     found: list[Opened] = []
 
     def taken() -> bool:
@@ -156,8 +156,8 @@ def test_only_what_was_said_of_the_opening_goes_with_it(
 ) -> None:
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     state, notice = opened(tmp_path), Notice()
-    monkeypatch.setattr(documents, "opened", lambda *_: state.document)
-    each = Openings(Tasks(lambda: None), notice, Trace(), None)
+    monkeypatch.setattr(documents, "open_document", lambda *_: state.document)
+    each = DocumentService(Tasks(lambda: None), notice, Trace(), None)
     each.open("a.toml")
     assert notice.text == "Opening a.toml …"
     each.begin(Opened(state), state)
@@ -179,10 +179,10 @@ def test_a_picture_that_is_written_is_said_to_be_saved_though_it_was_given_up(
         return tmp_path / "late.png"
 
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
-    monkeypatch.setattr(file_commands, "taken", taken)
+    monkeypatch.setattr(file_commands, "save_picture", taken)
     notice, came = Notice(), threading.Event()
     rest: tuple[Any, ...] = (UiContext(), notice, Trace(), None, None, lambda *_: None)
-    each = file_commands.Chores(Tasks(came.set), cast(Any, None), *rest)
+    each = file_commands.FileCommands(Tasks(came.set), cast(Any, None), *rest)
     each.do("screenshot", opened(tmp_path))
     assert came.wait(20) and each.take(first=False)[0]
     said = f"Saved {tmp_path / 'late.png'}" if written else "The picture was given up"

@@ -14,9 +14,9 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light
 from volspec.viewer.model import camera, light_rows, light_states, lights
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.light_parts import drawn
-from volspec.viewer.model.light_rows import LightRow, Rows, rig_of, shining
-from volspec.viewer.model.light_states import faded, recalled
+from volspec.viewer.model.light_parts import with_stroke
+from volspec.viewer.model.light_rows import LightRow, Rows, effective_weights, rig_of
+from volspec.viewer.model.light_states import interpolate_lights, recalled_rows
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.fader import Fader
 
@@ -34,8 +34,8 @@ START: Rows = (row("D65", 1.0, 100.0), row("A", 0.5, 200.0), row("planck:2000", 
 
 def after(rows: Rows) -> Rows:
     """D65 muted, A solo and drawn, the radiator hotter, and one light more."""
-    rows = drawn(light_rows.changed(rows, 0, muted=True), 1, 0, (0.1, 3.0), (0.4, 3.0))
-    rows = light_rows.heated(rows, 2, 8000.0)
+    rows = with_stroke(light_rows.with_changes(rows, 0, muted=True), 1, 0, (0.1, 3.0), (0.4, 3.0))
+    rows = light_rows.with_kelvin(rows, 2, 8000.0)
     return (*rows, row("FL2", 0.8, 400.0))
 
 
@@ -44,15 +44,18 @@ END = after(START)
 
 def test_a_fade_begins_and_ends_exactly_at_its_ends() -> None:
     start, end = (START, DIM), (END, BRIGHT)
-    assert faded(start, end, 0.0) is start and faded(start, end, -1.0) is start
-    assert faded(start, end, 1.0) is end and faded(start, end, 2.0) is end
+    assert (
+        interpolate_lights(start, end, 0.0) is start
+        and interpolate_lights(start, end, -1.0) is start
+    )
+    assert interpolate_lights(start, end, 1.0) is end and interpolate_lights(start, end, 2.0) is end
 
 
 @given(share=_SHARE)
 def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
-    rows, seen = faded((START, DIM), (END, BRIGHT), share)
+    rows, seen = interpolate_lights((START, DIM), (END, BRIGHT), share)
     assert len(rows) == 4 and not any(each.solo or each.muted for each in rows)
-    a, b = shining((*START, replace(END[3], weight=0.0))), shining(END)
+    a, b = effective_weights((*START, replace(END[3], weight=0.0))), effective_weights(END)
     expected = [(1 - share) * p + share * q for p, q in zip(a, b, strict=True)]
     np.testing.assert_allclose([each.weight for each in rows], expected)
     values = [of.rig.lights[0].values for of in (START[1], rows[1], END[1])]
@@ -72,7 +75,7 @@ def test_a_fade_moves_without_jumps_from_end_to_end() -> None:
     """A hundredth of the way changes no band by more than its part of the whole difference."""
     mixes = []
     for share in np.linspace(0, 1, 101):
-        rig = rig_of(faded((START, DIM), (END, DIM), float(share))[0])
+        rig = rig_of(interpolate_lights((START, DIM), (END, DIM), float(share))[0])
         assert rig is not None
         mixes.append(rig.mixed(DEFAULT_GRID).values)
     steps = np.abs(np.diff(mixes, axis=0)).max(axis=1)
@@ -82,7 +85,7 @@ def test_a_fade_moves_without_jumps_from_end_to_end() -> None:
 @given(share=_SHARE)
 def test_lux_of_a_light_lie_between(share: float) -> None:
     brighter = (replace(START[0], rig=replace(START[0].rig, illuminance_lux=(500.0,))), *START[1:])
-    rows, _ = faded((START, DIM), (brighter, DIM), share)
+    rows, _ = interpolate_lights((START, DIM), (brighter, DIM), share)
     lux = rows[0].rig.illuminance_lux
     assert lux is not None and lux[0] == pytest.approx(100 + 400 * share)
 
@@ -91,30 +94,30 @@ def test_a_fade_of_words_that_do_not_go_together_takes_those_of_its_end() -> Non
     pixel = RelightSpec(Viewing(adapting="pixel"))
     hunt = RelightSpec(Viewing(model="Hunt", illuminance_lux=20.0))
     for start, end in ((pixel, hunt), (hunt, pixel)):
-        _, seen = faded((START, start), (START, end), 0.5)
+        _, seen = interpolate_lights((START, start), (START, end), 0.5)
         assert seen.viewing.model == end.viewing.model
 
 
 def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
     now = after(START)
-    back = recalled(now, START)
+    back = recalled_rows(now, START)
     assert back[:3] == START and back[3].name == "FL2" and back[3].weight == 0.0
-    assert recalled(back, START) == back
+    assert recalled_rows(back, START) == back
 
 
 def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None:
     one = light_states.save(state)
     two = light_states.save(lights.set_weight(one, 2, 0.3))
-    assert [kept.name for kept in two.kept] == ["State 1", "State 2"]
-    assert light_states.rename(two, 0, "  Day\n light ").kept[0].name == "Day light"
+    assert [kept.name for kept in two.saved_lights] == ["State 1", "State 2"]
+    assert light_states.rename(two, 0, "  Day\n light ").saved_lights[0].name == "Day light"
     assert light_states.rename(two, 0, "State 2") is two
     assert light_states.rename(two, 0, " ") is two
     over = light_states.save_over(two, 0)
-    assert over.kept[0].lights is two.lights and over.kept[0].name == "State 1"
+    assert over.saved_lights[0].lights is two.lights and over.saved_lights[0].name == "State 1"
     back = light_states.recall(two, 0)
-    assert back.lights == state.lights and back.seen == state.seen and back.fade is not None
+    assert back.lights == state.lights and back.relight == state.relight and back.fade is not None
     gone = light_states.delete(two, 0)
-    assert [kept.name for kept in light_states.save(gone).kept] == ["State 2", "State 1"]
+    assert [kept.name for kept in light_states.save(gone).saved_lights] == ["State 2", "State 1"]
     for index in (-1, 2, 99):
         assert light_states.recall(two, index) is two
         assert light_states.delete(two, index) is two
@@ -124,30 +127,30 @@ def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None
 def test_saving_and_deleting_a_state_can_be_undone(state: ViewState) -> None:
     history = History(state).then(light_states.save(state), 1)
     history = history.then(light_states.delete(history.present, 0), 2)
-    assert history.present.kept == () and len(history.undone().present.kept) == 1
+    assert history.present.saved_lights == () and len(history.undone().present.saved_lights) == 1
 
 
 def recalling(state: ViewState, seconds: float) -> ViewState:
     """A state on its way from A alone to D65 alone."""
     kept = light_states.save(light_states.set_fade(state, seconds))
-    other = replace(kept, lights=light_rows.alone(kept.lights, 1))
+    other = replace(kept, lights=light_rows.only_row(kept.lights, 1))
     return light_states.recall(other, 0)
 
 
 def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> None:
     fader, new = Fader(), recalling(state, 2.0)
     first = fader.shown(new, 10.0)
-    assert shining(first.lights)[:2] == (0.0, 1.0) and fader.running
+    assert effective_weights(first.lights)[:2] == (0.0, 1.0) and fader.running
     half = fader.shown(new, 11.0)
-    assert shining(half.lights)[:2] == (0.5, 0.5)
+    assert effective_weights(half.lights)[:2] == (0.5, 0.5)
     assert fader.shown(new, 12.0) is new and not fader.running
     assert new.lights == state.lights
     assert Difference.between(first, half).stage == "relight"
 
 
 def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
-    fader, before = Fader(), replace(state, lights=light_rows.alone(state.lights, 1))
-    before = replace(before, kept=light_states.save(state).kept)
+    fader, before = Fader(), replace(state, lights=light_rows.only_row(state.lights, 1))
+    before = replace(before, saved_lights=light_states.save(state).saved_lights)
     history = History(before).then(light_states.recall(before, 0), 1)
     for i in range(1, 4):
         present = history.present
@@ -169,7 +172,7 @@ def test_a_hand_on_a_light_stops_the_fade_where_it_is(state: ViewState) -> None:
     fader.shown(new, 0.0)
     shown = fader.shown(new, 0.5)
     stopped = fader.to_keep(new, shown, lights.set_weight(shown, 2, 0.9))
-    assert stopped.fade is None and shining(stopped.lights)[:3] == (0.5, 0.5, 0.9)
+    assert stopped.fade is None and effective_weights(stopped.lights)[:3] == (0.5, 0.5, 0.9)
     assert fader.shown(stopped, 0.6) is stopped and not fader.running
 
 
@@ -178,8 +181,8 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
     fader.shown(new, 0.0)
     shown = fader.shown(new, 0.5)
     again = fader.to_keep(new, shown, light_states.recall(shown, 0))
-    assert again.fade is not None and shining(again.fade.lights)[:2] == (0.5, 0.5)
-    assert shining(fader.shown(again, 0.7).lights)[:2] == (0.5, 0.5)
+    assert again.fade is not None and effective_weights(again.fade.lights)[:2] == (0.5, 0.5)
+    assert effective_weights(fader.shown(again, 0.7).lights)[:2] == (0.5, 0.5)
 
 
 def test_a_fade_of_no_time_is_a_cut(state: ViewState) -> None:

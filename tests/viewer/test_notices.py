@@ -17,15 +17,19 @@ from volspec.viewer.model.light_states import MOST_STATES
 from volspec.viewer.model.palette_table import Table, table_of
 from volspec.viewer.model.palette_targets import STAY
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.compare import error_map_lines
 from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.palette_cells import cell_lines
+from volspec.viewer.ui.transfer_library import add_material_of
+from volspec.viewer.ui.viewing import white_text
 
 
 def said(state: ViewState, name: str) -> str:
     """What an action says that leaves the state as it is."""
     here = UiContext()
-    assert here.done(state, BY_NAME[name]) is state
-    assert len(here.asked) == 1
-    return str(here.asked[0]).removeprefix("say ")
+    assert here.run(state, BY_NAME[name]) is state
+    assert len(here.requests) == 1
+    return str(here.requests[0]).removeprefix("say ")
 
 
 def full_of_lights(state: ViewState) -> ViewState:
@@ -40,8 +44,10 @@ def test_actions_that_leave_all_as_it_is_say_why(state: ViewState) -> None:
     assert said(dark, "keep-mix") == "No light is on: there is no mix to keep"
     assert said(dark, "remove-light").startswith("The last light stays")
     assert said(state, "palette-anew").startswith("Nothing may change yet")
-    kept = tuple(LightState(str(i), state.lights, state.seen) for i in range(MOST_STATES))
-    assert said(replace(state, kept=kept), "save-state").startswith("99 saved states are the most")
+    kept = tuple(LightState(str(i), state.lights, state.relight) for i in range(MOST_STATES))
+    assert said(replace(state, saved_lights=kept), "save-state").startswith(
+        "99 saved states are the most"
+    )
 
 
 @pytest.mark.parametrize("name", ["preset-bone", "transfer-regions"])
@@ -52,10 +58,10 @@ def test_labels_say_that_no_preset_and_no_other_kind_fits_them(state: ViewState,
 def test_actions_that_do_something_or_have_nothing_to_do_say_nothing(state: ViewState) -> None:
     here = UiContext()
     for name in ("keep-mix", "save-state", "palette-light", "remove-light", "preset-bone"):
-        assert here.done(state, BY_NAME[name]) is not state, name
+        assert here.run(state, BY_NAME[name]) is not state, name
     # It is a curve already.
-    assert here.done(state, BY_NAME["transfer-points"]) is state
-    assert here.asked == []
+    assert here.run(state, BY_NAME["transfer-points"]) is state
+    assert here.requests == []
 
 
 def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> None:
@@ -65,24 +71,22 @@ def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> 
     assert command.change is not None
     here, full = UiContext(), full_of_lights(state)
     assert here.edited(full, command.change) is full
-    assert here.asked == ["say 99 lights are the most; remove one first"]
+    assert here.requests == ["say 99 lights are the most; remove one first"]
     assert here.edited(state, command.change) is not state
-    assert len(here.asked) == 1
+    assert len(here.requests) == 1
 
 
 def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state: ViewState) -> None:
-    from volspec.viewer.ui.transfer_library import added
-
     here = UiContext()
     here.library.search = "silver"
-    new = added(state, here, 0, "silver")
+    new = add_material_of(state, here, 0, "silver")
     assert "silver" in new.transfer.materials and here.library.search == ""
-    assert here.asked[0].startswith("say Added silver: materials are the channels now")
+    assert here.requests[0].startswith("say Added silver: materials are the channels now")
     here.library.search = "gould"
-    assert added(state, here, 0, "gould") is state
+    assert add_material_of(state, here, 0, "gould") is state
     # What was typed stays, to be mended.
     assert "gold" in here.library.complaint and here.library.search == "gould"
-    assert len(here.asked) == 1
+    assert len(here.requests) == 1
 
 
 def test_a_colour_that_is_not_made_yet_is_waited_for(
@@ -99,10 +103,10 @@ def test_a_colour_that_is_not_made_yet_is_waited_for(
 
     monkeypatch.setattr(library.css_colours, "colours", unmade)
     here = UiContext()
-    assert library.added(state, here, 0, "tomato") is state
+    assert library.add_material_of(state, here, 0, "tomato") is state
     assert here.library.search == "tomato"
     assert here.library.complaint == "Colours are being made ready …"
-    assert here.asked == ["say Colours are being made ready …"]
+    assert here.requests == ["say Colours are being made ready …"]
 
 
 def report(
@@ -115,9 +119,7 @@ def report(
 
 
 def test_a_cell_says_what_is_wanted_and_how_far_it_is() -> None:
-    from volspec.viewer.ui.palette_cells import explained
-
-    assert "Nothing is wanted here" in explained(report(), None)
+    assert "Nothing is wanted here" in cell_lines(report(), None)
     for cell, words in (
         (Cell(colour=(1, 0, 0)), "a colour is wanted"),
         (Cell(colour=(1, 0, 0), weight=STAY), "is to stay, as far as it can"),
@@ -126,11 +128,13 @@ def test_a_cell_says_what_is_wanted_and_how_far_it_is() -> None:
         (Cell("same", other=("tin", "D65")), "the colour of tin under D65"),
         (Cell("distinct", other=("tin", "D65"), distance=20), "ΔE 20 or more from tin under D65"),
     ):
-        assert explained(report(cell, 0.2), cell).splitlines()[1] == words
-    wish = Cell(colour=(1, 0, 0))
-    assert explained(report(wish, 0.4), wish).endswith("ΔE 0.4, reached")
-    assert "ΔE 7.0: cannot be told apart below 1" in explained(report(wish, 7.0), wish)
-    assert explained(report(wish, 0.4, inside=False), wish).endswith("! is outside the display")
+        assert cell_lines(report(cell, 0.2), cell).splitlines()[1] == words
+    target = Cell(colour=(1, 0, 0))
+    assert cell_lines(report(target, 0.4), target).endswith("ΔE 0.4, reached")
+    assert "ΔE 7.0: cannot be told apart below 1" in cell_lines(report(target, 7.0), target)
+    assert cell_lines(report(target, 0.4, inside=False), target).endswith(
+        "! is outside the display"
+    )
 
 
 def test_the_palette_sums_up_what_is_missed_and_what_drifts(state: ViewState) -> None:
@@ -150,21 +154,17 @@ def test_the_palette_sums_up_what_is_missed_and_what_drifts(state: ViewState) ->
 
 
 def test_the_error_map_says_whether_an_eye_would_see_it() -> None:
-    from volspec.viewer.ui.compare import told
-
     whole = np.ones((2, 2), np.float32)
-    assert told(None, "") == ["Error map: working …"]
-    assert told(None, "no memory") == ["no memory"]
-    assert told(ErrorMap(0.5 * whole, whole), "")[-1].endswith("nothing here is seen")
-    far = told(ErrorMap(3 * whole, whole), "")
+    assert error_map_lines(None, "") == ["Error map: working …"]
+    assert error_map_lines(None, "no memory") == ["no memory"]
+    assert error_map_lines(ErrorMap(0.5 * whole, whole), "")[-1].endswith("nothing here is seen")
+    far = error_map_lines(ErrorMap(3 * whole, whole), "")
     assert far == ["ΔE00, componentwise against the exact light matrix", far[1]]
     assert far[1].startswith("mean 3")
 
 
 def test_the_adopted_white_is_told_of_what_shines_alone(state: ViewState) -> None:
-    from volspec.viewer.ui.viewing import white_told
-
     muted = lights.toggle_mute(state, 0)
-    assert white_told(muted.lights) == white_told(())
+    assert white_text(muted.lights) == white_text(())
     both = lights.set_weight(state, 1, 1.0)
-    assert white_told(both.lights) != white_told(state.lights)
+    assert white_text(both.lights) != white_text(state.lights)

@@ -21,8 +21,8 @@ from volspec.transfer import (
 )
 from volspec.viewer.model import palette_files, palette_wizards
 from volspec.viewer.model.history import Difference
-from volspec.viewer.model.palette_table import columns, palette_of, table_of
-from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Board, Pick
+from volspec.viewer.model.palette_table import column_names, palette_of, table_of
+from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, PaletteState, Pick
 from volspec.viewer.model.state import ViewState
 
 
@@ -30,26 +30,29 @@ from volspec.viewer.model.state import ViewState
 def hidden(state: ViewState) -> ViewState:
     pick = Pick(place=("gold", "A"))
     asked = replace(state, interface=replace(state.interface, pick=pick))
-    return palette_wizards.applied(asked, palette_wizards.asked(asked, "hide"))
+    return palette_wizards.with_wizard_result(asked, palette_wizards.run_wizard(asked, "hide"))
 
 
 def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: ViewState) -> None:
     table = table_of(hidden)
     cell = table.cells["gold", "A"]
     assert cell.kind == "same" and cell.error is not None and cell.error < SEEN
-    assert hidden.board.wishes.open == {(REFLECTANCE, "gold")} and not hidden.board.waits
+    assert hidden.palette.targets.open == {(REFLECTANCE, "gold")} and not hidden.palette.is_pending
     # What else was asked for can be asked for again, from here.
     again = wished(hidden, 4, "#c0a060")
-    assert again.board.waits and palette_of(again).cells["gold", "A"].kind == "same"
+    assert again.palette.is_pending and palette_of(again).cells["gold", "A"].kind == "same"
 
 
 def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
     pick = Pick(place=("gold", "A"), like="D65")
     asked = replace(state, interface=replace(state.interface, pick=pick))
-    made = palette_wizards.applied(asked, palette_wizards.asked(asked, "hide"))
-    assert columns(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
-    assert (LIGHT, "new 1") in made.board.wishes.open
-    assert Difference.between(undressed(state), replace(made, board=Board())).stage == "relight"
+    made = palette_wizards.with_wizard_result(asked, palette_wizards.run_wizard(asked, "hide"))
+    assert column_names(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
+    assert (LIGHT, "new 1") in made.palette.targets.open
+    assert (
+        Difference.between(undressed(state), replace(made, palette=PaletteState())).stage
+        == "relight"
+    )
 
 
 def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState) -> None:
@@ -64,34 +67,34 @@ def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState) -
         scene = palette_wizards.scene_of(replace(state, transfer=transfer))
         assert list(scene.materials) == ["copper", "gold"]
         assert type(scene.transfer) is type(transfer)
-        assert [each.name for each in scene.lights] == list(columns(state.lights))
-        assert scene.relight.viewing == state.seen.viewing
+        assert [each.name for each in scene.lights] == list(column_names(state.lights))
+        assert scene.relight.viewing == state.relight.viewing
 
 
 def test_filters_keep_their_basis_and_no_wizard_touches_them(state: ViewState) -> None:
     assert isinstance(state.transfer, TransferFunction)
     glass = replace(state.transfer, filters={"gold": reflectance("gold")})
     asked = wished(replace(state, transfer=glass), 5)
-    assert asked.transfer is glass and asked.board.waits
+    assert asked.transfer is glass and asked.palette.is_pending
     assert Difference.between(asked, designed(asked)).stage == "cast"
     with pytest.raises(PaletteError, match="filter"):
-        palette_wizards.asked(asked, "hide")
+        palette_wizards.run_wizard(asked, "hide")
 
 
 def test_a_wizard_that_refuses_says_why(state: ViewState) -> None:
     pick = Pick(place=("gold", "A"), distance=99.0)
     asked = replace(state, interface=replace(state.interface, pick=pick))
     with pytest.raises(PaletteError, match="comes no further than"):
-        palette_wizards.asked(asked, "reveal")
+        palette_wizards.run_wizard(asked, "reveal")
 
 
 def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
-    palette_files.saved(hidden, str(file))
+    palette_files.save_state_palette(hidden, str(file))
     again = palette_files.with_palette(hidden, load_palette(file))
-    assert not again.board.waits
-    assert again.board.wishes.cells == hidden.board.wishes.cells
-    assert again.board.wishes.open == hidden.board.wishes.open
+    assert not again.palette.is_pending
+    assert again.palette.targets.cells == hidden.palette.targets.cells
+    assert again.palette.targets.open == hidden.palette.targets.open
     # Six decimals are written.
     for name, spectrum in hidden.transfer.materials.items():
         np.testing.assert_allclose(

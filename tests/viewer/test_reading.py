@@ -38,7 +38,7 @@ def test_the_probe_says_where_a_ball_is_hit(
     state = replace(state, view=replace(state.view, orthographic=orthographic))
     camera, image, rig = shot(state)
     volume = document.volume
-    told = dict(read(image, camera, volume, rig, state.seen, MIDDLE, (1, 2, 3)).rows)
+    told = dict(read(image, camera, volume, rig, state.relight, MIDDLE, (1, 2, 3)).rows)
     assert {"Value", "mm", "RGB", "XYZ", "J  C  h", "Q  M  s", "H", "ΔE00"} == set(told)
     assert told["RGB"] == "1  2  3"
     place = place_mm(image, camera, MIDDLE)
@@ -63,7 +63,7 @@ def test_a_value_is_that_of_the_nearest_voxel(document: Document) -> None:
 def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) -> None:
     """Q times the spectrum is the exact picture's XYZ, as both synthesize the same channels."""
     _, image, rig = shot(state)
-    seen = replace(state.seen, mode="exact")
+    seen = replace(state.relight, mode="exact")
     light, reflected = spectra(image, rig, seen, MIDDLE)
     Q = color_matching_functions(image.basis.grid)
     XYZ = 100.0 * (Q @ reflected) / (Q[1] @ light)
@@ -77,16 +77,16 @@ def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) ->
 
 def test_nothing_but_the_backdrop_is_reflected_beside_the_ball(state: ViewState) -> None:
     _, image, rig = shot(state)
-    light, reflected = spectra(image, rig, state.seen, (0, 0))
+    light, reflected = spectra(image, rig, state.relight, (0, 0))
     np.testing.assert_allclose(reflected, 0.2 * light)
 
 
 def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     camera, image, rig = shot(state)
-    reading = read(image, camera, state.document.volume, rig, state.seen, MIDDLE, (0, 0, 0))
-    whole = error_map(image, rig, state.seen.mode, state.seen.backdrop)
+    reading = read(image, camera, state.document.volume, rig, state.relight, MIDDLE, (0, 0, 0))
+    whole = error_map(image, rig, state.relight.mode, state.relight.backdrop)
     assert dict(reading.rows)["ΔE00"] == f"{whole.delta_e[16, 16]:.2f} to exact"
-    exact = replace(state.seen, mode="exact")
+    exact = replace(state.relight, mode="exact")
     told = read(image, camera, state.document.volume, rig, exact, MIDDLE, (0, 0, 0)).rows
     assert "ΔE00" not in dict(told)
 
@@ -99,9 +99,9 @@ def test_the_map_is_made_once_for_a_picture_and_light_and_says_where_none_shines
     _, image, _ = shot(state)
     begun = []
     monkeypatch.setattr(heat.Tasks, "start", lambda self, kind, task: begun.append(task))
-    overlay: Any = heat.Heat(None, lambda: None)
+    overlay: Any = heat.ErrorMapTexture(None, lambda: None)
     for lights in (state.lights, state.lights, state.lights[1:], state.lights[1:]):
-        overlay.want(image, lights, state.seen)
+        overlay.want(image, lights, state.relight)
     shining, dark = begun
     assert shining()[0].delta_e.shape == (33, 33) and shining()[1] is image
     with pytest.raises(RelightError, match="No light is on"):

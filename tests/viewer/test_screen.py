@@ -36,7 +36,7 @@ def slow(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Ite
 
 
 def under(state: ViewState, light: int) -> ViewState:
-    return replace(state, lights=light_rows.alone(state.lights, light))
+    return replace(state, lights=light_rows.only_row(state.lights, light))
 
 
 def lit(screen: Screen, state: ViewState) -> NDArray[np.uint8]:

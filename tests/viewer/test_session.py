@@ -32,7 +32,7 @@ from volspec.viewer.work.session import (
     BrokenSession,
     SessionError,
     read_session,
-    resumed,
+    restore_state,
     save_session,
     session_of,
 )
@@ -61,15 +61,17 @@ def worked_on(state: ViewState) -> ViewState:
         clip_planes=(ClipPlane((6, 6, 6), (0, 1, 0)),),
         crop_voxels=((0, 9), (0, 11), (0, 11)),
     )
-    display = replace(state.seen.viewing.display, gamut="reduce", mark=True)
-    seen = replace(state.seen, viewing=replace(state.seen.viewing, model="CAM16", display=display))
+    display = replace(state.relight.viewing.display, gamut="reduce", mark=True)
+    seen = replace(
+        state.relight, viewing=replace(state.relight.viewing, model="CAM16", display=display)
+    )
     window = Interface(dark=False, light=2, panels=frozenset({"Lights"}))
     changes: dict[str, Any] = {"lights": rows, "other": state.lights, "divide": 0.3}
-    return replace(state, shading=shading, seen=seen, interface=window, **changes)
+    return replace(state, shading=shading, relight=seen, interface=window, **changes)
 
 
 def again(state: ViewState, folder: Path) -> ViewState:
-    return resumed(read_session(save_session(state, folder / f"one{SUFFIX}")), cast=False)
+    return restore_state(read_session(save_session(state, folder / f"one{SUFFIX}")), cast=False)
 
 
 def test_all_that_was_made_comes_back_to_the_last_bit(tmp_path: Path) -> None:
@@ -95,7 +97,7 @@ def test_what_was_one_is_one_again(tmp_path: Path) -> None:
     """A light change must not cast, and what is unchanged must be known to be so."""
     state = opened(tmp_path)
     back = again(lights.set_weight(state, 1, 0.5), tmp_path)
-    assert back.transfer is back.document.transfer and back.seen is back.document.seen
+    assert back.transfer is back.document.transfer and back.relight is back.document.relight
     assert back.lights[0].rig is back.document.lights[0].rig
     moved = again(transfer_edits.shift(state, 0.1), tmp_path)
     assert moved.transfer is not moved.document.transfer
@@ -104,12 +106,12 @@ def test_what_was_one_is_one_again(tmp_path: Path) -> None:
 
 def test_a_fade_that_is_over_is_not_seen_again(tmp_path: Path) -> None:
     state = opened(tmp_path)
-    state = replace(state, fade=Fade(state.lights, state.seen, 1.0))
+    state = replace(state, fade=Fade(state.lights, state.relight, 1.0))
     session = session_of(state)
-    assert "fade" not in session.data["state"] and resumed(session, cast=False).fade is None
+    assert "fade" not in session.data["state"] and restore_state(session, cast=False).fade is None
     # As files of before have it.
     old = session.data | {"state": session.data["state"] | {"fade": {"#": 0}}}
-    assert resumed(replace(session, data=old), cast=False).fade is None
+    assert restore_state(replace(session, data=old), cast=False).fade is None
 
 
 def test_a_bare_volume_that_is_moved_with_its_session_is_found(tmp_path: Path) -> None:
@@ -121,10 +123,10 @@ def test_a_bare_volume_that_is_moved_with_its_session_is_found(tmp_path: Path) -
     state = ViewState.first(Document.of(scene, scene.volume(), None), (40, 30))
     save_session(state, here / f"one{SUFFIX}")
     here.rename(there)
-    back = resumed(read_session(there / f"one{SUFFIX}"), cast=False)
+    back = restore_state(read_session(there / f"one{SUFFIX}"), cast=False)
     assert back.document.path == there / "ball.npy"
     # Saved again, it is found again.
-    assert resumed(session_of(back), cast=False).document.path == there / "ball.npy"
+    assert restore_state(session_of(back), cast=False).document.path == there / "ball.npy"
 
 
 @pytest.mark.parametrize("kind", ["gradients", "regions", "labels", "surfaces"])
@@ -134,22 +136,30 @@ def test_other_transfer_functions_come_back(tmp_path: Path, kind: str) -> None:
 
 
 def test_a_session_of_the_first_version_loads(tmp_path: Path) -> None:
-    """You may add migrations; never change this file. Its volume stands beside it."""
+    """You may add migrations; never change these files. Their volume is in their folder."""
     np.save(tmp_path / "ball.npy", phantom.ball(12).values)
     (tmp_path / "ball.toml").touch()
-    for source in FIXTURES.glob(f"v1-*{SUFFIX}"):
+    for source in sorted(FIXTURES.glob(f"v1-*{SUFFIX}")):
         target = tmp_path / source.name
         target.write_bytes(source.read_bytes())
-        state = resumed(read_session(target), cast=False)
+        state = restore_state(read_session(target), cast=False)
         assert [row.name for row in state.lights] == ["day", "tungsten", "mine", "3000 K"]
         assert state.lights[1].solo and state.lights[2].muted and state.lights[3].kelvin == 3000.0
         assert state.lights[2].rig.lights[0].designed
         assert state.other is not None and state.divide == 0.3 and state.shift == 0.05
-        assert state.seen.viewing.model == "CAM16" and state.seen.viewing.display.mark
+        assert state.relight.viewing.model == "CAM16" and state.relight.viewing.display.mark
         assert not state.interface.dark and state.interface.panels == {"Lights"}
         assert len(state.shading.clip_planes) == 1 and state.shading.groups[0].name == "key"
         assert state.view.azimuth_deg == pytest.approx(-6.0)
     assert list(FIXTURES.glob(f"v1-*{SUFFIX}"))
+    # The second has what came later: a palette, saved lights, thicker opacities.
+    targets = state.palette.targets
+    assert targets.cells["copper", "day"].kind == "colour" and targets.constant == {"grey"}
+    assert targets.open == {("reflectance", "copper"), ("reflectance", "grey")}
+    assert state.palette.is_pending and state.palette.designed_for is None
+    assert [saved.name for saved in state.saved_lights] == ["State 1", "evening"]
+    assert state.saved_lights[1].relight.viewing.model == "CAM16"
+    assert state.thickness == 1.7 and state.unthickened and state.unthickened[1] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -162,7 +172,7 @@ def test_a_session_of_the_first_version_loads(tmp_path: Path) -> None:
         (lambda d: d["state"].update(divide="half"), "divide is 'half'; expected a number"),
         (lambda d: d["state"].update(view={"is": "View", "up": [0, 0]}), "view.up is"),
         (lambda d: d["state"].pop("lights"), "lights is missing"),
-        (lambda d: d["state"].update(seen={"#": 999}), "seen is"),
+        (lambda d: d["state"].update(relight={"#": 999}), "relight is"),
         (lambda d: d["file"].pop("volume"), "volume"),
         (lambda d: d["state"]["shading"].update(ambient=-1.0), "ambient is -1"),
     ],
@@ -173,7 +183,32 @@ def test_what_is_no_session_is_refused_in_a_line(tmp_path: Path, change: Any, me
     change(data)
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(SessionError, match=message.replace("[", r"\[")) as told:
-        resumed(read_session(path), cast=False)
+        restore_state(read_session(path), cast=False)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d.update(state=[]), "ViewState is []"),
+        (lambda d: d["state"].update(board="none"), "palette is 'none'; expected PaletteState"),
+        (lambda d: d["state"]["board"].update({"is": "Plank"}), "'Plank'; expected PaletteState"),
+        (lambda d: d["state"]["board"].update(wishes=7), "palette.targets is 7"),
+        (lambda d: d["state"]["kept"][0].pop("seen"), "saved_lights 1.relight is missing"),
+        (lambda d: d.update(objects={}), "is"),
+    ],
+)
+def test_an_old_session_that_was_edited_is_refused_in_a_line(
+    tmp_path: Path, change: Any, message: str
+) -> None:
+    np.save(tmp_path / "ball.npy", phantom.ball(12).values)
+    (tmp_path / "ball.toml").touch()
+    path = tmp_path / f"one{SUFFIX}"
+    data = json.loads((FIXTURES / f"v1-palette{SUFFIX}").read_text(encoding="utf-8"))
+    change(data)
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(SessionError, match=message.replace("[", r"\[")) as told:
+        restore_state(read_session(path), cast=False)
     assert "\n" not in str(told.value)
 
 
@@ -217,7 +252,7 @@ def test_a_state_that_is_late_to_be_written_does_not_overwrite_a_newer_one(tmp_p
     late = store.saving(older, 1.0)
     own = store.save(newer)
     assert own is not None and late() is None
-    assert resumed(read_session(own), cast=False).view == newer.view
+    assert restore_state(read_session(own), cast=False).view == newer.view
     # What was written in its order is.
     again = store.saving(camera.orbit(newer, 0.1, 0.0), 2.0)
     assert again() == own
@@ -266,7 +301,7 @@ def test_another_file_does_not_overwrite_what_was_made_before(tmp_path: Path) ->
     second = store.save(camera.orbit(other, 0.3, 0.0))
     assert second != first and store.last() == first
     # Restored, it goes on in its own file.
-    back = resumed(store.read(first), cast=False)
+    back = restore_state(store.read(first), cast=False)
     store.begin(back, first)
     assert store.save(camera.orbit(back, 0.5, 0.0)) == first
     assert store.last() == second
@@ -334,7 +369,7 @@ def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path: Path) -> Non
     after = SessionStore(tmp_path / "state")
     assert after.ended_early() and after.last() == saved
     after.begin(state)
-    assert resumed(after.read(saved), cast=False).view == camera.orbit(state, 0.1, 0.0).view
+    assert restore_state(after.read(saved), cast=False).view == camera.orbit(state, 0.1, 0.0).view
     assert list((tmp_path / "state" / "sessions").iterdir()) == [saved]
 
 
@@ -354,7 +389,9 @@ def test_a_session_of_a_later_version_stays_where_it_is(tmp_path: Path) -> None:
     folder = tmp_path / "state" / "sessions"
     folder.mkdir(parents=True)
     path = save_session(opened(tmp_path), folder / f"x{SUFFIX}")
-    path.write_text(path.read_text(encoding="utf-8").replace('"version":1', '"version":99', 1))
+    path.write_text(
+        path.read_text(encoding="utf-8").replace(f'"version":{VERSION}', '"version":99', 1)
+    )
     with pytest.raises(SessionError, match="99"):
         SessionStore(tmp_path / "state").read(path)
     assert path.exists()

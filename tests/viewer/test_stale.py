@@ -17,13 +17,13 @@ from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Edited, after
 from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
 from volspec.viewer.model.light_rows import Fade, LightState
-from volspec.viewer.model.palette_targets import Board
+from volspec.viewer.model.palette_targets import PaletteState
 from volspec.viewer.model.state import Interface, ViewState
 
 
 def test_every_field_of_the_state_has_its_stage() -> None:
     assert set(STAGES) == {field.name for field in fields(ViewState)}
-    assert {STAGES[name] for name in ("lights", "seen", "other", "divide")} == {"relight"}
+    assert {STAGES[name] for name in ("lights", "relight", "other", "divide")} == {"relight"}
 
 
 def test_nothing_to_do_where_nothing_changed_and_everything_at_first(state: ViewState) -> None:
@@ -42,15 +42,15 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "shading": replace(state.shading, ambient=0.9),
         "size": (80, 60),
         "lights": state.lights[:-1],
-        "seen": RelightSpec(backdrop=0.5),
+        "relight": RelightSpec(backdrop=0.5),
         "other": state.lights,
         "divide": 0.25,
         "interface": Interface(dark=False),
-        "kept": (LightState("State 1", state.lights, state.seen),),
-        "fade": Fade(state.lights, state.seen, 1.0),
-        "board": Board(),
+        "saved_lights": (LightState("State 1", state.lights, state.relight),),
+        "fade": Fade(state.lights, state.relight, 1.0),
+        "palette": PaletteState(),
         "thickness": 2.0,
-        "thin": (state.transfer, 1.0, state.transfer),
+        "unthickened": (state.transfer, 1.0, state.transfer),
     }
     changed = replace(state, **{name: others[name]})
     assert Difference.between(state, changed).stage == STAGES[name]
@@ -163,13 +163,13 @@ _COSTS: dict[str, tuple[Any, ...]] = {
     "materials.add_material": ("cast", 1, "gold"),
     "materials.remove_material": ("cast", "silver"),
     "palette_edits.choose_cell": ("relight", 1),
-    # The first wish makes the materials channels, which is the one cast; later ones relight.
-    "palette_edits.wish": ("cast", 1, "#804020"),
-    "palette_edits.wish_kind": ("cast", 1, "colour", 0),
-    # Of a wish that is not there.
-    "palette_edits.wish_weight": (None, 1, 0.3),
-    "palette_edits.wish_group": (None, 1, "gold"),
-    "palette_edits.wish_distance": (None, 1, 0.3),
+    # The first target makes the materials channels, which is the one cast; later ones relight.
+    "palette_edits.set_target": ("cast", 1, "#804020"),
+    "palette_edits.set_target_kind": ("cast", 1, "colour", 0),
+    # Of a target that is not there.
+    "palette_edits.set_target_weight": (None, 1, 0.3),
+    "palette_edits.set_target_group": (None, 1, "gold"),
+    "palette_edits.set_target_distance": (None, 1, 0.3),
     "palette_edits.toggle_free": ("cast", "light", 1),
     "palette_edits.toggle_constant": ("cast", 1),
     "palette_edits.toggle_lamp": ("cast", 1, "A"),
@@ -197,10 +197,10 @@ def cut(state: ViewState) -> ViewState:
     """Something to reset and remove: a crop, two planes, two saved states, a material too many."""
     planes = (ClipPlane((3.0, 3.0, 3.0), (1.0, 0.0, 0.0)),) * 2
     shading = replace(state.shading, crop_voxels=((1, 6), (0, 7), (0, 7)), clip_planes=planes)
-    kept = tuple(LightState(name, state.lights[1:], state.seen) for name in "ab")
+    kept = tuple(LightState(name, state.lights[1:], state.relight) for name in "ab")
     metals = {**state.transfer.materials, "silver": reflectance("silver")}
     transfer = replace(state.transfer, materials=metals)
-    return replace(state, shading=shading, kept=kept, transfer=transfer)
+    return replace(state, shading=shading, saved_lights=kept, transfer=transfer)
 
 
 def test_edits_cost_what_their_names_say(cut: ViewState) -> None:
@@ -228,9 +228,9 @@ _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
 def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
     state = slices.set_greys(slices.move_slice(cut, 1, 0.3), 0.2, 0.4)
     old = transfer_edits.shift(replace(state, view=replace(state.view, zoom=3.0)), 0.1)
-    states = [LightState(str(i), state.lights[1:], state.seen) for i in range(9)]
+    states = [LightState(str(i), state.lights[1:], state.relight) for i in range(9)]
     drawn = lights.draw(old, 2, 0, (0.5, 2.0), (0.5, 2.0))
-    old = replace(drawn, other=state.lights, kept=tuple(states))
+    old = replace(drawn, other=state.lights, saved_lights=tuple(states))
     old = replace(old, interface=replace(old.interface, light=2))
     for action in COMMANDS:
         if action.change is not None:

@@ -18,15 +18,15 @@ from volspec.viewer.model import cuts, light_rows, light_states, lights, transfe
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.light_parts import drawn, respelled, undrawn
-from volspec.viewer.model.light_rows import LightRow, shining
+from volspec.viewer.model.light_parts import with_part_spectrum, with_stroke, without_strokes
+from volspec.viewer.model.light_rows import LightRow, effective_weights
 from volspec.viewer.model.lights import rename
-from volspec.viewer.model.palette_targets import LIGHT, Board, Wishes
+from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.mouse import RUN_S, Gestures
 from volspec.viewer.work.background import Tasks
-from volspec.viewer.work.documents import Opened, Openings
+from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.session_store import RecentFiles
 
@@ -65,12 +65,12 @@ def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
         row = commands.commands_of(state, (), search)[0]
         new = after(row.change, state).state
         assert new.interface.light == chosen
-        assert [i for i, weight in enumerate(shining(new.lights)) if weight] == [chosen]
+        assert [i for i, weight in enumerate(effective_weights(new.lights)) if weight] == [chosen]
 
 
 def test_another_file_chooses_its_shining_light_and_keeps_the_window(state: ViewState) -> None:
     before = replace(state, size=(40, 30), interface=Interface(dark=False, light=3))
-    lit = replace(state, lights=light_rows.alone(state.lights, 2))
+    lit = replace(state, lights=light_rows.only_row(state.lights, 2))
     new = Opened(lit).after(before).state
     assert new.interface.light == 2 and not new.interface.dark and new.size == (40, 30)
     session = Opened(lights.choose(state, 1), session=Path("x")).after(before)
@@ -114,7 +114,10 @@ def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
         ("viewing", lambda s: done(s, "mark")),
         ("cuts", lambda s: cuts.move_crop(s, 0, 0.3)),
         ("shading", lambda s: replace(s, shading=replace(s.shading, ambient=0.7))),
-        ("palette", lambda s: replace(s, board=Board(Wishes(constant=frozenset(["gold"]))))),
+        (
+            "palette",
+            lambda s: replace(s, palette=PaletteState(DesignTargets(constant=frozenset(["gold"])))),
+        ),
     ],
 )
 def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> None:
@@ -122,61 +125,63 @@ def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> 
 
 
 def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
-    rows = light_rows.renamed(state.lights, 1, "  my\n lamp ")
+    rows = light_rows.with_name(state.lights, 1, "  my\n lamp ")
     assert rows[1].name == "my lamp" and rows[1].rig is state.lights[1].rig
-    assert light_rows.renamed(rows, 2, "my lamp")[2].name == "my lamp (2)"
+    assert light_rows.with_name(rows, 2, "my lamp")[2].name == "my lamp (2)"
     for index, name in ((1, "my lamp"), (1, " "), (9, "x"), (-1, "x")):
-        assert light_rows.renamed(rows, index, name) is rows
+        assert light_rows.with_name(rows, index, name) is rows
 
 
 def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
-    rows = light_rows.renamed(state.lights, 3, "lamp")
-    assert light_rows.heated(rows, 3, 5000.0)[3].name == "lamp"
-    assert respelled(rows, 3, 0, "D50", DEFAULT_GRID)[3].name == "lamp"
-    pen = drawn(rows, 3, 0, (0.1, 2.0), (0.5, 2.0))
-    assert pen[3].name == "lamp" == undrawn(pen, 3)[3].name
+    rows = light_rows.with_name(state.lights, 3, "lamp")
+    assert light_rows.with_kelvin(rows, 3, 5000.0)[3].name == "lamp"
+    assert with_part_spectrum(rows, 3, 0, "D50", DEFAULT_GRID)[3].name == "lamp"
+    pen = with_stroke(rows, 3, 0, (0.1, 2.0), (0.5, 2.0))
+    assert pen[3].name == "lamp" == without_strokes(pen, 3)[3].name
     # Also where it was given after the drawing.
-    later = light_rows.renamed(drawn(state.lights, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
-    assert drawn(later, 1, 0, (0.6, 2.0), (0.9, 2.0))[1].name == "mine"
+    later = light_rows.with_name(with_stroke(state.lights, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
+    assert with_stroke(later, 1, 0, (0.6, 2.0), (0.9, 2.0))[1].name == "mine"
 
 
 def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
     kept = light_states.save(state)
-    back = light_states.recall(replace(kept, lights=light_rows.renamed(kept.lights, 0, "x")), 0)
+    back = light_states.recall(replace(kept, lights=light_rows.with_name(kept.lights, 0, "x")), 0)
     assert back.lights == state.lights
 
 
 def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
     cell = Cell("same", other=("gold", "A"))
-    wishes = Wishes({("gold", "A"): cell}, frozenset({(LIGHT, "A")}), lamps={"A": ("FL2",)})
-    board = rename(replace(state, board=Board(wishes, wishes)), 1, "lamp").board
-    assert list(board.wishes.cells) == [("gold", "lamp")]
-    assert board.wishes.cells["gold", "lamp"].other == ("gold", "lamp")
-    assert board.wishes.open == {(LIGHT, "lamp")} and dict(board.wishes.lamps) == {"lamp": ("FL2",)}
-    assert not board.waits
-    other = replace(state, board=Board(wishes))
-    assert rename(other, 2, "lamp").board == other.board
+    targets = DesignTargets({("gold", "A"): cell}, frozenset({(LIGHT, "A")}), lamps={"A": ("FL2",)})
+    board = rename(replace(state, palette=PaletteState(targets, targets)), 1, "lamp").palette
+    assert list(board.targets.cells) == [("gold", "lamp")]
+    assert board.targets.cells["gold", "lamp"].other == ("gold", "lamp")
+    assert board.targets.open == {(LIGHT, "lamp")} and dict(board.targets.lamps) == {
+        "lamp": ("FL2",)
+    }
+    assert not board.is_pending
+    other = replace(state, palette=PaletteState(targets))
+    assert rename(other, 2, "lamp").palette == other.palette
 
 
 def test_a_drawn_light_says_from_what() -> None:
     from volspec.viewer.ui import lights_rows as rows
 
     lamp = LightRow("day", "D65 at noon", LightRig((light("D65"),)), 1.0, texts=("D65",))
-    assert rows.described(lamp) == "day\nD65 at noon"
-    pen = drawn((lamp,), 0, 0, (0.1, 2.0), (0.5, 2.0))
-    again = drawn(pen, 0, 0, (0.6, 2.0), (0.9, 2.0))
-    assert rows.described(again[0]) == "day edited\nDrawn by hand, from D65"
+    assert rows.row_tip(lamp) == "day\nD65 at noon"
+    pen = with_stroke((lamp,), 0, 0, (0.1, 2.0), (0.5, 2.0))
+    again = with_stroke(pen, 0, 0, (0.6, 2.0), (0.9, 2.0))
+    assert rows.row_tip(again[0]) == "day edited\nDrawn by hand, from D65"
 
 
 def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
-    from volspec.viewer.ui.context import LightScraps
+    from volspec.viewer.ui.context import LightsPanelState
 
-    scraps = LightScraps()
-    scraps.complain("'Q': no such light", (1, 0), state.lights)
-    assert scraps.complaint_at((1, 0), state.lights) == "'Q': no such light"
-    assert scraps.complaint_at((0, 0), state.lights) == ""
+    panel = LightsPanelState()
+    panel.complain("'Q': no such light", (1, 0), state.lights)
+    assert panel.complaint_at((1, 0), state.lights) == "'Q': no such light"
+    assert panel.complaint_at((0, 0), state.lights) == ""
     edited = lights.set_weight(state, 2, 0.4).lights
-    assert scraps.complaint_at((1, 0), edited) == ""
+    assert panel.complaint_at((1, 0), edited) == ""
 
 
 def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
@@ -185,13 +190,13 @@ def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
     monkeypatch.setenv("VOLSPEC_STATE", str(tmp_path))
     begun: list[str | None] = []
     monkeypatch.setattr(
-        Openings, "open", lambda _, path, say=True: begun.append(path), raising=True
+        DocumentService, "open", lambda _, path, say=True: begun.append(path), raising=True
     )
 
     def resumed(path: str | None) -> tuple[Any, Notice]:
         begun.clear()
         notice = Notice()
-        made = Openings(Tasks(lambda: None), notice, Trace(), None)
+        made = DocumentService(Tasks(lambda: None), notice, Trace(), None)
         made.resume(path, last=True)
         return made, notice
 

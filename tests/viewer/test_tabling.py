@@ -48,9 +48,9 @@ def done(state: ViewState, seed: int) -> CastDone:
 
 
 def seen_by(state: ViewState, model: str, light: int) -> ViewState:
-    viewing = replace(state.seen.viewing, model=model)
-    rows = light_rows.alone(state.lights, light)
-    return replace(state, seen=replace(state.seen, viewing=viewing), lights=rows)
+    viewing = replace(state.relight.viewing, model=model)
+    rows = light_rows.only_row(state.lights, light)
+    return replace(state, relight=replace(state.relight, viewing=viewing), lights=rows)
 
 
 def pixels(screen: Screen) -> NDArray[np.uint8]:
@@ -125,7 +125,7 @@ def test_both_sides_of_the_divide_have_tables_of_their_own(
     screen: Screen, state: ViewState
 ) -> None:
     both = replace(
-        seen_by(state, "Nayatani95", 0), other=light_rows.alone(state.lights, 1), divide=0.5
+        seen_by(state, "Nayatani95", 0), other=light_rows.only_row(state.lights, 1), divide=0.5
     )
     screen.relight(both, held=False)
     until_told(screen)

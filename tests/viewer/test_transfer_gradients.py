@@ -13,7 +13,7 @@ from volspec.transfer import MAX_SURFACES, Region, TransferFunction, TransferFun
 from volspec.viewer.model import transfer_edits
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_convert import Kind, converted, left_out
+from volspec.viewer.model.transfer_convert import Kind, conversion_losses, convert
 from volspec.viewer.model.transfer_parts import MOST_PARTS, parts_of
 from volspec.viewer.model.transfer_placing import MOST_FACTORS
 
@@ -91,22 +91,24 @@ def test_factors_are_added_where_there_is_room_and_two_stay(state: ViewState) ->
 @pytest.mark.parametrize("kind", ["regions", "surfaces"])
 def test_another_kind_says_that_it_has_no_filters(state: ViewState, kind: Kind) -> None:
     curve = filtered(state)
-    said = left_out(curve, kind, _SPAN)
+    said = conversion_losses(curve, kind, _SPAN)
     assert said == "Left out: the filters of copper. Ctrl+Z brings all back"
-    assert left_out(state.transfer, kind, _SPAN) == ""
-    assert left_out(curve, "points", _SPAN) == left_out(curve, "labels", _SPAN) == ""
+    assert conversion_losses(state.transfer, kind, _SPAN) == ""
+    assert (
+        conversion_losses(curve, "points", _SPAN) == conversion_losses(curve, "labels", _SPAN) == ""
+    )
 
 
 def test_surfaces_say_that_they_have_no_opacity_by_gradient(state: ViewState) -> None:
     on = transfer_edits.toggle_gradient_opacity(state)
-    assert "opacity by gradient" in left_out(on.transfer, "surfaces", _SPAN)
+    assert "opacity by gradient" in conversion_losses(on.transfer, "surfaces", _SPAN)
     # Regions begin where boundaries do.
-    assert left_out(on.transfer, "regions", _SPAN) == ""
+    assert conversion_losses(on.transfer, "regions", _SPAN) == ""
     # Of which neither a curve nor surfaces keep anything.
-    regions = converted(on.transfer, "regions", _SPAN)
+    regions = convert(on.transfer, "regions", _SPAN)
     kinds: tuple[Kind, ...] = ("points", "surfaces")
     for kind in kinds:
-        assert "the regions' gradients" in left_out(regions, kind, _SPAN)
+        assert "the regions' gradients" in conversion_losses(regions, kind, _SPAN)
 
 
 def test_how_many_find_no_room_is_said(state: ViewState) -> None:
@@ -114,12 +116,12 @@ def test_how_many_find_no_room_is_said(state: ViewState) -> None:
     regions = [Region((i, i + 0.5), (0, math.inf), 0.5, "gold") for i in range(count)]
     many = TransferFunction2D(regions, state.transfer.materials, state.transfer.basis)
     span = (0.0, float(count))
-    made = converted(many, "surfaces", span)
+    made = convert(many, "surfaces", span)
     assert len(parts_of(made)) == MAX_SURFACES
     gone = f"{count - MAX_SURFACES} of {count} regions, which show least"
-    assert gone in left_out(many, "surfaces", span)
-    assert left_out(many, "points", span) == ""
+    assert gone in conversion_losses(many, "surfaces", span)
+    assert conversion_losses(many, "points", span) == ""
     most = MOST_PARTS[TransferFunction2D]
     peaks = [(float(i), 0.5 * (i % 2), "gold") for i in range(2 * most + 3)]
     curve = replace(curve_of(state), points=peaks)
-    assert f"1 of {most + 1} ranges" in left_out(curve, "regions", (0.0, 60.0))
+    assert f"1 of {most + 1} ranges" in conversion_losses(curve, "regions", (0.0, 60.0))

@@ -15,7 +15,7 @@ from volspec.viewer.model.commands import BY_NAME, COMMANDS
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_convert import converted, kind_of
+from volspec.viewer.model.transfer_convert import convert, kind_of
 from volspec.viewer.model.transfer_parts import MOST_PARTS, parts_of
 
 _SPAN = (0.0, 1.0)
@@ -33,7 +33,7 @@ def test_a_curve_becomes_regions_that_look_alike(state: ViewState) -> None:
         materials,
         basis,
     )
-    regions = converted(function, "regions", _SPAN)
+    regions = convert(function, "regions", _SPAN)
     assert isinstance(regions, TransferFunction2D) and len(regions.regions) == 2
     assert [list(part.mix) for part in parts_of(regions)] == [["copper"], ["gold"]]
     table, wanted = regions.bake(1.0), function.bake(1.0)
@@ -44,7 +44,7 @@ def test_a_curve_becomes_regions_that_look_alike(state: ViewState) -> None:
     assert np.abs(there - here).mean() < 0.1
     # Beyond its last point a curve goes on: the greatest value is no soft side.
     assert there[-1] == pytest.approx(0.8, abs=0.02)
-    again = converted(regions, "points", _SPAN)
+    again = convert(regions, "points", _SPAN)
     table = again.bake(1.0)
     back = np.interp(at, np.linspace(*table.domain, len(table.opacity)), table.opacity)
     assert np.abs(back - here).mean() < 0.1
@@ -54,7 +54,7 @@ def test_a_hard_region_becomes_a_curve_with_steep_sides(state: ViewState) -> Non
     regions = of_kind(state, "regions").transfer
     assert isinstance(regions, TransferFunction2D)
     hard = replace(regions, regions=[replace(regions.regions[0], softness=0.0)])
-    points = parts_of(converted(hard, "points", _SPAN))
+    points = parts_of(convert(hard, "points", _SPAN))
     # From 0.2 to 0.5; sides as steep as points can be told apart on the screen.
     np.testing.assert_allclose(
         [p.values[0] for p in points], [0.2, 0.2, 0.5, 0.5], atol=1e-3 + 1e-9
@@ -64,7 +64,7 @@ def test_a_hard_region_becomes_a_curve_with_steep_sides(state: ViewState) -> Non
 
 def test_boundaries_of_a_curve_stay_boundaries_as_regions(state: ViewState) -> None:
     function = replace(state.transfer, gradient_opacity=((0.0, 0.0), (0.4, 1.0)))
-    regions = converted(function, "regions", _SPAN)
+    regions = convert(function, "regions", _SPAN)
     assert isinstance(regions, TransferFunction2D)
     assert {region.gradients for region in regions.regions} == {(0.2, math.inf)}
 
@@ -94,7 +94,7 @@ def test_a_curve_of_more_bands_than_it_has_points_for_shows_all_of_them(state: V
         for i, (low, high) in enumerate(itertools.pairwise(edges))
     ]
     many = TransferFunction2D(regions, state.transfer.materials, state.transfer.basis)
-    curve_ = converted(many, "points", _SPAN)
+    curve_ = convert(many, "points", _SPAN)
     assert isinstance(curve_, TransferFunction)
     values, opacities = np.array([point[:2] for point in curve_.points]).T
     assert len(values) == MOST_PARTS[TransferFunction]
@@ -105,5 +105,5 @@ def test_a_curve_of_more_bands_than_it_has_points_for_shows_all_of_them(state: V
     bands = [Region((e, e + 0.01), (0, math.inf), 0.5, "gold") for e in np.linspace(0, 0.9, 40)]
     wide = Region((0.95, 1.0), (0, math.inf), 0.9, "copper")
     whole = TransferFunction2D([*bands, wide], state.transfer.materials, state.transfer.basis)
-    surfaces = converted(whole, "surfaces", _SPAN)
+    surfaces = convert(whole, "surfaces", _SPAN)
     assert isinstance(surfaces, Isosurfaces) and surfaces.surfaces[-1][2] == {"copper": 1.0}

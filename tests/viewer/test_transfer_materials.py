@@ -22,15 +22,15 @@ from volspec.viewer.model.history import History
 from volspec.viewer.model.materials import (
     MOST_MATERIALS,
     colour_names,
-    told,
-    why_kept,
+    material_message,
+    uses_of_material,
     without_material,
 )
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of
 from volspec.viewer.work.css_colours import Colours
 from volspec.viewer.work.script import export_python
-from volspec.viewer.work.session import read_session, resumed, save_session
+from volspec.viewer.work.session import read_session, restore_state, save_session
 
 
 def given(state: ViewState, name: str, index: int = 0) -> ViewState:
@@ -55,10 +55,10 @@ def test_a_material_of_the_library_is_exact_under_any_light(state: ViewState) ->
     wanted = MaterialBasis({"one": banana}, grid=exact).xyz([1.0, 0.0], lamp)
     np.testing.assert_allclose(basis.xyz(channels, lamp), wanted, rtol=1e-12)
     said = "Added PMC/Banana: materials are the channels now, in place of basis 'general-7'"
-    assert told(state.transfer, new.transfer) == said
+    assert material_message(state.transfer, new.transfer) == said
     more = given(new, "white")
     assert isinstance(more.transfer.basis, MaterialBasis)
-    assert told(new.transfer, more.transfer) == "Added white"
+    assert material_message(new.transfer, more.transfer) == "Added white"
 
 
 def test_what_is_there_already_is_given_and_another_of_its_name_is_numbered(
@@ -67,7 +67,7 @@ def test_what_is_there_already_is_given_and_another_of_its_name_is_numbered(
     gold = given(state, "gold")
     assert parts_of(gold.transfer)[0].mix == {"gold": 1.0}
     assert gold.transfer.basis is state.transfer.basis
-    assert told(state.transfer, gold.transfer) == ""
+    assert material_message(state.transfer, gold.transfer) == ""
     paint = {**state.transfer.materials, "gold": reflectance("PMC/Banana")}
     painted = replace(state, transfer=replace(curve_of(state), materials=paint))
     new = given(given(painted, "gold"), "gold", 1)
@@ -81,7 +81,7 @@ def test_a_basis_that_filters_need_stays_and_that_is_told(state: ViewState) -> N
     new = given(filtered, "silver")
     assert new.transfer.basis is state.transfer.basis
     assert curve_of(new).filters == {"copper": glass}
-    assert "stays, as filters need it" in told(filtered.transfer, new.transfer)
+    assert "stays, as filters need it" in material_message(filtered.transfer, new.transfer)
 
 
 def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) -> None:
@@ -92,7 +92,7 @@ def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) 
     # Points 2 and 3 are of copper and gold, the first was of the last that was tried.
     last = f"CES/{MOST_MATERIALS - 2}"
     assert set(new.transfer.materials) == {"copper", "gold", last, "silver"}
-    assert "nothing is made of them: CES/1, CES/2" in told(state.transfer, new.transfer)
+    assert "nothing is made of them: CES/1, CES/2" in material_message(state.transfer, new.transfer)
     points = [(float(i), 0.1, f"CES/{i + 1}") for i in range(MOST_MATERIALS - 2)]
     curve = replace(curve_of(state), points=[*points, (98, 0.1, "gold"), (99, 0.1, "copper")])
     full = replace(state, transfer=curve)
@@ -135,7 +135,7 @@ def test_a_material_that_parts_are_made_of_stays_and_the_parts_are_named(
         "labels": "label 7",
     }
     why = f"{said[kind]} is made of it; give it another material first"
-    assert why_kept(state.transfer, "gold") == why
+    assert uses_of_material(state.transfer, "gold") == why
     with pytest.raises(TransferError, match=f"'gold': {why}"):
         without_material(state.transfer, "gold")
     free = transfer_edits.set_material(state, len(parts_of(state.transfer)) - 1, "copper")
@@ -144,7 +144,7 @@ def test_a_material_that_parts_are_made_of_stays_and_the_parts_are_named(
 
 def test_of_many_parts_the_first_are_named(state: ViewState) -> None:
     points = [(0.1 * i, 0.1, "gold") for i in range(9)]
-    said = why_kept(replace(curve_of(state), points=points), "gold")
+    said = uses_of_material(replace(curve_of(state), points=points), "gold")
     assert said.startswith("points 1, 2, 3, 4, 5, 6 and 3 more are made of it")
 
 
@@ -194,8 +194,8 @@ def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
     assert "sample" not in {library.class_of(name) for name in names}
     for name in set(names) - measured:
         assert sRGB_of_word(name).shape == (3,)
-    assert library.matching("banana")[0] == "PMC/Banana"
-    assert "steelblue" in library.matching("blue css")
+    assert library.matching_entries("banana")[0] == "PMC/Banana"
+    assert "steelblue" in library.matching_entries("blue css")
 
 
 @pytest.mark.parametrize("basis", ['name = "general-5"', 'method = "materials"'])
@@ -207,7 +207,7 @@ def test_scenes_sessions_and_scripts_keep_such_a_material(
     assert list(again.transfer.materials) == ["copper", "grey", "PMC/Banana"]
     assert again.transfer.basis.fingerprint == state.transfer.basis.fingerprint
 
-    kept = resumed(read_session(save_session(state, tmp_path / "a.volspec.json")), cast=False)
+    kept = restore_state(read_session(save_session(state, tmp_path / "a.volspec.json")), cast=False)
     one, other = kept.transfer.materials["PMC/Banana"], state.transfer.materials["PMC/Banana"]
     np.testing.assert_array_equal(one.values, other.values)
     np.testing.assert_array_equal(picture(kept), picture(state))

@@ -37,21 +37,21 @@ def _volumes() -> dict[str, Volume]:
 @pytest.mark.parametrize("name", _volumes())
 def test_every_preset_fits_every_volume(state: ViewState, name: str) -> None:
     volume = _volumes()[name]
-    low, high = presets.span(volume)
+    low, high = presets.value_span(volume)
     for preset in presets.PRESETS:
         made = presets.transfer_of(preset, volume, histogram(volume), state.transfer.basis)
         assert made.bake(1.0).opacity.max() > 0
         values = [value for part in parts_of(made) for value in part.values]
         assert low <= values[0] and values[-1] <= high and values == sorted(values)
-        assert presets.picked(made) == preset.title
+        assert presets.preset_title(made) == preset.title
 
 
 def test_presets_take_hounsfield_units_as_they_are() -> None:
     volume = _volumes()["hounsfield"]
     assert presets.in_hounsfield(volume)
-    bone = presets.fitted(presets.BY_NAME["bone"], volume, histogram(volume))
+    bone = presets.preset_points(presets.BY_NAME["bone"], volume, histogram(volume))
     assert [value for value, _, _ in bone] == [200, 380, 650, 1200]
-    names = [preset.name for preset in presets.offered(volume)]
+    names = [preset.name for preset in presets.sorted_presets(volume)]
     assert names.index("bone") < names.index("metal")
     assert not presets.in_hounsfield(phantom.ball(8))
 

@@ -15,7 +15,7 @@ from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, cuts, projection, slices, transfer_edits
 from volspec.viewer.model.camera import fitted, shown_mm
 from volspec.viewer.model.commands import BY_KEY, BY_NAME
-from volspec.viewer.model.cuts import dragged, handles, nearest
+from volspec.viewer.model.cuts import drag_handle, handles_at, nearest_handle
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Command, after
 from volspec.viewer.model.projection import Projection
@@ -88,7 +88,7 @@ def test_a_face_dragged_by_what_ten_voxels_cover_moves_by_ten(
     state = replace(tilted, view=view)
     seen, volume = seen_of(state), state.document.volume
     aids = Aids(crop=True)
-    found = handles(state.shading, volume, seen, aids, 1.0)
+    found = handles_at(state.shading, volume, seen, aids, 1.0)
     handle = next(each for each in found if each.index == face)
     axis, far = divmod(face, 2)
     middle = (np.array(volume.shape_xyz) - 1) / 2
@@ -97,7 +97,9 @@ def test_a_face_dragged_by_what_ten_voxels_cover_moves_by_ten(
 
     wanted = middle[axis] + (-10 if far else 10)
     middle[axis] = wanted
-    x, _ = dragged(state.shading, volume, handle, place(seen, cuts.world_mm(volume, middle)), seen)
+    x, _ = drag_handle(
+        state.shading, volume, handle, place(seen, cuts.world_mm(volume, middle)), seen
+    )
     moved = cuts.move_crop(state, face, x)
     assert cuts.crop_of(moved.shading, volume)[axis][far] == pytest.approx(wanted, abs=0.5)
     assert abs(x - wanted) < 1e-6  # the half voxel is for hands; geometry is exact
@@ -108,24 +110,24 @@ def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
     state = done(BY_NAME["plane-x"], replace(tilted, view=view))
     seen, volume = seen_of(state), state.document.volume
     tilt_handle = None
-    for handle in handles(state.shading, volume, seen, Aids(), 1.0):
+    for handle in handles_at(state.shading, volume, seen, Aids(), 1.0):
         plane = state.shading.clip_planes[0]
         if handle.name == "plane-shift":
             there = np.asarray(plane.point_mm) + 5.0 * np.asarray(plane.normal)
-            x, y = dragged(state.shading, volume, handle, place(seen, there), seen)
+            x, y = drag_handle(state.shading, volume, handle, place(seen, there), seen)
             assert x == pytest.approx(5.0, abs=1e-6)
         else:
             tilt_handle = handle
     assert tilt_handle is not None
     # Where it is: nothing changes. Elsewhere: the axis stands where the mouse is.
     plane = state.shading.clip_planes[0]
-    x, y = dragged(state.shading, volume, tilt_handle, tilt_handle.held, seen)
+    x, y = drag_handle(state.shading, volume, tilt_handle, tilt_handle.held, seen)
     same = cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0]
     np.testing.assert_allclose(same.normal, plane.normal, atol=1e-6)
     right, up, forward = seen.camera.frame()
     middle = place(seen, np.asarray(plane.point_mm))
     to = middle[0] + 0.6 * tilt_handle.arm, middle[1] - 0.5 * tilt_handle.arm
-    x, y = dragged(state.shading, volume, tilt_handle, to, seen)
+    x, y = drag_handle(state.shading, volume, tilt_handle, to, seen)
     normal = np.asarray(cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0].normal)
     normal *= -math.copysign(1.0, float(normal @ forward))
     np.testing.assert_allclose([normal @ right, normal @ up], [0.6, 0.5], atol=1e-6)
@@ -135,11 +137,11 @@ def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state: ViewSt
     for view in VIEWS:
         facing = done(BY_KEY["p"], replace(state, view=view))
         seen, volume = seen_of(facing), state.document.volume
-        shift, tilt = handles(facing.shading, volume, seen, Aids(), 1.0)
+        shift, tilt = handles_at(facing.shading, volume, seen, Aids(), 1.0)
         assert math.dist(shift.place, tilt.place) > 20
-        assert nearest((shift, tilt), tilt.place, 1.0) is tilt
+        assert nearest_handle((shift, tilt), tilt.place, 1.0) is tilt
         to = shift.place[0], shift.place[1] - 30
-        x, _ = dragged(facing.shading, volume, shift, to, seen)
+        x, _ = drag_handle(facing.shading, volume, shift, to, seen)
         assert x == pytest.approx(30 * seen.mm_per_px, rel=1e-6)
 
 
@@ -201,14 +203,14 @@ def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
     for up in ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0)):
         for view in (replace(each, up=up) for each in VIEWS):
             seen = seen_of(replace(state, view=view))
-            shown = projection.faces(seen.camera)
+            shown = projection.cube_faces(seen.camera)
             assert 1 <= len(shown) <= 3
             for face, corners, _ in shown:
-                x, y = projection.middle(seen, 1.0) + projection.HALF * corners.mean(axis=0)
+                x, y = projection.cube_middle(seen, 1.0) + projection.HALF * corners.mean(axis=0)
                 assert projection.face_at(seen, (x, y), 1.0) == face
                 there = seen_of(camera.look_at_face(replace(state, view=view), face))
                 # Now it alone is seen, and whole.
-                assert [each[0] for each in projection.faces(there.camera)] == [face]
+                assert [each[0] for each in projection.cube_faces(there.camera)] == [face]
     assert projection.face_at(seen, (400.0, 300.0), 1.0) is None
 
 
@@ -288,7 +290,7 @@ def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str
             odd = edit(done(BY_KEY["p"], odd), *given)
         odd.shading.kept(volume)
         seen = seen_of(odd)
-        found = handles(odd.shading, volume, seen, Aids(crop=True), 1.0)
+        found = handles_at(odd.shading, volume, seen, Aids(crop=True), 1.0)
         assert np.isfinite([each.place for each in found]).all()
         assert len(cuts.box_edges(cuts.crop_of(odd.shading, volume), volume, seen)) == 12
 

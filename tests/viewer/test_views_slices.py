@@ -23,15 +23,15 @@ from volspec.transfer import (
 from volspec.viewer.model import camera, lights, slice_table, slices
 from volspec.viewer.model.slices import (
     PLANES,
+    direction_letters,
     edge_letters,
     layout_of,
-    letters,
-    pointed,
-    sliced,
+    shares_pointed_at,
+    slice_values,
     with_slices,
 )
 from volspec.viewer.model.state import Slices, ViewState
-from volspec.viewer.ui.slices import drawn_sizes, said
+from volspec.viewer.ui.slices import crossing_text, slice_sizes
 from volspec.viewer.work.slice_pictures import SlicePictures
 from volspec.volume import Volume, load_volume
 
@@ -44,19 +44,21 @@ def numbered(world: Any = None) -> Volume:
 
 def test_slices_show_the_volumes_values_as_they_are_looked_at() -> None:
     volume = numbered()
-    axial, coronal, sagittal = (sliced(volume, layout_of(volume, plane), 2) for plane in PLANES)
+    axial, coronal, sagittal = (
+        slice_values(volume, layout_of(volume, plane), 2) for plane in PLANES
+    )
     # World axes are those of the voxels: rows run to +y, or from +z down.
     np.testing.assert_array_equal(axial, volume.values[2])
     np.testing.assert_array_equal(coronal, volume.values[::-1, 2, :])
     np.testing.assert_array_equal(sagittal, volume.values[::-1, :, 2])
     assert all(np.shares_memory(each, volume.values) for each in (axial, coronal, sagittal))
-    assert sliced(volume, layout_of(volume, PLANES[0]), 2, step=2).shape == (3, 3)
+    assert slice_values(volume, layout_of(volume, PLANES[0]), 2, step=2).shape == (3, 3)
 
 
 def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:
     """The patient's right is at the left and the face on top, for every order and direction."""
     plain = numbered()
-    expected = sliced(plain, layout_of(plain, PLANES[0]), 1)
+    expected = slice_values(plain, layout_of(plain, PLANES[0]), 1)
     for order in ((0, 1, 2), (2, 0, 1), (1, 2, 0), (2, 1, 0)):
         for flips in np.ndindex(2, 2, 2):
             # Voxel axis n runs along world axis order[n], or against it.
@@ -70,7 +72,7 @@ def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:
             layout = layout_of(volume, PLANES[0])
             along = layout.normal
             number = volume.shape_xyz[along] - 2 if flips[along] else 1
-            np.testing.assert_array_equal(sliced(volume, layout, number), expected)
+            np.testing.assert_array_equal(slice_values(volume, layout, number), expected)
             assert edge_letters(volume, layout, True) == ("R", "L", "A", "P")
 
 
@@ -88,7 +90,7 @@ def test_letters_of_a_nifti_file_are_the_patients(tmp_path: Path) -> None:
     found = [edge_letters(volume, layout_of(volume, plane), True) for plane in PLANES]
     assert found == [("R", "L", "A", "P"), ("R", "L", "S", "I"), ("A", "P", "S", "I")]
     # The voxel at index 0 is the leftmost, hindmost one: the axial picture's lower right.
-    axial = sliced(volume, layout_of(volume, PLANES[0]), 0)
+    axial = slice_values(volume, layout_of(volume, PLANES[0]), 0)
     assert axial[-1, -1] == volume.values[0, 0, 0] and axial[0, 0] == volume.values[0, -1, -1]
 
 
@@ -96,7 +98,7 @@ def test_a_volume_without_orientation_has_axes_for_letters() -> None:
     volume = Volume(np.zeros((3, 4, 5), np.uint8), spacing_mm=(1.0, 2.0, 3.0))
     assert not slices.is_patient(volume, None) and slices.is_patient(volume, True)
     assert edge_letters(volume, layout_of(volume, PLANES[1]), False) == ("-x", "+x", "+z", "-z")
-    assert letters(np.array([0.8, -0.6, 0.1]), True) == "LA"
+    assert direction_letters(np.array([0.8, -0.6, 0.1]), True) == "LA"
 
 
 def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
@@ -108,16 +110,20 @@ def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
     at = moved.interface.slices.at
     numbers = [slices.number_of(volume, axis, at[axis]) for axis in range(3)]
     assert numbers == [4, 4, 2]  # z as it was, in the middle
-    assert slices.shown_at(volume, layout, moved.interface.slices) == pytest.approx((0.25, 0.9))
-    assert pointed(volume, layout, moved.interface.slices, 0.25, 0.9) == pytest.approx(at)
-    assert said(moved).startswith("244  at  -4.0  4.0  4.0")
+    assert slices.crossing_place(volume, layout, moved.interface.slices) == pytest.approx(
+        (0.25, 0.9)
+    )
+    assert shares_pointed_at(volume, layout, moved.interface.slices, 0.25, 0.9) == pytest.approx(at)
+    assert crossing_text(moved).startswith("244  at  -4.0  4.0  4.0")
 
 
 def test_what_a_crop_leaves_is_seen_in_the_slices() -> None:
     volume = numbered(np.diag([-1.0, 1.0, 2.0, 1.0]))  # x runs against the picture
     layout = layout_of(volume, PLANES[0])
-    assert slices.kept(volume, layout, ((0.0, 5.0), (0.0, 4.0), (0.0, 3.0))) == (0, 0, 1, 1)
-    left, top, right, bottom = slices.kept(volume, layout, ((0.0, 2.0), (1.0, 4.0), (0.0, 3.0)))
+    assert slices.crop_extent(volume, layout, ((0.0, 5.0), (0.0, 4.0), (0.0, 3.0))) == (0, 0, 1, 1)
+    left, top, right, bottom = slices.crop_extent(
+        volume, layout, ((0.0, 2.0), (1.0, 4.0), (0.0, 3.0))
+    )
     assert (left, top, right, bottom) == pytest.approx((0.5, 0.2, 1.0, 1.0))
 
 
@@ -186,7 +192,7 @@ def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
         one = np.ones((1, 1), np.float32)
         image = CoefficientImage(gold[None, None].astype(np.float32), one, one, lit.transfer.basis)
         with Relighter(image, backend="numpy") as relighter:
-            expected = relighter.frame(rows[0].rig, lit.seen.viewing)[0, 0]
+            expected = relighter.frame(rows[0].rig, lit.relight.viewing)[0, 0]
         assert np.abs(pixels[4, 4, :3].astype(int) - expected).max() <= 1
         assert (pixels[..., 3] == 255).all()
 
@@ -202,7 +208,7 @@ def test_greys_are_the_values_between_black_and_white(state: ViewState) -> None:
     layout = layout_of(volume, PLANES[2])
     SlicePictures(context).texture(plain, "Sagittal", layout, 200.0)
     low, high = volume.range
-    shown = sliced(volume, layout, slices.number_of(volume, 0, 0.5))
+    shown = slice_values(volume, layout, slices.number_of(volume, 0, 0.5))
     grey = context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)[..., 1]
     # 4096 entries and rounding to codes: half a code.
     assert np.abs(grey - 255 * (shown - low) / (high - low)).max() <= 0.6
@@ -254,10 +260,10 @@ def test_odd_volumes_have_slices(state: ViewState) -> None:
         for plane in PLANES:
             pictures.texture(odd, plane.name, layout_of(volume, plane), 5.0)
         assert len(context.textures) == 3
-        assert np.isfinite(float(said(odd).split()[0]))
+        assert np.isfinite(float(crossing_text(odd).split()[0]))
 
 
 def test_slices_one_above_the_other_keep_one_scale_and_stay_within_the_room() -> None:
-    sizes = drawn_sizes([(250.0, 250.0), (250.0, 100.0), (250.0, 2.0)], (240.0, 300.0), 10.0)
+    sizes = slice_sizes([(250.0, 250.0), (250.0, 100.0), (250.0, 2.0)], (240.0, 300.0), 10.0)
     assert sizes[0][0] / 250.0 == pytest.approx(sizes[1][1] / 100.0)
     assert sum(height for _, height in sizes[:2]) <= 300 and sizes[2][1] == 10.0

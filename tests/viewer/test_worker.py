@@ -55,11 +55,11 @@ def casts(monkeypatch: pytest.MonkeyPatch) -> SlowCasts:
     return slow
 
 
-def drained(casting: CastWorker, count: int) -> list[CastDone]:
+def drained(scheduler: CastWorker, count: int) -> list[CastDone]:
     done: list[CastDone] = []
     end = time.time() + 5
     while len(done) < count and time.time() < end:
-        done += casting.take()
+        done += scheduler.take()
         time.sleep(0.002)
     assert len(done) == count
     return done
@@ -68,30 +68,30 @@ def drained(casting: CastWorker, count: int) -> list[CastDone]:
 def test_a_newer_request_ends_a_whole_cast_and_replaces_what_waits(
     state: ViewState, casts: SlowCasts
 ) -> None:
-    casting = CastWorker(lambda: None)
-    casting.request(job(state, 1))
+    scheduler = CastWorker(lambda: None)
+    scheduler.request(job(state, 1))
     casts.wait(1)
-    casting.request(job(state, 4))
+    scheduler.request(job(state, 4))
     casts.wait(2)  # coarse, and let through: the next ones wait
-    casting.request(job(state, 2))
-    casting.request(last := job(state, 8))
+    scheduler.request(job(state, 2))
+    scheduler.request(last := job(state, 8))
     time.sleep(0.05)
     assert len(casts.begun) == 2
     casts.go_on.set()
-    done = drained(casting, 3)
+    done = drained(scheduler, 3)
     assert [each.divisor for each in done] == [1, 4, 8]
     assert [each.image for each in done] == [None, casts.image, casts.image]
     # Packed where it was cast: the window's thread only uploads it.
     assert [each.packed is None for each in done] == [True, False, False]
     assert done[-1].job is last and casts.begun[-1] == (10, 8)
-    casting.close()
+    scheduler.close()
 
 
 def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> None:
-    casting = CastWorker(lambda: None)
-    casting.request(job(state, 8, 1))
+    scheduler = CastWorker(lambda: None)
+    scheduler.request(job(state, 8, 1))
     casts.wait(1)
-    casting.close()
+    scheduler.close()
     assert not casts.go_on.is_set() and len(casts.begun) == 1
 
 
@@ -112,10 +112,10 @@ def test_an_error_is_told_and_the_thread_goes_on(
 
     monkeypatch.setattr("volspec.viewer.work.casts.raycast", refuse)
     woken = threading.Event()
-    casting = CastWorker(woken.set)
+    scheduler = CastWorker(woken.set)
     for _ in range(2):
-        casting.request(job(state, 4, 1))
-        (done,) = drained(casting, 1)
+        scheduler.request(job(state, 4, 1))
+        (done,) = drained(scheduler, 1)
         assert told in done.error
     assert woken.is_set()
-    casting.close()
+    scheduler.close()

@@ -22,19 +22,19 @@ from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import overlays
 from volspec.viewer.ui.context import Results, UiContext
-from volspec.viewer.ui.file_commands import Chores
+from volspec.viewer.ui.file_commands import FileCommands
 from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.layout import Docks
 from volspec.viewer.ui.mouse import Focus, Mouse
-from volspec.viewer.ui.widgets import in_line, set_theme
+from volspec.viewer.ui.widgets import as_one_line, set_theme
 from volspec.viewer.ui.window import Window
 from volspec.viewer.work.background import Tasks
-from volspec.viewer.work.casts import Casting
-from volspec.viewer.work.designs import Designing
-from volspec.viewer.work.documents import Opened, opened
+from volspec.viewer.work.casts import CastScheduler
+from volspec.viewer.work.designs import DesignService
+from volspec.viewer.work.documents import Opened, open_document
 from volspec.viewer.work.fader import Fader
 from volspec.viewer.work.meter import Meter
-from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, collected_warnings
+from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, collect_warnings
 from volspec.viewer.work.pictures import give_back_large
 from volspec.viewer.work.screen import Area, Screen
 from volspec.viewer.work.session import SUFFIX
@@ -90,13 +90,13 @@ def view(options: Options) -> None:
     with (
         Trace(options.trace) as trace,
         _short_turns(),
-        collected_warnings() as warned,
+        collect_warnings() as warned,
     ):
         tasks = Tasks(Window.wake)
         path = options.path
         if not options.restore and not (path and path.lower().endswith(SUFFIX)):
             # Reading goes on while the window opens.
-            tasks.start("open", lambda: Opened.at_first(opened(path, options.device), path))
+            tasks.start("open", lambda: Opened.at_first(open_document(path, options.device), path))
         window = Window("volspec", options.size)
         try:
             _App(options, trace, tasks, window, warned).run()
@@ -130,14 +130,14 @@ class _App:
         if window.note:
             self._notice.say(window.note)
         self._screen = Screen(window.context, Window.wake, self._meter, trace, self._notice)
-        self._designing = Designing(Window.wake, self._notice, trace)
-        self._chores = Chores(
+        self._designs = DesignService(Window.wake, self._notice, trace)
+        self._file_commands = FileCommands(
             *(tasks, self._screen.pictures, self._ui, self._notice, trace),
-            *(options.device, options.screenshot, self._designing.file),
+            *(options.device, options.screenshot, self._designs.file),
         )
         if options.restore or (options.path or "").lower().endswith(SUFFIX):
-            self._chores.openings.resume(options.path, options.restore)
-        self._casting = Casting(Window.wake)
+            self._file_commands.documents.resume(options.path, options.restore)
+        self._scheduler = CastScheduler(Window.wake)
         self._docks, self._mouse = Docks(), Mouse()
         self._fader, self._focus = Fader(), Focus()
         self._history: History | None = None
@@ -170,31 +170,31 @@ class _App:
                     self._settle -= 1
                     self._draw(inputs)
                 ended = time.perf_counter()
-                self._casting.tick(ended, self._mouse.held)
+                self._scheduler.tick(ended, self._mouse.held)
                 if self._history is not None:
                     moves = self._mouse.held or self._fader.running
-                    self._chores.openings.tick(self._history.present, ended, moves)
+                    self._file_commands.documents.tick(self._history.present, ended, moves)
                 self._meter.answered(began - asked - patience, time.perf_counter() - began)
                 self._rest()
         finally:
             # At the end, and where an error ends it.
             faulty = isinstance(sys.exception(), Exception)
-            self._chores.close(self._history.present if self._history else None, faulty)
-            self._designing.close()
-            self._casting.close()
+            self._file_commands.close(self._history.present if self._history else None, faulty)
+            self._designs.close()
+            self._scheduler.close()
             self._screen.close()
 
     def _patience(self) -> float:
         if self._settle > 0:
             return 0.0
-        longest = _BUSY_S if self._casting.busy else _IDLE_S
+        longest = _BUSY_S if self._scheduler.busy else _IDLE_S
         if self._still is None:
             return longest
         return min(max(self._still - time.perf_counter(), 0.0), longest)
 
     def _rest(self) -> None:
         """Tell the trace when everything that was asked for is done and drawn."""
-        services = self._casting, self._designing, self._screen, self._chores
+        services = self._scheduler, self._designs, self._screen, self._file_commands
         moves = self._settle > 0 or self._mouse.held or self._fader.running
         rests = not moves and not any(service.busy for service in services)
         if rests and not self._rested:
@@ -203,20 +203,20 @@ class _App:
 
     def _take(self) -> bool:
         """What threads have brought; whether there is anything new."""
-        casts = self._casting.take()
+        casts = self._scheduler.take()
         for done in casts:
             self._screen.take(done, self._history.present if self._history else None)
         if casts and self._shown is not None:
             self._relight(self._shown)  # it is seen a frame earlier so
-        news, opened = self._chores.take(first=self._history is None)
+        news, opened = self._file_commands.take(first=self._history is None)
         if self._history is not None:
-            history = self._designing.taken(self._history)
+            history = self._designs.taken(self._history)
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
         news |= self._tell_warnings()
         if self._history is not None:
-            news |= self._screen.heated(self._history.present, self._mouse.held)
+            news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.tabled()
         return self._notice.ended(time.perf_counter()) or news or bool(casts)
 
@@ -233,10 +233,10 @@ class _App:
     def _open(self, opened: Opened) -> None:
         before = self._history.present if self._history else None
         opened = opened.after(before)
-        self._chores.openings.begin(opened, before)
+        self._file_commands.documents.begin(opened, before)
         self._history = History(opened.state)
         document = opened.state.document
-        self._window.name(f"{in_line(document.title)} – volspec")
+        self._window.name(f"{as_one_line(document.title)} – volspec")
         self._trace.note("open", title=document.title)
 
     def _draw(self, inputs: list[Input]) -> None:
@@ -259,7 +259,7 @@ class _App:
             self._history = self._history.then(state, self._mouse.gesture)
             self._ask()
             if self._docks.settled:
-                self._designing.follow(self._history.present)  # a fade's end, not what is shown
+                self._designs.follow(self._history.present)  # a fade's end, not what is shown
                 now = self._fader.shown(self._history.present, started)
                 change = self._history.difference
                 if change is None or change.old is not self._shown or change.new is not now:
@@ -275,7 +275,7 @@ class _App:
             overlays.in_place(self._screen.absence(self._shown), self._ui)
         if self._notice.text and self._notice.text != self._screen.fault:  # which the picture shows
             overlays.message(self._notice.text, self._ui)
-        self._chores.draw(self._history.present if self._history else None)
+        self._file_commands.draw(self._history.present if self._history else None)
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
         if said := self._window.error:
@@ -295,10 +295,10 @@ class _App:
             fps=meter.fps,
             ms=meter.ms,
             under_mouse=screen.under_mouse,
-            heat=screen.heat,
+            error_map=screen.error_map,
             slices=screen.slices,
-            design=self._designing.news,
-            recent=self._chores.openings.recent,
+            design=self._designs.status,
+            recent=self._file_commands.documents.recent,
         )
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
@@ -312,34 +312,34 @@ class _App:
             if given.name != "move":
                 self._trace.note(given.name, key=given.key, button=given.button)
             if given.name == "drop" and given.paths:
-                self._chores.openings.drop(given.paths)
+                self._file_commands.documents.drop(given.paths)
             elif given.name != "key" or typing or self._focus.takes(given.key):
                 continue
             elif given.key in BY_KEY:
-                state = self._ui.done(state, BY_KEY[given.key])
+                state = self._ui.run(state, BY_KEY[given.key])
         state = self._mouse.applied(state, inputs, area)
         return self._docks.panels(state, self._ui)
 
     def _ask(self) -> None:
         """What was asked for beyond the state."""
-        asked, self._ui.asked = self._ui.asked, []
+        asked, self._ui.requests = self._ui.requests, []
         assert self._history is not None
         for name in asked:
             if name in ("undo", "redo"):
                 self._go(self._history, back=name == "undo")
             elif name == "quit":
                 self._window.leave()
-            elif name in self._designing.asks:
-                self._designing.do(name, self._history.present)
+            elif name in self._designs.asks:
+                self._designs.do(name, self._history.present)
             elif name == "focus":
                 self._focus.next(self._docks.open_panels(self._history.present))
             elif name == "menu":
                 self._ui.menu = True
                 self._focus.enter(menu=True)
             elif name == "copy-picture" and not self._screen.ready:
-                self._ui.asked.append(name)  # until it is
+                self._ui.requests.append(name)  # until it is
             else:
-                self._chores.do(name, self._history.present)
+                self._file_commands.do(name, self._history.present)
 
     def _go(self, history: History, back: bool) -> None:
         """A step of the history back or forth."""
@@ -350,14 +350,14 @@ class _App:
             assert self._history.difference is not None
             said = f"{'Undone' if back else 'Redone'}: {self._history.difference.name}"
         self._notice.say(said, SHORT_SECONDS)
-        self._designing.forget()
+        self._designs.forget()
 
     def _update(self, change: Difference, now: float) -> None:
         """Have done what a change needs."""
         self._shown = change.new
         held = self._mouse.held or self._fader.running
         if change.stage == "cast":
-            self._casting.change(change.new, now, held)
+            self._scheduler.change(change.new, now, held)
             self._screen.whole = False
         if change.relights:
             self._screen.stale()

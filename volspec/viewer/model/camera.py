@@ -91,14 +91,14 @@ def _thinned(volume: Volume) -> tuple[NDArray[Any], tuple[int, int, int]]:
 def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
     """(N, 3) places around what is shown; the volume's corners where nothing is."""
     values, every = _thinned(volume)
-    seen = _seen(values, volume, transfer)
+    visible = _seen(values, volume, transfer)
     (x, y, z), (nk, nj, ni) = crop_of(shading, volume), values.shape
     for axis, (bounds, count) in enumerate(((z, nk), (y, nj), (x, ni))):
         at = np.arange(count) * every[axis]
         outside = (at < bounds[0] - 1) | (at > bounds[1] + 1)
-        seen[(slice(None),) * axis + (outside,)] = False
-    rows = seen.any(axis=2)
-    first, last = seen.argmax(axis=2)[rows], ni - 1 - seen[..., ::-1].argmax(axis=2)[rows]
+        visible[(slice(None),) * axis + (outside,)] = False
+    rows = visible.any(axis=2)
+    first, last = visible.argmax(axis=2)[rows], ni - 1 - visible[..., ::-1].argmax(axis=2)[rows]
     k, j = np.nonzero(rows)
     places = np.concatenate([np.stack([at, j, k], axis=1) for at in (first, last)])
     index = places * np.array(every[::-1], dtype=np.float64)
@@ -117,13 +117,13 @@ def _seen(values: NDArray[Any], volume: Volume, transfer: Transfer) -> NDArray[n
     table = transfer.bake(min(volume.spacing_mm))
     if isinstance(table, SurfaceTable):
         layer = np.searchsorted(np.sort(table.values), values)
-        seen = np.zeros(values.shape, bool)
+        visible = np.zeros(values.shape, bool)
         for axis in range(3):
             passed = np.diff(layer, axis=axis) != 0
             ahead = (slice(None),) * axis
-            seen[(*ahead, slice(1, None))] |= passed
-            seen[(*ahead, slice(None, -1))] |= passed
-        return seen
+            visible[(*ahead, slice(1, None))] |= passed
+            visible[(*ahead, slice(None, -1))] |= passed
+        return visible
     opacity = np.atleast_2d(table.opacity).max(axis=0)
     low, high = table.domain
     at = np.rint((values.astype(np.float32) - low) * ((len(opacity) - 1) / (high - low)))

@@ -18,7 +18,7 @@ Row = TypeVar("Row")
 _LOOSE = 3
 
 
-def found(rows: Sequence[Row], search: str, text: Callable[[Row], str]) -> list[Row]:
+def rank_matches(rows: Sequence[Row], search: str, text: Callable[[Row], str]) -> list[Row]:
     """Those whose text has the letters of every word in order; the best first, else as given."""
     words = search.casefold().split()
     if not words:
@@ -94,7 +94,7 @@ _EDITS = (
 )
 
 
-def toggled(name: str) -> Change:
+def toggle_interface(name: str) -> Change:
     """Return an edit that turns a part of the interface on or off."""
 
     def change(state: ViewState) -> ViewState:
@@ -113,22 +113,24 @@ def open_viewing(state: ViewState) -> ViewState:
 
 _OVER = (
     Command(
-        *("error-map", "View", "Error map", ("e",), toggled("error_map")),
+        *("error-map", "View", "Error map", ("e",), toggle_interface("error_map")),
         lambda s: s.interface.error_map,
     ),
 )
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
     replace(_panel("Slices"), keys=("o",)),
-    Command("dark", "Window", "Dark theme", ("t",), toggled("dark"), lambda s: s.interface.dark),
     Command(
-        *("probe", "Window", "What is under the mouse", ("i",), toggled("probe")),
+        "dark", "Window", "Dark theme", ("t",), toggle_interface("dark"), lambda s: s.interface.dark
+    ),
+    Command(
+        *("probe", "Window", "What is under the mouse", ("i",), toggle_interface("probe")),
         lambda s: s.interface.probe,
     ),
     Command("commands", "Window", "Commands …", ("ctrl+p", "f1")),
     Command("focus", "Window", "Next panel by keyboard", ("f6",)),
     Command("menu", "Window", "Menus by keyboard", ("f10",)),
-    Command("keys", "Window", "Keys", ("h",), toggled("keys"), lambda s: s.interface.keys),
+    Command("keys", "Window", "Keys", ("h",), toggle_interface("keys"), lambda s: s.interface.keys),
 )
 
 COMMANDS: tuple[Command, ...] = (
@@ -147,10 +149,10 @@ BY_NAME = {action.name: action for action in COMMANDS}
 BY_KEY = {key: action for action in COMMANDS for key in action.keys if key}
 
 
-def shown(key: str) -> str:
+def key_text_of(key: str) -> str:
     """A key as people write it.
 
-    >>> shown("ctrl+shift+z"), shown("enter")
+    >>> key_text_of("ctrl+shift+z"), key_text_of("enter")
     ('Ctrl+Shift+Z', 'Enter')
     """
     return "+".join(part.capitalize() for part in key.split("+"))

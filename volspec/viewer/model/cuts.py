@@ -43,7 +43,7 @@ def crop_of(shading: RaycastSpec, volume: Volume) -> Crop:
     return x, y, z
 
 
-def cropped(shading: RaycastSpec, volume: Volume, face: int, at: float) -> RaycastSpec:
+def with_crop_face(shading: RaycastSpec, volume: Volume, face: int, at: float) -> RaycastSpec:
     """One face of the crop elsewhere; a voxel is left, and a whole volume is no crop."""
     if not 0 <= face < 6:
         return shading
@@ -82,12 +82,14 @@ _EDGES = [
 ]
 
 
-def box_edges(crop: Crop, volume: Volume, seen: Projection) -> list[tuple[Place, Place, bool]]:
+def box_edges(
+    crop: Crop, volume: Volume, projection: Projection
+) -> list[tuple[Place, Place, bool]]:
     """The box's edges in the window, and whether its own faces hide each."""
     corners = box_corners_mm(crop, volume).reshape(8, 3)
-    facing = _facing(crop, volume, seen)
+    facing = _facing(crop, volume, projection)
     starts, ends = (corners[[edge[k] for edge in _EDGES]] for k in (0, 1))
-    drawn = seen.segments(starts, ends)
+    drawn = projection.segments(starts, ends)
     return [
         (*line, not any(facing[face] for face in faces))
         for line, (_, _, faces) in zip(drawn, _EDGES, strict=True)
@@ -95,9 +97,9 @@ def box_edges(crop: Crop, volume: Volume, seen: Projection) -> list[tuple[Place,
     ]
 
 
-def _facing(crop: Crop, volume: Volume, seen: Projection) -> NDArray[np.bool_]:
+def _facing(crop: Crop, volume: Volume, projection: Projection) -> NDArray[np.bool_]:
     """(6,) whether each face is seen from outside: whether the eye is beyond it, in voxels."""
-    camera, index_from_world = seen.camera, volume.index_from_world
+    camera, index_from_world = projection.camera, volume.index_from_world
     if camera.height_mm is None:
         eye = index_from_world[:3, :3] @ camera.position_mm + index_from_world[:3, 3]
         return np.array(
@@ -140,7 +142,7 @@ def with_plane(shading: RaycastSpec, volume: Volume, normal: Vector) -> RaycastS
     return replace(shading, clip_planes=(*shading.clip_planes, new))
 
 
-def changed(shading: RaycastSpec, index: int, plane: ClipPlane | None) -> RaycastSpec:
+def with_clip_plane(shading: RaycastSpec, index: int, plane: ClipPlane | None) -> RaycastSpec:
     """One plane replaced, or removed; all as they are where there is no such plane."""
     planes = shading.clip_planes
     if not 0 <= index < len(planes):
@@ -149,7 +151,9 @@ def changed(shading: RaycastSpec, index: int, plane: ClipPlane | None) -> Raycas
     return replace(shading, clip_planes=(*planes[:index], *new, *planes[index + 1 :]))
 
 
-def shifted(shading: RaycastSpec, volume: Volume, index: int, distance: float) -> RaycastSpec:
+def with_plane_distance(
+    shading: RaycastSpec, volume: Volume, index: int, distance: float
+) -> RaycastSpec:
     """A plane at another distance from the volume's middle, within what it can cut."""
     if not 0 <= index < len(shading.clip_planes):
         return shading
@@ -157,10 +161,10 @@ def shifted(shading: RaycastSpec, volume: Volume, index: int, distance: float) -
     reach = radius_mm(volume)
     by = min(max(distance, -reach), reach) - distance_mm(plane, volume)
     point = anchor_mm(plane, volume) + by * np.asarray(plane.normal)
-    return changed(shading, index, replace(plane, point_mm=vector(point)))
+    return with_clip_plane(shading, index, replace(plane, point_mm=vector(point)))
 
 
-def tilted(
+def with_plane_normal(
     shading: RaycastSpec, volume: Volume, index: int, azimuth_deg: float, elevation_deg: float
 ) -> RaycastSpec:
     """A plane turned about where it is held; angles of its normal about the world's axes."""
@@ -170,16 +174,16 @@ def tilted(
     azimuth, elevation = math.radians(math.fmod(azimuth_deg, 360.0)), math.radians(elevation_deg)
     flat = math.cos(elevation)
     normal = flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)
-    return changed(shading, index, ClipPlane(vector(anchor_mm(plane, volume)), normal))
+    return with_clip_plane(shading, index, ClipPlane(vector(anchor_mm(plane, volume)), normal))
 
 
-def flipped(shading: RaycastSpec, index: int) -> RaycastSpec:
+def with_plane_flipped(shading: RaycastSpec, index: int) -> RaycastSpec:
     """The other side of a plane stays."""
     if not 0 <= index < len(shading.clip_planes):
         return shading
     plane = shading.clip_planes[index]
     x, y, z = plane.normal
-    return changed(shading, index, replace(plane, normal=(-x, -y, -z)))
+    return with_clip_plane(shading, index, replace(plane, normal=(-x, -y, -z)))
 
 
 def outline_mm(point: Array, normal: Array, corners: Array) -> Array:
@@ -229,15 +233,15 @@ class Handle:
     arm: float = 0.0
 
 
-def handles(
-    shading: RaycastSpec, volume: Volume, seen: Projection, aids: Aids, scale: float
+def handles_at(
+    shading: RaycastSpec, volume: Volume, projection: Projection, aids: Aids, scale: float
 ) -> tuple[Handle, ...]:
     """What can be dragged in the picture; nothing that stands behind the camera.
 
     Parameters
     ----------
     shading, volume : RaycastSpec, Volume
-    seen : Projection
+    projection : Projection
     aids : Aids
         Which are shown; only the plane that stands out can be tilted, and it comes first.
     scale : float
@@ -246,19 +250,19 @@ def handles(
     found: list[Handle] = []
     if aids.planes:
         for i, plane in enumerate(shading.clip_planes):
-            both = _plane_handles(i, plane, volume, seen, scale)
+            both = _plane_handles(i, plane, volume, projection, scale)
             found = [*both, *found] if i == aids.plane else [*found, *both[:1]]
     if aids.crop:
         bounds = crop_of(shading, volume)
         for face in range(6):
-            x, y, depth = seen.placed(_face_mm(bounds, face, volume))
+            x, y, depth = projection.placed(_face_mm(bounds, face, volume))
             if depth > 0:
                 found.append(Handle("crop", face, (float(x), float(y)), (float(x), float(y))))
     return tuple(found)
 
 
-def dragged(
-    shading: RaycastSpec, volume: Volume, handle: Handle, place: Place, seen: Projection
+def drag_handle(
+    shading: RaycastSpec, volume: Volume, handle: Handle, place: Place, projection: Projection
 ) -> tuple[float, float]:
     """Place a handle so that what it moves is seen at a place.
 
@@ -266,7 +270,7 @@ def dragged(
     ----------
     shading : RaycastSpec
         As it was when the handle was taken hold of.
-    volume, handle, place, seen
+    volume, handle, place, projection
 
     Returns
     -------
@@ -279,15 +283,15 @@ def dragged(
         axis, far = divmod(handle.index, 2)
         column = volume.world_from_index[:3, axis]
         spacing = float(np.linalg.norm(column))
-        by = seen.along(_face_mm(bounds, handle.index, volume), column / spacing, place)
+        by = projection.along(_face_mm(bounds, handle.index, volume), column / spacing, place)
         return bounds[axis][far] + by / spacing, 0.0
     plane = shading.clip_planes[handle.index]
     anchor, normal = anchor_mm(plane, volume), np.asarray(plane.normal)
     if handle.name == "plane-shift":
-        return distance_mm(plane, volume) + seen.along(anchor, normal, place), 0.0
-    middle = seen.placed(anchor)
+        return distance_mm(plane, volume) + projection.along(anchor, normal, place), 0.0
+    middle = projection.placed(anchor)
     x, y = (place[k] - float(middle[k]) for k in (0, 1))
-    right, up, forward = seen.camera.frame()
+    right, up, forward = projection.camera.frame()
     # On a ball around the plane's middle; the end of its axis that faces the eye follows.
     near = -math.copysign(1.0, float(normal @ forward))
     flat = math.hypot(x, y) / handle.arm
@@ -306,13 +310,13 @@ def _face_mm(crop: Crop, face: int, volume: Volume) -> Array:
 
 
 def _plane_handles(
-    index: int, plane: ClipPlane, volume: Volume, seen: Projection, scale: float
+    index: int, plane: ClipPlane, volume: Volume, projection: Projection, scale: float
 ) -> list[Handle]:
     """One in its middle to shift it, one at the end of its axis that faces the eye to tilt it."""
-    x, y, depth = (float(v) for v in seen.placed(anchor_mm(plane, volume)))
+    x, y, depth = (float(v) for v in projection.placed(anchor_mm(plane, volume)))
     if depth <= 0:
         return []
-    right, up, forward = seen.camera.frame()
+    right, up, forward = projection.camera.frame()
     normal, arm = np.asarray(plane.normal), ARM * scale
     near = -math.copysign(arm, float(normal @ forward))
     tip = x + near * float(normal @ right), y - near * float(normal @ up)
@@ -326,15 +330,15 @@ def _plane_handles(
 _GRIP = 11.0
 
 
-def handles_of(state: ViewState, seen: Projection, scale: float) -> tuple[Handle, ...]:
+def handles_of(state: ViewState, projection: Projection, scale: float) -> tuple[Handle, ...]:
     """Those in the picture; ``scale`` as `volspec.viewer.model.cuts.handles`."""
     aids, shading = state.interface.aids, state.shading
     if not (aids.crop or (aids.planes and shading.clip_planes)):
         return ()
-    return handles(shading, state.document.volume, seen, aids, scale)
+    return handles_at(shading, state.document.volume, projection, aids, scale)
 
 
-def nearest(found: tuple[Handle, ...], place: Place, scale: float) -> Handle | None:
+def nearest_handle(found: tuple[Handle, ...], place: Place, scale: float) -> Handle | None:
     """The handle that a press at a place of the window takes hold of."""
     handle = min(found, key=lambda each: math.dist(each.place, place), default=None)
     if handle is None or math.dist(handle.place, place) > _GRIP * scale:
@@ -351,34 +355,34 @@ def move_crop(state: ViewState, face: int, at: float) -> ViewState:
     """Move a face of the crop box, in voxels."""
     at = min(max(at, -_MOST), _MOST)
     volume = state.document.volume
-    return replace(state, shading=cropped(state.shading, volume, face, at))
+    return replace(state, shading=with_crop_face(state.shading, volume, face, at))
 
 
 @edit
 def shift_plane(state: ViewState, index: int, mm: float) -> ViewState:
     """Move a clip plane along its normal."""
     volume = state.document.volume
-    return replace(state, shading=shifted(state.shading, volume, index, mm))
+    return replace(state, shading=with_plane_distance(state.shading, volume, index, mm))
 
 
 @edit
 def tilt_plane(state: ViewState, index: int, azimuth: float, elevation: float) -> ViewState:
     """Turn a clip plane's normal to a direction, in degrees."""
     volume, elevation = state.document.volume, min(max(elevation, -90.0), 90.0)
-    shading = tilted(state.shading, volume, index, azimuth, elevation)
+    shading = with_plane_normal(state.shading, volume, index, azimuth, elevation)
     return replace(state, shading=shading)
 
 
 @edit
 def flip_plane(state: ViewState, index: int) -> ViewState:
     """Cut away the other side of a plane."""
-    return replace(state, shading=flipped(state.shading, index))
+    return replace(state, shading=with_plane_flipped(state.shading, index))
 
 
 @edit
 def remove_plane(state: ViewState, index: int) -> ViewState:
     """Remove a clip plane."""
-    return replace(state, shading=changed(state.shading, index, None))
+    return replace(state, shading=with_clip_plane(state.shading, index, None))
 
 
 @edit
@@ -390,7 +394,7 @@ def choose_plane(state: ViewState, index: int) -> ViewState:
 
 
 def move_handle(state: ViewState, handle: Handle, x: float, y: float) -> ViewState:
-    """Move what a handle holds to where `cuts.dragged` has it."""
+    """Move what a handle holds to where `cuts.drag_handle` has it."""
     match handle.name:
         case "crop":
             return move_crop(state, handle.index, x)

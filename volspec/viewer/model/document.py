@@ -108,7 +108,7 @@ class Document:
     volume : Volume
     caster : Raycaster, optional
         Holds the volume; None if nothing will be cast, or can be.
-    view, transfer, shading, lights, seen
+    view, transfer, shading, lights, relight
         As the file has them.
     histogram : (256,) float64
         Voxels by value over the volume's range.
@@ -129,7 +129,7 @@ class Document:
     transfer: Transfer
     shading: RaycastSpec
     lights: Rows
-    seen: RelightSpec
+    relight: RelightSpec
     histogram: NDArray[np.float64]
     file: SceneFile | None = None
     path: Path | None = None
@@ -174,7 +174,7 @@ class Document:
             transfer=scene.transfer,
             shading=scene.raycast,
             lights=rows_of(scene.lights, rows_by_name(scene.file.light)),
-            seen=scene.relight,
+            relight=scene.relight,
             histogram=histogram(volume),
             file=scene.file,
             path=scene.path.absolute(),
@@ -190,7 +190,7 @@ def demo() -> Path:
 def plain_scene(path: str, volume: Volume) -> SceneFile:
     """A scene for a volume of which nothing else is known, by the preset for such."""
     preset = presets.BY_NAME[presets.DEFAULT]
-    looks = presets.fitted(preset, volume, histogram(volume))
+    looks = presets.preset_points(preset, volume, histogram(volume))
     document: dict[str, Any] = {
         "title": Path(path.partition("?")[0]).name,
         "volume": {"file": str(Path(path).absolute())},

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from volspec.viewer.model.materials import repainted
+from volspec.viewer.model.materials import differ_in_spectra
 from volspec.viewer.model.state import ViewState
 
 Stage = Literal["cast", "relight", "frame"]
@@ -24,15 +24,15 @@ STAGES: dict[str, Stage] = {
     "shading": "cast",
     "size": "cast",
     "lights": "relight",
-    "seen": "relight",
+    "relight": "relight",
     "other": "relight",
     "divide": "relight",
     "interface": "frame",
-    "kept": "frame",
+    "saved_lights": "frame",
     "fade": "frame",
-    "board": "relight",
+    "palette": "relight",
     "thickness": "cast",
-    "thin": "frame",
+    "unthickened": "frame",
 }
 
 
@@ -40,12 +40,12 @@ MOST_STEPS = 200
 _ORDER: tuple[Stage, ...] = ("cast", "relight", "frame")
 # Names of changes; the first that fits.
 _WORDS = (
-    ("palette", ("board",)),  # before the spectra that it has designed
+    ("palette", ("palette",)),  # before the spectra that it has designed
     ("view", ("view",)),
     ("lights", ("lights", "other", "divide")),
-    ("light states", ("kept",)),
+    ("light states", ("saved_lights",)),
     ("transfer function", ("transfer", "shift", "thickness")),
-    ("viewing", ("seen",)),
+    ("viewing", ("relight",)),
 )
 _CUTS = ("clip_planes", "crop_voxels")
 
@@ -94,7 +94,7 @@ class Difference:
     def undoable(self) -> bool:
         """Return True if undo goes back over it: not over sizes and the window's own settings."""
         stage = self._stage_of(self.fields - {"size"})
-        return stage not in (None, "frame") or "kept" in self.fields
+        return stage not in (None, "frame") or "saved_lights" in self.fields
 
     @property
     def name(self) -> str:
@@ -109,7 +109,7 @@ class Difference:
     def _stage_of(self, fields: frozenset[str]) -> Stage | None:
         found = {STAGES[name] for name in fields}
         old = self.old
-        if "transfer" in fields and old and repainted(old.transfer, self.new.transfer):
+        if "transfer" in fields and old and differ_in_spectra(old.transfer, self.new.transfer):
             found = {STAGES[name] for name in fields - {"transfer"}} | {"relight"}
         return next((stage for stage in _ORDER if stage in found), None)
 

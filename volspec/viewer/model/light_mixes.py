@@ -14,7 +14,7 @@ from volspec.errors import VolspecError
 from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.lights import light_terms
-from volspec.viewer.model.light_rows import LightRow, Rows, rig_of, shining, with_row
+from volspec.viewer.model.light_rows import LightRow, Rows, effective_weights, rig_of, with_row
 
 _DIGITS = 4
 
@@ -27,7 +27,7 @@ def mix_text(rows: Rows, group: str = "", folder: str = ".") -> str | None:
     """
     rig = rig_of(rows)
     shares: dict[str, float] = {}
-    for row, weight in zip(rows, shining(rows), strict=True):
+    for row, weight in zip(rows, effective_weights(rows), strict=True):
         for j, text in enumerate(row.texts):
             amount = weight * row.rig.weights[j]
             if row.rig.groups[j] != group or amount <= 0:
@@ -96,7 +96,7 @@ def _from_group(rig: LightRig, group: str) -> LightRig | None:
 
 
 @cache
-def corners(count: int) -> tuple[tuple[float, float], ...]:
+def rim_places(count: int) -> tuple[tuple[float, float], ...]:
     """Where lights stand on the dial's rim, clockwise from the top; y runs down."""
     angles = [2 * math.pi * i / count for i in range(count)]
     return tuple((math.sin(angle), -math.cos(angle)) for angle in angles)
@@ -115,7 +115,7 @@ def dial_weights(count: int, x: float, y: float) -> tuple[float, ...]:
     """
     if count < 2:
         return (1.0,) * count
-    rim = corners(count)
+    rim = rim_places(count)
     if count == 2:
         share = min(max((1.0 - y) / 2, 0.0), 1.0)
         return (share, 1.0 - share)
@@ -138,12 +138,12 @@ def dial_place(weights: Sequence[float]) -> tuple[float, float]:
     total = sum(weights)
     if total <= 0:
         return 0.0, 0.0
-    rim = corners(len(weights))
+    rim = rim_places(len(weights))
     x, y = (sum(w * p[k] for w, p in zip(weights, rim, strict=True)) / total for k in (0, 1))
     return x, y
 
 
-def blended(rows: Rows, x: float, y: float) -> Rows:
+def blend_rows(rows: Rows, x: float, y: float) -> Rows:
     """The lights at a place of the dial; the strongest at weight 1, none solo or muted."""
     weights = dial_weights(len(rows), x, y)
     most = max(weights, default=1.0)

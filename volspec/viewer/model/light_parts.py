@@ -22,11 +22,11 @@ from volspec.spectra import SpectralGrid, Spectrum, color_matching_functions
 from volspec.viewer.model.light_rows import (
     LightRow,
     Rows,
+    effective_weights,
     kelvin_of,
     rig_of,
-    shining,
     spectrum_of,
-    unused,
+    unused_name,
 )
 
 LUX = (0.01, 200_000.0)
@@ -34,7 +34,7 @@ LUX = (0.01, 200_000.0)
 MOST_WEIGHT = 2.0
 
 
-def lit_with(rows: Rows, index: int, lux: float, part: int = 0) -> Rows:
+def with_lux(rows: Rows, index: int, lux: float, part: int = 0) -> Rows:
     """A light's illuminance, lux; at 0 or below it has none. A row's parts have all or none."""
     row = row_at(rows, index, part)
     if row is None:
@@ -48,7 +48,7 @@ def lit_with(rows: Rows, index: int, lux: float, part: int = 0) -> Rows:
     return _with_rig(rows, index, illuminance_lux=tuple(given))
 
 
-def part_weighted(rows: Rows, index: int, part: int, weight: float) -> Rows:
+def with_part_weight(rows: Rows, index: int, part: int, weight: float) -> Rows:
     """A part's own weight beside the others of its row."""
     row = row_at(rows, index, part)
     if row is None:
@@ -58,7 +58,7 @@ def part_weighted(rows: Rows, index: int, part: int, weight: float) -> Rows:
     return _with_rig(rows, index, weights=tuple(weights))
 
 
-def regrouped(rows: Rows, index: int, part: int, group: str) -> Rows:
+def with_part_group(rows: Rows, index: int, part: int, group: str) -> Rows:
     """A part that shines from another light group; ``""`` is all of them."""
     row = row_at(rows, index, part)
     if row is None:
@@ -68,7 +68,7 @@ def regrouped(rows: Rows, index: int, part: int, group: str) -> Rows:
     return _with_rig(rows, index, groups=tuple(groups))
 
 
-def respelled(
+def with_part_spectrum(
     rows: Rows, index: int, part: int, text: str, grid: SpectralGrid, folder: str = "."
 ) -> Rows:
     """Another spectrum for a part, in `volspec.light`'s notation.
@@ -89,13 +89,15 @@ def respelled(
         kelvin = kelvin_of(kept)
         if not row.named:
             name = kept if kelvin is None else f"{kelvin:g} K"
-            name = unused(name, (*rows[:index], *rows[index + 1 :]))
+            name = unused_name(name, (*rows[:index], *rows[index + 1 :]))
         label = kept if kelvin is None else "Planck radiator"
     new = replace(row, rig=replace(row.rig, lights=tuple(lights)), texts=tuple(texts))
-    return put(rows, index, replace(new, name=name, label=label, kelvin=kelvin, before=None))
+    return with_row_at(
+        rows, index, replace(new, name=name, label=label, kelvin=kelvin, before=None)
+    )
 
 
-def part_added(rows: Rows, index: int, group: str) -> Rows:
+def with_part(rows: Rows, index: int, group: str) -> Rows:
     """One more part for a group, with the first part's spectrum, weight and lux."""
     row = row_at(rows, index)
     if row is None:
@@ -109,10 +111,10 @@ def part_added(rows: Rows, index: int, group: str) -> Rows:
         (*rig.groups, group),
     )
     texts = (*row.texts, row.texts[0])
-    return put(rows, index, replace(row, rig=more, texts=texts, kelvin=None, before=None))
+    return with_row_at(rows, index, replace(row, rig=more, texts=texts, kelvin=None, before=None))
 
 
-def part_removed(rows: Rows, index: int, part: int) -> Rows:
+def without_part(rows: Rows, index: int, part: int) -> Rows:
     """Without a part; the last one stays."""
     row = row_at(rows, index, part)
     if row is None or len(row.rig.lights) < 2:
@@ -130,10 +132,10 @@ def part_removed(rows: Rows, index: int, part: int) -> Rows:
         return rows
     texts = tuple(row.texts[j] for j in kept)
     kelvin = kelvin_of(texts[0]) if len(texts) == 1 else None
-    return put(rows, index, replace(row, rig=less, texts=texts, kelvin=kelvin, before=None))
+    return with_row_at(rows, index, replace(row, rig=less, texts=texts, kelvin=kelvin, before=None))
 
 
-def parted(rows: Rows, index: int, groups: Sequence[str]) -> Rows:
+def split_by_group(rows: Rows, index: int, groups: Sequence[str]) -> Rows:
     """A part for each light group in place of one that shines from all."""
     row = row_at(rows, index)
     if row is None or "" not in row.rig.groups or len(groups) < 2:
@@ -149,7 +151,7 @@ def parted(rows: Rows, index: int, groups: Sequence[str]) -> Rows:
         tuple(group for _, group in named),
     )
     texts = tuple(row.texts[j] for j, _ in named)
-    return put(rows, index, replace(row, rig=more, texts=texts, kelvin=None, before=None))
+    return with_row_at(rows, index, replace(row, rig=more, texts=texts, kelvin=None, before=None))
 
 
 def facing_lux(rig: LightRig, shares: Mapping[str, float]) -> float | None:
@@ -167,16 +169,16 @@ def facing_lux(rig: LightRig, shares: Mapping[str, float]) -> float | None:
         return None
 
 
-def lux_note(rows: Rows, shares: Mapping[str, float], seen: RelightSpec) -> str:
+def lux_note(rows: Rows, shares: Mapping[str, float], spec: RelightSpec) -> str:
     """What counts as the scene's illuminance, in words."""
-    viewing_lux = seen.viewing.illuminance_lux
-    lit = [row for row, weight in zip(rows, shining(rows), strict=True) if weight > 0]
+    viewing_lux = spec.viewing.illuminance_lux
+    lit = [row for row, weight in zip(rows, effective_weights(rows), strict=True) if weight > 0]
     without = [row.name for row in lit if row.rig.illuminance_lux is None]
     if lit and not without:
         rig = rig_of(rows)
         total = facing_lux(rig, shares) if rig else None
         return f"Together {total or 0.0:.4g} lx: what the eye adapts to"
-    if without and seen.level == "absolute":
+    if without and spec.level == "absolute":
         return f"Level “absolute” needs lux, and {without[0]} has none"
     if len(without) < len(lit):
         names = without[0] + (" …" if len(without) > 1 else "")
@@ -191,7 +193,7 @@ def row_at(rows: Rows, index: int, part: int = 0) -> LightRow | None:
     return rows[index]
 
 
-def put(rows: Rows, index: int, row: LightRow) -> Rows:
+def with_row_at(rows: Rows, index: int, row: LightRow) -> Rows:
     """Another row in one's place."""
     return (*rows[:index], row, *rows[index + 1 :])
 
@@ -201,7 +203,7 @@ def _with_rig(rows: Rows, index: int, **changes: Any) -> Rows:
     if all(getattr(row.rig, name) == value for name, value in changes.items()):
         return rows
     try:
-        return put(rows, index, replace(row, rig=replace(row.rig, **changes)))
+        return with_row_at(rows, index, replace(row, rig=replace(row.rig, **changes)))
     except VolspecError:  # the rig would give no light
         return rows
 
@@ -214,7 +216,7 @@ _LEAST_SEEN = 1e-6
 _EDITED = " edited"
 
 
-def stroke(values: NDArray[np.float64], start: Place, end: Place) -> NDArray[np.float64]:
+def draw_stroke(values: NDArray[np.float64], start: Place, end: Place) -> NDArray[np.float64]:
     """Bands after a straight stroke of the pen.
 
     Parameters
@@ -232,7 +234,7 @@ def stroke(values: NDArray[np.float64], start: Place, end: Place) -> NDArray[np.
 
     Examples
     --------
-    >>> stroke(np.zeros(5), (0.25, 1.0), (0.75, 2.0)).tolist()
+    >>> draw_stroke(np.zeros(5), (0.25, 1.0), (0.75, 2.0)).tolist()
     [0.0, 1.0, 1.5, 2.0, 0.0]
     """
     last = len(values) - 1
@@ -246,7 +248,7 @@ def stroke(values: NDArray[np.float64], start: Place, end: Place) -> NDArray[np.
     return np.where(under, np.clip(powers, 0.0, MOST_POWER), values)
 
 
-def drawn(rows: Rows, index: int, part: int, start: Place, end: Place) -> Rows:
+def with_stroke(rows: Rows, index: int, part: int, start: Place, end: Place) -> Rows:
     """A row whose spectrum a stroke has changed: a light of one's own.
 
     All as they are where there is no such row, a number is not finite, or nothing that can be
@@ -256,7 +258,7 @@ def drawn(rows: Rows, index: int, part: int, start: Place, end: Place) -> Rows:
     if row is None or not all(map(math.isfinite, (*start, *end))):
         return rows
     old = row.rig.lights[part]
-    values = stroke(old.values, start, end)
+    values = draw_stroke(old.values, start, end)
     V = color_matching_functions(old.grid)[1]
     if np.array_equal(values, old.values) or V @ values < _LEAST_SEEN * V.sum():
         return rows
@@ -268,20 +270,20 @@ def drawn(rows: Rows, index: int, part: int, start: Place, end: Place) -> Rows:
         rig = replace(row.rig, lights=tuple(lights))
     except VolspecError:  # no light
         return rows
-    named = row.name if row.named else unused(name, (*rows[:index], *rows[index + 1 :]))
+    named = row.name if row.named else unused_name(name, (*rows[:index], *rows[index + 1 :]))
     new = replace(row, name=named, rig=rig, kelvin=None, texts=tuple(texts), before=original)
-    return put(rows, index, new)
+    return with_row_at(rows, index, new)
 
 
-def undrawn(rows: Rows, index: int) -> Rows:
+def without_strokes(rows: Rows, index: int) -> Rows:
     """A row with the spectrum that it had before it was drawn; its weight stays."""
     row = row_at(rows, index)
     if row is None or row.before is None:
         return rows
     others = (*rows[:index], *rows[index + 1 :])
-    name = row.name if row.named else unused(row.before.name, others)
+    name = row.name if row.named else unused_name(row.before.name, others)
     before = replace(row.before, name=name, named=row.named)
-    return put(rows, index, _as_switched(before, row))
+    return with_row_at(rows, index, _as_switched(before, row))
 
 
 def _as_switched(row: LightRow, by: LightRow) -> LightRow:

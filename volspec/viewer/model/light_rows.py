@@ -87,13 +87,13 @@ class LightState:
     ----------
     name : str
     lights : tuple of LightRow
-    seen : RelightSpec
+    relight : RelightSpec
         Viewing, mode, backdrop and level.
     """
 
     name: str
     lights: Rows
-    seen: RelightSpec
+    relight: RelightSpec
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,14 +103,14 @@ class Fade:
     Parameters
     ----------
     lights : tuple of LightRow
-    seen : RelightSpec
+    relight : RelightSpec
         Where it starts.
     seconds : float
         How long it takes.
     """
 
     lights: Rows
-    seen: RelightSpec
+    relight: RelightSpec
     seconds: float
 
 
@@ -151,7 +151,7 @@ def kelvin_of(text: str | None) -> float | None:
         return None
 
 
-def shining(rows: Rows) -> tuple[float, ...]:
+def effective_weights(rows: Rows) -> tuple[float, ...]:
     """The weights that count, after solo and mute."""
     solo = any(row.solo for row in rows)
     return tuple(0.0 if row.muted or (solo and not row.solo) else row.weight for row in rows)
@@ -162,11 +162,11 @@ def rig_of(rows: Rows) -> LightRig | None:
 
     The lights' lux count where all that shine carry them.
     """
-    weights = shining(rows)
+    weights = effective_weights(rows)
     return mixed_rig([row.rig for row in rows], weights) if any(weights) else None
 
 
-def changed(rows: Rows, index: int, **changes: Any) -> Rows:
+def with_changes(rows: Rows, index: int, **changes: Any) -> Rows:
     """One row with other settings; all as they are where there is no such row."""
     if not 0 <= index < len(rows):
         return rows
@@ -174,12 +174,12 @@ def changed(rows: Rows, index: int, **changes: Any) -> Rows:
     return (*rows[:index], row, *rows[index + 1 :])
 
 
-def weighted(rows: Rows, index: int, weight: float) -> Rows:
+def with_weight(rows: Rows, index: int, weight: float) -> Rows:
     """One row with another weight, within 0 to 1."""
-    return changed(rows, index, weight=min(max(weight, 0.0), 1.0))
+    return with_changes(rows, index, weight=min(max(weight, 0.0), 1.0))
 
 
-def alone(rows: Rows, index: int) -> Rows:
+def only_row(rows: Rows, index: int) -> Rows:
     """One light on, all others off."""
     return tuple(
         replace(row, weight=1.0 if i == index else 0.0, solo=False, muted=False)
@@ -187,13 +187,13 @@ def alone(rows: Rows, index: int) -> Rows:
     )
 
 
-def brightest(rows: Rows) -> int:
+def brightest_row(rows: Rows) -> int:
     """The row that shines most; the first where none does."""
-    weights = shining(rows)
+    weights = effective_weights(rows)
     return weights.index(max(weights)) if weights else 0
 
 
-def heated(rows: Rows, index: int, kelvin: float) -> Rows:
+def with_kelvin(rows: Rows, index: int, kelvin: float) -> Rows:
     """A Planck radiator at another temperature."""
     if not (0 <= index < len(rows)) or rows[index].kelvin is None:
         return rows
@@ -202,20 +202,20 @@ def heated(rows: Rows, index: int, kelvin: float) -> Rows:
     rig = replace(row.rig, lights=(light(text, row.rig.lights[0].grid),))
     name = row.name
     if not row.named:
-        name = unused(f"{kelvin:g} K", (*rows[:index], *rows[index + 1 :]))
-    return changed(rows, index, rig=rig, kelvin=kelvin, name=name, texts=(text,))
+        name = unused_name(f"{kelvin:g} K", (*rows[:index], *rows[index + 1 :]))
+    return with_changes(rows, index, rig=rig, kelvin=kelvin, name=name, texts=(text,))
 
 
-def renamed(rows: Rows, index: int, name: str) -> Rows:
+def with_name(rows: Rows, index: int, name: str) -> Rows:
     """A row under another name, numbered where that is taken; without one all stay as they are."""
     name = " ".join(name.split())
     if not 0 <= index < len(rows) or name in ("", rows[index].name):
         return rows
     others = (*rows[:index], *rows[index + 1 :])
-    return changed(rows, index, name=unused(name, others), named=True)
+    return with_changes(rows, index, name=unused_name(name, others), named=True)
 
 
-def unused(name: str, rows: Rows) -> str:
+def unused_name(name: str, rows: Rows) -> str:
     """A name that no row has: with a number behind it where it is taken.
 
     Rows of one name would be one setting of a scene file.
@@ -247,7 +247,7 @@ def spectrum_of(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[Spect
     return light(text, grid, folder=folder), text
 
 
-def added(rows: Rows, text: str, grid: SpectralGrid, folder: str = ".") -> Rows:
+def with_new_light(rows: Rows, text: str, grid: SpectralGrid, folder: str = ".") -> Rows:
     """A light of the library, in `volspec.light`'s notation, alone and at the end of the list.
 
     It gets as many lux as shine now, where all the others have some.
@@ -276,7 +276,7 @@ def with_row(rows: Rows, row: LightRow) -> Rows:
     """
     if len(rows) >= MOST_ROWS:
         raise SpectrumError(f"{MOST_ROWS} lights are the most; remove one first")
-    return alone((*rows, replace(row, name=unused(row.name, rows))), len(rows))
+    return only_row((*rows, replace(row, name=unused_name(row.name, rows))), len(rows))
 
 
 def _present_lux(rows: Rows) -> tuple[float] | None:
@@ -290,9 +290,9 @@ def _present_lux(rows: Rows) -> tuple[float] | None:
     return (total,) if total else None
 
 
-def removed(rows: Rows, index: int) -> Rows:
+def without_row(rows: Rows, index: int) -> Rows:
     """Without one row; the last one stays."""
     if len(rows) < 2 or not 0 <= index < len(rows):
         return rows
     rest = (*rows[:index], *rows[index + 1 :])
-    return rest if any(shining(rest)) else alone(rest, min(index, len(rest) - 1))
+    return rest if any(effective_weights(rest)) else only_row(rest, min(index, len(rest) - 1))

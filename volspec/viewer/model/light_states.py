@@ -21,9 +21,9 @@ from volspec.viewer.model.light_rows import (
     LightRow,
     LightState,
     Rows,
-    brightest,
-    heated,
-    shining,
+    brightest_row,
+    effective_weights,
+    with_kelvin,
 )
 from volspec.viewer.model.state import ViewState
 
@@ -34,20 +34,20 @@ _BY_RATIO = ("illuminance_lux", "exposure")
 _BY_STEP = ("L_A", "Y_b", "surround", "D", "fov_deg")
 
 
-def named_anew(states: tuple[LightState, ...]) -> str:
+def new_state_name(states: tuple[LightState, ...]) -> str:
     """A name that none of them has: ``State 1``, ``State 2``, …"""
     taken = {state.name for state in states}
     return next(name for i in range(1, len(states) + 2) if (name := f"State {i}") not in taken)
 
 
-def recalled(now: Rows, saved: Rows) -> Rows:
+def recalled_rows(now: Rows, saved: Rows) -> Rows:
     """A saved state's lights; those that it does not know stay in the list, off."""
-    known = {old for old, _ in pairs(now, saved) if old is not None}
+    known = {old for old, _ in matching_rows(now, saved) if old is not None}
     rest = [row for i, row in enumerate(now) if i not in known]
     return (*saved, *(replace(row, weight=0.0, solo=False, muted=False) for row in rest))
 
 
-def pairs(start: Rows, end: Rows) -> list[tuple[int | None, int]]:
+def matching_rows(start: Rows, end: Rows) -> list[tuple[int | None, int]]:
     """For each light of the end the one of the start that it was.
 
     By what it shines with and its name, by its name, by what it shines with, by being Planck's.
@@ -77,7 +77,7 @@ def pairs(start: Rows, end: Rows) -> list[tuple[int | None, int]]:
     return [(found.get(at), at) for at in range(len(end))]
 
 
-def faded(
+def interpolate_lights(
     start: tuple[Rows, RelightSpec], end: tuple[Rows, RelightSpec], share: float
 ) -> tuple[Rows, RelightSpec]:
     """What lies between two settings of lights and viewing.
@@ -96,9 +96,9 @@ def faded(
     if share >= 1.0:
         return end
     rows, old = end[0], start[0]
-    from_weights, to_weights = shining(old), shining(rows)
+    from_weights, to_weights = effective_weights(old), effective_weights(rows)
     between: list[LightRow] = []
-    matched = pairs(old, rows)
+    matched = matching_rows(old, rows)
     for i, at in matched:
         weight = (1 - share) * (from_weights[i] if i is not None else 0.0) + share * to_weights[at]
         row = rows[at] if i is None else _row_between(old[i], rows[at], share)
@@ -108,7 +108,7 @@ def faded(
         if i not in known:
             weight = (1 - share) * from_weights[i]
             between.append(replace(row, weight=weight, solo=False, muted=False))
-    return tuple(between), _seen_between(start[1], end[1], share)
+    return tuple(between), _relight_between(start[1], end[1], share)
 
 
 def _root(row: LightRow) -> str:
@@ -122,7 +122,7 @@ def _row_between(old: LightRow, new: LightRow, share: float) -> LightRow:
     if old.kelvin and new.kelvin:
         # Equal steps of 1/T look alike.
         kelvin = 1.0 / ((1 - share) / old.kelvin + share / new.kelvin)
-        new = replace(heated((new,), 0, kelvin)[0], name=new.name)
+        new = replace(with_kelvin((new,), 0, kelvin)[0], name=new.name)
         b = new.rig
     alike = len(a.lights) == len(b.lights) and a.groups == b.groups
     if not alike or any(
@@ -143,7 +143,7 @@ def _row_between(old: LightRow, new: LightRow, share: float) -> LightRow:
     return replace(new, rig=LightRig(lights, weights, lux, b.groups))
 
 
-def _seen_between(old: RelightSpec, new: RelightSpec, share: float) -> RelightSpec:
+def _relight_between(old: RelightSpec, new: RelightSpec, share: float) -> RelightSpec:
     if old is new:
         return new
     a, b = old.viewing, new.viewing
@@ -181,10 +181,10 @@ def _are_numbers(*values: object) -> bool:
 @edit
 def save(state: ViewState) -> ViewState:
     """Save the present lights and viewing as a state."""
-    if len(state.kept) >= MOST_STATES:
+    if len(state.saved_lights) >= MOST_STATES:
         return state
-    new = LightState(named_anew(state.kept), state.lights, state.seen)
-    return replace(state, kept=(*state.kept, new))
+    new = LightState(new_state_name(state.saved_lights), state.lights, state.relight)
+    return replace(state, saved_lights=(*state.saved_lights, new))
 
 
 def _saved(state: ViewState) -> Edited:
@@ -196,14 +196,14 @@ def _saved(state: ViewState) -> Edited:
 @edit
 def save_over(state: ViewState, index: int) -> ViewState:
     """Replace a saved state by the present lights and viewing."""
-    return _with(state, index, lights=state.lights, seen=state.seen)
+    return _with(state, index, lights=state.lights, relight=state.relight)
 
 
 @edit
 def rename(state: ViewState, index: int, name: str) -> ViewState:
     """Rename a saved state, if the name is one and free."""
     name = " ".join(name.split())
-    if not name or any(kept.name == name for kept in state.kept):
+    if not name or any(kept.name == name for kept in state.saved_lights):
         return state
     return _with(state, index, name=name)
 
@@ -211,21 +211,23 @@ def rename(state: ViewState, index: int, name: str) -> ViewState:
 @edit
 def delete(state: ViewState, index: int) -> ViewState:
     """Delete a saved state."""
-    if not 0 <= index < len(state.kept):
+    if not 0 <= index < len(state.saved_lights):
         return state
-    return replace(state, kept=(*state.kept[:index], *state.kept[index + 1 :]))
+    return replace(
+        state, saved_lights=(*state.saved_lights[:index], *state.saved_lights[index + 1 :])
+    )
 
 
 @edit
 def recall(state: ViewState, index: int) -> ViewState:
     """Take the lights and the viewing of a saved state; the way there is a fade."""
-    if not 0 <= index < len(state.kept):
+    if not 0 <= index < len(state.saved_lights):
         return state
-    saved = state.kept[index]
-    fade = Fade(state.lights, state.seen, state.interface.fade_s)
-    rows = recalled(state.lights, saved.lights)
-    interface = replace(state.interface, light=brightest(rows))
-    return replace(state, lights=rows, seen=saved.seen, fade=fade, interface=interface)
+    saved = state.saved_lights[index]
+    fade = Fade(state.lights, state.relight, state.interface.fade_s)
+    rows = recalled_rows(state.lights, saved.lights)
+    interface = replace(state.interface, light=brightest_row(rows))
+    return replace(state, lights=rows, relight=saved.relight, fade=fade, interface=interface)
 
 
 @edit
@@ -236,10 +238,12 @@ def set_fade(state: ViewState, seconds: float) -> ViewState:
 
 
 def _with(state: ViewState, index: int, **changes: Any) -> ViewState:
-    if not 0 <= index < len(state.kept):
+    if not 0 <= index < len(state.saved_lights):
         return state
-    new = replace(state.kept[index], **changes)
-    return replace(state, kept=(*state.kept[:index], new, *state.kept[index + 1 :]))
+    new = replace(state.saved_lights[index], **changes)
+    return replace(
+        state, saved_lights=(*state.saved_lights[:index], new, *state.saved_lights[index + 1 :])
+    )
 
 
 def _recall(index: int) -> Change:

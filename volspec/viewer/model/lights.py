@@ -17,25 +17,25 @@ from volspec.viewer.model.state import ViewState
 @edit
 def set_weight(state: ViewState, index: int, weight: float) -> ViewState:
     """Set a light's weight in the mix."""
-    return replace(state, lights=light_rows.weighted(state.lights, index, weight))
+    return replace(state, lights=light_rows.with_weight(state.lights, index, weight))
 
 
 @edit
 def set_kelvin(state: ViewState, index: int, kelvin: float) -> ViewState:
     """Set a light's colour temperature."""
-    return replace(state, lights=light_rows.heated(state.lights, index, kelvin))
+    return replace(state, lights=light_rows.with_kelvin(state.lights, index, kelvin))
 
 
 @edit
 def set_lux(state: ViewState, index: int, lux: float, part: int = 0) -> ViewState:
     """Set the illuminance of one of a light's spectra."""
-    return replace(state, lights=light_parts.lit_with(state.lights, index, lux, part))
+    return replace(state, lights=light_parts.with_lux(state.lights, index, lux, part))
 
 
 @edit
 def set_part_weight(state: ViewState, index: int, part: int, weight: float) -> ViewState:
     """Set the weight of one of a light's spectra."""
-    rows = light_parts.part_weighted(state.lights, index, part, weight)
+    rows = light_parts.with_part_weight(state.lights, index, part, weight)
     return replace(state, lights=rows)
 
 
@@ -45,14 +45,14 @@ Place = tuple[float, float]
 @edit
 def draw(state: ViewState, index: int, part: int, start: Place, end: Place) -> ViewState:
     """Draw on a light's spectrum: shares of the wavelengths' range, and power."""
-    rows = light_parts.drawn(state.lights, index, part, start, end)
+    rows = light_parts.with_stroke(state.lights, index, part, start, end)
     return replace(state, lights=rows)
 
 
 @edit
 def blend(state: ViewState, x: float, y: float) -> ViewState:
     """Blend all lights by a place on the dial."""
-    return replace(state, lights=light_mixes.blended(state.lights, x, y))
+    return replace(state, lights=light_mixes.blend_rows(state.lights, x, y))
 
 
 @edit
@@ -71,13 +71,13 @@ def _toggled(state: ViewState, index: int, name: str) -> ViewState:
     if not 0 <= index < len(state.lights):
         return state
     on = not getattr(state.lights[index], name)
-    return replace(state, lights=light_rows.changed(state.lights, index, **{name: on}))
+    return replace(state, lights=light_rows.with_changes(state.lights, index, **{name: on}))
 
 
 @edit
 def remove(state: ViewState, index: int) -> ViewState:
     """Remove a light, unless it is the last."""
-    return _with(state, light_rows.removed(state.lights, index))
+    return _with(state, light_rows.without_row(state.lights, index))
 
 
 @edit
@@ -95,7 +95,7 @@ def set_divide(state: ViewState, share: float) -> ViewState:
 
 
 def _next_light(state: ViewState) -> ViewState:
-    return only(state, (light_rows.brightest(state.lights) + 1) % len(state.lights))
+    return only(state, (light_rows.brightest_row(state.lights) + 1) % len(state.lights))
 
 
 @edit
@@ -103,7 +103,7 @@ def only(state: ViewState, index: int) -> ViewState:
     """Show one light alone, and choose it."""
     if not 0 <= index < len(state.lights):
         return state
-    return _chosen_of(state, light_rows.alone(state.lights, index), index)
+    return _chosen_of(state, light_rows.only_row(state.lights, index), index)
 
 
 def with_last(state: ViewState, rows: light_rows.Rows) -> ViewState:
@@ -114,11 +114,11 @@ def with_last(state: ViewState, rows: light_rows.Rows) -> ViewState:
 @edit
 def rename(state: ViewState, index: int, name: str) -> ViewState:
     """Give a light another name; the palette knows it by that."""
-    rows = light_rows.renamed(state.lights, index, name)
+    rows = light_rows.with_name(state.lights, index, name)
     if rows is state.lights:
         return state
-    board = state.board.with_light_renamed(state.lights[index].name, rows[index].name)
-    return replace(state, lights=rows, board=board)
+    board = state.palette.with_light_renamed(state.lights[index].name, rows[index].name)
+    return replace(state, lights=rows, palette=board)
 
 
 def _chosen_of(state: ViewState, rows: light_rows.Rows, index: int) -> ViewState:
@@ -153,12 +153,12 @@ def _remove_chosen(state: ViewState) -> Edited:
 
 
 def _blend_all(state: ViewState) -> ViewState:
-    return replace(state, lights=light_mixes.blended(state.lights, 0.0, 0.0))
+    return replace(state, lights=light_mixes.blend_rows(state.lights, 0.0, 0.0))
 
 
 def _reset_spectrum(state: ViewState) -> ViewState:
     """The chosen light's spectrum as it was before it was drawn."""
-    return replace(state, lights=light_parts.undrawn(state.lights, state.interface.light))
+    return replace(state, lights=light_parts.without_strokes(state.lights, state.interface.light))
 
 
 def _alone(state: ViewState) -> ViewState:
@@ -172,9 +172,9 @@ def _chosen(change: Callable[[ViewState, int], ViewState]) -> Change:
 
 def _mark(state: ViewState) -> ViewState:
     """Hatch what the display cannot show, or no longer."""
-    seen = state.seen
-    display = replace(seen.viewing.display, mark=not seen.viewing.display.mark)
-    return replace(state, seen=replace(seen, viewing=replace(seen.viewing, display=display)))
+    spec = state.relight
+    display = replace(spec.viewing.display, mark=not spec.viewing.display.mark)
+    return replace(state, relight=replace(spec, viewing=replace(spec.viewing, display=display)))
 
 
 COMMANDS = (
@@ -189,7 +189,7 @@ COMMANDS = (
     ),
     Command(
         *("mark", "View", "Mark what the display cannot show", ("m",), _mark),
-        lambda s: s.seen.viewing.display.mark,
+        lambda s: s.relight.viewing.display.mark,
     ),
     Command("swap", "Light", "Swap the two sides", ("x",), _swap),
     Command("alone", "Light", "The chosen light alone", (), _alone),
@@ -214,7 +214,7 @@ def _with(state: ViewState, rows: light_rows.Rows) -> ViewState:
 def add(state: ViewState, text: str) -> ViewState:
     """Add a light in `volspec.light`'s notation, alone and chosen."""
     document = state.document
-    rows = light_rows.added(state.lights, text, document.grid, document.folder)
+    rows = light_rows.with_new_light(state.lights, text, document.grid, document.folder)
     return with_last(state, rows)
 
 
@@ -223,7 +223,7 @@ def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
     """Give a part of a light another spectrum, in the same notation."""
     document = state.document
     place = document.grid, document.folder
-    return _with(state, light_parts.respelled(state.lights, index, part, text, *place))
+    return _with(state, light_parts.with_part_spectrum(state.lights, index, part, text, *place))
 
 
 @edit
@@ -231,29 +231,29 @@ def show_alone(state: ViewState, index: int) -> ViewState:
     """Show one light alone; the chosen one stays."""
     if not 0 <= index < len(state.lights):
         return state
-    return replace(state, lights=light_rows.alone(state.lights, index))
+    return replace(state, lights=light_rows.only_row(state.lights, index))
 
 
 @edit
 def split_part(state: ViewState, index: int) -> ViewState:
     """Give a light a spectrum for each light group of the scene in place of one for all."""
     groups = tuple(group.name for group in state.shading.groups)
-    return _with(state, light_parts.parted(state.lights, index, groups))
+    return _with(state, light_parts.split_by_group(state.lights, index, groups))
 
 
 @edit
 def regroup(state: ViewState, index: int, part: int, group: str) -> ViewState:
     """Have one of a light's spectra shine on another light group."""
-    return _with(state, light_parts.regrouped(state.lights, index, part, group))
+    return _with(state, light_parts.with_part_group(state.lights, index, part, group))
 
 
 @edit
 def add_part(state: ViewState, index: int, group: str) -> ViewState:
     """Add a spectrum to a light, for a light group."""
-    return _with(state, light_parts.part_added(state.lights, index, group))
+    return _with(state, light_parts.with_part(state.lights, index, group))
 
 
 @edit
 def remove_part(state: ViewState, index: int, part: int) -> ViewState:
     """Remove one of a light's spectra."""
-    return _with(state, light_parts.part_removed(state.lights, index, part))
+    return _with(state, light_parts.without_part(state.lights, index, part))

@@ -131,7 +131,7 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
         materials = {**materials, name: spectrum}
         basis = MaterialBasis(materials, basis.name, basis.grid, basis.observer_deg)
     more = replace(transfer, materials={**materials, name: spectrum}, basis=basis)
-    return with_mix(exact(more), index, name)
+    return with_mix(with_material_basis(more), index, name)
 
 
 def without_material(transfer: Transfer, name: str) -> Transfer:
@@ -150,7 +150,7 @@ def without_material(transfer: Transfer, name: str) -> Transfer:
     """
     if name not in transfer.materials:
         return transfer
-    if why := why_kept(transfer, name):
+    if why := uses_of_material(transfer, name):
         raise TransferError(f"{quoted(name)}: {why}")
     for index, part in enumerate(parts_of(transfer)):
         if name in part.mix:  # a share of 0
@@ -167,14 +167,14 @@ def without_material(transfer: Transfer, name: str) -> Transfer:
     return replace(transfer, **changes)
 
 
-def why_kept(transfer: Transfer, name: str) -> str:
+def uses_of_material(transfer: Transfer, name: str) -> str:
     """Why a material cannot be taken out, in words: which parts are made of it; empty if none is.
 
     >>> from volspec.basis import SpectralBasis
     >>> metals = {name: reflectance(name) for name in ("copper", "gold")}
     >>> points = [(0.0, 0.1, "copper"), (0.5, 0.1, "copper"), (1.0, 0.2, "copper")]
     >>> curve = TransferFunction(points, metals, SpectralBasis.load("general-7"))
-    >>> why_kept(curve, "copper"), why_kept(curve, "gold")
+    >>> uses_of_material(curve, "copper"), uses_of_material(curve, "gold")
     ('points 1, 2 and 3 are made of it; give them another material first', '')
     """
     numbers = _users(transfer).get(name, ())
@@ -201,7 +201,7 @@ def _users(transfer: Transfer) -> Mapping[str, list[str]]:
     return users
 
 
-def told(old: Transfer, new: Transfer) -> str:
+def material_message(old: Transfer, new: Transfer) -> str:
     """What adding a material has done, in words; empty where it was there already."""
     added = [name for name in new.materials if name not in old.materials]
     if not added:
@@ -258,7 +258,7 @@ def remove_material(state: ViewState, name: str) -> ViewState:
 _SPECTRA = ("materials", "basis")
 
 
-def repainted(old: Transfer, new: Transfer) -> bool:
+def differ_in_spectra(old: Transfer, new: Transfer) -> bool:
     """Whether two transfer functions differ in their materials' spectra alone, as channels of a
     `MaterialBasis`: a cast of one then serves the other."""
     if type(old) is not type(new) or not same_channels(old.basis, new.basis):
@@ -281,7 +281,7 @@ def can_be_exact(transfer: Transfer) -> bool:
     return not filtered and len(transfer.materials) < MAX_CHANNELS
 
 
-def exact(transfer: Transfer) -> Transfer:
+def with_material_basis(transfer: Transfer) -> Transfer:
     """The same with its materials as channels; as it is where it is so already, or cannot be."""
     basis = transfer.basis
     if isinstance(basis, MaterialBasis) or not can_be_exact(transfer):
@@ -303,6 +303,6 @@ def with_reflectances(transfer: Transfer, changes: Mapping[str, Spectrum]) -> Tr
     return replace(transfer, materials=materials)
 
 
-def physical(spectrum: Spectrum, most: float | None = None) -> Spectrum:
+def clip_spectrum(spectrum: Spectrum, most: float | None = None) -> Spectrum:
     """Without what a solver leaves beyond its bounds by rounding."""
     return replace(spectrum, values=np.clip(spectrum.values, 0.0, most))

@@ -1,6 +1,6 @@
 """Edits and commands of the palette: targets of cells, free spectra, materials of values.
 
-    panels, menus -> [palette_edits] -> Board, TransferFunction
+    panels, menus -> [palette_edits] -> PaletteState, TransferFunction
 
 A cell is named by its number, row by row of `palette_table.table_of`; a colour by its ``#rrggbb``
 or its three codes.
@@ -20,17 +20,17 @@ from volspec.transfer import TransferFunction
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.edit import Command, Edited, edit, tolerant
 from volspec.viewer.model.lights import with_last
-from volspec.viewer.model.materials import exact, with_reflectances
+from volspec.viewer.model.materials import with_material_basis, with_reflectances
 from volspec.viewer.model.palette_table import (
-    assigned,
-    columns,
-    first_wave,
+    column_names,
+    initial_spectrum,
     new_name,
-    opened,
-    picked,
-    recast,
     table_of,
+    with_free_spectrum,
+    with_material_range,
     with_new_light,
+    with_range_material,
+    wizard_place,
 )
 from volspec.viewer.model.palette_targets import (
     DISTANCES,
@@ -39,19 +39,23 @@ from volspec.viewer.model.palette_targets import (
     REFLECTANCE,
     SMOOTHNESS,
     WEIGHTS,
-    Board,
-    Wishes,
+    DesignTargets,
+    PaletteState,
     as_kind,
     clipped,
 )
 from volspec.viewer.model.state import ViewState
 
 
-def _wishing(state: ViewState, wishes: Wishes) -> ViewState:
-    """Other wishes; materials become channels, so that what answers them needs no cast."""
-    if wishes is state.board.wishes:
+def _with_targets(state: ViewState, targets: DesignTargets) -> ViewState:
+    """Other targets; materials become channels, so that what answers them needs no cast."""
+    if targets is state.palette.targets:
         return state
-    return replace(state, board=state.board.wishing(wishes), transfer=exact(state.transfer))
+    return replace(
+        state,
+        palette=state.palette.with_targets(targets),
+        transfer=with_material_basis(state.transfer),
+    )
 
 
 @edit
@@ -63,31 +67,31 @@ def choose_cell(state: ViewState, number: int) -> ViewState:
         return state
     own, column = replace(state.interface.pick, place=place), table.columns.index(place[1])
     state = replace(state, interface=replace(state.interface, pick=own, light=column))
-    if light_rows.shining(state.lights)[column] > 0:
+    if light_rows.effective_weights(state.lights)[column] > 0:
         return state
-    return replace(state, lights=light_rows.alone(state.lights, column))
+    return replace(state, lights=light_rows.only_row(state.lights, column))
 
 
 def _with_cell(
     state: ViewState, number: int, change: Callable[[Cell | None], Cell | None]
 ) -> ViewState:
-    """Another wish at a place; its material is opened where nothing there may change."""
+    """Another target at a place; its material is opened where nothing there may change."""
     place = table_of(state).place(number)
     if place is None:
         return state
-    wishes = state.board.wishes
-    own = wishes.cells.get(place)
+    targets = state.palette.targets
+    own = targets.cells.get(place)
     new = change(own)
     if new == own:
         return state
     row, column = (REFLECTANCE, place[0]), (LIGHT, place[1])
-    if new is not None and not wishes.open & {row, column}:
-        wishes = opened(state, row)
-    return _wishing(state, wishes.with_cell(place, new))
+    if new is not None and not targets.open & {row, column}:
+        targets = with_free_spectrum(state, row)
+    return _with_targets(state, targets.with_cell(place, new))
 
 
 @tolerant
-def wish(state: ViewState, number: int, text: str) -> ViewState:
+def set_target(state: ViewState, number: int, text: str) -> ViewState:
     """Ask for a colour in a cell: ``#rrggbb``, or three codes."""
     codes = [float(word) for word in text.split()] if " " in text else text
     colour = parsed_colour(codes)
@@ -100,8 +104,8 @@ def wish(state: ViewState, number: int, text: str) -> ViewState:
 
 
 @tolerant
-def wish_kind(state: ViewState, number: int, kind: str, other: int = -1) -> ViewState:
-    """Ask for a kind of wish in a cell, relative to another one or to the next row."""
+def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -> ViewState:
+    """Ask for a kind of target in a cell, relative to another one or to the next row."""
     table = table_of(state)
     place = table.place(number)
     reference = table.place(other)
@@ -116,15 +120,15 @@ def wish_kind(state: ViewState, number: int, kind: str, other: int = -1) -> View
 
 
 @tolerant
-def wish_weight(state: ViewState, number: int, weight: float | None) -> ViewState:
-    """Set how much a wish counts; None is that it must be met."""
+def set_target_weight(state: ViewState, number: int, weight: float | None) -> ViewState:
+    """Set how much a target counts; None is that it must be met."""
     low, high = WEIGHTS
     count = math.inf if weight is None else min(max(weight, low), high)
     return _with_cell(state, number, lambda own: own and replace(own, weight=count))
 
 
 @tolerant
-def wish_group(state: ViewState, number: int, name: str) -> ViewState:
+def set_target_group(state: ViewState, number: int, name: str) -> ViewState:
     """Name the group of a free cell."""
     name = name.strip()
 
@@ -135,7 +139,7 @@ def wish_group(state: ViewState, number: int, name: str) -> ViewState:
 
 
 @tolerant
-def wish_distance(state: ViewState, number: int, distance: float) -> ViewState:
+def set_target_distance(state: ViewState, number: int, distance: float) -> ViewState:
     """Set how far a cell is to be from another."""
     distance = min(max(distance, DISTANCES[0]), DISTANCES[1])
 
@@ -148,16 +152,18 @@ def wish_distance(state: ViewState, number: int, distance: float) -> ViewState:
 @tolerant
 def toggle_free(state: ViewState, kind: str, index: int) -> ViewState:
     """Let a spectrum change, or no longer."""
-    names = {REFLECTANCE: tuple(state.transfer.materials), LIGHT: columns(state.lights)}
+    names = {REFLECTANCE: tuple(state.transfer.materials), LIGHT: column_names(state.lights)}
     own = names.get(kind, ())
     if not 0 <= index < len(own):
         return state
     member = (kind, own[index])
     if kind == LIGHT and len(state.lights[index].rig.lights) > 1:
         return state
-    wishes = state.board.wishes
-    closing = member in wishes.open
-    return _wishing(state, wishes.toggled(member) if closing else opened(state, member))
+    targets = state.palette.targets
+    closing = member in targets.open
+    return _with_targets(
+        state, targets.toggled(member) if closing else with_free_spectrum(state, member)
+    )
 
 
 @tolerant
@@ -166,30 +172,30 @@ def toggle_constant(state: ViewState, index: int) -> ViewState:
     names = tuple(state.transfer.materials)
     if not 0 <= index < len(names):
         return state
-    wishes = state.board.wishes
+    targets = state.palette.targets
     name = names[index]
-    constant = wishes.constant ^ {name}
+    constant = targets.constant ^ {name}
     if name in constant:  # its cells would ask for colours of their own
-        first = columns(state.lights)[0]
-        wishes = opened(state, (REFLECTANCE, name))
-        cells = {at: c for at, c in wishes.cells.items() if at[0] != name or at[1] == first}
-        wishes = replace(wishes, cells=cells)
-    return _wishing(state, replace(wishes, constant=constant))
+        first = column_names(state.lights)[0]
+        targets = with_free_spectrum(state, (REFLECTANCE, name))
+        cells = {at: c for at, c in targets.cells.items() if at[0] != name or at[1] == first}
+        targets = replace(targets, cells=cells)
+    return _with_targets(state, replace(targets, constant=constant))
 
 
 @tolerant
 def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
     """Let a light be a sum of this real lamp and others, or no longer."""
-    names = columns(state.lights)
+    names = column_names(state.lights)
     if not 0 <= index < len(names) or not lamp:
         return state
     find_light(lamp, state.document.grid)
     name = names[index]
-    wishes = opened(state, (LIGHT, name))
-    now = wishes.lamps.get(name, ())
+    targets = with_free_spectrum(state, (LIGHT, name))
+    now = targets.lamps.get(name, ())
     others = tuple(each for each in now if each != lamp)
-    lamps = {**wishes.lamps, name: others if lamp in now else (*now, lamp)}
-    return _wishing(state, replace(wishes, lamps={k: v for k, v in lamps.items() if v}))
+    lamps = {**targets.lamps, name: others if lamp in now else (*now, lamp)}
+    return _with_targets(state, replace(targets, lamps={k: v for k, v in lamps.items() if v}))
 
 
 @tolerant
@@ -213,11 +219,11 @@ def set_iterations(state: ViewState, count: float) -> ViewState:
 
 
 def _criteria(state: ViewState, **changes: Any) -> ViewState:
-    wishes = state.board.wishes
-    criteria = replace(wishes.criteria, **changes)
-    if criteria == wishes.criteria:
+    targets = state.palette.targets
+    criteria = replace(targets.criteria, **changes)
+    if criteria == targets.criteria:
         return state
-    return replace(state, board=state.board.wishing(replace(wishes, criteria=criteria)))
+    return replace(state, palette=state.palette.with_targets(replace(targets, criteria=criteria)))
 
 
 @tolerant
@@ -227,7 +233,7 @@ def assign(state: ViewState, first: float, last: float, material: str) -> ViewSt
         return state
     low, high = state.document.volume.range
     start, end = sorted(min(max(value, low), high) for value in (first, last))
-    return replace(state, transfer=assigned(state.transfer, start, end, material))
+    return replace(state, transfer=with_material_range(state.transfer, start, end, material))
 
 
 @tolerant
@@ -235,25 +241,25 @@ def recast_range(state: ViewState, index: int, material: str) -> ViewState:
     """Give one of the ranges another material."""
     if not isinstance(state.transfer, TransferFunction):
         return state
-    return replace(state, transfer=recast(state.transfer, index, material))
+    return replace(state, transfer=with_range_material(state.transfer, index, material))
 
 
-def _anew(state: ViewState) -> Edited:
-    if not state.board.wishes.open:
+def _from_scratch(state: ViewState) -> Edited:
+    if not state.palette.targets.open:
         return Edited(state, "Nothing may change yet: wish for a colour in a cell")
-    # Another object: wishes that were asked for already are not designed again.
-    board = Board(replace(state.board.wishes), anew=True)
-    return Edited(replace(state, board=board, transfer=exact(state.transfer)))
+    # Another object: targets that were asked for already are not designed again.
+    board = PaletteState(replace(state.palette.targets), from_scratch=True)
+    return Edited(replace(state, palette=board, transfer=with_material_basis(state.transfer)))
 
 
 def _forget(state: ViewState) -> ViewState:
-    """No wishes; spectra stay as they are."""
-    wishes = Wishes(criteria=state.board.wishes.criteria)
-    return replace(state, board=Board(wishes, wishes))
+    """No targets; spectra stay as they are."""
+    targets = DesignTargets(criteria=state.palette.targets.criteria)
+    return replace(state, palette=PaletteState(targets, targets))
 
 
 def _own_spectra(state: ViewState) -> ViewState:
-    """The scene's reflectances and lights, and no wishes."""
+    """The scene's reflectances and lights, and no targets."""
     document, transfer, rows = state.document, state.transfer, state.lights
     own = document.transfer.materials
     if any(transfer.materials.get(name) is not own[name] for name in own):
@@ -266,18 +272,18 @@ def _own_spectra(state: ViewState) -> ViewState:
 def _new_light(state: ViewState) -> Edited:
     """Add a light to be designed; the picture shows it."""
     name = new_name(state)
-    wave = first_wave(state.document.grid, len(state.lights))
+    wave = initial_spectrum(state.document.grid, len(state.lights))
     rows = with_new_light(state.lights, name, "designed light", replace(wave, name=name))
     if rows is state.lights:
         return Edited(state, f"{light_rows.MOST_ROWS} lights are the most; remove one first")
-    wishes = state.board.wishes
-    wishes = replace(wishes, open=wishes.open | {(LIGHT, name)})
-    return Edited(with_last(_wishing(state, wishes), rows))
+    targets = state.palette.targets
+    targets = replace(targets, open=targets.open | {(LIGHT, name)})
+    return Edited(with_last(_with_targets(state, targets), rows))
 
 
 COMMANDS = (
     Command("palette-light", "Palette", "New light to be designed", (), _new_light),
-    Command("palette-anew", "Palette", "Design the palette from scratch", (), _anew),
+    Command("palette-anew", "Palette", "Design the palette from scratch", (), _from_scratch),
     Command("palette-forget", "Palette", "Forget all wishes, keep the spectra", (), _forget),
     Command("palette-own", "Palette", "The scene's own spectra", (), _own_spectra),
     Command("hide", "Palette", "Hide the chosen material under the chosen light"),
@@ -300,15 +306,15 @@ def pick_material(state: ViewState, name: str) -> ViewState:
     """Pick the material that wizards are about."""
     if name not in state.transfer.materials:
         return state
-    return _with_pick(state, place=(name, picked(state)[1]))
+    return _with_pick(state, place=(name, wizard_place(state)[1]))
 
 
 @edit
 def pick_light(state: ViewState, name: str) -> ViewState:
     """Pick the light that wizards are about."""
-    if name not in columns(state.lights):
+    if name not in column_names(state.lights):
         return state
-    return _with_pick(state, place=(picked(state)[0], name))
+    return _with_pick(state, place=(wizard_place(state)[0], name))
 
 
 @edit

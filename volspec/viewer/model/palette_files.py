@@ -15,17 +15,23 @@ from volspec.palette.model import Place
 from volspec.spectra import Spectrum
 from volspec.spectra.lights import light_names
 from volspec.viewer.model.light_rows import MOST_ROWS
-from volspec.viewer.model.materials import exact, physical, with_reflectances
+from volspec.viewer.model.materials import clip_spectrum, with_material_basis, with_reflectances
 from volspec.viewer.model.palette_table import (
-    columns,
-    first_wave,
+    column_names,
+    initial_spectrum,
     lit_columns,
     palette_of,
-    plain,
+    unmeasured_viewing,
     with_lights,
     with_new_light,
 )
-from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Board, Member, Wishes
+from volspec.viewer.model.palette_targets import (
+    LIGHT,
+    REFLECTANCE,
+    DesignTargets,
+    Member,
+    PaletteState,
+)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.viewing import with_model
 
@@ -33,7 +39,7 @@ from volspec.viewer.model.viewing import with_model
 _SAME = 1e-3
 
 
-def saved(state: ViewState, path: str) -> None:
+def save_state_palette(state: ViewState, path: str) -> None:
     """Write the palette of a state.
 
     Raises
@@ -47,7 +53,7 @@ def saved(state: ViewState, path: str) -> None:
 
 
 def with_palette(state: ViewState, palette: Palette) -> ViewState:
-    """The state with a palette's spectra and wishes.
+    """The state with a palette's spectra and targets.
 
     Its reflectances go to materials of the same name, then to those that have their spectrum
     already, then in order; lights that are not there are added. Colours are wanted as its viewing
@@ -65,47 +71,49 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
     names = _named(palette.lights, there)
     lights, changes = state.lights, dict[str, Spectrum]()
     for number, member in enumerate(palette.lights):
-        spectrum = member.spectrum or first_wave(grid, number)
+        spectrum = member.spectrum or initial_spectrum(grid, number)
         spectrum = replace(spectrum, name=member.name)
         if member.name in names:
-            changes[names[member.name]] = physical(spectrum.on(grid))
+            changes[names[member.name]] = clip_spectrum(spectrum.on(grid))
             continue
         if len(lights) >= MOST_ROWS:
             raise PaletteError(
                 f"palette: no room for light {member.name!r}; {MOST_ROWS} lights are the most, "
                 "remove some first"
             )
-        lights = with_new_light(lights, member.name, "of the palette", physical(spectrum.on(grid)))
-        names[member.name] = columns(lights)[-1]
+        lights = with_new_light(
+            lights, member.name, "of the palette", clip_spectrum(spectrum.on(grid))
+        )
+        names[member.name] = column_names(lights)[-1]
     lights = with_lights(lights, changes)
     reflectances = {
-        rows[member.name]: physical(member.spectrum.on(grid), 1.0)
+        rows[member.name]: clip_spectrum(member.spectrum.on(grid), 1.0)
         for member in palette.reflectances
         if member.spectrum is not None and member.name in rows
     }
-    wishes = _wishes(palette, rows, names)
+    targets = _targets(palette, rows, names)
     complete = all(m.spectrum is not None for m in (*palette.reflectances, *palette.lights))
     viewing = replace(
-        *(plain(palette.viewing),),
-        adapting=with_model(state.seen, palette.viewing.model).viewing.adapting,
-        fov_deg=state.seen.viewing.fov_deg,
+        *(unmeasured_viewing(palette.viewing),),
+        adapting=with_model(state.relight, palette.viewing.model).viewing.adapting,
+        fov_deg=state.relight.viewing.fov_deg,
     )
     return replace(
         state,
-        transfer=with_reflectances(exact(state.transfer), reflectances),
+        transfer=with_reflectances(with_material_basis(state.transfer), reflectances),
         lights=lights,
-        seen=replace(state.seen, viewing=viewing),
-        board=Board(wishes, wishes if complete else None, anew=not complete),
+        relight=replace(state.relight, viewing=viewing),
+        palette=PaletteState(targets, targets if complete else None, from_scratch=not complete),
     )
 
 
-def left_out(state: ViewState, palette: Palette) -> tuple[str, ...]:
+def unmatched_reflectances(state: ViewState, palette: Palette) -> tuple[str, ...]:
     """Reflectances of a palette that find no material in the scene."""
     rows = _matched(palette.reflectances, dict(state.transfer.materials))
     return tuple(row.name for row in palette.reflectances if row.name not in rows)
 
 
-def _wishes(palette: Palette, rows: dict[str, str], names: dict[str, str]) -> Wishes:
+def _targets(palette: Palette, rows: dict[str, str], names: dict[str, str]) -> DesignTargets:
     cells: dict[Place, Cell] = {}
     for (row, column), cell in palette.cells.items():
         other = cell.other
@@ -126,7 +134,7 @@ def _wishes(palette: Palette, rows: dict[str, str], names: dict[str, str]) -> Wi
         for light in palette.lights
         if light.mixture and all(lamp.name in light_names() for lamp in light.mixture)
     }
-    return Wishes(cells, frozenset(opened), frozenset(constant), lamps, palette.criteria)
+    return DesignTargets(cells, frozenset(opened), frozenset(constant), lamps, palette.criteria)
 
 
 def _matched(members: tuple[PaletteSpectrum, ...], there: dict[str, Spectrum]) -> dict[str, str]:

@@ -23,15 +23,15 @@ from volspec.spectra import light as find_light
 from volspec.transfer import Transfer, TransferFunction
 from volspec.transfer.mixes import Mix, Point
 from volspec.viewer.model import light_rows
-from volspec.viewer.model.light_rows import LightRow, Rows, brightest
-from volspec.viewer.model.materials import exact, physical, with_reflectances
+from volspec.viewer.model.light_rows import LightRow, Rows, brightest_row
+from volspec.viewer.model.materials import clip_spectrum, with_material_basis, with_reflectances
 from volspec.viewer.model.palette_targets import (
     LIGHT,
     REFLECTANCE,
     STAY,
-    Board,
+    DesignTargets,
     Member,
-    Wishes,
+    PaletteState,
     clipped,
 )
 from volspec.viewer.model.state import ViewState
@@ -59,7 +59,7 @@ class Range:
     last: int
 
 
-def ranges(curve: TransferFunction) -> tuple[Range, ...]:
+def material_ranges(curve: TransferFunction) -> tuple[Range, ...]:
     """The materials in the order of their values."""
     found: list[Range] = []
     for number, (value, _, mix) in enumerate(curve.points):
@@ -71,7 +71,9 @@ def ranges(curve: TransferFunction) -> tuple[Range, ...]:
     return tuple(found)
 
 
-def assigned(curve: TransferFunction, low: float, high: float, material: str) -> TransferFunction:
+def with_material_range(
+    curve: TransferFunction, low: float, high: float, material: str
+) -> TransferFunction:
     """A material for all values from ``low`` to ``high``; opacities stay.
 
     At both ends stand two points of one value, so that the material begins and ends there at once.
@@ -93,9 +95,9 @@ def assigned(curve: TransferFunction, low: float, high: float, material: str) ->
     return curve if len(made) > MOST_PARTS[TransferFunction] else replace(curve, points=made)
 
 
-def recast(curve: TransferFunction, number: int, material: str) -> TransferFunction:
-    """Another material for one of the `ranges`; its points keep value and opacity."""
-    own = ranges(curve)
+def with_range_material(curve: TransferFunction, number: int, material: str) -> TransferFunction:
+    """Another material for one of the `material_ranges`; its points keep value and opacity."""
+    own = material_ranges(curve)
     if material not in curve.materials or not 0 <= number < len(own):
         return curve
     first, last = own[number].first, own[number].last
@@ -185,14 +187,14 @@ class Table:
 
 
 def table_of(state: ViewState) -> Table:
-    """The table of a state; kept until spectra, viewing or wishes change."""
-    return _table(state.transfer, lit_columns(state), state.seen, state.board.wishes)
+    """The table of a state; kept until spectra, viewing or targets change."""
+    return _table(state.transfer, lit_columns(state), state.relight, state.palette.targets)
 
 
 def lit_columns(state: ViewState) -> Columns:
     """Each light's name and what it sends to a surface that faces every source."""
     grid, shares = state.document.grid, tuple(state.shading.shares().items())
-    names = columns(state.lights)
+    names = column_names(state.lights)
     return tuple(
         (name, row.rig.lights[0] if len(row.rig.lights) == 1 else _mixed(row.rig, shares, grid))
         for name, row in zip(names, state.lights, strict=True)
@@ -209,11 +211,11 @@ def _mixed(rig: LightRig, shares: tuple[tuple[str, float], ...], grid: SpectralG
 
 
 @lru_cache(maxsize=16)
-def _table(transfer: Transfer, lights: Columns, seen: RelightSpec, wishes: Wishes) -> Table:
+def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: DesignTargets) -> Table:
     rows, names = tuple(transfer.materials), tuple(name for name, _ in lights)
     spectra = {(REFLECTANCE, name): spectrum for name, spectrum in transfer.materials.items()}
     spectra |= {(LIGHT, name): spectrum for name, spectrum in lights}
-    cells = _known(wishes.cells, rows, names)
+    cells = _known(targets.cells, rows, names)
     # Any open row makes it a palette, whose state is what is shown now.
     members = tuple(
         PaletteSpectrum(name, transfer.materials[name], open=True, upper=None) for name in rows
@@ -221,7 +223,12 @@ def _table(transfer: Transfer, lights: Columns, seen: RelightSpec, wishes: Wishe
     given = tuple(PaletteSpectrum(name, spectrum) for name, spectrum in lights)
     try:
         palette = Palette(
-            *(members, given, cells or {(rows[0], names[0]): _NONE}, plain(seen.viewing)),
+            *(
+                members,
+                given,
+                cells or {(rows[0], names[0]): _NONE},
+                unmeasured_viewing(spec.viewing),
+            ),
             transfer.basis.grid,
         )
         reports, _ = cell_reports(State.start(palette), cells)
@@ -230,7 +237,7 @@ def _table(transfer: Transfer, lights: Columns, seen: RelightSpec, wishes: Wishe
     return Table(rows, names, spectra, {report.place: report for report in reports})
 
 
-def plain(viewing: Viewing) -> Viewing:
+def unmeasured_viewing(viewing: Viewing) -> Viewing:
     """A viewing without what is measured in each picture, as no palette has one."""
     return replace(viewing, adapting="given", fov_deg=None)
 
@@ -252,50 +259,55 @@ def palette_of(state: ViewState) -> Palette:
     Raises
     ------
     PaletteError
-        If nothing is open or wanted, or wishes contradict each other.
+        If nothing is open or wanted, or targets contradict each other.
     SpectrumError
         If a lamp is unknown.
     """
-    board, transfer = state.board, state.transfer
-    wishes, grid = board.wishes, state.document.grid
+    board, transfer = state.palette, state.transfer
+    targets, grid = board.targets, state.document.grid
     if transfer.basis.observer_deg != 2:
         raise PaletteError("palette: the scene sees with the 10° observer; palettes with that of 2")
     reflectances = tuple(
         PaletteSpectrum(
-            *(name, None if is_open and board.anew else spectrum, is_open),
+            *(name, None if is_open and board.from_scratch else spectrum, is_open),
             upper=1.0,
-            constant=is_open and name in wishes.constant,
+            constant=is_open and name in targets.constant,
         )
         for name, spectrum in transfer.materials.items()
-        for is_open in [(REFLECTANCE, name) in wishes.open]
+        for is_open in [(REFLECTANCE, name) in targets.open]
     )
     lights = tuple(
-        _light(name, spectrum, row_is_single and (LIGHT, name) in wishes.open, board, grid)
+        _light(name, spectrum, row_is_single and (LIGHT, name) in targets.open, board, grid)
         for (name, spectrum), row_is_single in zip(
             lit_columns(state), (len(row.rig.lights) == 1 for row in state.lights), strict=True
         )
     )
-    names = tuple(transfer.materials), columns(state.lights)
+    names = tuple(transfer.materials), column_names(state.lights)
     return Palette(
-        *(reflectances, lights, _known(wishes.cells, *names), plain(state.seen.viewing)),
+        *(
+            reflectances,
+            lights,
+            _known(targets.cells, *names),
+            unmeasured_viewing(state.relight.viewing),
+        ),
         grid,
-        wishes.criteria,
+        targets.criteria,
     )
 
 
 def _light(
-    name: str, spectrum: Spectrum, is_open: bool, board: Board, grid: SpectralGrid
+    name: str, spectrum: Spectrum, is_open: bool, board: PaletteState, grid: SpectralGrid
 ) -> PaletteSpectrum:
     if not is_open:
         return PaletteSpectrum(name, spectrum)
-    begin = None if board.anew else spectrum
-    if lamps := board.wishes.lamps.get(name):
+    begin = None if board.from_scratch else spectrum
+    if lamps := board.targets.lamps.get(name):
         mixture = tuple(find_light(lamp, grid) for lamp in lamps)
         return PaletteSpectrum(name, begin, True, mixture=mixture)
     return PaletteSpectrum(name, begin, True, upper=MOST_POWER, band_nm=BAND_NM)
 
 
-def first_wave(grid: SpectralGrid, number: int) -> Spectrum:
+def initial_spectrum(grid: SpectralGrid, number: int) -> Spectrum:
     """What a new light begins with: a wave, another for each number."""
     light = PaletteSpectrum("new", open=True, band_nm=BAND_NM)
     others = tuple(PaletteSpectrum(f"{n}", open=True, band_nm=BAND_NM) for n in range(number))
@@ -305,52 +317,52 @@ def first_wave(grid: SpectralGrid, number: int) -> Spectrum:
     return Spectrum(grid.wavelengths_nm, state.E[-1] / unit, "new")
 
 
-def opened(state: ViewState, member: Member) -> Wishes:
+def with_free_spectrum(state: ViewState, member: Member) -> DesignTargets:
     """Wishes with a spectrum open: what it shows now stays wanted, where nothing else is."""
-    wishes, table = state.board.wishes, table_of(state)
-    if member in wishes.open:
-        return wishes
+    targets, table = state.palette.targets, table_of(state)
+    if member in targets.open:
+        return targets
     side = 0 if member[0] == REFLECTANCE else 1
-    cells = dict(wishes.cells)
+    cells = dict(targets.cells)
     for place, report in table.cells.items():
         if place[side] == member[1] and place not in cells:
             cells[place] = Cell(colour=clipped(report.obtained), weight=STAY)
-    return replace(wishes, cells=cells, open=wishes.open | {member})
+    return replace(targets, cells=cells, open=targets.open | {member})
 
 
-def answered(state: ViewState, made: Design, wishes: Wishes) -> ViewState:
-    """The state with the spectra of a design for these wishes."""
+def with_design(state: ViewState, made: Design, targets: DesignTargets) -> ViewState:
+    """The state with the spectra of a design for these targets."""
     palette = made.palette
     reflectances = {
-        row.name: physical(made.reflectance(row.name), 1.0)
+        row.name: clip_spectrum(made.reflectance(row.name), 1.0)
         for row in palette.reflectances
         if row.open
     }
-    lights = {row.name: physical(made.light(row.name)) for row in palette.lights if row.open}
+    lights = {row.name: clip_spectrum(made.light(row.name)) for row in palette.lights if row.open}
     return replace(
         state,
-        transfer=with_reflectances(exact(state.transfer), reflectances),
+        transfer=with_reflectances(with_material_basis(state.transfer), reflectances),
         lights=with_lights(state.lights, lights),
-        board=Board(state.board.wishes, wishes),
+        palette=PaletteState(state.palette.targets, targets),
     )
 
 
-def picked(state: ViewState) -> Place:
+def wizard_place(state: ViewState) -> Place:
     """The material and the light that wizards are about: of the chosen cell, else what shines."""
-    rows, names = tuple(state.transfer.materials), columns(state.lights)
+    rows, names = tuple(state.transfer.materials), column_names(state.lights)
     row, column = state.interface.pick.place or ("", "")
-    lit = names[brightest(state.lights)]
+    lit = names[brightest_row(state.lights)]
     return row if row in rows else rows[-1], column if column in names else lit
 
 
 def new_name(state: ViewState) -> str:
     """For a light that is to be designed."""
-    taken = columns(state.lights)
+    taken = column_names(state.lights)
     number = next(n for n in range(1, len(taken) + 2) if f"new {n}" not in taken)
     return f"new {number}"
 
 
-def columns(rows: Rows) -> tuple[str, ...]:
+def column_names(rows: Rows) -> tuple[str, ...]:
     """What a palette calls the lights: their names, numbered where two have one."""
     names: list[str] = []
     for row in rows:
@@ -362,11 +374,11 @@ def columns(rows: Rows) -> tuple[str, ...]:
 
 
 def with_lights(rows: Rows, changes: Mapping[str, Spectrum]) -> Rows:
-    """Lights with other spectra, by their `columns`; their lux and weights stay."""
-    for index, name in enumerate(columns(rows)):
+    """Lights with other spectra, by their `column_names`; their lux and weights stay."""
+    for index, name in enumerate(column_names(rows)):
         if name in changes and len(rows[index].rig.lights) == 1:
             rig = replace(rows[index].rig, lights=(changes[name],))
-            rows = light_rows.changed(rows, index, rig=rig, kelvin=None)
+            rows = light_rows.with_changes(rows, index, rig=rig, kelvin=None)
     return rows
 
 
@@ -375,4 +387,4 @@ def with_new_light(rows: Rows, name: str, label: str, spectrum: Spectrum) -> Row
     if len(rows) >= light_rows.MOST_ROWS:
         return rows
     row = LightRow(name, label, LightRig((spectrum,)))
-    return light_rows.alone((*rows, row), len(rows))
+    return light_rows.only_row((*rows, row), len(rows))

@@ -20,7 +20,7 @@ REFLECTANCE, LIGHT = "reflectance", "light"
 Member = tuple[str, str]
 """Kind, `REFLECTANCE` or `LIGHT`, and name."""
 
-# Of a cell that is only to stay as it was, if it can: little beside a wish of its own, which is 1.
+# Weight of a cell that is only to stay as it was, if it can; a target of its own has 1.
 STAY = 0.05
 WEIGHTS = (0.05, 20.0)
 DISTANCES = (1.0, 100.0)
@@ -31,7 +31,7 @@ GROUP = "one colour"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wishes:
+class DesignTargets:
     """What is wanted, and what may change for it.
 
     Parameters
@@ -56,14 +56,14 @@ class Wishes:
         object.__setattr__(self, "cells", MappingProxyType(dict(self.cells)))
         object.__setattr__(self, "lamps", MappingProxyType(dict(self.lamps)))
 
-    def with_cell(self, place: Place, cell: Cell | None) -> Wishes:
-        """The same with another wish at a place; None asks for nothing there."""
+    def with_cell(self, place: Place, cell: Cell | None) -> DesignTargets:
+        """The same with another target at a place; None asks for nothing there."""
         cells = {at: own for at, own in self.cells.items() if at != place}
         if cell is not None:
             cells[place] = cell
         return replace(self, cells=cells)
 
-    def with_light_renamed(self, old: str, new: str) -> Wishes:
+    def with_light_renamed(self, old: str, new: str) -> DesignTargets:
         """The same for a light that is called something else; itself where none is about it."""
 
         def now(name: str) -> str:
@@ -84,42 +84,44 @@ class Wishes:
             lamps={now(name): lamps for name, lamps in self.lamps.items()},
         )
 
-    def toggled(self, member: Member) -> Wishes:
+    def toggled(self, member: Member) -> DesignTargets:
         """The same with a spectrum open that was given, or the other way round."""
         return replace(self, open=self.open ^ {member})
 
 
 @dataclass(frozen=True, slots=True)
-class Board:
+class PaletteState:
     """Wishes, and how far the spectra have followed them.
 
     Parameters
     ----------
-    wishes : Wishes
-    answered : Wishes, optional
+    targets : DesignTargets
+    designed_for : DesignTargets, optional
         Those that the state's spectra were last designed for.
-    anew : bool
+    from_scratch : bool
         Begin without the spectra that are there: another optimum may be found.
     """
 
-    wishes: Wishes = field(default_factory=Wishes)
-    answered: Wishes | None = None
-    anew: bool = False
+    targets: DesignTargets = field(default_factory=DesignTargets)
+    designed_for: DesignTargets | None = None
+    from_scratch: bool = False
 
-    def with_light_renamed(self, old: str, new: str) -> Board:
-        """The same wishes for a light that is called something else."""
-        wishes = self.wishes.with_light_renamed(old, new)
-        answered = wishes if self.answered is self.wishes else self.answered
-        return replace(self, wishes=wishes, answered=answered)
+    def with_light_renamed(self, old: str, new: str) -> PaletteState:
+        """The same targets for a light that is called something else."""
+        targets = self.targets.with_light_renamed(old, new)
+        designed_for = targets if self.designed_for is self.targets else self.designed_for
+        return replace(self, targets=targets, designed_for=designed_for)
 
     @property
-    def waits(self) -> bool:
+    def is_pending(self) -> bool:
         """Whether there is something to design that has not been."""
-        return bool(self.wishes.open and self.wishes.cells) and self.answered is not self.wishes
+        return (
+            bool(self.targets.open and self.targets.cells) and self.designed_for is not self.targets
+        )
 
-    def wishing(self, wishes: Wishes) -> Board:
-        """Other wishes, not answered yet."""
-        return Board(wishes, self.answered)
+    def with_targets(self, targets: DesignTargets) -> PaletteState:
+        """Other targets, not answered yet."""
+        return PaletteState(targets, self.designed_for)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +159,7 @@ class Pick:
 
 
 @dataclass(frozen=True, slots=True)
-class News:
+class DesignStatus:
     """What threads have to say about the design, for the panel.
 
     Parameters
@@ -167,7 +169,7 @@ class News:
     complaint : str
         Why the last design or wizard was refused.
     advice : tuple of str
-        What would help the wishes that are missed.
+        What would help the targets that are missed.
     reached : tuple of str
         What the last wizard came to.
     """
@@ -179,14 +181,14 @@ class News:
 
 
 def as_kind(kind: str, own: Cell | None, shown: Triple, other: Place | None) -> Cell | None:
-    """A cell's wish of another kind, its weight kept.
+    """A cell's target of another kind, its weight kept.
 
     Parameters
     ----------
     kind : str
         As `Cell.kind`; another word asks for nothing.
     own : Cell, optional
-        The wish as it was.
+        The target as it was.
     shown : (3,) floats
         The colour that is there, which a fixed one begins with.
     other : (material, light), optional
@@ -208,7 +210,7 @@ def as_kind(kind: str, own: Cell | None, shown: Triple, other: Place | None) -> 
 
 
 def stays(cell: Cell) -> bool:
-    """Whether a colour is only to stay, as far as wishes of weight leave it."""
+    """Whether a colour is only to stay, as far as targets of weight leave it."""
     return cell.kind == "colour" and cell.weight <= STAY
 
 

@@ -14,25 +14,37 @@ from volspec.palette.model import Place
 from volspec.scene import Scene, SceneFile
 from volspec.spectra import Spectrum
 from volspec.transfer import MAX_CHANNELS
-from volspec.viewer.model.materials import can_be_exact, exact, physical, with_reflectances
+from volspec.viewer.model.materials import (
+    can_be_exact,
+    clip_spectrum,
+    with_material_basis,
+    with_reflectances,
+)
 from volspec.viewer.model.palette_table import (
-    columns,
+    column_names,
     lit_columns,
     new_name,
-    picked,
     with_new_light,
+    wizard_place,
 )
-from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, STAY, Board, Wishes, clipped
+from volspec.viewer.model.palette_targets import (
+    LIGHT,
+    REFLECTANCE,
+    STAY,
+    DesignTargets,
+    PaletteState,
+    clipped,
+)
 from volspec.viewer.model.scene_file import transfer_table, viewing_table
 from volspec.viewer.model.state import ViewState
 from volspec.wizard import Redesigned, hide, keep, merge, reveal
 
 WIZARDS = ("hide", "reveal", "keep", "merge")
-# What a wish counts that a wizard had met exactly, once it is a colour rounded to the display's.
+# What a target counts that a wizard had met exactly, once it is a colour rounded to the display's.
 _FIRM = 10.0
 
 
-def asked(state: ViewState, name: str) -> Redesigned:
+def run_wizard(state: ViewState, name: str) -> Redesigned:
     """Have a wizard redesign what the state shows; takes seconds.
 
     Parameters
@@ -53,9 +65,9 @@ def asked(state: ViewState, name: str) -> Redesigned:
             f"{MAX_CHANNELS - 1}, and none with a filter; remove those in the scene file"
         )
     scene, pick = scene_of(state), state.interface.pick
-    material, light = picked(state)
+    material, light = wizard_place(state)
     like: dict[str, Any] = {}
-    if pick.like in columns(state.lights):
+    if pick.like in column_names(state.lights):
         light, like = new_name(state), {"like": pick.like}
     if name == "hide":
         within = pick.within if pick.within in scene.materials and not pick.black else None
@@ -72,20 +84,20 @@ def asked(state: ViewState, name: str) -> Redesigned:
     return merge(scene, several, under=light)
 
 
-def applied(state: ViewState, made: Redesigned) -> ViewState:
-    """The state with what a wizard made; its wishes stand in the table, to be changed."""
-    changes = {name: physical(made.design.reflectance(name), 1.0) for name in made.materials}
-    transfer = with_reflectances(exact(state.transfer), changes)
+def with_wizard_result(state: ViewState, made: Redesigned) -> ViewState:
+    """The state with what a wizard made; its targets stand in the table, to be changed."""
+    changes = {name: clip_spectrum(made.design.reflectance(name), 1.0) for name in made.materials}
+    transfer = with_reflectances(with_material_basis(state.transfer), changes)
     lights, new = state.lights, made.changes.light
     if new is not None:
-        spectrum = physical(made.design.light(new))
+        spectrum = clip_spectrum(made.design.light(new))
         lights = with_new_light(lights, new, f"designed: {', '.join(made.materials)}", spectrum)
-    wishes = wishes_of(made)
-    return replace(state, transfer=transfer, lights=lights, board=Board(wishes, wishes))
+    targets = targets_of(made)
+    return replace(state, transfer=transfer, lights=lights, palette=PaletteState(targets, targets))
 
 
-def wishes_of(made: Redesigned) -> Wishes:
-    """What a wizard asked for, as wishes of the table.
+def targets_of(made: Redesigned) -> DesignTargets:
+    """What a wizard asked for, as targets of the table.
 
     It compares with materials as they were, which are no rows here: the colours that they had
     stand for them.
@@ -103,12 +115,12 @@ def wishes_of(made: Redesigned) -> Wishes:
     opened = {(REFLECTANCE, name) for name in made.materials}
     if made.changes.light is not None:
         opened.add((LIGHT, made.changes.light))
-    return Wishes(cells, frozenset(opened), criteria=Criteria())
+    return DesignTargets(cells, frozenset(opened), criteria=Criteria())
 
 
-def told(made: Redesigned, begun: ViewState) -> tuple[str, ...]:
+def result_lines(made: Redesigned, begun: ViewState) -> tuple[str, ...]:
     """What was reached, a line for each light; the one that it was about comes first."""
-    about = made.changes.light or picked(begun)[1]
+    about = made.changes.light or wizard_place(begun)[1]
     lines = []
     for row in sorted(made.reached, key=lambda row: row.light != about):
         apart = [f"{one} – {two} ΔE {value:.1f}" for (one, two), value in row.apart.items()]
@@ -142,7 +154,7 @@ def scene_of(state: ViewState) -> Scene:
                 "observer_deg": transfer.basis.observer_deg,
             },
             "light": lights,
-            "viewing": viewing_table(replace(state.seen, backdrop=0.0)),
+            "viewing": viewing_table(replace(state.relight, backdrop=0.0)),
         }
     )
     return Scene(file, state.document.title, known)

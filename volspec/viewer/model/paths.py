@@ -19,7 +19,7 @@ _PICTURES = ((".tif", ".tiff"), (".png",))
 MOST_ROWS = 200
 
 
-def dropped(paths: Sequence[str]) -> str:
+def path_of_drop(paths: Sequence[str]) -> str:
     """What files dropped together mean: one of them.
 
     Raises
@@ -89,7 +89,7 @@ class Listing:
     common: str
 
 
-def listing(text: str, suffixes: Sequence[str] = ()) -> Listing:
+def list_paths(text: str, suffixes: Sequence[str] = ()) -> Listing:
     """Folders, and files with one of the endings, that go on as a path does.
 
     Names that are not UTF-8 are left out, as `check_name` refuses them.
@@ -161,6 +161,6 @@ class PathRequest:
         return path if not path or ends else path + self.suffixes[0]
 
 
-def is_there(path: str) -> bool:
+def path_exists(path: str) -> bool:
     """Whether there is such a file."""
     return Path(path).is_file()

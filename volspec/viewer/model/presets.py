@@ -218,13 +218,13 @@ def in_hounsfield(volume: Volume) -> bool:
     return low <= _HU[0] and high >= _HU[1]
 
 
-def offered(volume: Volume) -> list[Preset]:
+def sorted_presets(volume: Volume) -> list[Preset]:
     """All presets, those for this sort of volume first."""
     medical = in_hounsfield(volume)
     return sorted(PRESETS, key=lambda preset: (preset.name != DEFAULT, preset.medical != medical))
 
 
-def span(volume: Volume) -> tuple[float, float]:
+def value_span(volume: Volume) -> tuple[float, float]:
     """A volume's range; of one that is the same everywhere, a little more at either side."""
     low, high = volume.range
     half = max(0.5, 1e-6 * abs(low))
@@ -286,7 +286,7 @@ def transfer_of(
     """
     materials = reflectances(preset, basis)
     own = MaterialBasis(materials, _NAME + preset.name, basis.grid, basis.observer_deg)
-    looks = fitted(preset, volume, counts)
+    looks = preset_points(preset, volume, counts)
     if preset.kind == "surfaces":
         return Isosurfaces(looks, materials, own)
     gradients = None
@@ -302,11 +302,11 @@ def reflectances(preset: Preset, basis: Basis) -> dict[str, Spectrum]:
     return {name: reflectance(text, basis.grid) for name, text in preset.materials.items()}
 
 
-def fitted(
+def preset_points(
     preset: Preset, volume: Volume, counts: NDArray[np.float64]
 ) -> list[tuple[float, float, str]]:
     """A preset's points at a volume's values, rising and within its range."""
-    low, high = span(volume)
+    low, high = value_span(volume)
     marks = marks_of(volume, counts)
     values = np.interp([point[0] for point in preset.points], _MARKS_HU, marks)
     return [
@@ -319,7 +319,7 @@ def marks_of(volume: Volume, counts: NDArray[np.float64]) -> tuple[float, ...]:
     """Where a volume has air, the edge of matter, its middle and top, and the most."""
     if in_hounsfield(volume):
         return _MARKS_HU
-    return landmarks(counts, *span(volume))
+    return landmarks(counts, *value_span(volume))
 
 
 def step_mm(volume: Volume) -> float:
@@ -328,7 +328,7 @@ def step_mm(volume: Volume) -> float:
     return float(np.linalg.norm(corners[-1] - corners[0])) / _STEPS
 
 
-def picked(transfer: Transfer) -> str:
+def preset_title(transfer: Transfer) -> str:
     """The title of the preset that a transfer function was made from; empty where of none."""
     name = transfer.basis.name
     preset = BY_NAME.get(name.removeprefix(_NAME)) if name.startswith(_NAME) else None

@@ -84,11 +84,11 @@ class Projection:
             share = (NEAR - depth[i, back]) / (depth[i, 1 - back] - depth[i, back])
             # A little beyond, so that rounding leaves it in front.
             ends[i, back] += min(share * 1.001, 1.0) * (ends[i, 1 - back] - ends[i, back])
-        seen = depth.max(axis=1) > NEAR
+        in_front = depth.max(axis=1) > NEAR
         drawn = self.placed(ends)[..., :2].tolist()
         return [
             ((x0, y0), (x1, y1)) if shown else None
-            for ((x0, y0), (x1, y1)), shown in zip(drawn, seen, strict=True)
+            for ((x0, y0), (x1, y1)), shown in zip(drawn, in_front, strict=True)
         ]
 
     def along(
@@ -132,13 +132,13 @@ class Projection:
 HALF, CORNER = 21.0, 48.0
 
 
-def faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
+def cube_faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
     """Those seen of a cube with edges of 2: number, (4, 2) corners right and down, how they face.
 
     Face 2 · axis looks against an axis of the world, the next one along it.
     """
     right, up, forward = camera.frame()
-    seen = []
+    found = []
     for face in range(6):
         axis, far = divmod(face, 2)
         normal = np.zeros(3)
@@ -149,23 +149,23 @@ def faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
         first, second = (np.eye(3)[other] for other in range(3) if other != axis)
         ring = [normal + a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         corners = np.array(ring)
-        seen.append((face, np.stack([corners @ right, -(corners @ up)], axis=1), towards))
-    return seen
+        found.append((face, np.stack([corners @ right, -(corners @ up)], axis=1), towards))
+    return found
 
 
-def middle(seen: Projection, scale: float) -> Place:
+def cube_middle(projection: Projection, scale: float) -> Place:
     """Of the cube in the window."""
-    x, y, width, _ = seen.area
+    x, y, width, _ = projection.area
     return x + width - CORNER * scale, y + CORNER * scale
 
 
-def face_at(seen: Projection, place: Place, scale: float) -> int | None:
+def face_at(projection: Projection, place: Place, scale: float) -> int | None:
     """The face at a place of the window; None where there is none."""
-    centre = middle(seen, scale)
+    centre = cube_middle(projection, scale)
     at = np.subtract(place, centre) / (HALF * scale)
     if np.abs(at).max() > 2:
         return None
-    for face, corners, _ in faces(seen.camera):
+    for face, corners, _ in cube_faces(projection.camera):
         edges = np.roll(corners, -1, axis=0) - corners
         to = at - corners
         side = edges[:, 0] * to[:, 1] - edges[:, 1] * to[:, 0]

@@ -43,7 +43,7 @@ from volspec.spectra import Spectrum, light
 from volspec.spectra.observer import color_matching_functions
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer.mixes import Mix
-from volspec.viewer.model.light_rows import LightRow, rig_of, shining
+from volspec.viewer.model.light_rows import LightRow, effective_weights, rig_of
 from volspec.viewer.model.state import ViewState
 
 # Names are not to find files by chance, that lie where the program runs.
@@ -55,7 +55,7 @@ MIX = "mix"
 def light_tables(state: ViewState) -> list[LightTable]:
     """The light that shines first, then the others as they would be alone."""
     rows = list(state.lights)
-    weights = shining(state.lights)
+    weights = effective_weights(state.lights)
     lit = [index for index, weight in enumerate(weights) if weight > 0]
     settings: list[tuple[LightRow, float]] = [(row, 1.0) for row in rows]
     if len(lit) == 1:
@@ -222,7 +222,9 @@ def _made(state: ViewState, file: SceneFile) -> SceneFile:
             "raycast": file.raycast if state.shading == document.shading else _raycast(state),
             "group": file.group if same_groups else [] if default_groups else _groups(state),
             "light": light_tables(state),
-            "viewing": file.viewing if state.seen is document.seen else viewing_table(state.seen),
+            "viewing": file.viewing
+            if state.relight is document.relight
+            else viewing_table(state.relight),
             "output": OutputTable(width=width, height=height),
         }
     )
@@ -337,7 +339,7 @@ def _groups(state: ViewState) -> list[GroupTable]:
     return [GroupTable.model_validate(row) for row in rows]
 
 
-def viewing_table(seen: RelightSpec) -> ViewingTable:
+def viewing_table(spec: RelightSpec) -> ViewingTable:
     """``[viewing]`` that says how a picture is looked at.
 
     Raises
@@ -345,11 +347,11 @@ def viewing_table(seen: RelightSpec) -> ViewingTable:
     SceneError
         If the backdrop is a spectrum.
     """
-    if isinstance(seen.backdrop, Spectrum):
+    if isinstance(spec.backdrop, Spectrum):
         raise SceneError("the backdrop is a spectrum; a scene's file takes a number from 0 to 1")
-    viewing = seen.viewing
+    viewing = spec.viewing
     own = {field.name: getattr(viewing, field.name) for field in fields(viewing)}
-    own |= {"backdrop": seen.backdrop, "mode": seen.mode, "level": seen.level}
+    own |= {"backdrop": spec.backdrop, "mode": spec.mode, "level": spec.level}
     return ViewingTable(**own | {"display": display_table(viewing.display)})
 
 

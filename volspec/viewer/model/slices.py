@@ -102,7 +102,7 @@ def number_of(volume: Volume, axis: int, share: float) -> int:
     return round(min(max(share, 0.0), 1.0) * (volume.shape_xyz[axis] - 1))
 
 
-def sliced(volume: Volume, layout: Layout, number: int, step: int = 1) -> NDArray[np.generic]:
+def slice_values(volume: Volume, layout: Layout, number: int, step: int = 1) -> NDArray[np.generic]:
     """(rows, columns) values of a slice as it is looked at, every ``step``-th: a view."""
     at: list[int | slice] = [slice(None, None, step)] * 3
     at[2 - layout.normal] = number
@@ -121,7 +121,7 @@ def size_mm(volume: Volume, layout: Layout) -> tuple[float, float]:
     return width, height
 
 
-def shown_at(volume: Volume, layout: Layout, slices: Slices) -> tuple[float, float]:
+def crossing_place(volume: Volume, layout: Layout, slices: Slices) -> tuple[float, float]:
     """Where the other two slices cross this one's picture, 0 to 1 to the right and down."""
     x, y = (
         (number_of(volume, axis, slices.at[axis]) + 0.5) / volume.shape_xyz[axis]
@@ -131,7 +131,7 @@ def shown_at(volume: Volume, layout: Layout, slices: Slices) -> tuple[float, flo
     return 1 - x if back else x, 1 - y if up else y
 
 
-def kept(
+def crop_extent(
     volume: Volume, layout: Layout, crop: Sequence[tuple[float, float]]
 ) -> tuple[float, float, float, float]:
     """What a crop leaves of a slice's picture: left, top, right and bottom, 0 to 1."""
@@ -145,7 +145,7 @@ def kept(
     return left, top, right, bottom
 
 
-def pointed(
+def shares_pointed_at(
     volume: Volume, layout: Layout, slices: Slices, x: float, y: float
 ) -> tuple[float, float, float]:
     """`Slices.at` when the other two go where a slice's picture is pointed at."""
@@ -169,11 +169,11 @@ def is_patient(volume: Volume, said: bool | None) -> bool:
     return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
 
 
-def letters(direction: NDArray[np.float64], patient: bool) -> str:
+def direction_letters(direction: NDArray[np.float64], patient: bool) -> str:
     """Where a direction of the world points, by its greatest parts.
 
-    >>> letters(np.array([-1.0, 0.0, 0.0]), True), letters(np.array([0.0, 0.6, 0.8]), True)
-    ('R', 'SP')
+    >>> [direction_letters(np.array(at), True) for at in ([-1.0, 0.0, 0.0], [0.0, 0.6, 0.8])]
+    ['R', 'SP']
     """
     names = PATIENT if patient else AXES
     parts = direction / max(float(np.linalg.norm(direction)), 1e-12)
@@ -195,7 +195,7 @@ def _edge_letters(
     columns, said = np.reshape(matrix, (3, 3)), []
     for axis, back in zip((layout.across, layout.down), layout.flipped, strict=True):
         toward = columns[:, axis] * (-1 if back else 1)
-        said += [letters(-toward, patient), letters(toward, patient)]
+        said += [direction_letters(-toward, patient), direction_letters(toward, patient)]
     return said[0], said[1], said[2], said[3]
 
 
@@ -264,7 +264,7 @@ def point_at(state: ViewState, plane: int, x: float, y: float) -> ViewState:
     volume = state.document.volume
     layout = layout_of(volume, PLANES[plane])
     return with_slices(
-        state, at=pointed(volume, layout, state.interface.slices, _share(x), _share(y))
+        state, at=shares_pointed_at(volume, layout, state.interface.slices, _share(x), _share(y))
     )
 
 

@@ -14,7 +14,7 @@ from volspec.relight import RelightSpec
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import Fade, LightState, Rows
-from volspec.viewer.model.palette_targets import Board, Pick
+from volspec.viewer.model.palette_targets import PaletteState, Pick
 from volspec.viewer.model.view import View
 
 # Open at first.
@@ -129,22 +129,22 @@ class ViewState:
     size : (width, height)
         Pixels of the whole picture.
     lights : tuple of LightRow
-    seen : RelightSpec
+    relight : RelightSpec
         Viewing, mode, backdrop and level.
     other : tuple of LightRow, optional
         The lights at the right of the divide, to compare with.
     divide : float
         Where that is, 0 to 1 of the picture's width.
     interface : Interface
-    kept : tuple of LightState
+    saved_lights : tuple of LightState
         Lights that were saved under a name.
     fade : Fade, optional
         Where the lights come from, as long as they fade to those of this state.
-    board : Board
+    palette : PaletteState
         What the palette asks for; its spectra stand in ``transfer`` and ``lights``.
     thickness : float
         By how much its opacities have been thickened.
-    thin : (Transfer, thickness, Transfer), optional
+    unthickened : (Transfer, thickness, Transfer), optional
         What ``transfer`` was thickened from, how thick that is, and what it became: valid as long
         as the last is ``transfer``. Opacities rounded to 1 come back from it.
     """
@@ -154,17 +154,17 @@ class ViewState:
     transfer: Transfer
     shading: RaycastSpec
     lights: Rows
-    seen: RelightSpec
+    relight: RelightSpec
     shift: float = 0.0
     size: tuple[int, int] = (512, 512)
     other: Rows | None = None
     divide: float = 0.5
     interface: Interface = field(default_factory=Interface)
-    kept: tuple[LightState, ...] = ()
+    saved_lights: tuple[LightState, ...] = ()
     fade: Fade | None = None
-    board: Board = field(default_factory=Board)
+    palette: PaletteState = field(default_factory=PaletteState)
     thickness: float = 1.0
-    thin: tuple[Transfer, float, Transfer] | None = None
+    unthickened: tuple[Transfer, float, Transfer] | None = None
 
     def __post_init__(self) -> None:
         chosen = min(max(self.interface.light, 0), max(len(self.lights) - 1, 0))
@@ -182,7 +182,7 @@ class ViewState:
             document.transfer,
             document.shading,
             document.lights,
-            document.seen,
+            document.relight,
             size=size,
             interface=interface or Interface(),
         )

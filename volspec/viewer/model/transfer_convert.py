@@ -65,7 +65,7 @@ def kind_of(transfer: Transfer) -> Kind:
     return KINDS.get(type(transfer), "labels")
 
 
-def converted(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Transfer:
+def convert(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Transfer:
     """The transfer function of another kind that looks most like one.
 
     Parameters
@@ -94,13 +94,13 @@ def converted(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Tran
     return TransferFunction(points, transfer.materials, transfer.basis, step_mm)
 
 
-def left_out(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> str:
+def conversion_losses(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> str:
     """What of a transfer function another kind has no room for, in words; empty where nothing.
 
     Parameters
     ----------
     transfer : Transfer
-        As it is before it is `converted`.
+        As it is before it is `convert`.
     kind : str
     span : (low, high)
     """
@@ -251,14 +251,14 @@ def _points(bands: Sequence[Band]) -> list[Point]:
     corners = sorted({at for b in bands for at in (b.low, b.low + b.ramp, b.high - b.ramp, b.high)})
     points: list[Point] = []
     for at in corners:
-        seen = [(band, _height(band, at)) for band in bands]
-        total = sum(height for _, height in seen)
+        heights = [(band, _height(band, at)) for band in bands]
+        total = sum(height for _, height in heights)
         if total > 0:
             mix: dict[str, float] = {}
-            for band, height in seen:
+            for band, height in heights:
                 for name, share in band.mix.items():
                     mix[name] = mix.get(name, 0.0) + share * height / total
-            points.append((at, float(1 - np.prod([1 - h for _, h in seen])), _whole(mix)))
+            points.append((at, float(1 - np.prod([1 - h for _, h in heights])), _whole(mix)))
         else:
             nearest = min(bands, key=lambda b: max(b.low - at, at - b.high, 0.0))
             points.append((at, 0.0, dict(nearest.mix)))

@@ -36,11 +36,9 @@ def move_point(state: ViewState, index: int, value: float, opacity: float) -> Vi
     """Move a point of a curve, or a surface."""
     transfer, value = state.transfer, _within(state, value)
     if isinstance(transfer, TransferFunction):
-        return _with_transfer(state, transfer_placing.moved(transfer, index, value, opacity))
+        return _with_transfer(state, transfer_placing.move_point(transfer, index, value, opacity))
     if isinstance(transfer, Isosurfaces):
-        return _with_transfer(
-            state, transfer_placing.surface_moved(transfer, index, value, opacity)
-        )
+        return _with_transfer(state, transfer_placing.move_surface(transfer, index, value, opacity))
     return state
 
 
@@ -51,11 +49,11 @@ def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
     if isinstance(transfer, Regions):
         place = _within(state, value), max(opacity, 0.0)
         top = state.document.joint.top
-        new: Transfer = transfer_placing.region_added(transfer, *place, _span(state), top)
+        new: Transfer = transfer_placing.add_region(transfer, *place, _span(state), top)
     elif isinstance(transfer, LabelFunction):
-        new = transfer_placing.added(transfer, value, opacity)
+        new = transfer_placing.add_part(transfer, value, opacity)
     else:
-        new = transfer_placing.added(transfer, _within(state, value), opacity)
+        new = transfer_placing.add_part(transfer, _within(state, value), opacity)
     added = _with_transfer(state, new)
     if added is state:
         return state
@@ -67,7 +65,7 @@ def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
 @edit
 def remove_point(state: ViewState, index: int) -> ViewState:
     """Remove a part."""
-    return _with_transfer(state, transfer_parts.removed(state.transfer, index))
+    return _with_transfer(state, transfer_parts.without_part(state.transfer, index))
 
 
 @edit
@@ -124,7 +122,7 @@ def _placed(
         return state
     axes = _span(state), state.document.joint.top
     return _with_transfer(
-        state, transfer_placing.region_placed(state.transfer, index, values, gradients, *axes)
+        state, transfer_placing.place_region(state.transfer, index, values, gradients, *axes)
     )
 
 
@@ -133,7 +131,9 @@ def set_softness(state: ViewState, index: int, softness: float) -> ViewState:
     """Set how softly a region ends."""
     if not isinstance(state.transfer, Regions):
         return state
-    return _with_transfer(state, transfer_placing.softened(state.transfer, index, softness))
+    return _with_transfer(
+        state, transfer_placing.set_region_softness(state.transfer, index, softness)
+    )
 
 
 @edit
@@ -146,25 +146,27 @@ def toggle_gradient_opacity(state: ViewState) -> ViewState:
         return replace(state, transfer=replace(curve, gradient_opacity=None))
     if isinstance(own, TransferFunction) and own.gradient_opacity:
         return replace(state, transfer=replace(curve, gradient_opacity=own.gradient_opacity))
-    return replace(state, transfer=transfer_placing.factors_begun(curve, state.document.joint.top))
+    return replace(
+        state, transfer=transfer_placing.with_gradient_factors(curve, state.document.joint.top)
+    )
 
 
 @edit
 def move_gradient_point(state: ViewState, index: int, gradient: float, factor: float) -> ViewState:
     """Move a point of a curve's factors over gradients."""
-    return _factored(state, transfer_placing.factor_moved, index, gradient, factor, _top(state))
+    return _factored(state, transfer_placing.move_factor, index, gradient, factor, _top(state))
 
 
 @edit
 def add_gradient_point(state: ViewState, gradient: float, factor: float) -> ViewState:
     """Add a point to a curve's factors over gradients."""
-    return _factored(state, transfer_placing.factor_added, gradient, factor, _top(state))
+    return _factored(state, transfer_placing.add_factor, gradient, factor, _top(state))
 
 
 @edit
 def remove_gradient_point(state: ViewState, index: int) -> ViewState:
     """Remove a point of a curve's factors over gradients."""
-    return _factored(state, transfer_placing.factor_removed, index)
+    return _factored(state, transfer_placing.remove_factor, index)
 
 
 def _factored(
@@ -187,7 +189,7 @@ def shift(state: ViewState, shift: float) -> ViewState:
     low, high = _span(state)
     shift = min(max(shift, low - high), high - low)
     by = shift - state.shift
-    moved = _remapped(state, lambda old: transfer_parts.shifted(old, by, (low, high)))
+    moved = _remapped(state, lambda old: transfer_parts.shift_values(old, by, (low, high)))
     return state if moved is state else replace(moved, shift=shift)
 
 
@@ -196,19 +198,19 @@ def thicken(state: ViewState, thickness: float) -> ViewState:
     """Multiply what opacities absorb, from the start."""
     thickness = min(max(thickness, THICKNESSES[0]), THICKNESSES[1])
     thin, own = _thin(state)
-    thicker = transfer_parts.thickened(thin, thickness / own)
-    return replace(state, transfer=thicker, thickness=thickness, thin=(thin, own, thicker))
+    thicker = transfer_parts.thicken_opacities(thin, thickness / own)
+    return replace(state, transfer=thicker, thickness=thickness, unthickened=(thin, own, thicker))
 
 
 def _thin(state: ViewState) -> tuple[Transfer, float]:
     """What is thickened, and how thick that is."""
     transfer = state.transfer
-    if state.thin is None or type(state.thin[2]) is not type(transfer):
+    if state.unthickened is None or type(state.unthickened[2]) is not type(transfer):
         return transfer, state.thickness
-    thin, own, thick = state.thin
+    thin, own, thick = state.unthickened
     if thick is transfer:
         return thin, own
-    return transfer_parts.thinned(transfer, thick, thin, state.thickness / own), own
+    return transfer_parts.undo_thickening(transfer, thick, thin, state.thickness / own), own
 
 
 def _remapped(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
@@ -216,7 +218,7 @@ def _remapped(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewS
     (thin, own), new = _thin(state), change(state.transfer)
     if new is state.transfer:
         return state
-    return replace(state, transfer=new, thin=(change(thin), own, new))
+    return replace(state, transfer=new, unthickened=(change(thin), own, new))
 
 
 @edit
@@ -225,7 +227,7 @@ def window(state: ViewState, across: float, down: float) -> ViewState:
     low, high = _span(state)
     moved = shift(state, state.shift + across * (high - low))
     factor = math.exp(min(max(-_WIDER * down, -10.0), 10.0))
-    return _remapped(moved, lambda old: transfer_parts.stretched(old, factor, (low, high)))
+    return _remapped(moved, lambda old: transfer_parts.stretch_values(old, factor, (low, high)))
 
 
 @edit
@@ -236,7 +238,7 @@ def thicken_by(state: ViewState, _across: float, down: float) -> ViewState:
 
 
 def _span(state: ViewState) -> tuple[float, float]:
-    return presets.span(state.document.volume)
+    return presets.value_span(state.document.volume)
 
 
 def _within(state: ViewState, value: float) -> float:
@@ -246,7 +248,7 @@ def _within(state: ViewState, value: float) -> float:
 
 def _fresh(state: ViewState, transfer: Transfer) -> ViewState:
     """With another transfer function altogether."""
-    new = replace(state, transfer=transfer, shift=0.0, thickness=1.0, thin=None)
+    new = replace(state, transfer=transfer, shift=0.0, thickness=1.0, unthickened=None)
     return _chosen(new, 0)
 
 
@@ -271,11 +273,11 @@ def _preset(preset: presets.Preset) -> Change:
 
 def _into(kind: transfer_convert.Kind) -> Change:
     def change(state: ViewState) -> Edited:
-        new = transfer_convert.converted(state.transfer, kind, _span(state))
+        new = transfer_convert.convert(state.transfer, kind, _span(state))
         if new is state.transfer:
             labelled = isinstance(state.transfer, LabelFunction)
             return Edited(state, _LABELLED if labelled else "")
-        lost = transfer_convert.left_out(state.transfer, kind, _span(state))
+        lost = transfer_convert.conversion_losses(state.transfer, kind, _span(state))
         return Edited(_chosen(_with_transfer(state, new), 0), lost)
 
     return change

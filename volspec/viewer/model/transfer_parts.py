@@ -93,7 +93,7 @@ def with_share(transfer: Transfer, index: int, material: str, share: float) -> T
     return with_mix(transfer, index, {**mix, material: share} if share > 0 else mix)
 
 
-def thickened(transfer: Transfer, factor: float) -> Transfer:
+def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
     """All opacities as if the matter were denser by a factor: 1 - (1 - opacity)^factor.
 
     Small ones are multiplied by it, great ones near 1. What is rounded to 1 has no way back: to
@@ -110,7 +110,7 @@ def thickened(transfer: Transfer, factor: float) -> Transfer:
     return _changed(transfer, denser)
 
 
-def thinned(transfer: Transfer, thick: Transfer, thin: Transfer, factor: float) -> Transfer:
+def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor: float) -> Transfer:
     """A transfer function that was edited while it was thick, as it is without that.
 
     Parts whose opacity the edit has left alone get back that which they had, also where thickening
@@ -139,7 +139,7 @@ def thinned(transfer: Transfer, thick: Transfer, thin: Transfer, factor: float) 
     return _changed(transfer, thinner)
 
 
-def removed(transfer: Transfer, index: int) -> Transfer:
+def without_part(transfer: Transfer, index: int) -> Transfer:
     """Without one part; of a curve two stay, of others one."""
     count = len(parts_of(transfer))
     least = 2 if isinstance(transfer, TransferFunction) else 1
@@ -155,12 +155,12 @@ def removed(transfer: Transfer, index: int) -> Transfer:
     return replace(transfer, **changes)
 
 
-def shifted(transfer: Transfer, by: float, span: tuple[float, float]) -> Transfer:
+def shift_values(transfer: Transfer, by: float, span: tuple[float, float]) -> Transfer:
     """All values moved; as they are where some would end far beyond a volume's range."""
     return _mapped(transfer, lambda value: value + by, span)
 
 
-def stretched(transfer: Transfer, factor: float, span: tuple[float, float]) -> Transfer:
+def stretch_values(transfer: Transfer, factor: float, span: tuple[float, float]) -> Transfer:
     """All values further from their middle, or nearer to it."""
     values = [value for part in parts_of(transfer) for value in part.values]
     low, high = min(values), max(values)

@@ -35,7 +35,9 @@ _FACTOR_GAP = 1 / 128
 _RISE = 0.05, 0.4
 
 
-def moved(curve: TransferFunction, index: int, value: float, opacity: float) -> TransferFunction:
+def move_point(
+    curve: TransferFunction, index: int, value: float, opacity: float
+) -> TransferFunction:
     """A point elsewhere: between its neighbours where they leave room, opacity 0 to 1."""
     points = list(curve.points)
     if not 0 <= index < len(points):
@@ -44,7 +46,7 @@ def moved(curve: TransferFunction, index: int, value: float, opacity: float) -> 
     return _sorted(curve, points)
 
 
-def surface_moved(surfaces: Isosurfaces, index: int, value: float, opacity: float) -> Isosurfaces:
+def move_surface(surfaces: Isosurfaces, index: int, value: float, opacity: float) -> Isosurfaces:
     """A surface of another value, between its neighbours."""
     rows = list(surfaces.surfaces)
     if not 0 <= index < len(rows):
@@ -69,7 +71,7 @@ def _between(places: Sequence[float], index: int, to: float, gap: float) -> floa
     return min(max(to, low), high) if low <= high else places[index]
 
 
-def added(transfer: Transfer, value: float, opacity: float) -> Transfer:
+def add_part(transfer: Transfer, value: float, opacity: float) -> Transfer:
     """One more point or surface, of the material of the nearest; or one more label."""
     opacity = min(max(opacity, 0.0), 1.0)
     if isinstance(transfer, LabelFunction):
@@ -92,7 +94,7 @@ def added(transfer: Transfer, value: float, opacity: float) -> Transfer:
     return replace(transfer, surfaces=[*rows, row])
 
 
-def region_added(
+def add_region(
     transfer: TransferFunction2D,
     value: float,
     gradient: float,
@@ -123,7 +125,7 @@ def region_added(
     return replace(transfer, regions=[*transfer.regions, region])
 
 
-def region_placed(
+def place_region(
     transfer: TransferFunction2D,
     index: int,
     values: tuple[float, float] | None,
@@ -151,7 +153,9 @@ def region_placed(
     return _with_region(transfer, index, region)
 
 
-def softened(transfer: TransferFunction2D, index: int, softness: float) -> TransferFunction2D:
+def set_region_softness(
+    transfer: TransferFunction2D, index: int, softness: float
+) -> TransferFunction2D:
     """A region whose sides fall otherwise, 0 to 1."""
     if not 0 <= index < len(transfer.regions):
         return transfer
@@ -168,17 +172,17 @@ def _sorted(curve: TransferFunction, points: list[Point]) -> TransferFunction:
     return replace(curve, points=sorted(points, key=lambda point: point[0]))
 
 
-def factors_begun(curve: TransferFunction, top: float) -> TransferFunction:
+def with_gradient_factors(curve: TransferFunction, top: float) -> TransferFunction:
     """A curve whose opacity is multiplied by factors that rise with the gradient."""
     return replace(curve, gradient_opacity=((_RISE[0] * top, 0.0), (_RISE[1] * top, 1.0)))
 
 
-def factors_top(curve: TransferFunction, top: float) -> float:
+def gradient_top(curve: TransferFunction, top: float) -> float:
     """Where the axis of a curve's factors ends: as the volume's gradients do, or at the last."""
     return max(top, curve.gradient_opacity[-1][0]) if curve.gradient_opacity else top
 
 
-def factor_moved(
+def move_factor(
     curve: TransferFunction, index: int, gradient: float, factor: float, top: float
 ) -> TransferFunction:
     """One of the factors elsewhere, between its neighbours.
@@ -191,7 +195,7 @@ def factor_moved(
     factors = list(curve.gradient_opacity or ())
     if not 0 <= index < len(factors):
         return curve
-    end = factors_top(curve, top)
+    end = gradient_top(curve, top)
     gap = _FACTOR_GAP * end
     # The last is above 0, or there would be no axis.
     least = gap if index == len(factors) - 1 else 0.0
@@ -201,12 +205,12 @@ def factor_moved(
     return replace(curve, gradient_opacity=factors)
 
 
-def factor_added(
+def add_factor(
     curve: TransferFunction, gradient: float, factor: float, top: float
 ) -> TransferFunction:
     """One more factor, where others leave it room."""
     factors = list(curve.gradient_opacity or ())
-    end = factors_top(curve, top)
+    end = gradient_top(curve, top)
     gradient = min(max(gradient, 0.0), end)
     near = min((abs(place - gradient) for place, _ in factors), default=0.0)
     if near < _FACTOR_GAP * end or len(factors) >= MOST_FACTORS:
@@ -215,7 +219,7 @@ def factor_added(
     return replace(curve, gradient_opacity=sorted(factors))
 
 
-def factor_removed(curve: TransferFunction, index: int) -> TransferFunction:
+def remove_factor(curve: TransferFunction, index: int) -> TransferFunction:
     """Without one of the factors; two stay."""
     factors = list(curve.gradient_opacity or ())
     if len(factors) <= 2 or not 0 <= index < len(factors):

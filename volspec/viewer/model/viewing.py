@@ -23,31 +23,31 @@ from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 
 
-def changed(seen: RelightSpec, **changes: Any) -> RelightSpec:
+def with_viewing(spec: RelightSpec, **changes: Any) -> RelightSpec:
     """Other settings of the viewing; as they are where they do not go together.
 
-    >>> changed(RelightSpec(), surround="dim").viewing.surround
+    >>> with_viewing(RelightSpec(), surround="dim").viewing.surround
     'dim'
     """
     try:
-        return replace(seen, viewing=replace(seen.viewing, **changes))
+        return replace(spec, viewing=replace(spec.viewing, **changes))
     except VolspecError:
-        return seen
+        return spec
 
 
-def with_display(seen: RelightSpec, **changes: Any) -> RelightSpec:
+def with_display(spec: RelightSpec, **changes: Any) -> RelightSpec:
     """Other settings of the display; as they are where they do not go together."""
     try:
-        display = replace(seen.viewing.display, **changes)
+        display = replace(spec.viewing.display, **changes)
     except VolspecError:
-        return seen
-    return changed(seen, display=display)
+        return spec
+    return with_viewing(spec, display=display)
 
 
-def with_model(seen: RelightSpec, model: str) -> RelightSpec:
+def with_model(spec: RelightSpec, model: str) -> RelightSpec:
     """Another model; one that cannot adapt to each pixel measures the picture."""
-    pixel = seen.viewing.adapting == "pixel" and model not in PER_PIXEL
-    return changed(seen, model=model, **({"adapting": "picture"} if pixel else {}))
+    pixel = spec.viewing.adapting == "pixel" and model not in PER_PIXEL
+    return with_viewing(spec, model=model, **({"adapting": "picture"} if pixel else {}))
 
 
 def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
@@ -80,26 +80,26 @@ LEAST_LUX = 0.1
 EXPOSURE_RANGE = (0.1, 10.0)
 
 
-def _with(state: ViewState, seen: RelightSpec) -> ViewState:
+def _with(state: ViewState, spec: RelightSpec) -> ViewState:
     """Return the state itself if nothing is set otherwise: specs are told apart by identity."""
-    names = [field.name for field in fields(seen)]
-    if all(getattr(seen, name) == getattr(state.seen, name) for name in names):
+    names = [field.name for field in fields(spec)]
+    if all(getattr(spec, name) == getattr(state.relight, name) for name in names):
         return state
-    return replace(state, seen=seen)
+    return replace(state, relight=spec)
 
 
 def _set(state: ViewState, **changes: Any) -> ViewState:
-    return _with(state, changed(state.seen, **changes))
+    return _with(state, with_viewing(state.relight, **changes))
 
 
 def _set_display(state: ViewState, **changes: Any) -> ViewState:
-    return _with(state, with_display(state.seen, **changes))
+    return _with(state, with_display(state.relight, **changes))
 
 
 @edit
 def set_model(state: ViewState, name: str) -> ViewState:
     """Set the appearance model."""
-    return _with(state, with_model(state.seen, name)) if name in MODELS else state
+    return _with(state, with_model(state.relight, name)) if name in MODELS else state
 
 
 @edit
@@ -117,7 +117,7 @@ def set_illuminance(state: ViewState, lux: float) -> ViewState:
 @edit
 def toggle_own_luminance(state: ViewState) -> ViewState:
     """Give L_A by itself, or have it follow from the light again."""
-    viewing = state.seen.viewing
+    viewing = state.relight.viewing
     own = luminance(rig_of(state.lights), viewing) if viewing.L_A is None else None
     return _set(state, L_A=own)
 
@@ -125,7 +125,7 @@ def toggle_own_luminance(state: ViewState) -> ViewState:
 @edit
 def set_luminance(state: ViewState, L_A: float) -> ViewState:
     """Set L_A in cd/m², if it is given by itself."""
-    return state if state.seen.viewing.L_A is None else _set(state, L_A=L_A)
+    return state if state.relight.viewing.L_A is None else _set(state, L_A=L_A)
 
 
 @edit
@@ -143,7 +143,7 @@ def set_surround(state: ViewState, name: str) -> ViewState:
 @edit
 def set_adaptation(state: ViewState, D: float) -> ViewState:
     """Set the degree of adaptation; below 0 it is the model's own."""
-    if state.seen.viewing.discount:
+    if state.relight.viewing.discount:
         return state
     return _set(state, D=None if D < 0 else min(D, 1.0))
 
@@ -151,7 +151,7 @@ def set_adaptation(state: ViewState, D: float) -> ViewState:
 @edit
 def toggle_discount(state: ViewState) -> ViewState:
     """Discount the light's colour, or no longer."""
-    return _set(state, discount=not state.seen.viewing.discount, D=None)
+    return _set(state, discount=not state.relight.viewing.discount, D=None)
 
 
 @edit
@@ -159,7 +159,7 @@ def set_room(state: ViewState, name: str) -> ViewState:
     """Put the display where a preset has it; what it can show stays."""
     if name not in PRESETS:
         return state
-    now = state.seen.viewing.display
+    now = state.relight.viewing.display
     there = PRESETS[name].display(now.space, now.gamut)
     return _set(state, display=replace(there, mark=now.mark))
 
@@ -173,7 +173,7 @@ def set_space(state: ViewState, name: str) -> ViewState:
 @edit
 def set_white(state: ViewState, cd_m2: float) -> ViewState:
     """Set the display's white; what the eye adapts to goes up and down with it."""
-    now = state.seen.viewing.display
+    now = state.relight.viewing.display
     L_A = None if now.L_A is None else now.L_A * cd_m2 / now.white_cd_m2
     return _set_display(state, white_cd_m2=cd_m2, L_A=L_A)
 
@@ -199,18 +199,18 @@ def set_exposure(state: ViewState, factor: float) -> ViewState:
 @edit
 def set_backdrop(state: ViewState, share: float) -> ViewState:
     """Set the backdrop's grey; a spectrum of the scene's own stays."""
-    if isinstance(state.seen.backdrop, Spectrum):
+    if isinstance(state.relight.backdrop, Spectrum):
         return state
-    return _with(state, replace(state.seen, backdrop=min(max(share, 0.0), 1.0)))
+    return _with(state, replace(state.relight, backdrop=min(max(share, 0.0), 1.0)))
 
 
 @edit
 def set_mode(state: ViewState, name: str) -> ViewState:
     """Set how colours are computed from the basis."""
-    return _with(state, replace(state.seen, mode=name)) if name in MODES else state
+    return _with(state, replace(state.relight, mode=name)) if name in MODES else state
 
 
 @edit
 def set_level(state: ViewState, name: str) -> ViewState:
     """Set what the picture's level is relative to."""
-    return _with(state, replace(state.seen, level=name)) if name in LEVELS else state
+    return _with(state, replace(state.relight, level=name)) if name in LEVELS else state

@@ -19,12 +19,12 @@ from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.spectra import light_names
 from volspec.viewer.model import commands, lights, viewing
-from volspec.viewer.model.commands import COMMANDS, found
+from volspec.viewer.model.commands import COMMANDS, rank_matches
 from volspec.viewer.model.edit import Change, Command, Edited
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Search, UiContext
 from volspec.viewer.ui.viewing import SETTINGS
-from volspec.viewer.ui.widgets import in_line, key_text, text_width
+from volspec.viewer.ui.widgets import as_one_line, key_text, text_width
 from volspec.viewer.work.session_store import RecentFile
 
 _ROWS = 14
@@ -77,8 +77,8 @@ def commands_of(
 def _light_titles(state: ViewState) -> tuple[str, ...]:
     """The lights, by what they are searched for."""
     return tuple(
-        f"{in_line(row.name)} alone"
-        + ("" if row.label in ("", row.name) else f", {in_line(row.label)}")
+        f"{as_one_line(row.name)} alone"
+        + ("" if row.label in ("", row.name) else f", {as_one_line(row.label)}")
         for row in state.lights
     )
 
@@ -89,7 +89,7 @@ def _searched(
 ) -> tuple[Entry, ...]:
     """Looked up when something is typed, not in every frame."""
     entries = (*_fixed(), *_alone(names), *_files(recent), *_added())
-    return tuple(found(entries, text, lambda entry: entry.text))
+    return tuple(rank_matches(entries, text, lambda entry: entry.text))
 
 
 @lru_cache(maxsize=1)
@@ -181,7 +181,7 @@ def _act(entry: Entry, state: ViewState, ui: UiContext) -> ViewState | None:
         ui.front, ui.item = "Viewing", entry.item
     if entry.change is not None:
         return ui.edited(state, entry.change)
-    ui.asked.append(entry.ask)
+    ui.requests.append(entry.ask)
     return None
 
 

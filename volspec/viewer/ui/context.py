@@ -15,10 +15,10 @@ from imgui_bundle import imgui
 from volspec.raycast import CoefficientImage
 from volspec.viewer.model.edit import Change, Command, after
 from volspec.viewer.model.light_rows import Rows
-from volspec.viewer.model.palette_targets import News
+from volspec.viewer.model.palette_targets import DesignStatus
 from volspec.viewer.model.projection import Projection
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.error_map import Heat
+from volspec.viewer.work.error_map import ErrorMapTexture
 from volspec.viewer.work.probe import Reading
 from volspec.viewer.work.session_store import RecentFile
 from volspec.viewer.work.slice_pictures import SlicePictures
@@ -49,7 +49,7 @@ class Search:
 
 
 @dataclass(slots=True)
-class LightScraps:
+class LightsPanelState:
     """What the panel of lights keeps from frame to frame.
 
     Parameters
@@ -113,7 +113,7 @@ class LightScraps:
 
 
 @dataclass(slots=True)
-class LibraryScraps:
+class LibraryState:
     """What a library, of lights or of materials, keeps from frame to frame.
 
     Parameters
@@ -151,11 +151,11 @@ class Results:
         What each stage took last.
     under_mouse : Reading, optional
         What of the picture is under the mouse.
-    heat : Heat, optional
+    error_map : ErrorMapTexture, optional
         The error map.
     slices : SlicePictures, optional
         What the slices are drawn by.
-    design : News
+    design : DesignStatus
         What the palette's threads have to say.
     recent : tuple of RecentFile
         Files opened lately.
@@ -168,9 +168,9 @@ class Results:
     fps: float = 0.0
     ms: dict[str, float] = field(default_factory=dict)
     under_mouse: Reading | None = None
-    heat: Heat | None = None
+    error_map: ErrorMapTexture | None = None
     slices: SlicePictures | None = None
-    design: News = field(default_factory=News)
+    design: DesignStatus = field(default_factory=DesignStatus)
     recent: tuple[RecentFile, ...] = ()
 
 
@@ -184,7 +184,7 @@ class UiContext:
         Pixels of the window for each at 96 dpi.
     areas : {name: (x, y, width, height)}
         Where things were drawn: for what stands over them, and for the trace.
-    asked : list of str
+    requests : list of str
         Actions that are the app's to do.
     results : Results
     commands : Search, optional
@@ -195,8 +195,8 @@ class UiContext:
         The panel that is to come to the front now.
     item : str
         Its item that is to take the keyboard.
-    lights : LightScraps
-    library : LibraryScraps
+    lights : LightsPanelState
+    library : LibraryState
     popup : str
         What of the palette is to open now.
     member : (kind, index)
@@ -205,14 +205,14 @@ class UiContext:
 
     scale: float = 1.0
     areas: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
-    asked: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
     results: Results = field(default_factory=Results)
     commands: Search | None = None
     menu: bool = False
     front: str = ""
     item: str = ""
-    lights: LightScraps = field(default_factory=LightScraps)
-    library: LibraryScraps = field(default_factory=LibraryScraps)
+    lights: LightsPanelState = field(default_factory=LightsPanelState)
+    library: LibraryState = field(default_factory=LibraryState)
     popup: str = ""
     member: tuple[str, int] = ("", 0)
     _projected: tuple[Any, Projection] | None = None
@@ -224,7 +224,7 @@ class UiContext:
     def say(self, message: str) -> None:
         """Have a message shown to the user, if there is one."""
         if message:
-            self.asked.append(f"say {message}")
+            self.requests.append(f"say {message}")
 
     def edited(self, state: ViewState, change: Change) -> ViewState:
         """Return an edited state; say why it is refused, or what it left out."""
@@ -232,10 +232,10 @@ class UiContext:
         self.say(message)
         return new
 
-    def done(self, state: ViewState, command: Command) -> ViewState:
+    def run(self, state: ViewState, command: Command) -> ViewState:
         """Return a state after a command; what is the app's to do is asked of it."""
         if command.change is None:
-            self.asked.append(command.name)
+            self.requests.append(command.name)
             return state
         return self.edited(state, command.change)
 

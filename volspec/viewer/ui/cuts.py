@@ -9,13 +9,13 @@ from volspec.raycast import ClipPlane
 from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer.model import cuts
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.cuts import handles_of, nearest
+from volspec.viewer.model.cuts import handles_of, nearest_handle
 from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.slices import outline_index
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import radius_mm
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, packed, tip
+from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, pack_colour, tip
 
 # A handle's radius; pixels at 96 dpi.
 _SIZE = 5.5
@@ -35,11 +35,11 @@ def _crop(state: ViewState, ui: UiContext) -> ViewState:
     aids, volume = state.interface.aids, state.document.volume
     pressed, _ = imgui.checkbox("Crop box in the picture", aids.crop)
     ui.note("crop box")
-    new = ui.done(state, BY_NAME["crop"]) if pressed else state
+    new = ui.run(state, BY_NAME["crop"]) if pressed else state
     imgui.same_line(imgui.get_content_region_avail().x - ui.px(52))
     imgui.begin_disabled(state.shading.crop_voxels is None)
     if imgui.button("Reset##crop", (ui.px(64), 0)):
-        new = ui.done(new, BY_NAME["reset-crop"])
+        new = ui.run(new, BY_NAME["reset-crop"])
     imgui.end_disabled()
     crop = cuts.crop_of(state.shading, volume)
     imgui.push_item_width(-ui.px(24))
@@ -62,7 +62,7 @@ def _planes(state: ViewState, ui: UiContext) -> ViewState:
     imgui.separator_text("Clip planes")
     pressed, _ = imgui.checkbox("Handles", state.interface.aids.planes)
     if pressed:
-        new = ui.done(new, BY_NAME["planes"])
+        new = ui.run(new, BY_NAME["planes"])
     imgui.begin_disabled(len(planes) >= MAX_PLANES)
     for name, title, what in (
         ("plane-facing", "+ facing", "A plane through the middle; what is before it is cut away"),
@@ -70,7 +70,7 @@ def _planes(state: ViewState, ui: UiContext) -> ViewState:
     ):
         imgui.same_line()
         if imgui.button(title):
-            new = ui.done(new, BY_NAME[name])
+            new = ui.run(new, BY_NAME[name])
         ui.note(name)
         tip(what)
     imgui.end_disabled()
@@ -117,33 +117,33 @@ def draw_handles(state: ViewState, ui: UiContext) -> ViewState | None:
     outlines = aids.outlines and "Slices" in state.interface.panels
     if not (aids.crop or planes or outlines):
         return None
-    seen = ui.projection(state)
+    projection = ui.projection(state)
     crop = cuts.crop_of(state.shading, volume)
     with over_picture(ui):
         if outlines:
             for axis, share in enumerate(state.interface.slices.at):
                 corners = cuts.world_mm(volume, outline_index(volume, axis, share))
-                _polygon(corners, seen, (*SLICE_COLOURS[axis], 0.9), ui)
+                _polygon(corners, projection, (*SLICE_COLOURS[axis], 0.9), ui)
         if aids.crop:
-            for start, end, hidden in cuts.box_edges(crop, volume, seen):
+            for start, end, hidden in cuts.box_edges(crop, volume, projection):
                 _line(start, end, _DIM if hidden else _WHITE, ui)
         if planes:
             corners = cuts.box_corners_mm(crop, volume)
             for i, plane in enumerate(state.shading.clip_planes):
                 point, normal = np.asarray(plane.point_mm), np.asarray(plane.normal)
                 colour = ACCENT[True] if i == aids.plane else _WHITE
-                _polygon(cuts.outline_mm(point, normal, corners), seen, colour, ui)
-        _draw_handles(state, seen, ui)
+                _polygon(cuts.outline_mm(point, normal, corners), projection, colour, ui)
+        _draw_handles(state, projection, ui)
     return None
 
 
-def _draw_handles(state: ViewState, seen: Projection, ui: UiContext) -> None:
-    found, over = handles_of(state, seen, ui.scale), None
+def _draw_handles(state: ViewState, projection: Projection, ui: UiContext) -> None:
+    found, over = handles_of(state, projection, ui.scale), None
     if not imgui.get_io().want_capture_mouse:
         mouse = imgui.get_mouse_pos()
-        over = nearest(found, (mouse.x, mouse.y), ui.scale)
+        over = nearest_handle(found, (mouse.x, mouse.y), ui.scale)
     draw_list = imgui.get_background_draw_list()
-    shade = packed(BLACK, 0.6)
+    shade = pack_colour(BLACK, 0.6)
     middles: dict[int, Place] = {}
     # Of two in one place the first is taken hold of: it is drawn last.
     for handle in (h for name in _ORDER for h in reversed(found) if h.name == name):
@@ -156,19 +156,22 @@ def _draw_handles(state: ViewState, seen: Projection, ui: UiContext) -> None:
         elif handle.name == "plane-tilt":
             _line(middles[handle.index], handle.place, _WHITE, ui)
             draw_list.add_circle_filled((x, y), size + ui.px(1.5), shade)
-            draw_list.add_circle((x, y), size - ui.px(1), packed(lit), 0, ui.px(2))
+            draw_list.add_circle((x, y), size - ui.px(1), pack_colour(lit), 0, ui.px(2))
         if handle.name != "plane-tilt":
             draw_list.add_circle_filled((x, y), size + ui.px(1.5), shade)
-            draw_list.add_circle_filled((x, y), size, packed(lit))
+            draw_list.add_circle_filled((x, y), size, pack_colour(lit))
         ui.areas[f"{handle.name} {handle.index}"] = int(x) - 2, int(y) - 2, 4, 4
 
 
 def _polygon(
-    corners: cuts.Array, seen: Projection, colour: tuple[float, float, float, float], ui: UiContext
+    corners: cuts.Array,
+    projection: Projection,
+    colour: tuple[float, float, float, float],
+    ui: UiContext,
 ) -> None:
     if not len(corners):
         return
-    for drawn in seen.segments(corners, np.roll(corners, -1, axis=0)):
+    for drawn in projection.segments(corners, np.roll(corners, -1, axis=0)):
         if drawn is not None:
             _line(*drawn, colour, ui)
 
@@ -178,5 +181,5 @@ def _line(
 ) -> None:
     """Shaded, so that it is seen on any picture."""
     draw_list = imgui.get_background_draw_list()
-    draw_list.add_line(start, end, packed(BLACK, 0.45 * colour[3]), ui.px(3.0))
-    draw_list.add_line(start, end, packed(colour), ui.px(1.4))
+    draw_list.add_line(start, end, pack_colour(BLACK, 0.45 * colour[3]), ui.px(3.0))
+    draw_list.add_line(start, end, pack_colour(colour), ui.px(1.4))

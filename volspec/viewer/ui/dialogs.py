@@ -14,10 +14,10 @@ from imgui_bundle import imgui
 
 from volspec.raycast.checks import MAX_SIDE
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.paths import Listing, PathRequest, is_there, listing
+from volspec.viewer.model.paths import Listing, PathRequest, list_paths, path_exists
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import pick, wrapped
+from volspec.viewer.ui.widgets import pick, wrap_text
 from volspec.viewer.work.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
 from volspec.viewer.work.session import SUFFIX
 
@@ -94,12 +94,12 @@ class PathDialog:
         )
         self._list(shown)
         path = request.named(self._text)
-        there = bool(path) and request.save and is_there(path)
+        there = bool(path) and request.save and path_exists(path)
         right = _right()
         sure = there and path == self._replaces
         if there:
             said = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
-            wrapped(said, imgui.Col_.check_mark)  # not to be overlooked
+            wrap_text(said, imgui.Col_.check_mark)  # not to be overlooked
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Tab completes")
         label = "Replace" if there else "Save" if request.save else "Open"
@@ -145,7 +145,7 @@ def _completing(found: Listing) -> Any:
 @lru_cache(maxsize=8)
 def _listed(text: str, suffixes: tuple[str, ...], _second: int) -> Listing:
     """Read once a second, not once a frame."""
-    return listing(text, suffixes)
+    return list_paths(text, suffixes)
 
 
 def _hint(request: PathRequest) -> str:
@@ -208,7 +208,7 @@ class PictureDialog:
         _, name = imgui.input_text_with_hint("Name", "made of the title", shot.name)
         _, folder = imgui.input_text_with_hint("Folder", "where volspec was started", shot.folder)
         shot = replace(shot, name=name, folder=folder)
-        wrapped(f"Will be {shot.path(state.document.title)}", _DIM)
+        wrap_text(f"Will be {shot.path(state.document.title)}", _DIM)
         self.shot = shot
 
 
@@ -277,7 +277,7 @@ REQUESTS = {
 }
 
 
-class Asking:
+class FileDialogs:
     """One path at a time."""
 
     def __init__(self) -> None:
@@ -286,8 +286,8 @@ class Asking:
 
     def ask(self, request: PathRequest, document: Document) -> None:
         """Ask for a path; nothing where another is being asked for in the system's dialog."""
-        asked = replace(request, start=proposed(request, document))
-        if self._native is None and native():
+        asked = replace(request, start=initial_path(request, document))
+        if self._native is None and has_native_dialogs():
             self._native = NativeDialog(asked)
         elif self._native is None:
             self._own.ask(asked)
@@ -311,7 +311,7 @@ class Asking:
         return (request, path) if request is not None and path else None
 
 
-def proposed(request: PathRequest, document: Document) -> str:
+def initial_path(request: PathRequest, document: Document) -> str:
     """Where a dialog begins: in the open file's folder, or where the program runs."""
     source = document.source
     path = Path("engine.toml" if source is None else source.partition("?")[0])
@@ -322,7 +322,7 @@ def proposed(request: PathRequest, document: Document) -> str:
     return "" if path.parent == Path() else f"{path.parent}/"
 
 
-def native() -> bool:
+def has_native_dialogs() -> bool:
     """Whether the system has dialogs for files."""
     if sys.platform in ("win32", "darwin"):
         return True

@@ -15,18 +15,25 @@ from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Search, UiContext
-from volspec.viewer.ui.dialogs import REQUESTS, Asking, PictureDialog, progress
+from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs, PictureDialog, progress
 from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.designs import PALETTES
-from volspec.viewer.work.documents import Opened, Openings
+from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Pictures
-from volspec.viewer.work.screenshot import CUSTOM, Progress, Shot, copy_shown, copy_values, taken
+from volspec.viewer.work.screenshot import (
+    CUSTOM,
+    Progress,
+    Shot,
+    copy_shown,
+    copy_values,
+    save_picture,
+)
 from volspec.viewer.work.script import export_python
 from volspec.viewer.work.session import save_session
 
 
-class Chores:
+class FileCommands:
     """Does what takes time, and what touches files.
 
     Parameters
@@ -45,7 +52,7 @@ class Chores:
 
     Attributes
     ----------
-    openings : Openings
+    openings : DocumentService
     """
 
     def __init__(
@@ -61,20 +68,20 @@ class Chores:
     ) -> None:
         self._tasks, self._ui, self._palette = tasks, ui, palette
         self._notice, self._trace = notice, trace
-        self.openings = Openings(tasks, notice, trace, device)
-        self._asking, self._picture = Asking(), PictureDialog()
+        self.documents = DocumentService(tasks, notice, trace, device)
+        self._dialogs, self._picture = FileDialogs(), PictureDialog()
         if size is not None:
             self._picture.shot = Shot(CUSTOM, size)
         self._progress: Progress | None = None
         self._state: ViewState | None = None
         self._done: dict[str, Callable[[ViewState, str], None]] = {
             **{name: self._ask(name) for name in REQUESTS},
-            "reload": lambda state, _: self.openings.reload(state),
-            "restore": lambda state, _: self.openings.restore(state),
+            "reload": lambda state, _: self.documents.reload(state),
+            "restore": lambda state, _: self.documents.restore(state),
             "screenshot": lambda state, _: self._cast(state),
             "picture": lambda *_: self._picture.ask(),
             "cancel": lambda *_: self._give_up(),
-            "clear-recent": lambda *_: self.openings.clear_recent(),
+            "clear-recent": lambda *_: self.documents.clear_recent(),
             "copy-picture": lambda *_: self._copied(lambda: copy_shown(pictures)),
             "copy-values": lambda *_: self._copied(lambda: copy_values(ui.results.under_mouse)),
             "commands": self._commands,
@@ -92,7 +99,7 @@ class Chores:
         word, _, path = name.partition(" ")
         self._state = state
         if word == "open" and path:
-            self.openings.open(path)
+            self.documents.open(path)
         else:
             self._done[word](state, path)
 
@@ -109,7 +116,7 @@ class Chores:
         InputError
             If then nothing can be.
         """
-        if answer := self._asking.take():
+        if answer := self._dialogs.take():
             self._answered(*answer)
         outcomes = self._tasks.take()
         found = None
@@ -122,7 +129,7 @@ class Chores:
             if given_up:
                 self._notice.say("The picture was given up")
             elif outcome.kind == "open":
-                found = self.openings.came(outcome, first)
+                found = self.documents.came(outcome, first)
             elif outcome.error:
                 self._say_error(outcome.error)
             elif outcome.kind != "session":
@@ -132,13 +139,13 @@ class Chores:
     def close(self, state: ViewState | None, faulty: bool) -> None:
         """The end, or a fault that ends it: no cast goes on, session and files are kept."""
         self._give_up()
-        self._asking.close()
-        self.openings.close(state, faulty)
+        self._dialogs.close()
+        self.documents.close(state, faulty)
         self._tasks.close()
 
     def draw(self, state: ViewState | None) -> None:
         """Dialogs, and how far a picture is."""
-        if answer := self._asking.draw(self._ui):
+        if answer := self._dialogs.draw(self._ui):
             self._answered(*answer)
         if state is not None and self._picture.draw(state, self._ui):
             self._cast(state)
@@ -146,15 +153,15 @@ class Chores:
             self._give_up()
 
     def _ask(self, name: str) -> Callable[[ViewState, str], None]:
-        return lambda state, _: self._asking.ask(REQUESTS[name], state.document)
+        return lambda state, _: self._dialogs.ask(REQUESTS[name], state.document)
 
     def _answered(self, request: PathRequest, path: str) -> None:
         """A path that was asked for is there."""
         state = self._state
         if request.kind == "open":
-            self.openings.open(path)
+            self.documents.open(path)
         elif request.kind == "resume":
-            self.openings.resume(path, last=False)
+            self.documents.resume(path, last=False)
         elif state is not None and request.kind in PALETTES:
             self._palette(request.kind, path, state)
         elif state is not None:
@@ -172,7 +179,7 @@ class Chores:
         shot = self._picture.shot
         width, height = shot.size(state.size)
         under_way = self._progress = Progress(f"Casting {width} × {height}")
-        self._tasks.start("picture", lambda: taken(state, shot, under_way))
+        self._tasks.start("picture", lambda: save_picture(state, shot, under_way))
 
     def _give_up(self) -> None:
         if self._progress is not None:

@@ -142,9 +142,9 @@ class Docks:
         builder = imgui.internal
         room = _MOST * imgui.get_main_viewport().work_size.x
         open_ = [dock for side, dock in self._sides.items() if side in self._open]
-        seen = [node for dock in open_ if (node := builder.dock_builder_get_node(dock))]
-        wide = sum(node.size.x for node in seen)
-        wanted = ui.px(PANEL_WIDTH) if len(seen) == 1 else wide
+        nodes = [node for dock in open_ if (node := builder.dock_builder_get_node(dock))]
+        wide = sum(node.size.x for node in nodes)
+        wanted = ui.px(PANEL_WIDTH) if len(nodes) == 1 else wide
         if wide > room + 1:
             self._narrowed = True
         elif self._narrowed and wide < min(wanted, room) - 1:
@@ -152,7 +152,7 @@ class Docks:
         else:
             self._narrowed = self._narrowed and wide < wanted - 1
             return
-        for node in seen:
+        for node in nodes:
             builder.dock_builder_set_node_size(node.id_, (node.size.x * room / wide, node.size.y))
 
     def _dock(self, space: int, ui: UiContext) -> None:

@@ -19,7 +19,7 @@ from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, color_matching_functions, white_XYZ
 from volspec.viewer.model.viewing import given_viewing
-from volspec.viewer.ui.widgets import packed
+from volspec.viewer.ui.widgets import pack_colour
 
 Colour = tuple[float, float, float]
 Array = NDArray[np.float64]
@@ -47,22 +47,22 @@ def raw_colour(rig: LightRig) -> Colour:
 
 # Rows are few; a temperature that is dragged makes many.
 @lru_cache(maxsize=256)
-def adapted_colour(rig: LightRig, seen: RelightSpec) -> Colour:
+def adapted_colour(rig: LightRig, spec: RelightSpec) -> Colour:
     """The same to an eye adapted to the light; as it is where there is nothing to adapt to."""
     white = white_of(rig)
-    passage = adapted_to(rig, seen, white)
+    passage = adapted_to(rig, spec, white)
     if passage is None:
         return raw_colour(rig)
     return as_colour(encode(linear_from_XYZ(passage.apply(_PAPER * white))))
 
 
-def adapted_to(rig: LightRig, seen: RelightSpec, white: Array) -> Passage | None:
+def adapted_to(rig: LightRig, spec: RelightSpec, white: Array) -> Passage | None:
     """What makes of XYZ under a light those that look alike on the display.
 
     Parameters
     ----------
     rig : LightRig
-    seen : RelightSpec
+    spec : RelightSpec
     white : (3,) float64
         XYZ of a perfect diffuser under it.
 
@@ -72,7 +72,7 @@ def adapted_to(rig: LightRig, seen: RelightSpec, white: Array) -> Passage | None
         None where the light has no white to adapt to.
     """
     try:
-        return passage_of(given_viewing(seen.viewing, rig.total_lux), white)
+        return passage_of(given_viewing(spec.viewing, rig.total_lux), white)
     except VolspecError:
         return None
 
@@ -161,7 +161,7 @@ def column_colours(grid: SpectralGrid, count: int, alpha: float = 1.0) -> tuple[
     linear -= np.minimum(linear.min(axis=1, keepdims=True), 0.0)
     strength = linear.max(axis=1, keepdims=True)
     codes = _smooth(encode(linear / np.maximum(strength, 0.08)), max(count // 24, 1))
-    return tuple(packed(colour, alpha) for colour in 0.13 + 0.75 * codes)
+    return tuple(pack_colour(colour, alpha) for colour in 0.13 + 0.75 * codes)
 
 
 def _smooth(codes: NDArray[np.float64], reach: int) -> NDArray[np.float64]:

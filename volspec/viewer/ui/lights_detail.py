@@ -15,12 +15,12 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
 from volspec.viewer.ui.widgets import (
     ACCENT,
-    in_line,
+    as_one_line,
     kelvin_slider,
-    packed,
+    pack_colour,
     text_width,
     tip,
-    wrapped,
+    wrap_text,
 )
 
 _KNOB, _LABELS, _COMPLAINT = 52.0, 84.0, 320.0
@@ -56,7 +56,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         imgui.text("Spectrum")
     else:
         imgui.align_text_to_frame_padding()
-        imgui.text(in_line(row.name))
+        imgui.text(as_one_line(row.name))
         imgui.same_line()
         imgui.text_disabled("by light group, below")
     new = _lux(new, ui, index, plain)
@@ -69,8 +69,8 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     imgui.end_group()
     if not plain:
         new = _parts(new, ui, index, groups)
-    note = light_parts.lux_note(state.lights, state.shading.shares(), state.seen)
-    wrapped(in_line(note), imgui.Col_.text_disabled)
+    note = light_parts.lux_note(state.lights, state.shading.shares(), state.relight)
+    wrap_text(as_one_line(note), imgui.Col_.text_disabled)
     imgui.pop_style_var()
     tip(_LUX_TIP)
     return new
@@ -115,7 +115,7 @@ def _paint_knob(dark: bool) -> None:
 
 def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     """Illuminance; not given, or of each spectrum where there are several."""
-    rig, viewing = state.lights[index].rig, state.seen.viewing
+    rig, viewing = state.lights[index].rig, state.relight.viewing
     given = rig.illuminance_lux is not None
     pressed, on = imgui.checkbox("##given", given)
     ui.note("lux given")
@@ -141,15 +141,15 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
 
 def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) -> ViewState:
     """The notation of a spectrum, to be typed anew."""
-    scraps, row = ui.lights, state.lights[index]
+    panel, row = ui.lights, state.lights[index]
     own = row.texts[part]
-    typing = scraps.text_of == (row.name, part)
+    typing = panel.text_of == (row.name, part)
     imgui.set_next_item_width(width)
     entered, text = imgui.input_text_with_hint(
-        f"##text {part}", "drawn", scraps.text if typing else own or "", _ENTER
+        f"##text {part}", "drawn", panel.text if typing else own or "", _ENTER
     )
     ui.note(f"text {part}")
-    if said := scraps.complaint_at((index, part), state.lights):
+    if said := panel.complaint_at((index, part), state.lights):
         _complaint(said, ui, f"text {part}")
     else:
         tip(
@@ -157,17 +157,17 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
             "FILE.csv, D65*0.7+A*0.3; Enter takes it"
         )
     if imgui.is_item_edited():
-        scraps.complaint = ""
+        panel.complaint = ""
     if imgui.is_item_active():
-        scraps.text, scraps.text_of = text, (row.name, part)
+        panel.text, panel.text_of = text, (row.name, part)
     elif typing and not entered:
-        scraps.text_of = ("", 0)
+        panel.text_of = ("", 0)
     if not entered:
         return state
-    scraps.text_of = ("", 0)
+    panel.text_of = ("", 0)
     new, refusal = lights.respell(state, index, part, text)
     if refusal:
-        scraps.complain(refusal, (index, part), state.lights)
+        panel.complain(refusal, (index, part), state.lights)
     return new
 
 
@@ -222,7 +222,7 @@ def _part(
     imgui.set_next_item_width(-1)
     names = ["", *groups]
     now = names.index(rig.groups[j]) if rig.groups[j] in names else -1
-    picked, at = imgui.combo("##group", now, [in_line(name) or _ALL for name in names])
+    picked, at = imgui.combo("##group", now, [as_one_line(name) or _ALL for name in names])
     ui.note(f"group {j}")
     if picked:
         new = lights.regroup(new, index, j, names[at])
@@ -230,7 +230,7 @@ def _part(
     x, y = imgui.get_cursor_screen_pos()
     side, inset = imgui.get_frame_height(), ui.px(3)
     imgui.dummy((ui.px(14), side))
-    colour = packed(raw_colour(_alone(rig.lights[j])))
+    colour = pack_colour(raw_colour(_alone(rig.lights[j])))
     ends = (x, y + inset), (x + ui.px(14), y + side - inset)
     imgui.get_window_draw_list().add_rect_filled(*ends, colour, ui.px(3))
     imgui.table_next_column()

@@ -10,12 +10,12 @@ from typing import Any
 from imgui_bundle import imgui
 
 from volspec.viewer.model import lights
-from volspec.viewer.model.light_mixes import corners, dial_place
-from volspec.viewer.model.light_rows import shining
+from volspec.viewer.model.light_mixes import dial_place, rim_places
+from volspec.viewer.model.light_rows import effective_weights
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
-from volspec.viewer.ui.widgets import ACCENT, in_line, packed, shortened, text_width, tip
+from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, shorten, text_width, tip
 
 Box = tuple[float, float, float, float]
 Measure = Callable[[str], float]
@@ -124,7 +124,7 @@ def extents(names: Sequence[str], reach: float, measure: Measure) -> tuple[float
     measure : callable
     """
     left = right = reach
-    for (cx, _), name in zip(corners(len(names)), names, strict=True):
+    for (cx, _), name in zip(rim_places(len(names)), names, strict=True):
         if abs(cx) < _UPRIGHT:
             continue
         wide = max(map(measure, in_two(name, measure)))
@@ -139,7 +139,7 @@ def in_two(name: str, measure: Measure) -> tuple[str, ...]:
     >>> in_two("HP1 high-pressure sodium", len), in_two("tungsten", len)
     (('HP1 high-', 'pressure sodium'), ('tungsten',))
     """
-    name = in_line(name)
+    name = as_one_line(name)
     ends = [i + 1 for i, letter in enumerate(name[:-1]) if letter in " -"]
     ways = [(name[:end].rstrip(), name[end:].lstrip()) for end in ends]
     return min(ways, key=lambda lines: max(map(measure, lines)), default=(name,))
@@ -160,29 +160,29 @@ def labels_of(
     """
     disc = ring.radius * 1.2
     centre = ring.middle[0] - disc / 2, ring.middle[1] - disc / 2, disc, disc
-    places = corners(len(names))
+    places = rim_places(len(names))
     lines = [
-        (shortened(name, _room(place, ring), letters.width),)
+        (shorten(name, _room(place, ring), letters.width),)
         for name, place in zip(names, places, strict=True)
     ]
     cut = [
         Label(i, _box(lines[i], places[i], ring, letters), rank, lines[i])
         for i, rank in enumerate(ranks)
     ]
-    kept = free(cut, ring.within, (centre,))
+    kept = non_overlapping(cut, ring.within, (centre,))
     for at, label in enumerate(kept):
         i = label.index
-        if label.lines == (in_line(names[i]),):
+        if label.lines == (as_one_line(names[i]),):
             continue
         two = in_two(names[i], letters.width)
         boxes = [_box(two, places[i], ring, letters, share) for share in (1.0, 0.0)]
         whole = [replace(label, box=box, lines=two) for box in boxes]
         others = [centre, *(other.box for other in kept if other is not label)]
-        kept[at] = next(iter(free(whole, ring.within, others)), label)
+        kept[at] = next(iter(non_overlapping(whole, ring.within, others)), label)
     return kept
 
 
-def free(labels: Sequence[Label], within: Box, taken: Sequence[Box] = ()) -> list[Label]:
+def non_overlapping(labels: Sequence[Label], within: Box, taken: Sequence[Box] = ()) -> list[Label]:
     """Those names that overlap no other and stand inside; by rank, the first in the way stays."""
     kept: list[Label] = []
     boxes = list(taken)
@@ -193,7 +193,7 @@ def free(labels: Sequence[Label], within: Box, taken: Sequence[Box] = ()) -> lis
     return kept
 
 
-def under(labels: Sequence[Label], x: float, y: float) -> int:
+def label_at(labels: Sequence[Label], x: float, y: float) -> int:
     """The light whose name is at a place; -1 where none is."""
     point = x, y, 0.0, 0.0
     return next((label.index for label in labels if _overlap(point, label.box)), -1)
@@ -272,12 +272,12 @@ def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewSt
     if imgui.is_item_active() and len(state.lights) > 1:
         new = lights.blend(state, *place)
     elif imgui.is_item_hovered():
-        hovered = nearest(len(state.lights), *place, reach=ui.px(14) / radius)
+        hovered = light_at(len(state.lights), *place, reach=ui.px(14) / radius)
         if hovered < 0:
-            hovered = under(_placed(state, ui, ring, -1), mouse.x, mouse.y)
+            hovered = label_at(_placed(state, ui, ring, -1), mouse.x, mouse.y)
         if hovered >= 0:
             row = state.lights[hovered]
-            imgui.set_tooltip("\n".join(dict.fromkeys(map(in_line, (row.name, row.label)))))
+            imgui.set_tooltip("\n".join(dict.fromkeys(map(as_one_line, (row.name, row.label)))))
         else:
             tip("Drag to blend the lights; the middle is all of them alike")
     _rim(new, ui, middle, radius, hovered)
@@ -285,9 +285,9 @@ def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewSt
     return new
 
 
-def nearest(count: int, x: float, y: float, reach: float) -> int:
+def light_at(count: int, x: float, y: float, reach: float) -> int:
     """The light at a place of the dial; -1 where none is within reach."""
-    away = [math.hypot(px - x, py - y) for px, py in corners(count)]
+    away = [math.hypot(px - x, py - y) for px, py in rim_places(count)]
     closest = min(range(count), key=lambda i: away[i])
     return closest if away[closest] <= reach else -1
 
@@ -302,13 +302,13 @@ def _rim(
     draw_list = imgui.get_window_draw_list()
     line = imgui.get_color_u32(imgui.Col_.button_active)
     text = imgui.get_color_u32(imgui.Col_.text)
-    rim = corners(len(state.lights))
+    rim = rim_places(len(state.lights))
     at = [(middle[0] + px * radius, middle[1] + py * radius) for px, py in rim]
     draw_list.add_circle_filled(middle, radius, imgui.get_color_u32(imgui.Col_.frame_bg), 64)
     if 2 < len(at) <= _MANY:
         ends: list[Any] = [imgui.ImVec2(*place) for place in at]
         draw_list.add_polyline(ends, line, ui.px(1), imgui.ImDrawFlags_.closed)
-    weights = shining(state.lights)
+    weights = effective_weights(state.lights)
     px, py = dial_place(weights)
     marker = middle[0] + px * radius, middle[1] + py * radius
     accent = ACCENT[state.interface.dark]
@@ -316,10 +316,10 @@ def _rim(
     strength = 0.6 * min(1.0, _MANY / 2 / max(sum(weight > 0 for weight in weights), 1))
     for place, weight in zip(at, weights, strict=True):
         if weight > 0:
-            draw_list.add_line(marker, place, packed(accent, strength), ui.px(1 + 2 * weight))
+            draw_list.add_line(marker, place, pack_colour(accent, strength), ui.px(1 + 2 * weight))
     dot = _dot(state, ui)
     for i, (row, place) in enumerate(zip(state.lights, at, strict=True)):
-        draw_list.add_circle_filled(place, dot, packed(raw_colour(row.rig)))
+        draw_list.add_circle_filled(place, dot, pack_colour(raw_colour(row.rig)))
         ring = text if i in (hovered, state.interface.light) else line
         draw_list.add_circle(place, dot, ring, 0, ui.px(1.5 if ring == text else 1))
     draw_list.add_circle_filled(marker, ui.px(5), text)
@@ -329,16 +329,16 @@ def _rim(
 def _ring(state: ViewState, ui: UiContext, within: Box) -> Ring:
     _, _, width, height = within
     radii = ui.px(_LEAST_RADIUS), min(height / 2 - ui.px(_ABOVE), width / 2 - ui.px(_ASIDE))
-    return ring_for(_asking(state), within, radii, _out(state, ui), _width(ui))
+    return ring_for(_names_to_fit(state), within, radii, _out(state, ui), _width(ui))
 
 
 def width_for(state: ViewState, ui: UiContext, height: float) -> float:
     """How wide it would be with all names whole."""
     radius = max(height / 2 - ui.px(_ABOVE), ui.px(_LEAST_RADIUS))
-    return sum(extents(_asking(state), radius + _out(state, ui), _width(ui)))
+    return sum(extents(_names_to_fit(state), radius + _out(state, ui), _width(ui)))
 
 
-def _asking(state: ViewState) -> list[str]:
+def _names_to_fit(state: ViewState) -> list[str]:
     """Names that the dial makes room for: none of many, of which few are written."""
     return [row.name for row in state.lights] if len(state.lights) <= _MANY else []
 
@@ -354,7 +354,7 @@ def _width(ui: UiContext) -> Measure:
 
 def _placed(state: ViewState, ui: UiContext, ring: Ring, hovered: int) -> list[Label]:
     """As many names as there is room for: what is under the mouse, is chosen, shines first."""
-    weights, chosen = shining(state.lights), state.interface.light
+    weights, chosen = effective_weights(state.lights), state.interface.light
     ranks = [
         i - 1e3 * weight - 1e3 * (i == chosen) - 1e4 * (i == hovered)
         for i, weight in enumerate(weights)
@@ -364,7 +364,7 @@ def _placed(state: ViewState, ui: UiContext, ring: Ring, hovered: int) -> list[L
 
 
 def _names(state: ViewState, ui: UiContext, labels: list[Label], hovered: int) -> None:
-    weights, places = shining(state.lights), corners(len(state.lights))
+    weights, places = effective_weights(state.lights), rim_places(len(state.lights))
     draw_list, half = imgui.get_window_draw_list(), ui.px(_GAP) / 2
     dim, text = (imgui.get_color_u32(c) for c in (imgui.Col_.text_disabled, imgui.Col_.text))
     for label in labels:

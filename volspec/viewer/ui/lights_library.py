@@ -15,7 +15,14 @@ from volspec.viewer.model import lights
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
-from volspec.viewer.ui.widgets import kelvin_slider, packed, shortened, text_width, tip, wrapped
+from volspec.viewer.ui.widgets import (
+    kelvin_slider,
+    pack_colour,
+    shorten,
+    text_width,
+    tip,
+    wrap_text,
+)
 
 _POPUP = "add a light"
 _ENTER = imgui.InputTextFlags_.enter_returns_true
@@ -52,21 +59,21 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     if imgui.is_key_pressed(imgui.Key.escape):
         imgui.close_current_popup()
     imgui.set_next_item_width(-1)
-    scraps = ui.library
-    entered, text = imgui.input_text_with_hint("##search", _HINT, scraps.search, _ENTER)
-    if text != scraps.search:
-        scraps.search, scraps.complaint = text, ""
-    found = matching(scraps.search)
+    panel = ui.library
+    entered, text = imgui.input_text_with_hint("##search", _HINT, panel.search, _ENTER)
+    if text != panel.search:
+        panel.search, panel.complaint = text, ""
+    found = matching(panel.search)
     grid, folder = state.document.grid, state.document.folder
     wanted = _found(found, ui, grid, folder)
-    typed = scraps.search.strip()
+    typed = panel.search.strip()
     if entered and typed:
         wanted = found[0] if found and not _is_notation(typed) else typed
     imgui.separator()
     wanted = _temperatures(ui) or wanted
     new = _added(state, ui, wanted) if wanted else state
-    if scraps.complaint:
-        imgui.text_wrapped(scraps.complaint)
+    if panel.complaint:
+        imgui.text_wrapped(panel.complaint)
     imgui.end_popup()
     return new
 
@@ -139,7 +146,7 @@ def _found(found: list[str], ui: UiContext, grid: SpectralGrid, folder: str) -> 
                 ui.note(f"found {i}")
         clipper.end()
         if not found:
-            wrapped(wrong, imgui.Col_.text_disabled)
+            wrap_text(wrong, imgui.Col_.text_disabled)
     imgui.end_child()
     return wanted
 
@@ -155,14 +162,14 @@ def _entry(name: str, ui: UiContext, grid: SpectralGrid, folder: str) -> bool:
     if rig is not None:
         top = y + (line - side) / 2
         ends = (x, top), (x + side, top + side)
-        draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), ui.px(3))
+        draw_list.add_rect_filled(*ends, pack_colour(raw_colour(rig)), ui.px(3))
     left = x + side + ui.px(8)
     what = class_of(name) if name in library_names() else "as typed"
     own = min(text_width(name), width - side - ui.px(16))
     room = width - side - ui.px(20) - own
     text, dim = (imgui.get_color_u32(c) for c in (imgui.Col_.text, imgui.Col_.text_disabled))
-    draw_list.add_text((left, y), text, shortened(name, width - side - ui.px(16)))
-    kind = shortened(what, room) if room > ui.px(40) else ""
+    draw_list.add_text((left, y), text, shorten(name, width - side - ui.px(16)))
+    kind = shorten(what, room) if room > ui.px(40) else ""
     draw_list.add_text((x + width - text_width(kind), y), dim, kind)
     tip(f"{name}\n{what}")
     return bool(clicked)
@@ -170,19 +177,19 @@ def _entry(name: str, ui: UiContext, grid: SpectralGrid, folder: str) -> bool:
 
 def _temperatures(ui: UiContext) -> str:
     """A radiator or a daylight of any temperature; its notation where it was asked for."""
-    wanted, scraps = "", ui.library
+    wanted, panel = "", ui.library
     imgui.set_next_item_width(-ui.px(150))
-    _, scraps.kelvin = kelvin_slider("##planck", scraps.kelvin)
+    _, panel.kelvin = kelvin_slider("##planck", panel.kelvin)
     imgui.same_line()
     if imgui.button("Planck", (ui.px(64), 0)):
-        wanted = f"planck:{scraps.kelvin:.0f}"
+        wanted = f"planck:{panel.kelvin:.0f}"
     ui.note("planck")
     tip("A Planck radiator of this temperature")
     imgui.same_line()
     low, high = _DAYLIGHT
-    imgui.begin_disabled(not low <= scraps.kelvin <= high)
+    imgui.begin_disabled(not low <= panel.kelvin <= high)
     if imgui.button("Daylight", (-1, 0)):
-        wanted = f"daylight:{scraps.kelvin:.0f}"
+        wanted = f"daylight:{panel.kelvin:.0f}"
     imgui.end_disabled()
     tip(f"CIE daylight of this temperature, {low:.0f} to {high:.0f} K")
     return wanted

@@ -10,7 +10,7 @@ from volspec.relight import LightRig
 from volspec.viewer.model import light_states
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import Rows, rig_of
-from volspec.viewer.model.light_states import MOST_SECONDS, recalled
+from volspec.viewer.model.light_states import MOST_SECONDS, recalled_rows
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import (
     lights_detail,
@@ -22,12 +22,12 @@ from volspec.viewer.ui import (
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour, spark
 from volspec.viewer.ui.widgets import (
-    in_line,
+    as_one_line,
     key_text,
     lit_button,
     name_field,
-    packed,
-    shortened,
+    pack_colour,
+    shorten,
     tip,
 )
 
@@ -39,7 +39,7 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the tab."""
     new = state
     if imgui.button("Save state"):
-        new = ui.done(new, BY_NAME["save-state"])
+        new = ui.run(new, BY_NAME["save-state"])
     ui.note("save state")
     tip("All lights and the viewing, to come back to (Alt+S)")
     imgui.same_line()
@@ -49,10 +49,10 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("fade")
     if moved:
         new = light_states.set_fade(new, seconds)
-    if not state.kept:
+    if not state.saved_lights:
         imgui.text_disabled("Saved states stand here. Alt+1 … Alt+9 fade to them.")
         return new
-    for i in range(len(state.kept)):
+    for i in range(len(state.saved_lights)):
         imgui.push_id(i)
         new = _line(new, state, ui, i)
         imgui.pop_id()
@@ -60,16 +60,18 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
-    saved = state.kept[i]
+    saved = state.saved_lights[i]
     if ui.lights.naming == i:
         return _rename(new, ui, i)
     x, y = imgui.get_cursor_screen_pos()
     height, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
-    here = saved.seen == state.seen and recalled(state.lights, saved.lights) == state.lights
+    here = (
+        saved.relight == state.relight and recalled_rows(state.lights, saved.lights) == state.lights
+    )
     button = height
     pressed, _ = imgui.selectable("##recall", here, size=(width - button - ui.px(6), height))
     ui.note(f"state {i}")
-    tip(f"Fade to {in_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
+    tip(f"Fade to {as_one_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
     if pressed:
         new = light_states.recall(new, i)
     _look(state, ui, i, (x, y))
@@ -82,38 +84,38 @@ def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
 
 def _look(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) -> None:
     """Number, colour, spectrum, name."""
-    (x, y), saved, grid = at, state.kept[i], state.document.grid
+    (x, y), saved, grid = at, state.saved_lights[i], state.document.grid
     height, inset = imgui.get_frame_height(), ui.px(3)
     draw_list = imgui.get_window_draw_list()
     dim, text = (imgui.get_color_u32(c) for c in (imgui.Col_.text_disabled, imgui.Col_.text))
     top = y + (height - imgui.get_font_size()) / 2
     draw_list.add_text((x + ui.px(4), top), dim, f"{i + 1}")
     left = x + ui.px(22)
-    rig = kept_rig(saved.lights)
+    rig = saved_rig(saved.lights)
     if rig is not None:
         ends = (left, y + inset), (left + ui.px(_SWATCH), y + height - inset)
-        draw_list.add_rect_filled(*ends, packed(raw_colour(rig)), ui.px(3))
+        draw_list.add_rect_filled(*ends, pack_colour(raw_colour(rig)), ui.px(3))
         rect = left + ui.px(_SWATCH + 6), y + inset, ui.px(_SPARK), height - 2 * inset
         spark(draw_list, rect, rig, grid)
     left += ui.px(_SWATCH + _SPARK + 14)
     room = x + imgui.get_content_region_avail().x - height - ui.px(12) - left
-    draw_list.add_text((left, top), text, shortened(saved.name, room))
+    draw_list.add_text((left, top), text, shorten(saved.name, room))
 
 
 @lru_cache(maxsize=128)
-def kept_rig(rows: Rows) -> LightRig | None:
+def saved_rig(rows: Rows) -> LightRig | None:
     """What a saved state shines with; the same one each time, by which colours are kept."""
     return rig_of(rows)
 
 
 def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
-    scraps = ui.lights
-    entered, ended = name_field("##name", scraps)
+    panel = ui.lights
+    entered, ended = name_field("##name", panel)
     ui.note("state name")
     if entered:
-        new = light_states.rename(new, i, scraps.name)
+        new = light_states.rename(new, i, panel.name)
     if ended:
-        scraps.naming, scraps.name = -1, ""
+        panel.naming, panel.name = -1, ""
     return new
 
 
@@ -121,7 +123,7 @@ def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     if not imgui.begin_popup(_MENU):
         return new
     if imgui.menu_item("Rename", "", False)[0]:
-        ui.lights.naming, ui.lights.name = i, state.kept[i].name
+        ui.lights.naming, ui.lights.name = i, state.saved_lights[i].name
         ui.lights.focus = True
     ui.note("rename state")
     if imgui.menu_item("Save the present lights here", "", False)[0]:
@@ -236,4 +238,4 @@ def _action(
     ui.note(f"button {name}")
     key = key_text(action)
     tip(f"{what} ({key})" if key else what)
-    return ui.done(state, action) if pressed else state
+    return ui.run(state, action) if pressed else state

@@ -10,12 +10,12 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import adapted_colour, raw_colour, spark
 from volspec.viewer.ui.widgets import (
-    in_line,
+    as_one_line,
     key_text,
     lit_button,
     name_field,
-    packed,
-    shortened,
+    pack_colour,
+    shorten,
     tip,
 )
 
@@ -39,7 +39,7 @@ def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
     imgui.table_setup_column("name", stretch, 1.0)
     imgui.table_setup_column("weight", stretch, 0.95)
     imgui.table_setup_column("solo", fixed, ui.px(_BOTH))
-    shining = light_rows.shining(state.lights)
+    shining = light_rows.effective_weights(state.lights)
     new = state
     _scroll(state, ui, height)
     clipper = imgui.ListClipper()
@@ -62,13 +62,13 @@ def _scroll(state: ViewState, ui: UiContext, height: float) -> None:
         return
     ui.lights.row = chosen
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
-    imgui.set_scroll_y(scrolled(imgui.get_scroll_y(), chosen * line, line, height))
+    imgui.set_scroll_y(scroll_to(imgui.get_scroll_y(), chosen * line, line, height))
 
 
-def scrolled(scroll: float, top: float, line: float, height: float) -> float:
+def scroll_to(scroll: float, top: float, line: float, height: float) -> float:
     """Where a list is to be scrolled to so that a line of it is seen.
 
-    >>> scrolled(0.0, 250.0, 25.0, 100.0), scrolled(60.0, 25.0, 25.0, 100.0)
+    >>> scroll_to(0.0, 250.0, 25.0, 100.0), scroll_to(60.0, 25.0, 25.0, 100.0)
     (175.0, 25.0)
     """
     return min(max(scroll, top + line - height), top)
@@ -110,7 +110,7 @@ def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) ->
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
     imgui.align_text_to_frame_padding()
     room = imgui.get_content_region_avail().x
-    label = f"{shortened(row.name, room)}##name"
+    label = f"{shorten(row.name, room)}##name"
     if imgui.selectable(label, state.interface.light == i)[0]:
         new = lights.choose(new, i)
         if ui.lights.tab != "Spectrum":
@@ -119,31 +119,31 @@ def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) ->
     ui.note(f"name {i}")
     lux = row.rig.total_lux
     level = f"\n{lux:.4g} lx at weight 1" if lux else ""
-    tip(f"{described(row)}{level}\nDouble-click: this light alone; F2: another name")
+    tip(f"{row_tip(row)}{level}\nDouble-click: this light alone; F2: another name")
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
         new = lights.only(new, i)
     return _context(new, ui, i)
 
 
-def described(row: light_rows.LightRow) -> str:
+def row_tip(row: light_rows.LightRow) -> str:
     """What a light is, in lines: its name, and what it was made from."""
-    name = in_line(row.name)
+    name = as_one_line(row.name)
     if row.before is not None:
         was = row.before
         whole = " + ".join(text or was.name for text in dict.fromkeys(was.texts))
-        return f"{name}\nDrawn by hand, from {in_line(whole)}"
-    return "\n".join(dict.fromkeys((name, in_line(row.label))))
+        return f"{name}\nDrawn by hand, from {as_one_line(whole)}"
+    return "\n".join(dict.fromkeys((name, as_one_line(row.label))))
 
 
 def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
     """The name's field, in its place."""
-    scraps = ui.lights
-    entered, ended = name_field("##rename", scraps)
+    panel = ui.lights
+    entered, ended = name_field("##rename", panel)
     ui.note(f"rename {i}")
     if entered:
-        new = lights.rename(new, i, scraps.name)
+        new = lights.rename(new, i, panel.name)
     if ended:
-        scraps.renaming, scraps.name = -1, ""
+        panel.renaming, panel.name = -1, ""
     return new
 
 
@@ -155,7 +155,7 @@ def _context(new: ViewState, ui: UiContext, i: int) -> ViewState:
         action = BY_NAME[name]
         title = action.title.replace("the chosen ", "the ").replace("The chosen ", "This ")
         if imgui.menu_item(title, key_text(action), False)[0]:
-            new = ui.done(lights.choose(new, i), action)
+            new = ui.run(lights.choose(new, i), action)
         ui.note(f"row {name}")
     imgui.end_popup()
     return new
@@ -164,7 +164,7 @@ def _context(new: ViewState, ui: UiContext, i: int) -> ViewState:
 def _swatch(state: ViewState, ui: UiContext, index: int) -> None:
     """Left as the light is, right as an adapted eye sees it."""
     rig = state.lights[index].rig
-    raw, adapted = raw_colour(rig), adapted_colour(rig, state.seen)
+    raw, adapted = raw_colour(rig), adapted_colour(rig, state.relight)
     x, y = imgui.get_cursor_screen_pos()
     width, height = ui.px(_SWATCH), imgui.get_frame_height()
     imgui.dummy((width, height))
@@ -175,7 +175,7 @@ def _swatch(state: ViewState, ui: UiContext, index: int) -> None:
         (half, x + width, adapted, imgui.ImDrawFlags_.round_right),
     ):
         ends = (left, y + inset), (right, y + height - inset)
-        draw_list.add_rect_filled(*ends, packed(colour), round_by, corners)
+        draw_list.add_rect_filled(*ends, pack_colour(colour), round_by, corners)
     border = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7)
     draw_list.add_rect((x, y + inset), (x + width, y + height - inset), border, round_by)
     tip("White paper under this light\nleft: as it is, right: to an eye adapted to it")

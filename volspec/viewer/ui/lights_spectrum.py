@@ -14,7 +14,7 @@ from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Rect, fill, mixed_values, outline
-from volspec.viewer.ui.widgets import in_line, shortened, text_width, tip
+from volspec.viewer.ui.widgets import as_one_line, shorten, text_width, tip
 
 # Free above the peak; more where the pen is to go there.
 _MIX_TOP, _PEN_TOP = 1.08, 1.35
@@ -45,27 +45,27 @@ def draw_pen(state: ViewState, ui: UiContext, height: float) -> ViewState:
     row = row_at(state.lights, index)
     if row is None:
         return state
-    scraps, new = ui.lights, _heading(state, ui)
-    scraps.part = min(scraps.part, len(row.rig.lights) - 1)
-    values = row.rig.lights[scraps.part].values
+    panel, new = ui.lights, _heading(state, ui)
+    panel.part = min(panel.part, len(row.rig.lights) - 1)
+    values = row.rig.lights[panel.part].values
     taken = imgui.get_frame_height_with_spacing()
     width = imgui.get_content_region_avail().x
     rect = _frame(ui, grid, width, height - taken, "pen")
     ui.areas["spectrum"] = int(rect[0]), int(rect[1]), int(rect[2]), int(rect[3])
     held = imgui.is_item_active()
     if not held:
-        scraps.pen, scraps.top = None, float(values.max()) * _PEN_TOP
+        panel.pen, panel.top = None, float(values.max()) * _PEN_TOP
     draw_list = imgui.get_window_draw_list()
-    fill(draw_list, rect, values, scraps.top, grid)
+    fill(draw_list, rect, values, panel.top, grid)
     ink = imgui.get_color_u32(imgui.Col_.text)
-    outline(draw_list, rect, values, scraps.top, ink, ui.px(1.5))
+    outline(draw_list, rect, values, panel.top, ink, ui.px(1.5))
     if not (held or imgui.is_item_hovered()):
         return new
     mouse = imgui.get_mouse_pos()
-    place = pen_place((mouse.x, mouse.y), rect, len(values), scraps.top)
+    place = pen_place((mouse.x, mouse.y), rect, len(values), panel.top)
     if held:
-        start, scraps.pen = scraps.pen or place, place
-        new = lights.draw(new, index, scraps.part, start, place)
+        start, panel.pen = panel.pen or place, place
+        new = lights.draw(new, index, panel.part, start, place)
     _cross(ui, rect, (mouse.x, mouse.y), place, grid)
     return new
 
@@ -89,11 +89,11 @@ def _heading(state: ViewState, ui: UiContext) -> ViewState:
     groups, new = row.rig.groups, state
     room = imgui.get_content_region_avail().x
     imgui.align_text_to_frame_padding()
-    imgui.text(shortened(row.name, room * 0.4))
+    imgui.text(shorten(row.name, room * 0.4))
     if len(groups) > 1:
         imgui.same_line()
         imgui.set_next_item_width(ui.px(84))
-        parts = [f"{in_line(group) or 'all groups'}##{j}" for j, group in enumerate(groups)]
+        parts = [f"{as_one_line(group) or 'all groups'}##{j}" for j, group in enumerate(groups)]
         _, ui.lights.part = imgui.combo("##part", min(ui.lights.part, len(parts) - 1), parts)
     imgui.same_line()
     if row.before is None:
@@ -104,9 +104,9 @@ def _heading(state: ViewState, ui: UiContext) -> ViewState:
     button = text_width(label) + 2 * imgui.get_style().frame_padding.x
     imgui.same_line(room - button)
     if imgui.button(label):
-        new = ui.done(new, BY_NAME["reset-spectrum"])
+        new = ui.run(new, BY_NAME["reset-spectrum"])
     ui.note("reset spectrum")
-    tip(f"Back to {in_line(row.before.name)}")
+    tip(f"Back to {as_one_line(row.before.name)}")
     return new
 
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Sequence
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model.commands import BY_NAME, COMMANDS, MENUS, shown
+from volspec.viewer.model.commands import BY_NAME, COMMANDS, MENUS, key_text_of
 from volspec.viewer.model.edit import Command
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import in_line, key_text, shortened, text_width, whole_label
+from volspec.viewer.ui.widgets import as_one_line, key_text, shorten, text_width, whole_label
 
 # Actions that begin another part of their menu; the recent files follow the first.
 _PARTS = ("export-scene", "save-session", "screenshot", "quit", "copy-picture", "commands")
@@ -48,7 +48,7 @@ def _row(command: Command, state: ViewState, ui: UiContext) -> ViewState:
     ui.note(f"action {command.name}")
     if command.name == _AFTER:
         _recent(ui)
-    return ui.done(state, command) if picked else state
+    return ui.run(state, command) if picked else state
 
 
 def _recent(ui: UiContext) -> None:
@@ -56,11 +56,11 @@ def _recent(ui: UiContext) -> None:
         return
     for number, row in enumerate(ui.results.recent):
         if imgui.menu_item(f"{whole_label(row.label)}##{number}", "", False, row.there)[0]:
-            ui.asked.append(f"open {row.path}")
+            ui.requests.append(f"open {row.path}")
         ui.note(f"recent {number}")
     imgui.separator()
     if imgui.menu_item("Clear the list", "", False)[0]:
-        ui.asked.append("clear-recent")
+        ui.requests.append("clear-recent")
     imgui.end_menu()
 
 
@@ -80,7 +80,7 @@ def draw_status(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.internal.begin_viewport_side_bar(
         "##status", viewport, imgui.Dir.down, ui.px(HEIGHT), _FLAGS
     )
-    texts = (in_line(state.document.title), sizes(state, ui), f"H: keys    {timings(ui)}")
+    texts = (as_one_line(state.document.title), sizes(state, ui), f"H: keys    {timings(ui)}")
     room = imgui.get_content_region_avail().x
     title, shown, times = fitting_texts(texts, room, ui.px(16), text_width)
     imgui.text(title)
@@ -111,7 +111,7 @@ def fitting_texts(
         return texts
     if wide[0] + wide[1] + apart <= room:
         return title, shown, ""
-    return shortened(title, room, measure), "", ""
+    return shorten(title, room, measure), "", ""
 
 
 def sizes(state: ViewState, ui: UiContext) -> str:
@@ -160,7 +160,10 @@ _PANELS = (
 def _rows_of(menu: str) -> tuple[Row, ...]:
     """A menu's actions that have keys."""
     return tuple(
-        (", ".join(shown(key) for key in command.keys if key), command.title.removesuffix(" …"))
+        (
+            ", ".join(key_text_of(key) for key in command.keys if key),
+            command.title.removesuffix(" …"),
+        )
         for command in COMMANDS
         if command.menu == menu and any(command.keys) and not command.name.startswith("recall-")
     )
@@ -204,7 +207,7 @@ def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
     if not state.interface.keys:
         return None
     if ui.commands is not None or imgui.internal.get_top_most_popup_modal() is not None:
-        return ui.done(state, BY_NAME["keys"])
+        return ui.run(state, BY_NAME["keys"])
     viewport = imgui.get_main_viewport()
     imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, (0.5, 0.5))
     imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(22), ui.px(16)))
@@ -220,7 +223,7 @@ def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
     closed = closed or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()
     imgui.pop_style_var(3)
-    return ui.done(state, BY_NAME["keys"]) if closed else None
+    return ui.run(state, BY_NAME["keys"]) if closed else None
 
 
 def _columns(ui: UiContext, width: float) -> None:

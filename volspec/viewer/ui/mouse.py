@@ -16,7 +16,7 @@ from typing import Literal, TypeAlias
 from imgui_bundle import imgui
 
 from volspec.viewer.model import camera, cuts, lights, projection, transfer_edits
-from volspec.viewer.model.cuts import Handle, dragged, handles_of, nearest
+from volspec.viewer.model.cuts import Handle, drag_handle, handles_of, nearest_handle
 from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.inputs import STEPPING, Input
@@ -160,14 +160,16 @@ class Mouse:
         self._handle = self._face = None
         if given.button != "left" or given.modifiers:
             return state
-        seen = Projection(state.view.camera(state.document.volume), area)
-        self._handle = nearest(handles_of(state, seen, self.scale), self._at, self.scale)
+        projected = Projection(state.view.camera(state.document.volume), area)
+        self._handle = nearest_handle(
+            handles_of(state, projected, self.scale), self._at, self.scale
+        )
         if self._handle is not None:
             if self._handle.name != "crop":
                 state = cuts.choose_plane(state, self._handle.index)
             self._start = state
         elif state.interface.aids.cube:
-            self._face = projection.face_at(seen, self._at, self.scale)
+            self._face = projection.face_at(projected, self._at, self.scale)
         x, _, width, _ = area
         over = self._handle is not None or self._face is not None
         if state.other is not None and not over:
@@ -196,12 +198,12 @@ class Mouse:
     def _handled(self, state: ViewState, start: ViewState, handle: Handle, area: Area) -> ViewState:
         """What a handle's drag makes of a state, by what it was at its start."""
         volume = start.document.volume
-        seen = Projection(start.view.camera(volume), area)
+        projected = Projection(start.view.camera(volume), area)
         place = (
             handle.held[0] + self._at[0] - self._pressed[0],
             handle.held[1] + self._at[1] - self._pressed[1],
         )
-        x, y = dragged(start.shading, volume, handle, place, seen)
+        x, y = drag_handle(start.shading, volume, handle, place, projected)
         return cuts.move_handle(state, handle, x, y)
 
     def _follow(self, given: Input) -> None:

@@ -6,12 +6,12 @@ import math
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model.projection import HALF, face_at, faces, middle
+from volspec.viewer.model.projection import HALF, cube_faces, cube_middle, face_at
 from volspec.viewer.model.slices import AXES, PATIENT, is_patient
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import fill, outline
-from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, packed, text_width
+from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, pack_colour, text_width
 from volspec.viewer.work.probe import Reading
 
 _FLAGS = (
@@ -50,7 +50,7 @@ def in_place(text: str, ui: UiContext) -> None:
     wrap = 0.9 * width
     size = imgui.calc_text_size(text, wrap_width=wrap)
     place = x + (width - size.x) / 2, y + (height - size.y) / 2
-    grey, font, font_size = packed((0.6, 0.6, 0.6)), imgui.get_font(), imgui.get_font_size()
+    grey, font, font_size = pack_colour((0.6, 0.6, 0.6)), imgui.get_font(), imgui.get_font_size()
     draw_list = imgui.get_background_draw_list()
     draw_list.add_text(font, font_size, place, grey, text, wrap_width=wrap)
 
@@ -94,14 +94,14 @@ def draw_scale(state: ViewState, ui: UiContext) -> ViewState | None:
     x, y, width, height = ui.areas["picture"]
     if width < ui.px(_NARROW):
         return None
-    seen = ui.projection(state)
-    mm = length_mm(seen.mm_per_px, min(ui.px(_LONGEST), width / 3))
-    long = mm / seen.mm_per_px
+    projection = ui.projection(state)
+    mm = length_mm(projection.mm_per_px, min(ui.px(_LONGEST), width / 3))
+    long = mm / projection.mm_per_px
     right, low = x + width - ui.px(_MARGIN), y + height - ui.px(_MARGIN)
     left, tick = right - long, ui.px(_TICK)
     text = length_text(mm)
     size = imgui.calc_text_size(text)
-    line, shade = packed(WHITE, 0.9), packed(BLACK, 0.55)
+    line, shade = pack_colour(WHITE, 0.9), pack_colour(BLACK, 0.55)
     strokes = (
         ((left, low), (right, low)),
         ((left, low - tick), (left, low + tick)),
@@ -182,21 +182,21 @@ def draw_cube(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw it."""
     if not state.interface.aids.cube:
         return None
-    seen = ui.projection(state)
-    x, y = middle(seen, ui.scale)
+    projection = ui.projection(state)
+    x, y = cube_middle(projection, ui.scale)
     half = HALF * ui.scale
     mouse = imgui.get_mouse_pos()
     over = None
     if not imgui.get_io().want_capture_mouse:
-        over = face_at(seen, (mouse.x, mouse.y), ui.scale)
+        over = face_at(projection, (mouse.x, mouse.y), ui.scale)
     patient = is_patient(state.document.volume, state.interface.aids.patient)
     with over_picture(ui) as draw_list:
-        for face, corners, towards in faces(seen.camera):
+        for face, corners, towards in cube_faces(projection.camera):
             a, b, c, d = ((x + half * px, y + half * py) for px, py in corners.tolist())
             grey = _SHADE[0] + _SHADE[1] * towards
             lit = ACCENT[True] if face == over else (grey, grey, grey)
-            draw_list.add_quad_filled(a, b, c, d, packed(lit, 0.88))
-            draw_list.add_quad(a, b, c, d, packed(_EDGE, 0.8), ui.px(1.2))
+            draw_list.add_quad_filled(a, b, c, d, pack_colour(lit, 0.88))
+            draw_list.add_quad(a, b, c, d, pack_colour(_EDGE, 0.8), ui.px(1.2))
             if towards < _ASKEW:
                 continue
             text = cube_label(face, patient)
@@ -204,6 +204,6 @@ def draw_cube(state: ViewState, ui: UiContext) -> ViewState | None:
             at = (a[0] + c[0]) / 2, (a[1] + c[1]) / 2
             ink = min((towards - _ASKEW) / 0.3, 1.0)
             place = at[0] - size.x / 2, at[1] - size.y / 2
-            draw_list.add_text(place, packed(_LETTER, ink), text)
+            draw_list.add_text(place, pack_colour(_LETTER, ink), text)
             ui.areas[f"cube {face}"] = int(at[0]) - 1, int(at[1]) - 1, 2, 2
     return None

@@ -12,7 +12,7 @@ from volspec.palette import Cell, CellReport
 from volspec.palette.advice import VISIBLE
 from volspec.spectra import Spectrum
 from volspec.viewer.model import palette_edits
-from volspec.viewer.model.light_rows import LightRow, shining
+from volspec.viewer.model.light_rows import LightRow, effective_weights
 from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clipped, stays
 from volspec.viewer.model.state import ViewState
@@ -23,9 +23,9 @@ from volspec.viewer.ui.widgets import (
     BLACK,
     WAITING_GREYED,
     WHITE,
-    in_line,
-    packed,
-    shortened,
+    as_one_line,
+    pack_colour,
+    shorten,
     tip,
 )
 
@@ -34,24 +34,24 @@ _MAY_CHANGE = "It may change, to show the colours wanted"
 _SEVERAL = "Several lights in one are not designed; the Lights panel has each of them"
 
 
-def member(
+def draw_spectrum(
     state: ViewState, table: Table, ui: UiContext, which: Member, index: int, wide: float
 ) -> ViewState:
     """A spectrum at the margin: whether it may change, its name, its curve."""
     kind, name = which
     new, is_light = state, kind == LIGHT
-    opened = which in state.board.wishes.open
+    opened = which in state.palette.targets.open
     imgui.begin_group()
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (0, 0))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(5), ui.px(2)))
-    lit = is_light and shining(state.lights)[index] > 0
+    lit = is_light and effective_weights(state.lights)[index] > 0
     colour = ACCENT[state.interface.dark] if lit else imgui.get_style_color_vec4(imgui.Col_.text)
     imgui.push_style_color(imgui.Col_.text, colour)
-    imgui.text(shortened(name, wide))
+    imgui.text(shorten(name, wide))
     imgui.pop_style_color()
     clicked = imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
-    shown = f"{in_line(name)}{', shown in the picture' if lit else ''}"
-    about = parts_told(state.lights[index]) if is_light else ""
+    shown = f"{as_one_line(name)}{', shown in the picture' if lit else ''}"
+    about = column_note(state.lights[index]) if is_light else ""
     words = "\n".join(filter(None, (shown, about, "Click for more")))
     tip(words, WAITING_GREYED)
     single = not is_light or len(state.lights[index].rig.lights) == 1
@@ -106,7 +106,7 @@ def levels(spectrum: Spectrum, is_light: bool) -> NDArray[np.float64]:
     return np.asarray(np.clip(values / most, 0.0, 1.0))
 
 
-def parts_told(row: LightRow) -> str:
+def column_note(row: LightRow) -> str:
     """What a column is whose light is several, or of one light group alone; empty for others.
 
     A cell is one colour, and a light of several groups has another wherever one is shadowed: the
@@ -117,7 +117,7 @@ def parts_told(row: LightRow) -> str:
     parts = []
     for text, group, weight in zip(row.texts, row.rig.groups, row.rig.weights, strict=True):
         if weight > 0:
-            what = in_line(text or "drawn by hand")
+            what = as_one_line(text or "drawn by hand")
             parts.append(f"{what} from {group}" if group else what)
     return f"{' + '.join(parts)}\nThe cells are what all of it shows together, out of shadow"
 
@@ -172,7 +172,7 @@ def _header(state: ViewState, table: Table, ui: UiContext, wide: float) -> ViewS
         if not imgui.table_next_column():  # scrolled out of view
             continue
         imgui.push_id(f"column {j}")
-        new = member(new, table, ui, (LIGHT, name), j, wide)
+        new = draw_spectrum(new, table, ui, (LIGHT, name), j, wide)
         imgui.pop_id()
     return new
 
@@ -182,7 +182,7 @@ def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> 
     imgui.table_next_column()
     imgui.push_id(f"row {i}")
     name = table.rows[i]
-    new = member(state, table, ui, (REFLECTANCE, name), i, ui.px(_ROW))
+    new = draw_spectrum(state, table, ui, (REFLECTANCE, name), i, ui.px(_ROW))
     imgui.pop_id()
     for j, column in enumerate(table.columns):
         if not imgui.table_next_column():
@@ -192,10 +192,10 @@ def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> 
         imgui.push_id(number)
         pressed = imgui.invisible_button("cell", (wide, ui.px(_CELL)))
         ui.note(f"cell {number}")
-        wish = state.board.wishes.cells.get((name, column))
+        target = state.palette.targets.cells.get((name, column))
         picked = state.interface.pick.place == (name, column)
-        _cell(report, wish, picked, state.interface.dark, ui)
-        tip(explained(report, wish))
+        _cell(report, target, picked, state.interface.dark, ui)
+        tip(cell_lines(report, target))
         imgui.pop_id()
         if pressed:
             new = palette_edits.choose_cell(new, number)
@@ -203,28 +203,30 @@ def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> 
     return new
 
 
-def _cell(report: CellReport, wish: Cell | None, picked: bool, dark: bool, ui: UiContext) -> None:
+def _cell(report: CellReport, target: Cell | None, picked: bool, dark: bool, ui: UiContext) -> None:
     (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     draw_list = imgui.get_window_draw_list()
-    seen = clipped(report.obtained)
-    on = packed(contrast(seen), 0.85)
+    obtained = clipped(report.obtained)
+    on = pack_colour(contrast(obtained), 0.85)
     rounding = ui.px(3)
-    draw_list.add_rect_filled((x, y), (right, bottom), packed(seen), rounding)
+    draw_list.add_rect_filled((x, y), (right, bottom), pack_colour(obtained), rounding)
     middle = (x + right) / 2, (y + bottom) / 2
-    if wish is not None:
-        half = importance(wish) * min(right - x, bottom - y) / 2
+    if target is not None:
+        half = importance(target) * min(right - x, bottom - y) / 2
         ends = (middle[0] - half, middle[1] - half), (middle[0] + half, middle[1] + half)
-        faint = packed(contrast(seen), 0.45)
+        faint = pack_colour(contrast(obtained), 0.45)
         if report.wanted is not None:
-            draw_list.add_rect_filled(*ends, packed(clipped(report.wanted)))
-        draw_list.add_rect(*ends, faint, 0.0, ui.px(2 if np.isinf(wish.weight) else 1))
-        if wish.kind in _MARKS:
-            _write(_MARKS[wish.kind], middle, on, ui.px(14), (0.5, 0.5))
+            draw_list.add_rect_filled(*ends, pack_colour(clipped(report.wanted)))
+        draw_list.add_rect(*ends, faint, 0.0, ui.px(2 if np.isinf(target.weight) else 1))
+        if target.kind in _MARKS:
+            _write(_MARKS[target.kind], middle, on, ui.px(14), (0.5, 0.5))
     if report.error is not None and report.error > VISIBLE:
         text = f"{report.error:.{1 if report.error < 9.95 else 0}f}"
         _write(text, (right - ui.px(3), bottom - ui.px(1)), on, ui.px(11), (1.0, 1.0))
-        if wish is not None and not stays(wish):
-            draw_list.add_rect((x, y), (right, bottom), packed(ACCENT[dark]), rounding, ui.px(2))
+        if target is not None and not stays(target):
+            draw_list.add_rect(
+                (x, y), (right, bottom), pack_colour(ACCENT[dark]), rounding, ui.px(2)
+            )
     if not report.in_gamut:
         _write("!", (right - ui.px(4), y + ui.px(1)), on, ui.px(11), (1.0, 0.0))
     if picked:
@@ -243,18 +245,18 @@ def importance(cell: Cell) -> float:
     return float(np.clip(0.44 + 0.06 * np.log2(cell.weight), 0.26, 0.62))
 
 
-def explained(report: CellReport, wish: Cell | None) -> str:
+def cell_lines(report: CellReport, target: Cell | None) -> str:
     """A cell in words."""
     where = f"{report.reflectance} under {report.light}"
-    if wish is None:
+    if target is None:
         return f"{where}\nNothing is wanted here; click to wish for a colour"
     words = {
-        "colour": "is to stay, as far as it can" if stays(wish) else "a colour is wanted",
-        "free": f"one colour with all of “{wish.group}”",
+        "colour": "is to stay, as far as it can" if stays(target) else "a colour is wanted",
+        "free": f"one colour with all of “{target.group}”",
         "black": "is to reflect nothing",
-        "same": f"the colour of {' under '.join(wish.other or ())}",
-        "distinct": f"ΔE {wish.distance:g} or more from {' under '.join(wish.other or ())}",
-    }[wish.kind]
+        "same": f"the colour of {' under '.join(target.other or ())}",
+        "distinct": f"ΔE {target.distance:g} or more from {' under '.join(target.other or ())}",
+    }[target.kind]
     far = "" if report.delta_E_2000 is None else f"\nΔE {report.delta_E_2000:.1f}"
     if report.error is not None:
         far += ", reached" if report.error <= VISIBLE else ": cannot be told apart below 1"

@@ -15,7 +15,7 @@ from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clipped
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP, parts_told
+from volspec.viewer.ui.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP, column_note
 from volspec.viewer.ui.widgets import AT_ONCE, pick, tip
 
 KINDS = {
@@ -72,7 +72,7 @@ def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
 
 
 def _cell(state: ViewState, table: Table, ui: UiContext, place: Place) -> ViewState:
-    report, own = table.cells[place], state.board.wishes.cells.get(place)
+    report, own = table.cells[place], state.palette.targets.cells.get(place)
     number, new = table.index(place), state
     imgui.text(f"{place[0]} under {place[1]}")
     imgui.push_item_width(ui.px(_WIDTH))
@@ -80,18 +80,18 @@ def _cell(state: ViewState, table: Table, ui: UiContext, place: Place) -> ViewSt
     chosen = pick("##kind", KINDS[kind], _OF_WORDS, lambda each: tip(_TIPS[each], AT_ONCE))
     ui.note("wish kind")
     if chosen is not None:
-        new = palette_edits.wish_kind(new, number, _OF_WORDS[chosen])
+        new = palette_edits.set_target_kind(new, number, _OF_WORDS[chosen])
     if kind in ("", "colour"):
-        # Where nothing is wanted yet, picking a colour wishes for it.
+        # Where nothing is wanted yet, picking a colour targets for it.
         codes = own.colour if own and own.colour else clipped(report.obtained)
         moved, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
         ui.note("picker")
         if moved:
             key = " ".join(f"{code:.5f}" for code in clipped((picked[0], picked[1], picked[2])))
-            new = palette_edits.wish(new, number, key)
+            new = palette_edits.set_target(new, number, key)
     elif own is not None:
         new = _other(new, table, number, own, ui)
-    # Always there, so that nothing moves under the mouse with the first wish.
+    # Always there, so that nothing moves under the mouse with the first target.
     imgui.begin_disabled(own is None)
     new = _weight(new, number, own or Cell("black"), ui)
     imgui.end_disabled()
@@ -102,11 +102,11 @@ def _cell(state: ViewState, table: Table, ui: UiContext, place: Place) -> ViewSt
 
 
 def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext) -> ViewState:
-    """What a wish that is no colour is about: a group, or another cell."""
+    """What a target that is no colour is about: a group, or another cell."""
     if own.kind == "free":
         entered, name = imgui.input_text("##group", own.group, _ENTER)
         tip("Cells of one name come to one colour", AT_ONCE)
-        return palette_edits.wish_group(state, number, name) if entered else state
+        return palette_edits.set_target_group(state, number, name) if entered else state
     new = state
     if own.other is not None:
         places = {" under ".join(place): table.index(place) for place in table.cells}
@@ -114,11 +114,11 @@ def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext
         chosen = pick("##other", " under ".join(own.other), others)
         ui.note("wish other")
         if chosen is not None:
-            new = palette_edits.wish_kind(new, number, own.kind, places[chosen])
+            new = palette_edits.set_target_kind(new, number, own.kind, places[chosen])
     if own.kind == "distinct":
         moved, far = imgui.slider_float("##distance", own.distance, *DISTANCES, "ΔE %.0f or more")
         if moved:
-            new = palette_edits.wish_distance(new, number, far)
+            new = palette_edits.set_target_distance(new, number, far)
     return new
 
 
@@ -131,12 +131,12 @@ def _weight(state: ViewState, number: int, own: Cell, ui: UiContext) -> ViewStat
     imgui.end_disabled()
     tip("How much it counts beside the other wishes")
     if moved and not must:
-        new = palette_edits.wish_weight(new, number, weight)
+        new = palette_edits.set_target_weight(new, number, weight)
     if own.kind != "distinct":
         pressed, must = imgui.checkbox("Must be met", must)
         tip("Exactly, or the design is refused")
         if pressed:
-            new = palette_edits.wish_weight(new, number, None if must else 1.0)
+            new = palette_edits.set_target_weight(new, number, None if must else 1.0)
     return new
 
 
@@ -147,18 +147,18 @@ def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     name, new = table.columns[index], state
     imgui.text(name)
     imgui.text_disabled(state.lights[index].label or "light")
-    if about := parts_told(state.lights[index]):
+    if about := column_note(state.lights[index]):
         imgui.text_disabled(about)
     imgui.separator()
     if imgui.menu_item("Show in the picture", "", False)[0]:
         new = lights.show_alone(new, index)
     ui.note("show light")
-    opened = (LIGHT, name) in state.board.wishes.open
+    opened = (LIGHT, name) in state.palette.targets.open
     single = len(state.lights[index].rig.lights) == 1
     if imgui.menu_item("May change", "", opened, single)[0]:
         new = palette_edits.toggle_free(new, LIGHT, index)
     if imgui.begin_menu("A sum of real lamps", single):
-        chosen = state.board.wishes.lamps.get(name, ())
+        chosen = state.palette.targets.lamps.get(name, ())
         imgui.text_disabled("None ticked: any spectrum")
         if imgui.begin_child("lamps", (ui.px(230), ui.px(220))):
             for lamp in light_names():
@@ -177,14 +177,14 @@ def _material(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     imgui.text(name)
     imgui.text_disabled("reflectance, 0 to 1")
     imgui.separator()
-    opened = (REFLECTANCE, name) in state.board.wishes.open
+    opened = (REFLECTANCE, name) in state.palette.targets.open
     if imgui.menu_item("May change", "", opened)[0]:
         new = palette_edits.toggle_free(new, REFLECTANCE, index)
-    constant = name in state.board.wishes.constant
+    constant = name in state.palette.targets.constant
     if imgui.menu_item("One colour under every light", "", constant)[0]:
         new = palette_edits.toggle_constant(new, index)
     for action, title in (("hide", "Hide …"), ("reveal", "Reveal …"), ("keep", "Keep its colour")):
         if imgui.menu_item(f"{title}##{action}", "", False)[0]:
             new = palette_edits.pick_material(new, name)
-            ui.asked.append(action)
+            ui.requests.append(action)
     return new

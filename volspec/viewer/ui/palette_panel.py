@@ -12,7 +12,13 @@ from volspec.transfer import TransferFunction
 from volspec.viewer.model import palette_edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.materials import can_be_exact
-from volspec.viewer.model.palette_table import Table, columns, picked, ranges, table_of
+from volspec.viewer.model.palette_table import (
+    Table,
+    column_names,
+    material_ranges,
+    table_of,
+    wizard_place,
+)
 from volspec.viewer.model.palette_targets import DISTANCES, MOST_ROUNDS, SMOOTHNESS
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import kind_of
@@ -22,11 +28,11 @@ from volspec.viewer.ui.widgets import (
     ACCENT,
     AT_ONCE,
     WAITING_GREYED,
-    in_line,
-    packed,
+    as_one_line,
+    pack_colour,
     pick,
     tip,
-    wrapped,
+    wrap_text,
 )
 
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
@@ -54,8 +60,8 @@ def draw_tools(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _wizards(state: ViewState, ui: UiContext) -> ViewState:
-    material, light = picked(state)
-    rows, lights = tuple(state.transfer.materials), columns(state.lights)
+    material, light = wizard_place(state)
+    rows, lights = tuple(state.transfer.materials), column_names(state.lights)
     own, new = state.interface.pick, state
     half = (imgui.get_content_region_avail().x - ui.px(_UNDER)) / 2
     chosen = _combo("##material", material, rows, ui, half)
@@ -103,9 +109,9 @@ def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
     several = [name for name in rows if name in ticked]
     words = ", ".join(several) if len(several) > 1 else "all materials"
     imgui.set_next_item_width(-1)
-    if imgui.begin_combo("##several", in_line(words), imgui.ComboFlags_.height_large):
+    if imgui.begin_combo("##several", as_one_line(words), imgui.ComboFlags_.height_large):
         for number, name in enumerate(rows):
-            if imgui.checkbox(f"{in_line(name)}###{number}", name in ticked)[0]:
+            if imgui.checkbox(f"{as_one_line(name)}###{number}", name in ticked)[0]:
                 new = palette_edits.toggle_merged(new, name)
         imgui.end_combo()
     return new
@@ -114,7 +120,7 @@ def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
 def _ask(name: str, title: str, what: str, ui: UiContext) -> None:
     """A button of a wizard; what it is about follows in the line."""
     if imgui.button(title, (ui.px(_BUTTON), 0)):
-        ui.asked.append(name)
+        ui.requests.append(name)
     ui.note(f"wizard {name}")
     tip(what)
     imgui.same_line()
@@ -128,7 +134,7 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
         imgui.text_wrapped(f"{has} The Transfer panel edits it")
         return state
     names = tuple(curve.materials)
-    for number, own in enumerate(ranges(curve)):
+    for number, own in enumerate(material_ranges(curve)):
         imgui.push_id(number)
         imgui.align_text_to_frame_padding()
         imgui.text(f"{own.low:.4g} – {own.high:.4g}")
@@ -161,7 +167,7 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _criteria(state: ViewState, ui: UiContext) -> ViewState:
-    criteria, new = state.board.wishes.criteria, state
+    criteria, new = state.palette.targets.criteria, state
     imgui.push_item_width(-ui.px(_LABEL))
     low, high = SMOOTHNESS
     moved, smoothness = imgui.slider_float(
@@ -180,7 +186,7 @@ def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     if chosen is not None:
         key = next(name for name, words in _METRICS.items() if words == chosen)
         new = palette_edits.set_metric(new, key)
-    wrapped("No spectrum goes below 0, no reflectance above 1.", imgui.Col_.text_disabled)
+    wrap_text("No spectrum goes below 0, no reflectance above 1.", imgui.Col_.text_disabled)
     return new
 
 
@@ -227,13 +233,13 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
         new = palette_cells.draw(new, table, ui)
         new = palette_editor.draw(new, table, ui)
         _legend(state, ui)
-    _news(ui)
+    _status(ui)
     new = draw_tools(new, ui)
     return None if new is state else new
 
 
 def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
-    """How near the wishes are, and what can be done about all of them."""
+    """How near the targets are, and what can be done about all of them."""
     new = state
     imgui.align_text_to_frame_padding()
     busy = ui.results.design.busy
@@ -257,14 +263,14 @@ def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
                 continue
             action = BY_NAME[name]
             if imgui.menu_item(action.title, "", False)[0]:
-                new = ui.done(new, action)
+                new = ui.run(new, action)
             ui.note(f"palette {name}")
         imgui.end_popup()
     return new
 
 
 def summary(table: Table) -> str:
-    """How near the wishes are, in a line."""
+    """How near the targets are, in a line."""
     errors = table.errors
     if not errors:
         return "Click a cell to wish for a colour"
@@ -295,7 +301,7 @@ def _legend(state: ViewState, ui: UiContext) -> None:
     tip("The larger the square, the more the wish counts.\n" + _MARKS, WAITING_GREYED)
     imgui.same_line(0, ui.px(14))
     x, y = imgui.get_cursor_screen_pos()
-    accent = packed(ACCENT[state.interface.dark])
+    accent = pack_colour(ACCENT[state.interface.dark])
     draw_list.add_rect((x, y), (x + side, y + side), accent, ui.px(2), ui.px(2))
     imgui.dummy((side, side))
     imgui.same_line(0, ui.px(6))
@@ -303,11 +309,11 @@ def _legend(state: ViewState, ui: UiContext) -> None:
     tip(_MISSED, WAITING_GREYED)
 
 
-def _news(ui: UiContext) -> None:
+def _status(ui: UiContext) -> None:
     """Why something was refused, what would help, what a wizard reached."""
     news = ui.results.design
     if news.complaint:
-        wrapped(news.complaint, imgui.Col_.check_mark)
+        wrap_text(news.complaint, imgui.Col_.check_mark)
         ui.note("palette complaint")
     for line in (*news.reached, *news.advice)[:_MOST_SAID]:
         imgui.text_wrapped(line)

@@ -11,19 +11,19 @@ from volspec.viewer.model.cuts import crop_of, world_mm
 from volspec.viewer.model.slices import (
     PLANES,
     Layout,
+    crop_extent,
+    crossing_place,
     edge_letters,
     is_patient,
-    kept,
     layout_of,
     number_of,
-    shown_at,
     size_mm,
     window_of,
 )
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.cuts import SLICE_COLOURS
-from volspec.viewer.ui.widgets import BLACK, WHITE, packed, text_width, tip
+from volspec.viewer.ui.widgets import BLACK, WHITE, pack_colour, text_width, tip
 from volspec.viewer.work.slice_pictures import SlicePictures
 
 # Pixels at 96 dpi: the least height for all slices, the least side of one, and letters' distance
@@ -47,7 +47,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     layouts = [layout_of(volume, plane) for plane in PLANES]
     avail, wide = imgui.get_content_region_avail(), _steady_width()
     below = _LINES * imgui.get_frame_height_with_spacing() + 4 * imgui.get_style().item_spacing.y
-    sizes = drawn_sizes(
+    sizes = slice_sizes(
         [size_mm(volume, layout) for layout in layouts],
         (wide, max(avail.y - below, ui.px(_LEAST))),
         ui.px(_FLATTEST),
@@ -58,12 +58,12 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
         new = _picture(new, ui, ui.results.slices, index, layout, size)
     new = _looks(new, ui)
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wide)
-    imgui.text_disabled(said(state))
+    imgui.text_disabled(crossing_text(state))
     imgui.pop_text_wrap_pos()
     return None if new is state else new
 
 
-def drawn_sizes(
+def slice_sizes(
     sizes_mm: list[tuple[float, float]], room: tuple[float, float], least: float
 ) -> list[tuple[float, float]]:
     """Width and height of slices one above the other in a room, all to one scale.
@@ -75,7 +75,7 @@ def drawn_sizes(
     return [(max(width * by, least), max(height * by, least)) for width, height in sizes_mm]
 
 
-def said(state: ViewState) -> str:
+def crossing_text(state: ViewState) -> str:
     """What is where the slices cross."""
     volume, at = state.document.volume, state.interface.slices.at
     i, j, k = (number_of(volume, axis, at[axis]) for axis in range(3))
@@ -166,21 +166,21 @@ def _crosshair(
     x, y, width, height = area
     volume = state.document.volume
     draw_list = imgui.get_window_draw_list()
-    left, top, right, bottom = kept(volume, layout, crop_of(state.shading, volume))
+    left, top, right, bottom = crop_extent(volume, layout, crop_of(state.shading, volume))
     for x0, y0, x1, y1 in (
         *((0.0, 0.0, 1.0, top), (0.0, bottom, 1.0, 1.0)),
         *((0.0, top, left, bottom), (right, top, 1.0, bottom)),
     ):
         ends = (x + x0 * width, y + y0 * height), (x + x1 * width, y + y1 * height)
-        draw_list.add_rect_filled(*ends, packed(BLACK, 0.55))
-    across, down = shown_at(volume, layout, state.interface.slices)
+        draw_list.add_rect_filled(*ends, pack_colour(BLACK, 0.55))
+    across, down = crossing_place(volume, layout, state.interface.slices)
     at = x + across * width, y + down * height
     for axis, ends in (
         (layout.across, ((at[0], y), (at[0], y + height))),
         (layout.down, ((x, at[1]), (x + width, at[1]))),
     ):
-        draw_list.add_line(*ends, packed(SLICE_COLOURS[axis], 0.75), ui.px(1))
-    own = packed(SLICE_COLOURS[layout.normal], 0.9)
+        draw_list.add_line(*ends, pack_colour(SLICE_COLOURS[axis], 0.75), ui.px(1))
+    own = pack_colour(SLICE_COLOURS[layout.normal], 0.9)
     draw_list.add_rect((x, y), (x + width, y + height), own, 0.0, ui.px(1))
     _letters(state, ui, layout, area)
 
@@ -191,7 +191,7 @@ def _letters(
     """Where the edges look, on a shade that is legible on any slice."""
     (x, y, width, height), volume = area, state.document.volume
     draw_list = imgui.get_window_draw_list()
-    shade, ink = packed(BLACK, 0.85), packed(WHITE, 0.95)
+    shade, ink = pack_colour(BLACK, 0.85), pack_colour(WHITE, 0.95)
     letters = edge_letters(volume, layout, is_patient(volume, state.interface.aids.patient))
     edges = (0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0)
     margin = ui.px(_MARGIN)
@@ -214,14 +214,14 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     pressed, _ = imgui.checkbox("Lit", settings.lit)
     ui.note("lit")
     tip("Under the same lights as the volume; else plain greys")
-    new = ui.done(state, BY_NAME["slices-lit"]) if pressed else state
+    new = ui.run(state, BY_NAME["slices-lit"]) if pressed else state
     wanted = text_width("Auto greys") + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
     if imgui.get_content_region_avail().x < wanted:
         imgui.new_line()
     imgui.begin_disabled(settings.greys is None)
     if imgui.button("Auto greys"):
-        new = ui.done(new, BY_NAME["slices-greys"])
+        new = ui.run(new, BY_NAME["slices-greys"])
     imgui.end_disabled()
     low, high = state.document.volume.range
     span = (high - low) or 1.0

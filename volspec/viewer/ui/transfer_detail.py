@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from imgui_bundle import imgui
 
 from volspec.viewer.model import materials, presets, transfer_edits
-from volspec.viewer.model.materials import why_kept
+from volspec.viewer.model.materials import uses_of_material
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of
 from volspec.viewer.ui import transfer_library
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import material_colours, part_colours, swatch
-from volspec.viewer.ui.widgets import WAITING_GREYED, in_line, shortened, tip
+from volspec.viewer.ui.widgets import WAITING_GREYED, as_one_line, shorten, tip
 
 _CLAMP = imgui.SliderFlags_.always_clamp
 # Opacities are small: the slider is finer there.
@@ -37,7 +37,7 @@ def value_and_opacity(state: ViewState, ui: UiContext, what: str) -> ViewState:
     """A line with both, and what takes the part away."""
     index = chosen(state)
     part = parts_of(state.transfer)[index]
-    low, high = presets.span(state.document.volume)
+    low, high = presets.value_span(state.document.volume)
     new = state
     wide = (imgui.get_content_region_avail().x - ui.px(_REMOVE) - 2 * ui.px(6)) / 2
     imgui.set_next_item_width(wide)
@@ -106,7 +106,7 @@ def material(state: ViewState, ui: UiContext, index: int, wide: float = -1.0) ->
         imgui.align_text_to_frame_padding()
         share = part.mix.get(name, 0.0)
         flags = imgui.SelectableFlags_.no_auto_close_popups
-        label = f"{shortened(name, ui.px(_NAME))}###{name}"
+        label = f"{shorten(name, ui.px(_NAME))}###{name}"
         if imgui.selectable(label, share > 0, flags, (ui.px(_NAME), 0))[0]:
             new = transfer_edits.set_material(new, index, name)
         ui.note(f"material {name}")
@@ -129,12 +129,12 @@ def material(state: ViewState, ui: UiContext, index: int, wide: float = -1.0) ->
 
 def _take_out(state: ViewState, ui: UiContext, name: str) -> ViewState:
     """What takes a material off the list; greyed out where parts are made of it."""
-    why = why_kept(state.transfer, name)
+    why = uses_of_material(state.transfer, name)
     imgui.begin_disabled(bool(why))
     pressed = _cross(ui)
     imgui.end_disabled()
     ui.note(f"take out {name}")
-    free = f"Take {in_line(name)} off the list: nothing is made of it"
+    free = f"Take {as_one_line(name)} off the list: nothing is made of it"
     tip(why[:1].upper() + why[1:] or free, WAITING_GREYED)
     return materials.remove_material(state, name) if pressed else state
 
@@ -145,7 +145,7 @@ def in_words(mix: Mapping[str, float]) -> str:
     >>> in_words({"steel": 0.7, "gold": 0.3, "iron": 0.0}), in_words({"steel": 1.0})
     ('70 % steel, 30 % gold', 'steel')
     """
-    seen = sorted(((share, name) for name, share in mix.items() if share > 0), reverse=True)
-    if len(seen) == 1 and seen[0][0] > 0.995:
-        return seen[0][1]
-    return ", ".join(f"{100 * share:.0f} % {name}" for share, name in seen)
+    parts = sorted(((share, name) for name, share in mix.items() if share > 0), reverse=True)
+    if len(parts) == 1 and parts[0][0] > 0.995:
+        return parts[0][1]
+    return ", ".join(f"{100 * share:.0f} % {name}" for share, name in parts)

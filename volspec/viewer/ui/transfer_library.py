@@ -10,18 +10,18 @@ from volspec.basis import Basis
 from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, reflectance_names
 from volspec.spectra.files import split_address
-from volspec.viewer.model.commands import found
+from volspec.viewer.model.commands import rank_matches
 from volspec.viewer.model.materials import (
     add_material,
     colour_names,
     is_colour,
+    material_message,
     reflectance_for,
-    told,
 )
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import spectrum_colour, swatch
-from volspec.viewer.ui.widgets import shortened, text_width, tip, wrapped
+from volspec.viewer.ui.widgets import shorten, text_width, tip, wrap_text
 from volspec.viewer.work import css_colours
 
 _ENTER = imgui.InputTextFlags_.enter_returns_true
@@ -47,19 +47,19 @@ _FLAT = frozenset(["white", "black"])
 
 def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
     """Draw the search, and while something is searched for what is found; for one part."""
-    scraps = ui.library
+    panel = ui.library
     if imgui.is_window_appearing():
-        scraps.search, scraps.complaint = "", ""
+        panel.search, panel.complaint = "", ""
         imgui.set_keyboard_focus_here()
     # Not the field alone, to which the first Esc would belong.
     if imgui.is_key_pressed(imgui.Key.escape):
         imgui.close_current_popup()
     imgui.set_next_item_width(-1)
-    entered, text = imgui.input_text_with_hint("##library", _HINT, scraps.search, _ENTER)
+    entered, text = imgui.input_text_with_hint("##library", _HINT, panel.search, _ENTER)
     ui.note("library")
-    if text != scraps.search:
-        scraps.search, scraps.complaint = text, ""
-    typed = scraps.search.strip()
+    if text != panel.search:
+        panel.search, panel.complaint = text, ""
+    typed = panel.search.strip()
     if not typed:
         return state
     rows = _rows(state, typed)
@@ -68,21 +68,21 @@ def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
     if entered and not waits:  # Enter has taken the keyboard from the field
         imgui.set_keyboard_focus_here(-1)
     wanted = _listed(state, rows, ui)
-    if entered or (scraps.complaint == _WAITS and not waits):
+    if entered or (panel.complaint == _WAITS and not waits):
         wanted = first
-    if scraps.complaint:
-        wrapped(scraps.complaint, imgui.Col_.text)
-    return added(state, ui, index, wanted) if wanted else state
+    if panel.complaint:
+        wrap_text(panel.complaint, imgui.Col_.text)
+    return add_material_of(state, ui, index, wanted) if wanted else state
 
 
-def matching(search: str) -> list[str]:
+def matching_entries(search: str) -> list[str]:
     """Reflectances and colours that a search means, those that it begins first.
 
-    >>> matching("gold")[0], matching("steelb")[:2], matching("xyzzy")
+    >>> matching_entries("gold")[0], matching_entries("steelb")[:2], matching_entries("xyzzy")
     ('gold', ['steelblue', 'lightsteelblue'], [])
     """
     start = search.casefold()
-    rows = found(library_names(), search, lambda name: f"{name} {class_of(name)}")
+    rows = rank_matches(library_names(), search, lambda name: f"{name} {class_of(name)}")
     return sorted(
         rows, key=lambda name: (name.casefold() != start, not name.casefold().startswith(start))
     )
@@ -120,7 +120,7 @@ def _rows(state: ViewState, typed: str) -> list[str]:
 @lru_cache(maxsize=8)
 def _searched(typed: str) -> list[str]:
     """Looked up when something is typed, not in every frame."""
-    return matching(typed)
+    return matching_entries(typed)
 
 
 def _spectrum(state: ViewState, name: str) -> Spectrum | None:
@@ -168,7 +168,7 @@ def _listed(state: ViewState, rows: list[str], ui: UiContext) -> str:
         if not rows:
             file = split_address(ui.library.search.strip()) is not None
             said = "Enter reads the file" if file else "There is nothing of that name"
-            wrapped(said, imgui.Col_.text_disabled)
+            wrap_text(said, imgui.Col_.text_disabled)
     imgui.end_child()
     return wanted
 
@@ -186,24 +186,24 @@ def _entry(state: ViewState, name: str, ui: UiContext) -> bool:
     room = imgui.get_content_region_avail().x - text_width(what) - ui.px(8)
     left = imgui.get_cursor_pos_x()
     flags = imgui.SelectableFlags_.no_auto_close_popups
-    clicked, _ = imgui.selectable(f"{shortened(name, room)}###{name}", False, flags)
+    clicked, _ = imgui.selectable(f"{shorten(name, room)}###{name}", False, flags)
     tip(f"{name}, {what}")
     imgui.same_line(left + room + ui.px(8))
     imgui.text_disabled(what)
     return bool(clicked)
 
 
-def added(state: ViewState, ui: UiContext, index: int, wanted: str) -> ViewState:
+def add_material_of(state: ViewState, ui: UiContext, index: int, wanted: str) -> ViewState:
     """The part of what was picked; why not, where it cannot be."""
-    scraps = ui.library
+    panel = ui.library
     if _waits(state.transfer.basis, wanted):
         # It is added as soon as it is made; the window goes on drawing while a notice stands.
-        scraps.search, scraps.complaint = wanted, _WAITS
-        ui.asked.append(f"say {_WAITS}")
+        panel.search, panel.complaint = wanted, _WAITS
+        ui.requests.append(f"say {_WAITS}")
         return state
-    new, scraps.complaint = add_material(state, index, wanted)
-    if not scraps.complaint:
-        scraps.search = ""
-    if said := told(state.transfer, new.transfer):
-        ui.asked.append(f"say {said}")
+    new, panel.complaint = add_material(state, index, wanted)
+    if not panel.complaint:
+        panel.search = ""
+    if said := material_message(state.transfer, new.transfer):
+        ui.requests.append(f"say {said}")
     return new

@@ -107,7 +107,7 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     kinds = {title: other for other, title in KIND_TITLES.items()}
     chosen = pick("##kind", KIND_TITLES[kind], kinds, lambda each: ui.note(f"kind {kinds[each]}"))
     if chosen is not None:
-        new = ui.done(new, BY_NAME[f"transfer-{kinds[chosen]}"])
+        new = ui.run(new, BY_NAME[f"transfer-{kinds[chosen]}"])
     ui.note("kind")
     tip(_KIND_TIP)
     imgui.same_line()
@@ -115,7 +115,7 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     if on:
         imgui.push_style_color(imgui.Col_.text, ACCENT[state.interface.dark])
     if imgui.button("log", (ui.px(40), 0)):
-        new = ui.edited(new, commands.toggled("logarithmic"))
+        new = ui.edited(new, commands.toggle_interface("logarithmic"))
     if on:
         imgui.pop_style_color()
     ui.note("log")
@@ -129,18 +129,20 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
 
 def _presets(state: ViewState, ui: UiContext) -> ViewState:
     """A list of named looks; the present one, picked again, is as it was at first."""
-    offered = {preset.title: preset.name for preset in presets.offered(state.document.volume)}
-    title = presets.picked(state.transfer) or "Presets"
+    offered = {
+        preset.title: preset.name for preset in presets.sorted_presets(state.document.volume)
+    }
+    title = presets.preset_title(state.transfer) or "Presets"
     chosen = pick("##preset", title, offered, lambda each: ui.note(f"preset {offered[each]}"))
     ui.note("presets")
-    return state if chosen is None else ui.done(state, BY_NAME[f"preset-{offered[chosen]}"])
+    return state if chosen is None else ui.run(state, BY_NAME[f"preset-{offered[chosen]}"])
 
 
 def _sliders(state: ViewState, ui: UiContext) -> ViewState:
     new = state
     wide = imgui.get_content_region_avail().x
     if not isinstance(state.transfer, LabelFunction):
-        low, high = presets.span(state.document.volume)
+        low, high = presets.value_span(state.document.volume)
         half = (high - low) / 2
         wide = (wide - ui.px(6)) / 2
         imgui.set_next_item_width(wide)

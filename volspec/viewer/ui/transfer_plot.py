@@ -24,7 +24,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Colour, adapted_to, as_colour
-from volspec.viewer.ui.widgets import ACCENT, packed, tip
+from volspec.viewer.ui.widgets import ACCENT, pack_colour, tip
 
 
 def swatch(ui: UiContext, colour: Colour) -> None:
@@ -35,7 +35,7 @@ def swatch(ui: UiContext, colour: Colour) -> None:
     inset = ui.px(3)
     draw_list, rounding = imgui.get_window_draw_list(), ui.px(3)
     ends = (x + inset, y + inset), (x + side - inset, y + side - inset)
-    draw_list.add_rect_filled(*ends, packed(colour), rounding)
+    draw_list.add_rect_filled(*ends, pack_colour(colour), rounding)
     draw_list.add_rect(*ends, imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), rounding)
     tip("Under the lights that are on, to an eye adapted to them")
 
@@ -45,49 +45,49 @@ Array = NDArray[np.float64]
 
 def part_colours(state: ViewState) -> tuple[Colour, ...]:
     """Of every part's mix; sRGB codes, 0 to 1."""
-    return _part_colours(state.transfer, state.lights, state.seen)
+    return _part_colours(state.transfer, state.lights, state.relight)
 
 
 def material_colours(state: ViewState) -> dict[str, Colour]:
     """Of every material by name."""
-    return _material_colours(state.transfer, state.lights, state.seen)
+    return _material_colours(state.transfer, state.lights, state.relight)
 
 
 def spectrum_colour(state: ViewState, spectrum: Spectrum) -> Colour:
     """Of a reflectance that is no material yet."""
     basis = state.transfer.basis
-    return _spectrum_colour(spectrum, basis.grid, basis.observer_deg, state.lights, state.seen)
+    return _spectrum_colour(spectrum, basis.grid, basis.observer_deg, state.lights, state.relight)
 
 
 @lru_cache(maxsize=512)
 def _spectrum_colour(
-    spectrum: Spectrum, grid: SpectralGrid, observer_deg: int, lights: Rows, seen: RelightSpec
+    spectrum: Spectrum, grid: SpectralGrid, observer_deg: int, lights: Rows, spec: RelightSpec
 ) -> Colour:
-    light, shown = _adapted(lights, seen, grid, observer_deg)
+    light, shown = _adapted(lights, spec, grid, observer_deg)
     XYZ = np.zeros((1, 3)) if light is None else XYZ_of(light, [spectrum], observer_deg)
     return as_colour(shown(XYZ)[0])
 
 
 @lru_cache(maxsize=64)
-def _part_colours(transfer: Transfer, lights: Rows, seen: RelightSpec) -> tuple[Colour, ...]:
+def _part_colours(transfer: Transfer, lights: Rows, spec: RelightSpec) -> tuple[Colour, ...]:
     names = list(transfer.materials)
     shares = share_matrix([part.mix for part in parts_of(transfer)], names)
-    return _coloured(transfer, lights, seen, shares)
+    return _coloured(transfer, lights, spec, shares)
 
 
 @lru_cache(maxsize=64)
-def _material_colours(transfer: Transfer, lights: Rows, seen: RelightSpec) -> dict[str, Colour]:
+def _material_colours(transfer: Transfer, lights: Rows, spec: RelightSpec) -> dict[str, Colour]:
     names = list(transfer.materials)
-    shown = _coloured(transfer, lights, seen, np.eye(len(names)))
+    shown = _coloured(transfer, lights, spec, np.eye(len(names)))
     return dict(zip(names, shown, strict=True))
 
 
 def _coloured(
-    transfer: Transfer, lights: Rows, seen: RelightSpec, shares: Array
+    transfer: Transfer, lights: Rows, spec: RelightSpec, shares: Array
 ) -> tuple[Colour, ...]:
     """Of mixes, (P, K) shares; of dark where no light is on."""
     basis = transfer.basis
-    light, shown = _adapted(lights, seen, basis.grid, basis.observer_deg)
+    light, shown = _adapted(lights, spec, basis.grid, basis.observer_deg)
     XYZ = np.zeros((shares.shape[1], 3))
     if light is not None:
         XYZ = XYZ_of(light, list(transfer.materials.values()), basis.observer_deg)
@@ -97,7 +97,7 @@ def _coloured(
 
 @lru_cache(maxsize=64)
 def _adapted(
-    lights: Rows, seen: RelightSpec, grid: SpectralGrid, observer_deg: int
+    lights: Rows, spec: RelightSpec, grid: SpectralGrid, observer_deg: int
 ) -> tuple[Spectrum | None, Callable[[Array], Array]]:
     """The light, and what makes of (P, 3) XYZ under it the (P, 3) codes that look alike."""
 
@@ -108,7 +108,7 @@ def _adapted(
     if rig is None:
         return None, codes
     light = rig.mixed(grid)
-    passage = adapted_to(rig, seen, white_XYZ(light, observer_deg))
+    passage = adapted_to(rig, spec, white_XYZ(light, observer_deg))
     return light, codes if passage is None else lambda XYZ: codes(passage.apply(XYZ))
 
 
@@ -181,7 +181,7 @@ def _set_axes(state: ViewState) -> None:
 
 def set_values_axis(state: ViewState, margin: float) -> None:
     """The axis of values, a little wider than the volume's."""
-    low, high = presets.span(state.document.volume)
+    low, high = presets.value_span(state.document.volume)
     room = margin * (high - low)
     flags = implot.AxisFlags_.no_grid_lines
     implot.setup_axis(implot.ImAxis_.x1, "", flags)
@@ -197,7 +197,7 @@ def note_area(ui: UiContext, name: str) -> None:
 
 
 def _histogram(state: ViewState) -> None:
-    low, high = presets.span(state.document.volume)
+    low, high = presets.value_span(state.document.volume)
     counts = state.document.histogram
     edges = np.linspace(low, high, len(counts) + 1)
     middles = (edges[:-1] + edges[1:]) / 2
@@ -244,7 +244,9 @@ class Touch:
     index: int = 0
 
 
-def touched(handles: Sequence[Handle], chosen: int, ui: UiContext, dark: bool) -> Iterator[Touch]:
+def draw_handles(
+    handles: Sequence[Handle], chosen: int, ui: UiContext, dark: bool
+) -> Iterator[Touch]:
     """Draw them in the plot that was begun, the chosen one ringed; what the mouse does."""
     held = False
     for i, handle in enumerate(handles):
@@ -261,7 +263,7 @@ def touched(handles: Sequence[Handle], chosen: int, ui: UiContext, dark: bool) -
             yield Touch("choose", index=i)
         if hovered or down:
             imgui.set_tooltip(handle.words)
-        _mark(ui, handle, packed(ACCENT[dark]) if i == chosen else ink(), i == chosen)
+        _mark(ui, handle, pack_colour(ACCENT[dark]) if i == chosen else ink(), i == chosen)
     if implot.is_plot_hovered() and not held and imgui.is_mouse_double_clicked(0):
         mouse = implot.get_plot_mouse_pos()
         yield Touch("add", mouse.x, mouse.y)
@@ -278,5 +280,5 @@ def _mark(ui: UiContext, handle: Handle, ring: int, chosen: bool) -> None:
     draw_list, place = implot.get_plot_draw_list(), implot.plot_to_pixels(*handle.place)
     draw_list.add_circle_filled(place, ui.px(5.5 if chosen else 4.5), ring)
     if handle.colour is not None:
-        draw_list.add_circle_filled(place, ui.px(3.5), packed(handle.colour))
+        draw_list.add_circle_filled(place, ui.px(3.5), pack_colour(handle.colour))
     implot.pop_plot_clip_rect()

@@ -11,12 +11,13 @@ from volspec.transfer import Isosurfaces, TransferFunction
 from volspec.viewer.model import transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import Part, parts_of
-from volspec.viewer.model.transfer_placing import factors_top
+from volspec.viewer.model.transfer_placing import gradient_top
 from volspec.viewer.ui import transfer_detail
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import (
     Handle,
     bars,
+    draw_handles,
     height_of,
     ink,
     low_plot,
@@ -24,9 +25,8 @@ from volspec.viewer.ui.transfer_plot import (
     opacity_at,
     opacity_plot,
     part_colours,
-    touched,
 )
-from volspec.viewer.ui.widgets import WAITING_GREYED, packed, tip
+from volspec.viewer.ui.widgets import WAITING_GREYED, pack_colour, tip
 
 _HEIGHT = 70
 # Beyond either end of the axes.
@@ -67,7 +67,7 @@ def draw_gradients(state: ViewState, curve: TransferFunction, ui: UiContext) -> 
 
 def _plot(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState:
     joint, new = state.document.joint, state
-    end = factors_top(curve, joint.top)
+    end = gradient_top(curve, joint.top)
     implot.setup_axis(implot.ImAxis_.x1, "", implot.AxisFlags_.no_grid_lines)
     # While the mouse is down an axis that follows the last point would run away from it.
     when = imgui.Cond_.once if imgui.is_mouse_down(0) else imgui.Cond_.always
@@ -87,7 +87,7 @@ def _plot(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState
     for i, handle in enumerate(handles):
         x, y = implot.plot_to_pixels(*handle.place)
         ui.areas[f"gradient {i}"] = int(x), int(y), 0, 0
-    for touch in touched(handles, -1, ui, state.interface.dark):
+    for touch in draw_handles(handles, -1, ui, state.interface.dark):
         match touch.what:
             case "move":
                 new = transfer_edits.move_gradient_point(new, touch.index, touch.x, touch.y)
@@ -167,7 +167,7 @@ def _fill(state: ViewState, curve: TransferFunction, ui: UiContext) -> None:
         if max(opacity[i], opacity[i + 1]) <= 0:
             continue
         ends = (at[i], (tops[i] + tops[i + 1]) / 2), (at[i + 1], zero)
-        draw_list.add_rect_filled(*ends, packed((mixed[i] + mixed[i + 1]) / 2, 0.7))
+        draw_list.add_rect_filled(*ends, pack_colour((mixed[i] + mixed[i + 1]) / 2, 0.7))
     line: list[imgui.ImVec2Like] = [(float(x), float(y)) for x, y in zip(at, tops, strict=True)]
     draw_list.add_polyline(line, ink(), ui.px(1.4), 0)
 
@@ -179,7 +179,7 @@ def _stems(state: ViewState, ui: UiContext) -> None:
         foot = implot.plot_to_pixels(part.values[0], 0.0)
         head = implot.plot_to_pixels(*_place(part))
         draw_list.add_line(foot, head, ink(), ui.px(5))
-        draw_list.add_line(foot, head, packed(colour), ui.px(3))
+        draw_list.add_line(foot, head, pack_colour(colour), ui.px(3))
 
 
 def _handles(state: ViewState, ui: UiContext) -> ViewState:
@@ -189,7 +189,7 @@ def _handles(state: ViewState, ui: UiContext) -> ViewState:
         Handle(_place(part), _words(part), colour)
         for part, colour in zip(parts, part_colours(state), strict=True)
     ]
-    for touch in touched(handles, transfer_detail.chosen(state), ui, state.interface.dark):
+    for touch in draw_handles(handles, transfer_detail.chosen(state), ui, state.interface.dark):
         match touch.what:
             case "move":
                 place = touch.x, opacity_at(touch.y)

@@ -16,7 +16,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import transfer_detail
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import FLAGS, bars, note_area, part_colours, set_values_axis
-from volspec.viewer.ui.widgets import ACCENT, packed, tip
+from volspec.viewer.ui.widgets import ACCENT, pack_colour, tip
 
 # Of edges and corners, to either side.
 _GRIP = 6
@@ -44,7 +44,7 @@ def _plot(state: ViewState, ui: UiContext, height: float) -> ViewState:
     )
     implot.setup_finish()
     note_area(ui, "transfer")
-    low, high = presets.span(state.document.volume)
+    low, high = presets.value_span(state.document.volume)
     implot.plot_heatmap(
         *("voxels", shades(joint, state.interface.logarithmic), 0.0, 1.0, ""),
         implot.Point(low, 0.0),
@@ -68,9 +68,9 @@ def _rectangles(state: ViewState, ui: UiContext) -> ViewState:
         box = implot.plot_to_pixels(x1, y2), implot.plot_to_pixels(x2, y1)
         (left, above), (right, below) = box
         ui.areas[f"region {i}"] = int(left), int(above), int(right - left), int(below - above)
-        draw_list.add_rect_filled(*box, packed(colours[i], 0.3))
+        draw_list.add_rect_filled(*box, pack_colour(colours[i], 0.3))
         if i == chosen:
-            ring = packed(ACCENT[state.interface.dark])
+            ring = pack_colour(ACCENT[state.interface.dark])
             draw_list.add_rect(*box, ring, 0.0, ui.px(3), 0)
         moved, a, b, c, d, clicked, hovered, down = implot.drag_rect(
             i, x1, y1, x2, y2, (*colours[i], 1.0), implot.DragToolFlags_.no_fit, False, False, False
@@ -138,7 +138,7 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     assert isinstance(transfer, TransferFunction2D)
     index = transfer_detail.chosen(state)
     region = transfer.regions[index]
-    low, high = presets.span(state.document.volume)
+    low, high = presets.value_span(state.document.volume)
     new = state
     wide = imgui.get_content_region_avail().x / 2 - ui.px(5)
     imgui.set_next_item_width(wide)
@@ -185,5 +185,5 @@ def shades(joint: JointHistogram, logarithmic: bool) -> NDArray[np.float32]:
 def _greys(dark: bool) -> int:
     """A colour map from the plot's ground to a grey that stands out from it."""
     first, last = (0.10, 0.75) if dark else (0.895, 0.25)
-    colours = [packed((v, v, v)) for v in np.linspace(first, last, 16).tolist()]
+    colours = [pack_colour((v, v, v)) for v in np.linspace(first, last, 16).tolist()]
     return int(implot.add_colormap(f"voxels {dark}", np.array(colours, np.uint32), False))

@@ -64,7 +64,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     new = _eye(state, ui)
     new = _level(new, ui)
     new = _adaptation(new, ui)
-    imgui.text_disabled(white_told(state.lights))
+    imgui.text_disabled(white_text(state.lights))
     tip("Of a perfect diffuser in this light, which the eye takes for white")
     imgui.separator_text("Display")
     new = _display(new, ui)
@@ -83,10 +83,10 @@ def preset_of(display: Display) -> str:
     return _OWN
 
 
-def white_told(lights: Rows) -> str:
+def white_text(lights: Rows) -> str:
     """The adopted white in words.
 
-    >>> white_told(())
+    >>> white_text(())
     'Adopted white: none'
     """
     rig = rig_of(lights)
@@ -98,10 +98,10 @@ def white_told(lights: Rows) -> str:
 
 
 def _eye(state: ViewState, ui: UiContext) -> ViewState:
-    viewing = state.seen.viewing
+    viewing = state.relight.viewing
     new = _picked(state, set_model, "Model", viewing.model, MODELS)
     ui.note("model")
-    viewing = new.seen.viewing
+    viewing = new.relight.viewing
     measurable = ADAPTING if viewing.model in PER_PIXEL else ADAPTING[:2]
     new = _picked(new, set_adapting, "Adapting", viewing.adapting, measurable)
     tip("given: the numbers below; picture, pixel: measured in what is seen")
@@ -110,7 +110,7 @@ def _eye(state: ViewState, ui: UiContext) -> ViewState:
 
 def _level(state: ViewState, ui: UiContext) -> ViewState:
     """L_A, from the light or by itself, background and surround."""
-    viewing, rig, new = state.seen.viewing, rig_of(state.lights), state
+    viewing, rig, new = state.relight.viewing, rig_of(state.lights), state
     lux = rig.total_lux if rig is not None else None
     _reach("Illuminance", ui)
     imgui.begin_disabled(lux is not None or viewing.L_A is not None)
@@ -125,7 +125,7 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     own = viewing.L_A is not None
     imgui.begin_disabled(not own)
     moved, L_A = imgui.slider_float(
-        "##L_A", luminance(rig, new.seen.viewing), *_LUMINANCE, "L_A %.4g cd/m²", _LOG
+        "##L_A", luminance(rig, new.relight.viewing), *_LUMINANCE, "L_A %.4g cd/m²", _LOG
     )
     imgui.end_disabled()
     if moved:
@@ -144,7 +144,7 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
-    viewing, new = state.seen.viewing, state
+    viewing, new = state.relight.viewing, state
     imgui.begin_disabled(viewing.discount)
     share = 1.0 if viewing.discount else viewing.D
     _reach("Adaptation", ui)
@@ -158,7 +158,7 @@ def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _display(state: ViewState, ui: UiContext) -> ViewState:
-    display = state.seen.viewing.display
+    display = state.relight.viewing.display
     _reach("Room", ui)
     new = _picked(state, set_room, "Room", preset_of(display), PRESETS)
     ui.note("room")
@@ -174,26 +174,26 @@ def _display(state: ViewState, ui: UiContext) -> ViewState:
     _reach("Gamut", ui)
     new = _picked(new, set_gamut, "Gamut", display.gamut, GAMUTS)
     pressed, _ = imgui.checkbox("Mark what it cannot show", display.mark)
-    return ui.done(new, BY_NAME["mark"]) if pressed else new
+    return ui.run(new, BY_NAME["mark"]) if pressed else new
 
 
 def _picture(state: ViewState, ui: UiContext) -> ViewState:
-    seen, new = state.seen, state
+    spec, new = state.relight, state
     _reach("Exposure", ui)
     moved, exposure = imgui.slider_float(
-        "Exposure", seen.viewing.exposure, *EXPOSURE_RANGE, "× %.2f", _LOG
+        "Exposure", spec.viewing.exposure, *EXPOSURE_RANGE, "× %.2f", _LOG
     )
     ui.note("exposure")
     if moved:
         new = set_exposure(new, exposure)
-    if not isinstance(seen.backdrop, Spectrum):
+    if not isinstance(spec.backdrop, Spectrum):
         _reach("Backdrop", ui)
-        moved, backdrop = imgui.slider_float("Backdrop", seen.backdrop, 0.0, 1.0, "%.2f")
+        moved, backdrop = imgui.slider_float("Backdrop", spec.backdrop, 0.0, 1.0, "%.2f")
         if moved:
             new = set_backdrop(new, backdrop)
-    new = _picked(new, set_mode, "Mode", seen.mode, MODES)
+    new = _picked(new, set_mode, "Mode", spec.mode, MODES)
     tip("componentwise: channel by channel; exact: the light matrix. E shows the difference")
-    new = _picked(new, set_level, "Level", seen.level, LEVELS)
+    new = _picked(new, set_level, "Level", spec.level, LEVELS)
     tip("relative: white stays white; absolute: by the lights' lux")
     return new
 

@@ -12,10 +12,10 @@ from typing import Any
 from imgui_bundle import imgui
 
 from volspec.export.overview import printable
-from volspec.viewer.model.commands import shown
+from volspec.viewer.model.commands import key_text_of
 from volspec.viewer.model.edit import Command
 from volspec.viewer.model.light_rows import KELVIN
-from volspec.viewer.ui.context import LightScraps, UiContext
+from volspec.viewer.ui.context import LightsPanelState, UiContext
 
 FONT_SIZE = 15.0
 # Greys of the two themes: (window, frame, hovered, active, line, grab, dim text, text); numbers
@@ -127,7 +127,7 @@ def tip(text: str, when: int = WAITING) -> None:
         imgui.set_tooltip(text)
 
 
-def packed(colour: Sequence[float], alpha: float = 1.0) -> int:
+def pack_colour(colour: Sequence[float], alpha: float = 1.0) -> int:
     """A colour as draw lists take it.
 
     Parameters
@@ -157,10 +157,10 @@ def text_width(text: str) -> float:
 
 
 @lru_cache(maxsize=512)
-def in_line(text: str) -> str:
+def as_one_line(text: str) -> str:
     """What a user has named, as one line shows it; the name itself stays as it is.
 
-    >>> in_line("north\\nwindow\\t\\x07"), in_line("a##b")
+    >>> as_one_line("north\\nwindow\\t\\x07"), as_one_line("a##b")
     ('north window', 'a# #b')
     """
     return whole_label(printable(text, _MOST_LETTERS).strip())
@@ -175,13 +175,13 @@ def whole_label(text: str) -> str:
     return re.sub("#(?=#)", "# ", text)
 
 
-def shortened(text: str, width: float, measure: Callable[[str], float] = text_width) -> str:
+def shorten(text: str, width: float, measure: Callable[[str], float] = text_width) -> str:
     """A text in one line, cut with an ellipsis where it would be wider.
 
-    >>> shortened("tungsten", 5, len), shortened("D\\n65", 5, len)
+    >>> shorten("tungsten", 5, len), shorten("D\\n65", 5, len)
     ('tung…', 'D 65')
     """
-    text = in_line(text)
+    text = as_one_line(text)
     if measure(text) <= width:
         return text
     end = len(text)
@@ -190,7 +190,7 @@ def shortened(text: str, width: float, measure: Callable[[str], float] = text_wi
     return text[:end].rstrip() + "…"
 
 
-def wrapped(text: str, colour: int) -> None:
+def wrap_text(text: str, colour: int) -> None:
     """Words in as many lines as they need, in one of the theme's colours."""
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
     imgui.text_wrapped(text)
@@ -218,9 +218,9 @@ def pick(
         The name that was clicked, ``now`` as well; None where none was.
     """
     clicked = None
-    if imgui.begin_combo(label, in_line(now), imgui.ComboFlags_.height_large):
+    if imgui.begin_combo(label, as_one_line(now), imgui.ComboFlags_.height_large):
         for number, name in enumerate(names):
-            if imgui.selectable(f"{in_line(name)}###{number}", name == now)[0]:
+            if imgui.selectable(f"{as_one_line(name)}###{number}", name == now)[0]:
                 clicked = name
             if each is not None:
                 each(name)
@@ -239,13 +239,13 @@ def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0,
     return pressed
 
 
-def name_field(label: str, scraps: LightScraps) -> tuple[bool, bool]:
+def name_field(label: str, panel: LightsPanelState) -> tuple[bool, bool]:
     """The field in which something gets another name; whether that was entered, whether it ends."""
-    if scraps.focus:
+    if panel.focus:
         imgui.set_keyboard_focus_here()
-        scraps.focus = False
+        panel.focus = False
     imgui.set_next_item_width(-1)
-    entered, scraps.name = imgui.input_text(label, scraps.name, _NAME)
+    entered, panel.name = imgui.input_text(label, panel.name, _NAME)
     return entered, entered or imgui.is_item_deactivated()
 
 
@@ -258,4 +258,4 @@ def kelvin_slider(label: str, kelvin: float) -> tuple[bool, float]:
 
 def key_text(command: Command) -> str:
     """The first key of an action as people write it; empty where it has none."""
-    return shown(command.keys[0]) if command.keys and command.keys[0] else ""
+    return key_text_of(command.keys[0]) if command.keys and command.keys[0] else ""

@@ -42,7 +42,7 @@ def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, s
         If the device that is named cannot.
     """
     try:
-        return yielding(lambda: Raycaster(volume, device=device)), ""
+        return call_at_low_priority(lambda: Raycaster(volume, device=device)), ""
     except OpenCLError as error:
         if device is not None:
             raise
@@ -50,19 +50,19 @@ def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, s
         return None, one_line(error)
 
 
-def yielding(make: Callable[[], T]) -> T:
+def call_at_low_priority(make: Callable[[], T]) -> T:
     """What a function makes, whose own threads, which outlive it, give way.
 
     Linux gives a thread the priority of the one that starts it; elsewhere nothing changes.
 
-    >>> yielding(lambda: 6 * 7)
+    >>> call_at_low_priority(lambda: 6 * 7)
     42
     """
-    with ThreadPoolExecutor(1, "volspec-yielding", initializer=_give_way) as pool:
+    with ThreadPoolExecutor(1, "volspec-yielding", initializer=_lower_priority) as pool:
         return pool.submit(make).result()
 
 
-def _give_way() -> None:
+def _lower_priority() -> None:
     if sys.platform == "linux":
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
 
@@ -207,7 +207,7 @@ class Pace:
         return (2, 1) if self.divisor > 2 and self.whole_ms > STEP_MS else (1,)
 
 
-class Casting:
+class CastScheduler:
     """Turns changes of state into casts.
 
     Parameters

@@ -20,9 +20,20 @@ from volspec.palette.advice import VISIBLE, suggestions
 from volspec.viewer.model import palette_files
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
-from volspec.viewer.model.palette_table import answered, columns, palette_of, picked, table_of
-from volspec.viewer.model.palette_targets import News, Wishes, stays
-from volspec.viewer.model.palette_wizards import WIZARDS, applied, asked, told
+from volspec.viewer.model.palette_table import (
+    column_names,
+    palette_of,
+    table_of,
+    with_design,
+    wizard_place,
+)
+from volspec.viewer.model.palette_targets import DesignStatus, DesignTargets, stays
+from volspec.viewer.model.palette_wizards import (
+    WIZARDS,
+    result_lines,
+    run_wizard,
+    with_wizard_result,
+)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker, Outcome, Tasks
 from volspec.viewer.work.notify import Notice, Trace
@@ -42,7 +53,7 @@ class DesignJob:
     Parameters
     ----------
     palette : Palette
-    wishes : Wishes
+    targets : DesignTargets
         Those that it answers.
     document : object
         The scene it is for.
@@ -51,7 +62,7 @@ class DesignJob:
     """
 
     palette: Palette
-    wishes: Wishes
+    targets: DesignTargets
     document: object = None
     number: int = 0
 
@@ -140,8 +151,8 @@ class _Made:
     result: Redesigned | Palette | str
 
 
-class Designing:
-    """Keeps spectra after wishes.
+class DesignService:
+    """Keeps spectra after targets.
 
     Parameters
     ----------
@@ -152,7 +163,7 @@ class Designing:
 
     Attributes
     ----------
-    news : News
+    news : DesignStatus
         What the threads have to say.
     """
 
@@ -161,11 +172,11 @@ class Designing:
     def __init__(self, wake: Callable[[], object], notice: Notice, trace: Trace) -> None:
         self._worker, self._tasks = DesignWorker(wake), Tasks(wake)
         self._notice, self._trace = notice, trace
-        self.news = News()
-        self._requested: Wishes | None = None
-        self._told: Wishes | None = None  # what the news are about
-        self._advising: Wishes | None = None
-        self._missed: tuple[Design, Wishes] | None = None
+        self.status = DesignStatus()
+        self._requested: DesignTargets | None = None
+        self._told: DesignTargets | None = None  # what the news are about
+        self._advising: DesignTargets | None = None
+        self._missed: tuple[Design, DesignTargets] | None = None
         self._document: Document | None = None
         self._since = 0  # designs asked for before are forgotten
         self._wizard = ""  # what the wizard that is asked for does
@@ -177,27 +188,27 @@ class Designing:
         return bool(self._wizard_waits) or self._worker.busy or self._tasks.busy
 
     def follow(self, state: ViewState) -> None:
-        """Ask for a design where the wishes have changed."""
+        """Ask for a design where the targets have changed."""
         if state.document is not self._document:
             self._document = state.document
             if self._wizard_waits:
                 self._wizard = self._wizard_waits = ""
             self.forget()
-        wishes = state.board.wishes
-        if wishes is not self._told:
-            self._told = wishes
+        targets = state.palette.targets
+        if targets is not self._told:
+            self._told = targets
             self._tell(complaint="", advice=(), reached=())
-        if not state.board.waits or wishes is self._requested:
+        if not state.palette.is_pending or targets is self._requested:
             return
         if self._wizard:  # its result would not fit other materials
             return
-        self._requested = wishes
+        self._requested = targets
         try:
             palette = palette_of(state)
         except VolspecError as error:
             self._tell(complaint=one_line(error), busy=self._wizard)
             return
-        self._worker.request(DesignJob(palette, wishes, state.document, self._since))
+        self._worker.request(DesignJob(palette, targets, state.document, self._since))
         self._tell(busy="Designing …")
 
     def forget(self) -> None:
@@ -218,8 +229,8 @@ class Designing:
 
     def do(self, name: str, state: ViewState) -> None:
         """Have done what a wizard is asked for: once designs under way have landed."""
-        material, light = picked(state)
-        if state.interface.pick.like in columns(state.lights):
+        material, light = wizard_place(state)
+        if state.interface.pick.like in column_names(state.lights):
             light = "a new light"
         self._wizard = _DOING[name].format(material, light)
         self._tell(busy=self._wizard, complaint="", reached=())
@@ -227,7 +238,7 @@ class Designing:
 
     def _begin(self, state: ViewState) -> None:
         name, self._wizard_waits = self._wizard_waits, ""
-        self._tasks.start("wizard", lambda: _Made(state, name, asked(state, name)))
+        self._tasks.start("wizard", lambda: _Made(state, name, run_wizard(state, name)))
 
     def file(self, name: str, path: str, state: ViewState) -> None:
         """Read or write a palette's file: one of `PALETTES`."""
@@ -235,7 +246,7 @@ class Designing:
         def task() -> _Made:
             if name == _LOAD:
                 return _Made(state, _LOAD, load_palette(path))
-            palette_files.saved(state, path)
+            palette_files.save_state_palette(state, path)
             return _Made(state, _SAVE, path)
 
         self._tasks.start("palette", task, writes=name == _SAVE)
@@ -246,30 +257,30 @@ class Designing:
         self._tasks.close()
 
     def _designed(self, history: History, done: DesignDone) -> History:
-        present, wishes = history.present, done.job.wishes
+        present, targets = history.present, done.job.targets
         if done.job.number != self._since or done.job.document is not present.document:
             return history
-        last = wishes is present.board.wishes
+        last = targets is present.palette.targets
         if last and done.whole:
             self._tell(busy=self._wizard, complaint=done.error)
         if done.made is None:
             return replace(history)
-        state = answered(present, done.made, wishes)
+        state = with_design(present, done.made, targets)
         worst = max(table_of(state).errors, default=0.0)
         self._trace.note("design", "design", done.ms, whole=done.whole, worst=round(worst, 3))
         if last and done.whole and worst > VISIBLE:
-            self._advise(done.made, wishes)
+            self._advise(done.made, targets)
         return history.amended(state)
 
-    def _advise(self, made: Design, wishes: Wishes) -> None:
+    def _advise(self, made: Design, targets: DesignTargets) -> None:
         """Look for what would help, one search at a time: each designs many times."""
-        self._missed = made, wishes
+        self._missed = made, targets
         if self._advising is not None:
             return
-        self._advising = wishes
-        self._tasks.start("advice", lambda: advice_of(suggestions(made), wishes))
+        self._advising = targets
+        self._tasks.start("advice", lambda: advice_of(suggestions(made), targets))
 
-    def _advised(self, outcome: Outcome, present: Wishes) -> None:
+    def _advised(self, outcome: Outcome, present: DesignTargets) -> None:
         advising, self._advising = self._advising, None
         if advising is present:
             self._tell(advice=outcome.result or ())
@@ -279,7 +290,7 @@ class Designing:
     def _finished(self, history: History, outcome: Outcome) -> History:
         present = history.present
         if outcome.kind == "advice":
-            self._advised(outcome, present.board.wishes)
+            self._advised(outcome, present.palette.targets)
             return replace(history)
         if outcome.kind == "wizard":
             self._wizard = ""
@@ -309,24 +320,24 @@ class Designing:
     def _with(self, present: ViewState, made: _Made) -> ViewState:
         """The state with a palette that was read, or with what a wizard made."""
         if isinstance(made.result, Palette):
-            if missing := palette_files.left_out(present, made.result):
+            if missing := palette_files.unmatched_reflectances(present, made.result):
                 self._notice.say(f"No material is left for {', '.join(missing)}")
             return palette_files.with_palette(present, made.result)
         assert isinstance(made.result, Redesigned)
-        state = applied(present, made.result)
-        reached = told(made.result, made.begun)
-        self._told = state.board.wishes
+        state = with_wizard_result(present, made.result)
+        reached = result_lines(made.result, made.begun)
+        self._told = state.palette.targets
         self._tell(reached=reached, advice=())
         self._trace.note("wizard", name=made.name, reached=list(reached))
         return state
 
     def _tell(self, **news: Any) -> None:
-        self.news = replace(self.news, **news)
+        self.status = replace(self.status, **news)
 
 
-def advice_of(advice: tuple[str, ...], wishes: Wishes) -> tuple[str, ...]:
+def advice_of(advice: tuple[str, ...], targets: DesignTargets) -> tuple[str, ...]:
     """Advice without that on colours which are only to stay: nobody wished for them."""
-    staying = [f"({', '.join(at)}):" for at, cell in wishes.cells.items() if stays(cell)]
+    staying = [f"({', '.join(at)}):" for at, cell in targets.cells.items() if stays(cell)]
     return tuple(said for said in advice if not any(said.startswith(at) for at in staying))
 
 

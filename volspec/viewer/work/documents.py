@@ -16,19 +16,19 @@ from volspec.scene import Scene
 from volspec.spectra import reflectance_names
 from volspec.viewer.model.camera import fitted
 from volspec.viewer.model.document import Document, demo, plain_scene
-from volspec.viewer.model.light_rows import brightest
-from volspec.viewer.model.paths import check_name, dropped
+from volspec.viewer.model.light_rows import brightest_row
+from volspec.viewer.model.paths import check_name, path_of_drop
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import View
 from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.notify import Notice, Trace
-from volspec.viewer.work.session import SUFFIX, BrokenSession, resumed
+from volspec.viewer.work.session import SUFFIX, BrokenSession, restore_state
 from volspec.viewer.work.session_store import RecentFiles, SessionStore, state_folder
 from volspec.volume import load_volume
 
 
-def opened(path: str | None, device: str | None = None) -> Document:
+def open_document(path: str | None, device: str | None = None) -> Document:
     """Open a scene file, or a volume with a scene made for it; None is the bundled demo.
 
     Raises
@@ -87,11 +87,11 @@ class Opened:
             return self
         interface = self.state.interface
         if self.session is None:
-            interface = replace(before.interface, light=brightest(self.state.lights))
+            interface = replace(before.interface, light=brightest_row(self.state.lights))
         return replace(self, state=replace(self.state, size=before.size, interface=interface))
 
 
-class Openings:
+class DocumentService:
     """Has files opened beside the window, and sessions kept.
 
     Parameters
@@ -133,12 +133,12 @@ class Openings:
             return
         if say:
             self._say_under_way(f"Opening {path or 'the demo'} …")
-        self._tasks.start("open", lambda: Opened.at_first(opened(path, self._device), path))
+        self._tasks.start("open", lambda: Opened.at_first(open_document(path, self._device), path))
 
     def drop(self, paths: tuple[str, ...]) -> None:
         """Open what was dropped."""
         try:
-            self.open(dropped(paths))
+            self.open(path_of_drop(paths))
         except InputError as error:
             self._say_error(str(error))
 
@@ -236,7 +236,7 @@ class Openings:
         self._say_under_way("Reading the file again; only the view stays …")
 
         def again() -> Opened:
-            found = Opened.at_first(opened(path, self._device), path)
+            found = Opened.at_first(open_document(path, self._device), path)
             return replace(found, state=replace(found.state, view=state.view))
 
         self._tasks.start("open", again)
@@ -254,7 +254,7 @@ class Openings:
         check_name(path)
         session = self._store.read(path)
         try:
-            state = resumed(session, self._device)
+            state = restore_state(session, self._device)
         except BrokenSession as error:
             raise self._store.broken(path, error) from error
         return Opened(state, None if self._store.holds(path) else str(path), path)

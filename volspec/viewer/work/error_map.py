@@ -23,7 +23,7 @@ PIXELS = 60_000
 _ALPHA = 230
 
 
-class Heat:
+class ErrorMapTexture:
     """The error map of what is shown; made anew where image or light are others.
 
     Parameters
@@ -46,9 +46,9 @@ class Heat:
         """Whether a map is being made."""
         return self._tasks.busy
 
-    def want(self, image: CoefficientImage, lights: Rows, seen: RelightSpec) -> None:
+    def want(self, image: CoefficientImage, lights: Rows, spec: RelightSpec) -> None:
         """Begin the map of a picture, unless it is there or under way."""
-        key, rig = (image, lights, seen.mode, seen.backdrop), rig_of(lights)
+        key, rig = (image, lights, spec.mode, spec.backdrop), rig_of(lights)
         if key == self._of:
             return
         self._of = key
@@ -57,7 +57,7 @@ class Heat:
         def made() -> tuple[ErrorMap, CoefficientImage]:
             if rig is None:
                 raise RelightError("No light is on: no colour is off")
-            return error_map(image, rig, seen.mode, seen.backdrop, every), image
+            return error_map(image, rig, spec.mode, spec.backdrop, every), image
 
         self._tasks.start("map", made)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from volspec.viewer.model.light_rows import Fade
-from volspec.viewer.model.light_states import faded
+from volspec.viewer.model.light_states import interpolate_lights
 from volspec.viewer.model.state import ViewState
 
 
@@ -47,8 +47,10 @@ class Fader:
         self.running = share < 1.0
         if fade is None or not self.running:
             return state
-        lights, seen = faded((fade.lights, fade.seen), (state.lights, state.seen), share)
-        return replace(state, lights=lights, seen=seen)
+        lights, spec = interpolate_lights(
+            (fade.lights, fade.relight), (state.lights, state.relight), share
+        )
+        return replace(state, lights=lights, relight=spec)
 
     def to_keep(self, state: ViewState, shown: ViewState, new: ViewState) -> ViewState:
         """What input has made of the shown state, as it is to be kept.
@@ -62,6 +64,6 @@ class Fader:
         """
         if shown is state or new.fade is not shown.fade:
             return new
-        if new.lights is shown.lights and new.seen is shown.seen:
-            return replace(new, lights=state.lights, seen=state.seen)
+        if new.lights is shown.lights and new.relight is shown.relight:
+            return replace(new, lights=state.lights, relight=state.relight)
         return replace(new, fade=None)

@@ -86,7 +86,7 @@ class Notice:
 
 
 @contextmanager
-def collected_warnings() -> Iterator[SimpleQueue[str]]:
+def collect_warnings() -> Iterator[SimpleQueue[str]]:
     """Queue the package's warnings of every thread for the window, besides printing them.
 
     What a file's reader doubts is otherwise seen by those alone who started from a terminal.

@@ -192,19 +192,19 @@ class Pictures:
         self._relighters.pop(key).close()
 
     def missing(
-        self, rig: LightRig | None, seen: RelightSpec, other: LightRig | None = None
+        self, rig: LightRig | None, spec: RelightSpec, other: LightRig | None = None
     ) -> tuple[TableKey, ...]:
         """Tables that `relight` would have to wait for, under the same lights.
 
         Parameters
         ----------
-        rig, seen, other
+        rig, spec, other
             As `relight`.
         """
-        if self._shown is None or rig is None or not is_tabled(seen.viewing.model):
+        if self._shown is None or rig is None or not is_tabled(spec.viewing.model):
             return ()
         self._paint(self._shown)
-        keys = [self._shown.missing_table(each, seen) for each in (rig, other) if each]
+        keys = [self._shown.missing_table(each, spec) for each in (rig, other) if each]
         found = tuple(key for key in keys if key is not None)
         self.current &= not found
         return found
@@ -219,7 +219,7 @@ class Pictures:
     def relight(
         self,
         rig: LightRig | None,
-        seen: RelightSpec,
+        spec: RelightSpec,
         other: LightRig | None = None,
         divide: float = 1.0,
         coarse: bool = False,
@@ -232,7 +232,7 @@ class Pictures:
         Parameters
         ----------
         rig : LightRig or None
-        seen : RelightSpec
+        spec : RelightSpec
         other : LightRig, optional
             Lights what is right of the divide, to an eye adapted to it.
         divide : float
@@ -261,7 +261,7 @@ class Pictures:
             for lights, start, end in ((rig, 0, left), (other, left, width)):
                 if lights is not None and start < end:
                     within = start, top, end - start, bottom - top
-                    frame = shown.draw(lights, seen, within)
+                    frame = shown.draw(lights, spec, within)
         GL.glFlush()
         self.current = bottom == height
         if self.current:

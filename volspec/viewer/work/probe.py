@@ -50,7 +50,7 @@ def read(
     camera: Camera,
     volume: Volume,
     rig: LightRig,
-    seen: RelightSpec,
+    spec: RelightSpec,
     pixel: tuple[int, int],
     code: tuple[int, int, int],
 ) -> Reading:
@@ -60,7 +60,7 @@ def read(
     ----------
     image, camera, volume
         The picture, where it was taken from, and what of.
-    rig, seen : LightRig, RelightSpec
+    rig, spec : LightRig, RelightSpec
         How it is lit and looked at.
     pixel : (x, y)
         Row 0 is the top.
@@ -73,13 +73,13 @@ def read(
         If the light lights nothing.
     """
     x, y = pixel
-    lit = Illumination.of(image.basis, rig, seen, image.groups)
+    lit = Illumination.of(image.basis, rig, spec, image.groups)
     XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
     rows = [*_place(image, camera, volume, pixel), ("RGB", "  ".join(map(str, code)))]
     rows.append(("XYZ", _numbers(XYZ)))
     rows += attributes(XYZ, lit)
-    rows += _error(image, rig, seen, pixel)
-    light, reflected = spectra(image, rig, seen, pixel)
+    rows += _error(image, rig, spec, pixel)
+    light, reflected = spectra(image, rig, spec, pixel)
     return Reading(tuple(rows), image.basis.grid, light, reflected)
 
 
@@ -99,7 +99,7 @@ def attributes(XYZ: Array, lit: Illumination) -> list[tuple[str, str]]:
 
 
 def spectra(
-    image: CoefficientImage, rig: LightRig, seen: RelightSpec, pixel: tuple[int, int]
+    image: CoefficientImage, rig: LightRig, spec: RelightSpec, pixel: tuple[int, int]
 ) -> tuple[Array, Array]:
     """(bands,) twice: the light, and what the eye gets from a pixel of it, with the backdrop.
 
@@ -108,7 +108,7 @@ def spectra(
     x, y = pixel
     basis, grid = image.basis, image.basis.grid
     E = rig.facing(image.groups).mixed(grid).values
-    back = seen.backdrop
+    back = spec.backdrop
     behind = back.on(grid).values if isinstance(back, Spectrum) else np.full(len(E), float(back))
     reflected = (1.0 - float(image.alpha[y, x])) * behind * E
     layers = image.coefficients[y, x].reshape(len(image.groups), basis.size)
@@ -157,9 +157,9 @@ def _place(
 
 
 def _error(
-    image: CoefficientImage, rig: LightRig, seen: RelightSpec, pixel: tuple[int, int]
+    image: CoefficientImage, rig: LightRig, spec: RelightSpec, pixel: tuple[int, int]
 ) -> Iterator[tuple[str, str]]:
-    if seen.mode == "exact":
+    if spec.mode == "exact":
         return
     x, y = pixel
     one = slice(y, y + 1), slice(x, x + 1)
@@ -171,7 +171,7 @@ def _error(
         first_mm=None,
     )
     try:
-        found = error_map(alone, rig, seen.mode, seen.backdrop)
+        found = error_map(alone, rig, spec.mode, spec.backdrop)
     except VolspecError:
         return
     yield "ΔE00", f"{float(found.delta_e[0, 0]):.2f} to exact"

@@ -20,7 +20,7 @@ from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
 from volspec.viewer.work.casts import CastDone
-from volspec.viewer.work.error_map import Heat
+from volspec.viewer.work.error_map import ErrorMapTexture
 from volspec.viewer.work.meter import Meter
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Painted, Pictures
@@ -92,7 +92,7 @@ class Screen:
         Why there is no picture; empty while one is there or awaited.
     under_mouse : Reading, optional
         What of the picture is under the mouse.
-    heat : Heat, optional
+    error_map : ErrorMapTexture, optional
         The error map.
     slices : SlicePictures
     shown_at : (left, top, right, bottom)
@@ -115,7 +115,7 @@ class Screen:
         self.whole = False
         self.fault = ""
         self.under_mouse: Reading | None = None
-        self.heat: Heat | None = None
+        self.error_map: ErrorMapTexture | None = None
         self.shown_at = 0.0, 0.0, 0.0, 0.0
         self._meter, self._trace, self._notice = meter, trace, notice
         self._cast: CastDone | None = None
@@ -123,14 +123,14 @@ class Screen:
         self._relit = self._coarse = self._drawing = self._hurries = False
         self._band = 0  # that is drawn next
         self._working_out = ""
-        self._heat = Heat(context, wake)
+        self._error_map = ErrorMapTexture(context, wake)
         self._read_of: tuple[Any, ...] | None = None
         self._reading: Reading | None = None
 
     @property
     def busy(self) -> bool:
         """Whether tables or an error map are being worked out."""
-        return self._tabling.busy or self._heat.busy
+        return self._tabling.busy or self._error_map.busy
 
     @property
     def ready(self) -> bool:
@@ -196,17 +196,19 @@ class Screen:
         self.pictures.repaint(state.transfer.basis)
         self.image = self.pictures.image
         # What is measured in fewer pixels would want tables of its own.
-        few = self.whole and self._meter.slow and not is_tabled(state.seen.viewing.model)
+        few = self.whole and self._meter.slow and not is_tabled(state.relight.viewing.model)
         self._coarse = held and few
         whole = self.whole and not self._coarse
         bands = 1 if held or self._hurries or not whole else self._meter.bands
         first, self._band = self._band % bands, 0
         rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
         try:
-            if self._tables_missing(rig, state.seen, other):
+            if self._tables_missing(rig, state.relight, other):
                 return False
             band = first / bands, (first + 1) / bands
-            relit = self.pictures.relight(rig, state.seen, other, state.divide, self._coarse, band)
+            relit = self.pictures.relight(
+                rig, state.relight, other, state.divide, self._coarse, band
+            )
         except VolspecError as error:
             self._notice.say(one_line(error))
             return False
@@ -221,12 +223,12 @@ class Screen:
         return True
 
     def _tables_missing(
-        self, rig: LightRig | None, seen: RelightSpec, other: LightRig | None
+        self, rig: LightRig | None, spec: RelightSpec, other: LightRig | None
     ) -> bool:
         """Whether the light must wait for tables; they are then being worked out."""
-        missing = self.pictures.missing(rig, seen, other)
+        missing = self.pictures.missing(rig, spec, other)
         if missing:
-            self._working_out = f"{seen.viewing.model}: working out its table …"
+            self._working_out = f"{spec.viewing.model}: working out its table …"
             self._notice.say(self._working_out, _TABLE_S)
             if missing != self._tables:
                 self._tabling.request(missing)
@@ -270,24 +272,24 @@ class Screen:
             return None
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
-        key = image, lights, state.seen, pixel
+        key = image, lights, state.relight, pixel
         if key != self._read_of:
             self._read_of = key
             code = self.pictures.code(*pixel)
             camera, volume = cast.job.camera, cast.job.document.volume
             try:
-                self._reading = read(image, camera, volume, rig, state.seen, pixel, code)
+                self._reading = read(image, camera, volume, rig, state.relight, pixel, code)
             except VolspecError:  # said when it was relit
                 self._reading = None
         return self._reading
 
-    def heated(self, state: ViewState, held: bool) -> bool:
+    def update_error_map(self, state: ViewState, held: bool) -> bool:
         """Have the error map made where it is wanted; whether a new one has come."""
         image = self.pictures.image
         if state.interface.error_map and not held and self.whole and image is not None:
-            self.heat = self._heat
-            self._heat.want(image, state.lights, state.seen)
-        return self._heat.take()
+            self.error_map = self._error_map
+            self._error_map.want(image, state.lights, state.relight)
+        return self._error_map.take()
 
     def painted(self, area: Area, shown: ViewState | None) -> Painted | None:
         """The picture behind the panels; one of another shape keeps its own."""
@@ -308,6 +310,6 @@ class Screen:
     def close(self) -> None:
         """Release everything; nobody waits for a table."""
         self._tabling.close(0.0)
-        self._heat.close()
+        self._error_map.close()
         self.pictures.close()
         self.slices.close()

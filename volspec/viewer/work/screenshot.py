@@ -111,7 +111,7 @@ class Progress:
         self.share = share
 
 
-def taken(state: ViewState, shot: Shot, progress: Progress) -> Path:
+def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     """Cast, relight and write a picture; on any thread but the window's. Where it is.
 
     Raises
@@ -126,7 +126,7 @@ def taken(state: ViewState, shot: Shot, progress: Progress) -> Path:
         raise InputError(f"{path.parent}: no such folder; choose another")
     frame = frame_of(state, shot.size(state.size), progress)
     notes = {"scene": state.document.title, "Software": f"volspec {__version__}"}
-    write_frame(path, frame, notes, state.seen.viewing.display.space)
+    write_frame(path, frame, notes, state.relight.viewing.display.space)
     return path
 
 
@@ -136,7 +136,7 @@ def frame_of(state: ViewState, size: tuple[int, int], progress: Progress) -> NDA
     Raises
     ------
     CastCancelled, VolspecError
-        As `taken`.
+        As `save_picture`.
     """
     rig = rig_of(state.lights)
     if rig is None:
@@ -172,11 +172,11 @@ def _relit(
 ) -> NDArray[np.uint8]:
     # A context of this thread's own: many pixels take longer than the window may wait.
     with Relighter(image) as relighter:
-        frame: NDArray[np.uint8] = relighter.frame(rig, state.seen)
+        frame: NDArray[np.uint8] = relighter.frame(rig, state.relight)
         if other is not None:
             left = round(state.divide * frame.shape[1])
             frame = frame.copy()
-            frame[:, left:] = relighter.frame(other, state.seen)[:, left:]
+            frame[:, left:] = relighter.frame(other, state.relight)[:, left:]
     return frame
 
 

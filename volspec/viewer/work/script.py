@@ -82,7 +82,7 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
         raise ViewingError("No light is on, so there is no frame to make a script for; turn one on")
     code = _Code(_texts(state))
     title = f"{document.title}, as seen in volspec {volspec.__version__}"
-    space = state.seen.viewing.display.space
+    space = state.relight.viewing.display.space
     arguments = "volume", "transfer", "camera", f"size={state.size}", "spec=spec"
     lines = [
         f"volume = {_volume(state)}",
@@ -92,7 +92,7 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
         f"camera = {code.camera(state)}",
         f"spec = {code.of(state.shading, 0)}",
         f"rig = {code.of(rig, 0)}",
-        f"relight_spec = {code.of(state.seen, 0)}",
+        f"relight_spec = {code.of(state.relight, 0)}",
         "",
         _call("image = vs.raycast", arguments, 0),
         "with vs.Relighter(image) as relighter:",

@@ -30,13 +30,52 @@ from volspec.scene.resolve import Resolver
 from volspec.viewer.model.document import Document, histogram
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.casts import make_caster
-from volspec.viewer.work.session_codec import Reader, ValueFault, Writer
+from volspec.viewer.work.session_codec import KIND, Reader, ValueFault, Writer
 
 FORMAT = "volspec-session"
-VERSION = 1
+VERSION = 2
 SUFFIX = ".volspec.json"
 Migration = Callable[[dict[str, Any]], None]
-MIGRATIONS: Mapping[int, Migration] = MappingProxyType({})
+# From version 1 to 2, by class: its name, and those of its fields, if they became others. A state
+# and a document have no class name in a file.
+_STATE_1 = {"seen": "relight", "kept": "saved_lights", "board": "palette", "thin": "unthickened"}
+_NAMES_1: Mapping[str, tuple[str, Mapping[str, str]]] = {
+    "LightState": ("LightState", {"seen": "relight"}),
+    "Board": (
+        "PaletteState",
+        {"wishes": "targets", "answered": "designed_for", "anew": "from_scratch"},
+    ),
+    "Wishes": ("DesignTargets", {}),
+}
+
+
+def _rename_1(data: Any) -> None:
+    """Give classes and fields the names that they have from version 2 on."""
+    if isinstance(data, dict):
+        for part in (data.get("state"), data.get("document")):
+            if isinstance(part, dict):
+                _rename_keys(part, _STATE_1)
+        _rename_classes(data)
+
+
+def _rename_classes(data: Any) -> None:
+    if isinstance(data, dict):
+        kind = data.get(KIND)
+        if isinstance(kind, str) and kind in _NAMES_1:
+            data[KIND], fields_ = _NAMES_1[kind]
+            _rename_keys(data, fields_)
+    for each in data.values() if isinstance(data, dict) else data:
+        if isinstance(each, dict | list):
+            _rename_classes(each)
+
+
+def _rename_keys(data: dict[str, Any], names: Mapping[str, str]) -> None:
+    for old, new in names.items():
+        if old in data:
+            data[new] = data.pop(old)
+
+
+MIGRATIONS: Mapping[int, Migration] = MappingProxyType({1: _rename_1})
 """From each version to the one after it: changes the data in place."""
 # Of a document, what is read, made or measured again.
 _REMADE = ("volume", "caster", "fault", "histogram", "file", "path")
@@ -166,7 +205,7 @@ def read_session(path: str | os.PathLike[str]) -> Session:
     return Session(str(data["document"].get("title")), found, data)
 
 
-def resumed(session: Session, device: str | None = None, cast: bool = True) -> ViewState:
+def restore_state(session: Session, device: str | None = None, cast: bool = True) -> ViewState:
     """The state a session was saved in, with its volume read again.
 
     Parameters

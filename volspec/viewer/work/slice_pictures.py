@@ -16,7 +16,7 @@ from volspec.pipeline import Relighter
 from volspec.transfer import LabelFunction
 from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.slice_table import Entries, entries_of, greys, table_image
-from volspec.viewer.model.slices import Layout, number_of, sliced, window_of
+from volspec.viewer.model.slices import Layout, number_of, slice_values, window_of
 from volspec.viewer.model.state import ViewState
 
 _OPAQUE = np.uint32(0xFF000000)
@@ -66,7 +66,7 @@ class SlicePictures:
         step = max(1, int(volume.shape_xyz[layout.across] / max(width_px, 32.0)))
         of_codes = volume, layout, number, step, entries
         if of_codes != shown.of_codes:
-            values = sliced(volume, layout, number, step)
+            values = slice_values(volume, layout, number, step)
             shown.codes, shown.of_codes = entries.codes(values), of_codes
             shown.of_colours = ()
         self._relight(state, entries)
@@ -82,15 +82,15 @@ class SlicePictures:
         window = window_of(slices, state.document.histogram)
         of: tuple[Any, ...] = state.document, entries, window
         if slices.lit:
-            of = (*of, state.transfer, state.shading.groups, state.lights, state.seen)
+            of = (*of, state.transfer, state.shading.groups, state.lights, state.relight)
         if of == self._of_colours:
             return
         self._of_colours = of
-        seen = _lit(state, window) if slices.lit else None
-        if seen is None:
+        colours = _lit(state, window) if slices.lit else None
+        if colours is None:
             shades = greys(entries, state.document.volume.range, window)
-            seen = np.rint(255 * shades)[:, None].repeat(3, axis=1)
-        red, green, blue = seen.astype(np.uint32).T
+            colours = np.rint(255 * shades)[:, None].repeat(3, axis=1)
+        red, green, blue = colours.astype(np.uint32).T
         self._colours = red | green << 8 | blue << 16 | _OPAQUE
 
     def _write(self, shown: _Shown, pixels: NDArray[np.uint32]) -> None:
@@ -111,11 +111,11 @@ class SlicePictures:
 
 def _lit(state: ViewState, window: tuple[float, float]) -> NDArray[np.uint8] | None:
     """(count, 3) codes of all values under the state's lights; None where these cannot be shown."""
-    rig, seen = rig_of(state.lights), state.seen
+    rig, spec = rig_of(state.lights), state.relight
     if rig is None:
         return None
     # A table is no picture that an eye could adapt to.
-    given = replace(seen, viewing=replace(seen.viewing, adapting="given"))
+    given = replace(spec, viewing=replace(spec.viewing, adapting="given"))
     try:
         image = table_image(state.document.volume, state.transfer, state.shading, window)
         # On the host, as few pixels are waited for: the GPU has the picture to draw.
