@@ -177,6 +177,17 @@ def test_nrrd_voxels_lie_in_the_header_s_folder(tmp_path: Path, field: str) -> N
         load_volume(tmp_path / "v.nhdr")
 
 
+@pytest.mark.parametrize("count", ["0", "-1", "4290967296", "1e99", "nan"])
+def test_dimensions_that_cannot_be_are_refused_before_itk_counts_them(
+    tmp_path: Path, count: str
+) -> None:
+    (tmp_path / "v.mha").write_text(META.replace("NDims = 3", f"NDims = {count}"))
+    (tmp_path / "v.nrrd").write_text(NRRD.replace("dimension: 3", f"dimension: {count}"))
+    for name in ("v.mha", "v.nrrd"):
+        with pytest.raises(VolumeError, match=f"{name}: '{count}' dimensions; expected 3"):
+            load_volume(tmp_path / name)
+
+
 @pytest.mark.parametrize(("fields", "data"), META_VARIANTS, ids=[each for each, _ in META_VARIANTS])
 def test_metaimage_headers_are_taken_as_itk_takes_them(
     tmp_path: Path, fields: str, data: bytes

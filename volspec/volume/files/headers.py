@@ -19,6 +19,8 @@ from volspec.errors import VolumeError, quoted
 TRUNCATED = "truncated, copy or download it again"
 # A header's lines and their length, beyond which it is no header.
 _MOST_LINES, _MOST_LENGTH = 10_000, 1 << 16
+# Of both formats; MetaIO counts through what overflows.
+_MOST_DIMENSIONS = 16
 # The one conversion that MetaImage defines for names of slices: slice%03d.raw.
 _PATTERN, _NUMBER = re.compile(r"[^%]*%0?\d{0,2}d[^%]*"), re.compile(r"-?\d+")
 # MetaIO takes a colon, too, and reads on in the next line where there is neither.
@@ -31,8 +33,8 @@ def check_itk_header(path: Path) -> None:
     Raises
     ------
     VolumeError
-        If a spacing is not positive, a size is no positive number, or the voxels are said to be
-        outside of the file's folder.
+        If a spacing is not positive, a size is no positive number, dimensions are less than 1 or
+        more than 16, or the voxels are said to be outside of the file's folder.
     """
     header = HeaderFields.read(path)
     fields = header.named
@@ -44,6 +46,15 @@ def check_itk_header(path: Path) -> None:
     if not all(0 < number < np.inf for number in numbers):
         raise VolumeError(
             f"{path}: spacing {spacing}; each of x, y, z must be positive, correct the header"
+        )
+    dimensions = fields.get("dimension") or fields.get("NDims") or "3"
+    try:
+        few = 1 <= float(dimensions) <= _MOST_DIMENSIONS
+    except ValueError:
+        few = True  # ITK says what is wrong with it
+    if not few:
+        raise VolumeError(
+            f"{path}: {quoted(dimensions)} dimensions; expected 3, correct the header"
         )
     sizes = fields.get("sizes") or fields.get("DimSize") or ""
     if not all(is_count(word) and int(word) > 0 for word in sizes.split()):
