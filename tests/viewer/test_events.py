@@ -11,7 +11,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.viewer._edits import MODULES, drawn
-from volspec.errors import SpectrumError
 from volspec.raycast import Camera
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import light_mixes, light_rows, lights, transfer_edits
@@ -109,14 +108,13 @@ def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
 
 
 def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState) -> None:
-    rows = light_rows.with_new_light(state.lights, "planck:2700", state.document.grid)
-    assert (
-        light_rows.effective_weights(rows) == (0.0, 0.0, 0.0, 0.0, 1.0) and rows[-1].kelvin == 2700
-    )
-    hotter = light_rows.with_kelvin(rows, 4, 5000.4)
-    assert hotter[4].name == "5000 K" and hotter[4].rig is not rows[4].rig
-    with pytest.raises(SpectrumError, match="D65"):
-        light_rows.with_new_light(rows, "D66", state.document.grid)
+    added = lights.add(state, "planck:2700").state
+    assert light_rows.effective_weights(added.lights) == (0.0, 0.0, 0.0, 0.0, 1.0)
+    assert added.lights[-1].kelvin == 2700
+    hotter = lights.set_kelvin(added, 4, 5000.4).lights
+    assert hotter[4].name == "5000 K" and hotter[4].rig is not added.lights[4].rig
+    refused = lights.add(added, "D66")
+    assert refused.state is added and "D65" in refused.message
 
 
 def pressed(state: ViewState, key: str) -> ViewState:

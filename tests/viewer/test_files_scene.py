@@ -194,10 +194,7 @@ def test_a_basis_that_a_scene_trains_is_kept_where_new_lights_would_change_it(
     state = opened(tmp_path, basis='train = "scene"\nsize = 4')
     assert_same_picture(state, tmp_path)
     assert not (tmp_path / "again.basis.json").exists()
-    more = replace(
-        state, lights=light_rows.with_new_light(state.lights, "HP1", state.document.grid)
-    )
-    assert_same_picture(more, tmp_path)
+    assert_same_picture(lights.add(state, "HP1").state, tmp_path)
     assert (tmp_path / "again.basis.json").exists()
 
 

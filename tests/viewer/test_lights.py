@@ -12,12 +12,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from volspec.errors import SpectrumError, ViewingError
+from volspec.raycast import Ambient, Headlight, LightGroup
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import light_mixes, light_parts, light_rows, lights
-from volspec.viewer.model.light_parts import draw_stroke, with_stroke
+from volspec.viewer.model import light_parts, light_rows, lights
+from volspec.viewer.model.commands import BY_NAME
+from volspec.viewer.model.edit import after
+from volspec.viewer.model.light_mixes import mix_row
+from volspec.viewer.model.light_parts import draw_stroke
 from volspec.viewer.model.light_rows import LightRow, Rows, rig_of
 from volspec.viewer.model.state import ViewState
 
@@ -38,6 +42,20 @@ def grouped() -> LightRow:
 
 
 ROWS: Rows = (row("D65", 1.0), row("A"), row("planck:3000"), grouped())
+
+
+@pytest.fixture(scope="session")
+def lit(state: ViewState) -> ViewState:
+    """Four lights, the last one of two groups, over a cast with both groups."""
+    groups = LightGroup("lamp", (Headlight(),)), LightGroup("sky", (Ambient(),))
+    return replace(state, lights=ROWS, shading=replace(state.shading, groups=groups))
+
+
+def reset(state: ViewState, index: int) -> ViewState:
+    """Undo the drawing of a light."""
+    change = BY_NAME["reset-spectrum"].change
+    assert change is not None
+    return after(change, lights.choose(state, index)).state
 
 
 # Drawing
@@ -71,28 +89,28 @@ def test_two_strokes_meet_where_the_pen_was() -> None:
     assert np.abs(np.diff(once[3:28])).max() < 0.5 and once[15] == 3.0
 
 
-def test_a_drawn_light_is_one_of_its_own_until_it_is_reset() -> None:
-    rows = light_rows.with_weight(ROWS, 2, 0.4)
-    edited = with_stroke(rows, 2, 0, (0.2, 1.0), (0.4, 2.0))
-    again = with_stroke(edited, 2, 0, (0.6, 1.0), (0.7, 2.0))
-    assert again[2].name == "planck:3000 edited" and again[2].text is None
-    assert again[2].kelvin is None and again[2].weight == 0.4
-    assert again[:2] == rows[:2] and again[3] == rows[3]
-    back = light_parts.without_strokes(again, 2)
-    assert back[2] == rows[2]
-    assert light_parts.without_strokes(back, 2) is back
+def test_a_drawn_light_is_one_of_its_own_until_it_is_reset(lit: ViewState) -> None:
+    dimmed = lights.set_weight(lit, 2, 0.4)
+    edited = lights.draw(dimmed, 2, 0, (0.2, 1.0), (0.4, 2.0))
+    again = lights.draw(edited, 2, 0, (0.6, 1.0), (0.7, 2.0))
+    rows = again.lights
+    assert rows[2].name == "planck:3000 edited" and rows[2].texts == (None,)
+    assert rows[2].kelvin is None and rows[2].weight == 0.4
+    assert rows[:2] == dimmed.lights[:2] and rows[3] == dimmed.lights[3]
+    back = reset(again, 2)
+    assert back.lights[2] == dimmed.lights[2]
+    assert reset(back, 2).lights is back.lights
 
 
-def test_a_pen_cannot_put_a_light_out() -> None:
-    rows = with_stroke(ROWS, 0, 0, (-0.1, 0.0), (1.1, 0.0))
-    assert rows is ROWS
-    assert with_stroke(ROWS, 0, 0, (0.1, math.nan), (0.2, 1.0)) is ROWS
-    assert with_stroke(ROWS, 9, 0, (0.1, 1.0), (0.2, 1.0)) is ROWS
-    assert with_stroke(ROWS, 0, 3, (0.1, 1.0), (0.2, 1.0)) is ROWS
+def test_a_pen_cannot_put_a_light_out(lit: ViewState) -> None:
+    assert lights.draw(lit, 0, 0, (-0.1, 0.0), (1.1, 0.0)) is lit
+    assert lights.draw(lit, 0, 0, (0.1, math.nan), (0.2, 1.0)) is lit
+    assert lights.draw(lit, 9, 0, (0.1, 1.0), (0.2, 1.0)) is lit
+    assert lights.draw(lit, 0, 3, (0.1, 1.0), (0.2, 1.0)) is lit
 
 
-def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time() -> None:
-    edited = with_stroke(ROWS, 3, 1, (0.0, 0.0), (0.3, 0.0))[3]
+def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time(lit: ViewState) -> None:
+    edited = lights.draw(lit, 3, 1, (0.0, 0.0), (0.3, 0.0)).lights[3]
     assert edited.rig.lights[0] is ROWS[3].rig.lights[0]
     assert edited.texts == ("A", None) and edited.rig.groups == ("lamp", "sky")
 
@@ -100,12 +118,13 @@ def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time() -> None:
 # Lux
 
 
-def test_lux_count_where_all_that_shines_has_them() -> None:
-    rows = light_parts.with_lux(ROWS, 0, 500.0)
+def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
+    bright = lights.set_lux(lit, 0, 500.0)
+    rows = bright.lights
     rig = rig_of(rows)
     assert rig is not None and rig.total_lux == 500.0
     assert light_parts.lux_note(rows, _SHARES, RelightSpec()).startswith("Together 500 lx")
-    both = light_rows.with_weight(rows, 1, 1.0)
+    both = lights.set_weight(bright, 1, 1.0).lights
     rig = rig_of(both)
     assert rig is not None and rig.total_lux is None
     assert (
@@ -118,73 +137,71 @@ def test_lux_count_where_all_that_shines_has_them() -> None:
     )
     absolute = RelightSpec(level="absolute")
     assert "needs lux, and A has none" in light_parts.lux_note(both, _SHARES, absolute)
-    assert light_parts.with_lux(rows, 0, 0.0)[0].rig.illuminance_lux is None
+    assert lights.set_lux(bright, 0, 0.0).lights[0].rig.illuminance_lux is None
 
 
-def test_lux_of_groups_are_told_for_what_faces_them_all() -> None:
+def test_lux_of_groups_are_told_for_what_faces_them_all(lit: ViewState) -> None:
     """500 lx from a group with three quarters of the light, half of 100 from the rest."""
-    rows = light_parts.with_lux(light_parts.with_lux(ROWS, 3, 500.0), 3, 100.0, part=1)
-    assert rows[3].rig.illuminance_lux == (500.0, 100.0)
-    assert light_parts.facing_lux(rows[3].rig, _SHARES) == pytest.approx(
-        0.75 * 500 + 0.25 * 0.5 * 100
-    )
-    assert light_parts.facing_lux(rows[3].rig, {"other": 1.0}) is None
+    rig = lights.set_lux(lights.set_lux(lit, 3, 500.0), 3, 100.0, part=1).lights[3].rig
+    assert rig.illuminance_lux == (500.0, 100.0)
+    assert light_parts.facing_lux(rig, _SHARES) == pytest.approx(0.75 * 500 + 0.25 * 0.5 * 100)
+    assert light_parts.facing_lux(rig, {"other": 1.0}) is None
 
 
-def test_a_light_added_among_lights_with_lux_has_as_many() -> None:
-    lit = (row("D65", 0.5, 400.0), row("A", 0.0, 50.0))
-    assert light_rows.with_new_light(lit, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux == (200.0,)
-    assert light_rows.with_new_light(ROWS, "FL2", DEFAULT_GRID)[-1].rig.illuminance_lux is None
+def test_a_light_added_among_lights_with_lux_has_as_many(lit: ViewState) -> None:
+    bright = replace(lit, lights=(row("D65", 0.5, 400.0), row("A", 0.0, 50.0)))
+    assert lights.add(bright, "FL2").state.lights[-1].rig.illuminance_lux == (200.0,)
+    assert lights.add(lit, "FL2").state.lights[-1].rig.illuminance_lux is None
 
 
 # Groups
 
 
-def test_a_spectrum_for_all_groups_is_parted_and_joined_again() -> None:
-    split = light_parts.split_by_group(light_parts.with_lux(ROWS, 0, 300.0), 0, ("lamp", "sky"))[0]
+def test_a_spectrum_for_all_groups_is_parted_and_joined_again(lit: ViewState) -> None:
+    parted = lights.split_part(lights.set_lux(lit, 0, 300.0), 0)
+    split = parted.lights[0]
     assert split.rig.groups == ("lamp", "sky") and split.texts == ("D65", "D65")
     assert split.rig.illuminance_lux == (300.0, 300.0)
     # All groups at 300 lx, and each at 300 lx times its share, are the same light.
     assert light_parts.facing_lux(split.rig, _SHARES) == pytest.approx(300.0)
-    less = light_parts.without_part((split,), 0, 1)
-    assert less[0].rig.groups == ("lamp",) and less[0].text == "D65"
-    assert light_parts.without_part(less, 0, 0) is less
-    assert light_parts.with_part_group(less, 0, 0, "")[0].rig.groups == ("",)
-    assert light_parts.with_part(less, 0, "sky")[0].rig.groups == ("lamp", "sky")
+    less = lights.remove_part(parted, 0, 1)
+    assert less.lights[0].rig.groups == ("lamp",) and less.lights[0].texts == ("D65",)
+    assert lights.remove_part(less, 0, 0) is less
+    assert lights.regroup(less, 0, 0, "").lights[0].rig.groups == ("",)
+    assert lights.add_part(less, 0, "sky").lights[0].rig.groups == ("lamp", "sky")
 
 
-def test_a_group_cannot_be_weighted_until_all_is_dark() -> None:
-    rows = light_parts.with_part_weight(ROWS, 3, 0, 0.0)
-    assert rows[3].rig.weights == (0.0, 0.5)
-    assert light_parts.with_part_weight(rows, 3, 1, 0.0) is rows
-    assert (
-        light_parts.with_part_weight(rows, 3, 1, 99.0)[3].rig.weights[1] == light_parts.MOST_WEIGHT
-    )
+def test_a_group_cannot_be_weighted_until_all_is_dark(lit: ViewState) -> None:
+    new = lights.set_part_weight(lit, 3, 0, 0.0)
+    assert new.lights[3].rig.weights == (0.0, 0.5)
+    assert lights.set_part_weight(new, 3, 1, 0.0) is new
+    brighter = lights.set_part_weight(new, 3, 1, 99.0)
+    assert brighter.lights[3].rig.weights[1] == light_parts.MOST_WEIGHT
 
 
-def test_a_spectrum_is_respelled_or_refused_with_the_name() -> None:
-    rows = light_parts.with_part_spectrum(ROWS, 0, 0, "planck:2700", DEFAULT_GRID)
-    assert rows[0].name == "2700 K" and rows[0].kelvin == 2700.0 and rows[0].weight == 1.0
-    sky = light_parts.with_part_spectrum(ROWS, 3, 1, "daylight:7500", DEFAULT_GRID)
-    assert sky[3].name == "evening" and sky[3].texts == ("A", "daylight:7500")
-    assert light_parts.with_part_spectrum(ROWS, 0, 0, " D65 ", DEFAULT_GRID) is ROWS
-    with pytest.raises(SpectrumError, match="D6"):
-        light_parts.with_part_spectrum(ROWS, 0, 0, "D6", DEFAULT_GRID)
+def test_a_spectrum_is_respelled_or_refused_with_the_name(lit: ViewState) -> None:
+    new = lights.respell(lit, 0, 0, "planck:2700").state.lights[0]
+    assert new.name == "2700 K" and new.kelvin == 2700.0 and new.weight == 1.0
+    sky = lights.respell(lit, 3, 1, "daylight:7500").state.lights[3]
+    assert sky.name == "evening" and sky.texts == ("A", "daylight:7500")
+    assert lights.respell(lit, 0, 0, " D65 ").state is lit
+    refused = lights.respell(lit, 0, 0, "D6")
+    assert refused.state is lit and "D6" in refused.message
 
 
-def edit(rows: Rows, what: int, index: int, part: int, x: float) -> Rows:
+def edit(state: ViewState, what: int, index: int, part: int, x: float) -> ViewState:
     """One of all edits."""
     if what == 0:
-        return light_parts.with_lux(rows, index, x, part)
+        return lights.set_lux(state, index, x, part)
     if what == 1:
-        return light_parts.with_part_weight(rows, index, part, x)
+        return lights.set_part_weight(state, index, part, x)
     if what == 2:
-        return light_parts.with_part_group(rows, index, part, ("", "lamp", "sky")[part % 3])
+        return lights.regroup(state, index, part, ("", "lamp", "sky")[part % 3])
     if what == 3:
-        return light_parts.with_part(rows, index, "sky")
+        return lights.add_part(state, index, "sky")
     if what == 4:
-        return light_parts.without_part(rows, index, part)
-    return light_parts.split_by_group(rows, index, ("lamp", "sky"))
+        return lights.remove_part(state, index, part)
+    return lights.split_part(state, index)
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
@@ -195,15 +212,15 @@ def edit(rows: Rows, what: int, index: int, part: int, x: float) -> Rows:
     )
 )
 def test_no_edit_of_parts_makes_a_row_that_gives_no_light(
+    lit: ViewState,
     steps: list[tuple[int, int, int, float]],
 ) -> None:
-    rows = ROWS
     for step in steps:
-        rows = edit(rows, *step)
-    for each in rows:
+        lit = edit(lit, *step)
+    for each in lit.lights:
         each.rig.mixed(DEFAULT_GRID)
         assert len(each.texts) == len(each.rig.lights)
-    rig_of(rows)
+    rig_of(lit.lights)
 
 
 # Notation
@@ -235,34 +252,39 @@ def test_a_file_is_found_beside_the_scene_and_else_where_the_program_runs(
     assert light_rows.spectrum_of("scene.csv", DEFAULT_GRID, str(scene))[1] == "scene.csv"
     assert light_rows.spectrum_of("here.csv", DEFAULT_GRID, str(scene))[1] == str(here / "here.csv")
     with pytest.raises(SpectrumError, match=r"nosuch\.csv"):
-        light_rows.with_new_light(ROWS, "nosuch.csv", DEFAULT_GRID, str(scene))
+        light_rows.spectrum_of("nosuch.csv", DEFAULT_GRID, str(scene))
 
 
-def test_names_stay_apart_as_rows_of_one_name_are_one_setting() -> None:
-    rows = ROWS
+def test_names_stay_apart_as_rows_of_one_name_are_one_setting(lit: ViewState) -> None:
     for _ in range(3):
-        rows = light_rows.with_new_light(rows, "d65", DEFAULT_GRID)
-    assert [each.name for each in rows[4:]] == ["D65 (2)", "D65 (3)", "D65 (4)"]
-    assert {each.text for each in rows[4:]} == {"D65"}
+        lit = lights.add(lit, "d65").state
+    added = lit.lights[4:]
+    assert [each.name for each in added] == ["D65 (2)", "D65 (3)", "D65 (4)"]
+    assert {each.texts for each in added} == {("D65",)}
 
 
-def test_forty_lights_have_room_and_more_are_refused_in_words() -> None:
-    rows = ROWS
-    for _ in range(light_rows.MOST_ROWS - len(rows)):
-        rows = light_rows.with_new_light(rows, "A", DEFAULT_GRID)
-    assert len(rows) >= 64
-    with pytest.raises(SpectrumError, match="remove one first"):
-        light_rows.with_new_light(rows, "A", DEFAULT_GRID)
+def test_forty_lights_have_room_and_more_are_refused_in_words(lit: ViewState) -> None:
+    for _ in range(light_rows.MOST_ROWS - len(lit.lights)):
+        lit = lights.add(lit, "A").state
+    assert len(lit.lights) >= 64
+    refused = lights.add(lit, "A")
+    assert refused.state is lit and "remove one first" in refused.message
 
 
 # Mixes
 
 
-def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed() -> None:
-    rows = light_rows.with_weight(light_rows.with_weight(ROWS[:3], 0, 0.7), 1, 0.3)
-    before, kept = rig_of(rows), light_mixes.with_mix(rows, DEFAULT_GRID)
-    assert before is not None
-    assert kept[-1].text == "D65*0.7+A*0.3" and light_rows.effective_weights(kept) == (0, 0, 0, 1)
+def mixed(rows: Rows) -> LightRow:
+    kept = mix_row(rows, DEFAULT_GRID)
+    assert kept is not None
+    return kept
+
+
+def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit: ViewState) -> None:
+    state = lights.set_weight(lights.set_weight(replace(lit, lights=ROWS[:3]), 0, 0.7), 1, 0.3)
+    before, kept = rig_of(state.lights), lights.keep_mix(state).state.lights
+    assert before is not None and kept[-1].texts == ("D65*0.7+A*0.3",)
+    assert light_rows.effective_weights(kept) == (0, 0, 0, 1)
     # The text has four digits.
     expected = before.mixed(DEFAULT_GRID).values
     np.testing.assert_allclose(kept[-1].rig.lights[0].values, expected, rtol=1e-3)
@@ -271,21 +293,21 @@ def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed() -> None
 
 def test_a_kept_mix_of_mixes_names_each_lamp_once() -> None:
     rows = (row("D65*0.5+A*0.5", 0.5), row("A", 0.25))
-    assert light_mixes.with_mix(rows, DEFAULT_GRID)[-1].text == "D65*0.25+A*0.5"
+    assert mixed(rows).texts == ("D65*0.25+A*0.5",)
 
 
 def test_a_kept_mix_with_lux_has_their_sum_and_shares_of_it() -> None:
     rows = (row("D65", 0.5, 400.0), row("A*2", 1.0, 600.0))
-    kept = light_mixes.with_mix(rows, DEFAULT_GRID)[-1]
-    assert kept.rig.illuminance_lux == (800.0,) and kept.text == "D65*0.25+A*0.75"
+    kept = mixed(rows)
+    assert kept.rig.illuminance_lux == (800.0,) and kept.texts == ("D65*0.25+A*0.75",)
 
 
-def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are() -> None:
-    edited = light_rows.with_weight(with_stroke(ROWS, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
-    kept = light_mixes.with_mix(edited, DEFAULT_GRID)[-1]
+def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are(lit: ViewState) -> None:
+    edited = lights.set_weight(lights.draw(lit, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
+    kept = mixed(edited.lights)
     assert kept.rig.groups == ("", "lamp", "sky") and kept.texts == (None, "A", "D65*0.5")
-    dark = light_rows.with_changes(light_rows.with_changes(edited, 0, weight=0.0), 3, muted=True)
-    assert light_mixes.with_mix(dark, DEFAULT_GRID) is dark
+    dark = lights.toggle_mute(lights.set_weight(edited, 0, 0.0), 3)
+    assert mix_row(dark.lights, DEFAULT_GRID) is None
 
 
 # Edits

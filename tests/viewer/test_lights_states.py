@@ -14,8 +14,15 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light
 from volspec.viewer.model import camera, light_rows, light_states, lights
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.light_parts import with_stroke
-from volspec.viewer.model.light_rows import LightRow, Rows, effective_weights, rig_of
+from volspec.viewer.model.light_parts import draw_stroke
+from volspec.viewer.model.light_rows import (
+    LightRow,
+    Rows,
+    at_kelvin,
+    effective_weights,
+    rig_of,
+    with_changes,
+)
 from volspec.viewer.model.light_states import interpolate_lights, recalled_rows
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.fader import Fader
@@ -34,9 +41,11 @@ START: Rows = (row("D65", 1.0, 100.0), row("A", 0.5, 200.0), row("planck:2000", 
 
 def after(rows: Rows) -> Rows:
     """D65 muted, A solo and drawn, the radiator hotter, and one light more."""
-    rows = with_stroke(light_rows.with_changes(rows, 0, muted=True), 1, 0, (0.1, 3.0), (0.4, 3.0))
-    rows = light_rows.with_kelvin(rows, 2, 8000.0)
-    return (*rows, row("FL2", 0.8, 400.0))
+    pen = draw_stroke(rows[1].rig.lights[0].values, (0.1, 3.0), (0.4, 3.0))
+    drawn = replace(rows[1].rig, lights=(replace(rows[1].rig.lights[0], values=pen),))
+    rows = with_changes(rows, 0, muted=True)
+    rows = with_changes(rows, 1, name="A edited", rig=drawn, texts=(None,), before=rows[1])
+    return (*rows[:2], replace(at_kelvin(rows[2], 8000.0), name="8000 K"), row("FL2", 0.8, 400.0))
 
 
 END = after(START)

@@ -13,14 +13,12 @@ import pytest
 from volspec.errors import InputError
 from volspec.palette import Cell
 from volspec.relight import LightRig
-from volspec.spectra import DEFAULT_GRID, light
+from volspec.spectra import light
 from volspec.viewer.model import cuts, light_rows, light_states, lights, transfer_edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.light_parts import with_part_spectrum, with_stroke, without_strokes
 from volspec.viewer.model.light_rows import LightRow, effective_weights
-from volspec.viewer.model.lights import rename
 from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.ui.inputs import Input
@@ -125,34 +123,34 @@ def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> 
 
 
 def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
-    rows = light_rows.with_name(state.lights, 1, "  my\n lamp ")
-    assert rows[1].name == "my lamp" and rows[1].rig is state.lights[1].rig
-    assert light_rows.with_name(rows, 2, "my lamp")[2].name == "my lamp (2)"
+    new = lights.rename(state, 1, "  my\n lamp ")
+    assert new.lights[1].name == "my lamp" and new.lights[1].rig is state.lights[1].rig
+    assert lights.rename(new, 2, "my lamp").lights[2].name == "my lamp (2)"
     for index, name in ((1, "my lamp"), (1, " "), (9, "x"), (-1, "x")):
-        assert light_rows.with_name(rows, index, name) is rows
+        assert lights.rename(new, index, name) is new
 
 
 def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
-    rows = light_rows.with_name(state.lights, 3, "lamp")
-    assert light_rows.with_kelvin(rows, 3, 5000.0)[3].name == "lamp"
-    assert with_part_spectrum(rows, 3, 0, "D50", DEFAULT_GRID)[3].name == "lamp"
-    pen = with_stroke(rows, 3, 0, (0.1, 2.0), (0.5, 2.0))
-    assert pen[3].name == "lamp" == without_strokes(pen, 3)[3].name
+    new = lights.choose(lights.rename(state, 3, "lamp"), 3)
+    assert lights.set_kelvin(new, 3, 5000.0).lights[3].name == "lamp"
+    assert lights.respell(new, 3, 0, "D50").state.lights[3].name == "lamp"
+    pen = lights.draw(new, 3, 0, (0.1, 2.0), (0.5, 2.0))
+    assert pen.lights[3].name == "lamp" == done(pen, "reset-spectrum").lights[3].name
     # Also where it was given after the drawing.
-    later = light_rows.with_name(with_stroke(state.lights, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
-    assert with_stroke(later, 1, 0, (0.6, 2.0), (0.9, 2.0))[1].name == "mine"
+    later = lights.rename(lights.draw(state, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
+    assert lights.draw(later, 1, 0, (0.6, 2.0), (0.9, 2.0)).lights[1].name == "mine"
 
 
 def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
     kept = light_states.save(state)
-    back = light_states.recall(replace(kept, lights=light_rows.with_name(kept.lights, 0, "x")), 0)
+    back = light_states.recall(lights.rename(kept, 0, "x"), 0)
     assert back.lights == state.lights
 
 
 def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
     cell = Cell("same", other=("gold", "A"))
     targets = DesignTargets({("gold", "A"): cell}, frozenset({(LIGHT, "A")}), lamps={"A": ("FL2",)})
-    board = rename(replace(state, palette=PaletteState(targets, targets)), 1, "lamp").palette
+    board = lights.rename(replace(state, palette=PaletteState(targets, targets)), 1, "lamp").palette
     assert list(board.targets.cells) == [("gold", "lamp")]
     assert board.targets.cells["gold", "lamp"].other == ("gold", "lamp")
     assert board.targets.open == {(LIGHT, "lamp")} and dict(board.targets.lamps) == {
@@ -160,17 +158,17 @@ def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
     }
     assert not board.is_pending
     other = replace(state, palette=PaletteState(targets))
-    assert rename(other, 2, "lamp").palette == other.palette
+    assert lights.rename(other, 2, "lamp").palette == other.palette
 
 
-def test_a_drawn_light_says_from_what() -> None:
+def test_a_drawn_light_says_from_what(state: ViewState) -> None:
     from volspec.viewer.ui import lights_rows as rows
 
     lamp = LightRow("day", "D65 at noon", LightRig((light("D65"),)), 1.0, texts=("D65",))
     assert rows.row_tip(lamp) == "day\nD65 at noon"
-    pen = with_stroke((lamp,), 0, 0, (0.1, 2.0), (0.5, 2.0))
-    again = with_stroke(pen, 0, 0, (0.6, 2.0), (0.9, 2.0))
-    assert rows.row_tip(again[0]) == "day edited\nDrawn by hand, from D65"
+    pen = lights.draw(replace(state, lights=(lamp,)), 0, 0, (0.1, 2.0), (0.5, 2.0))
+    again = lights.draw(pen, 0, 0, (0.6, 2.0), (0.9, 2.0))
+    assert rows.row_tip(again.lights[0]) == "day edited\nDrawn by hand, from D65"
 
 
 def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:

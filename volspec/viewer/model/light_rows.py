@@ -1,17 +1,18 @@
-"""The list of lights: rows with weights, solo and mute; added, heated, removed.
+"""The list of lights: rows with weights, solo and mute, and what shines of them.
 
-rows -> [lights] -> LightRig -> relight
+scene, notation -> [light_rows] -> rows -> LightRig -> relight
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
-from volspec.errors import SpectrumError, ViewingError
+from volspec.errors import ViewingError
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.spec import mixed_rig
 from volspec.scene.lights import LightTable, NamedLight
@@ -21,6 +22,8 @@ from volspec.spectra.files import split_address
 KELVIN = (1000.0, 20000.0)
 MOST_ROWS = 99
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True, slots=True)
 class LightRow:
@@ -28,23 +31,21 @@ class LightRow:
 
     Parameters
     ----------
-    name : str
     label : str
-        What it is, in words.
+        Description.
     rig : LightRig
-        What it shines with at weight 1.
+        The light at weight 1.
     weight : float
         0 to 1.
-    solo, muted : bool
     kelvin : float, optional
-        Of a Planck radiator, whose temperature can be changed.
+        Temperature of a Planck radiator; None for any other light.
     texts : tuple of (str or None), optional
-        What each light of the rig was made from, in `volspec.light`'s notation; None where it was
-        drawn. Relative files start from the document's folder.
+        Each spectrum of the rig in `volspec.light`'s notation; None if it was drawn. Relative
+        names of files start from the document's folder.
     before : LightRow, optional
-        What it was until its spectrum was drawn.
+        The row before its spectrum was drawn.
     named : bool
-        Whether its name was given by hand: it stays when the spectrum becomes another.
+        The name was given by hand: it stays if the spectrum becomes another.
 
     Raises
     ------
@@ -70,26 +71,13 @@ class LightRow:
             raise ViewingError(f"light {self.name!r} has {len(texts)} texts for {count} spectra")
         object.__setattr__(self, "texts", texts)
 
-    @property
-    def text(self) -> str | None:
-        """What it was made from; None where it was drawn, or has several spectra."""
-        return self.texts[0] if len(self.texts) == 1 else None
-
 
 Rows = tuple[LightRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class LightState:
-    """Lights as they were when they were saved.
-
-    Parameters
-    ----------
-    name : str
-    lights : tuple of LightRow
-    relight : RelightSpec
-        Viewing, mode, backdrop and level.
-    """
+    """Lights and viewing that were saved under a name."""
 
     name: str
     lights: Rows
@@ -98,16 +86,7 @@ class LightState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fade:
-    """The way to the state's lights from those that were before.
-
-    Parameters
-    ----------
-    lights : tuple of LightRow
-    relight : RelightSpec
-        Where it starts.
-    seconds : float
-        How long it takes.
-    """
+    """Start of a fade to the state's lights and viewing, and how long it takes in seconds."""
 
     lights: Rows
     relight: RelightSpec
@@ -118,13 +97,12 @@ def rows_of(
     lights: Sequence[NamedLight],
     tables: Mapping[str, Sequence[LightTable]] = MappingProxyType({}),
 ) -> Rows:
-    """A scene's lights, of which the first is on.
+    """Return a scene's lights as rows, of which the first is on.
 
     Parameters
     ----------
-    lights : sequence of NamedLight
     tables : {name: rows}, optional
-        What the file has of each (`volspec.scene.lights.rows_by_name`): the notation.
+        Tables of each light in the file (`volspec.scene.lights.rows_by_name`): its notation.
     """
     rows = []
     for i, named in enumerate(lights):
@@ -139,7 +117,7 @@ def rows_of(
 
 
 def kelvin_of(text: str | None) -> float | None:
-    """The temperature that ``planck:KELVIN`` names; None for any other light.
+    """Return the temperature that ``planck:KELVIN`` names; None for any other light.
 
     >>> kelvin_of("planck:3200"), kelvin_of("D65")
     (3200.0, None)
@@ -151,36 +129,67 @@ def kelvin_of(text: str | None) -> float | None:
         return None
 
 
+def at_kelvin(row: LightRow, kelvin: float) -> LightRow:
+    """Return a Planck radiator's row at another temperature, in whole kelvins."""
+    kelvin = min(max(round(kelvin), KELVIN[0]), KELVIN[1])
+    text = f"planck:{kelvin:g}"
+    rig = replace(row.rig, lights=(light(text, row.rig.lights[0].grid),))
+    return replace(row, rig=rig, kelvin=kelvin, texts=(text,))
+
+
 def effective_weights(rows: Rows) -> tuple[float, ...]:
-    """The weights that count, after solo and mute."""
+    """Return the weights after solo and mute."""
     solo = any(row.solo for row in rows)
     return tuple(0.0 if row.muted or (solo and not row.solo) else row.weight for row in rows)
 
 
 def rig_of(rows: Rows) -> LightRig | None:
-    """What lights the picture; None where every light is off.
+    """Return the mix that lights the picture; None if every light is off.
 
-    The lights' lux count where all that shine carry them.
+    It has lux if all lights that shine have them.
     """
     weights = effective_weights(rows)
     return mixed_rig([row.rig for row in rows], weights) if any(weights) else None
 
 
+def parts_by_group(rig: LightRig) -> dict[str, LightRig]:
+    """Return what shines from each light group alone, as rigs without groups."""
+    lux = rig.illuminance_lux
+    parts = {}
+    for group in dict.fromkeys(rig.groups):
+        own = [
+            j
+            for j, name in enumerate(rig.groups)
+            if name == group and rig.weights[j] > 0 and (lux is None or lux[j] > 0)
+        ]
+        if own:
+            parts[group] = LightRig(
+                tuple(rig.lights[j] for j in own),
+                tuple(rig.weights[j] for j in own),
+                tuple(lux[j] for j in own) if lux else None,
+            )
+    return parts
+
+
+def with_item(items: tuple[T, ...], index: int, item: T) -> tuple[T, ...]:
+    """Return a tuple with another item in one's place."""
+    return (*items[:index], item, *items[index + 1 :])
+
+
+def without_item(items: tuple[T, ...], index: int) -> tuple[T, ...]:
+    """Return a tuple without one of its items."""
+    return (*items[:index], *items[index + 1 :])
+
+
 def with_changes(rows: Rows, index: int, **changes: Any) -> Rows:
-    """One row with other settings; all as they are where there is no such row."""
+    """Change fields of a row, if there is such a row."""
     if not 0 <= index < len(rows):
         return rows
-    row = replace(rows[index], **changes)
-    return (*rows[:index], row, *rows[index + 1 :])
-
-
-def with_weight(rows: Rows, index: int, weight: float) -> Rows:
-    """One row with another weight, within 0 to 1."""
-    return with_changes(rows, index, weight=min(max(weight, 0.0), 1.0))
+    return with_item(rows, index, replace(rows[index], **changes))
 
 
 def only_row(rows: Rows, index: int) -> Rows:
-    """One light on, all others off."""
+    """Turn one light on and all others off."""
     return tuple(
         replace(row, weight=1.0 if i == index else 0.0, solo=False, muted=False)
         for i, row in enumerate(rows)
@@ -188,48 +197,25 @@ def only_row(rows: Rows, index: int) -> Rows:
 
 
 def brightest_row(rows: Rows) -> int:
-    """The row that shines most; the first where none does."""
+    """Return the index of the row that shines most; of several, or if none shines, the first."""
     weights = effective_weights(rows)
     return weights.index(max(weights)) if weights else 0
 
 
-def with_kelvin(rows: Rows, index: int, kelvin: float) -> Rows:
-    """A Planck radiator at another temperature."""
-    if not (0 <= index < len(rows)) or rows[index].kelvin is None:
-        return rows
-    kelvin = min(max(round(kelvin), KELVIN[0]), KELVIN[1])
-    row, text = rows[index], f"planck:{kelvin:g}"
-    rig = replace(row.rig, lights=(light(text, row.rig.lights[0].grid),))
-    name = row.name
-    if not row.named:
-        name = unused_name(f"{kelvin:g} K", (*rows[:index], *rows[index + 1 :]))
-    return with_changes(rows, index, rig=rig, kelvin=kelvin, name=name, texts=(text,))
-
-
-def with_name(rows: Rows, index: int, name: str) -> Rows:
-    """A row under another name, numbered where that is taken; without one all stay as they are."""
-    name = " ".join(name.split())
-    if not 0 <= index < len(rows) or name in ("", rows[index].name):
-        return rows
-    others = (*rows[:index], *rows[index + 1 :])
-    return with_changes(rows, index, name=unused_name(name, others), named=True)
-
-
-def unused_name(name: str, rows: Rows) -> str:
-    """A name that no row has: with a number behind it where it is taken.
+def unused_name(name: str, taken: Collection[str]) -> str:
+    """Return a name that is not taken, with a number after it if necessary.
 
     Rows of one name would be one setting of a scene file.
     """
-    taken = {row.name for row in rows}
-    names = (name, *(f"{name} ({number})" for number in range(2, len(rows) + 3)))
-    return next(each for each in names if each not in taken)
+    numbered = (f"{name} ({number})" for number in itertools.count(2))
+    return next(each for each in itertools.chain((name,), numbered) if each not in taken)
 
 
 def spectrum_of(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[Spectrum, str]:
-    """A light in `volspec.light`'s notation, and that notation as it is kept.
+    """Return a light in `volspec.light`'s notation, and that notation as it is saved.
 
-    A file's relative name starts from the document's folder, or from where the program runs if
-    it is only there; then it is kept whole.
+    A file's relative name starts from the document's folder. If it is only where the program
+    runs, that is where it starts, and it is saved as an absolute one.
 
     Raises
     ------
@@ -245,54 +231,3 @@ def spectrum_of(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[Spect
     if not Path(folder, file).exists() and Path(file).exists():
         text = f"{Path(file).absolute()}{'#' if selector else ''}{selector}"
     return light(text, grid, folder=folder), text
-
-
-def with_new_light(rows: Rows, text: str, grid: SpectralGrid, folder: str = ".") -> Rows:
-    """A light of the library, in `volspec.light`'s notation, alone and at the end of the list.
-
-    It gets as many lux as shine now, where all the others have some.
-
-    Raises
-    ------
-    SpectrumError
-        If there is no such light, or no room.
-    """
-    spectrum, kept = spectrum_of(text, grid, folder)
-    kelvin = kelvin_of(kept)
-    name, label = (kept if split_address(kept) is None else spectrum.name or kept), kept
-    if kelvin is not None:
-        name, label = f"{kelvin:g} K", "Planck radiator"
-    rig = LightRig((spectrum,), illuminance_lux=_present_lux(rows))
-    return with_row(rows, LightRow(name, label, rig, kelvin=kelvin, texts=(kept,)))
-
-
-def with_row(rows: Rows, row: LightRow) -> Rows:
-    """One more row at the end, alone, under a name of its own.
-
-    Raises
-    ------
-    SpectrumError
-        If there is no room.
-    """
-    if len(rows) >= MOST_ROWS:
-        raise SpectrumError(f"{MOST_ROWS} lights are the most; remove one first")
-    return only_row((*rows, replace(row, name=unused_name(row.name, rows))), len(rows))
-
-
-def _present_lux(rows: Rows) -> tuple[float] | None:
-    if any(row.rig.illuminance_lux is None for row in rows):
-        return None
-    rig = rig_of(rows) or rows[0].rig
-    lux = rig.illuminance_lux
-    # Of one group's light a surface gets that group's share.
-    named = any(rig.groups)
-    total = max(lux or (0.0,)) if named else rig.total_lux
-    return (total,) if total else None
-
-
-def without_row(rows: Rows, index: int) -> Rows:
-    """Without one row; the last one stays."""
-    if len(rows) < 2 or not 0 <= index < len(rows):
-        return rows
-    rest = (*rows[:index], *rows[index + 1 :])
-    return rest if any(effective_weights(rest)) else only_row(rest, min(index, len(rest) - 1))

@@ -2,16 +2,17 @@
 
     rows, viewing -> [light_states] -> LightState
 
-A fade is a pure function of a share; its clock is `volspec.viewer.work.fader`.
+The clock of a fade is `volspec.viewer.work.fader`.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from volspec.appearance import Viewing
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum
@@ -21,73 +22,63 @@ from volspec.viewer.model.light_rows import (
     LightRow,
     LightState,
     Rows,
+    at_kelvin,
     brightest_row,
     effective_weights,
-    with_kelvin,
+    with_item,
+    without_item,
 )
 from volspec.viewer.model.state import ViewState
 
 MOST_SECONDS = 10.0
 MOST_STATES = 99
-# Of what an eye takes by ratios.
+# Settings of the viewing that the eye takes by ratios, and those that go evenly.
 _BY_RATIO = ("illuminance_lux", "exposure")
 _BY_STEP = ("L_A", "Y_b", "surround", "D", "fov_deg")
 
 
-def new_state_name(states: tuple[LightState, ...]) -> str:
-    """A name that none of them has: ``State 1``, ``State 2``, …"""
-    taken = {state.name for state in states}
-    return next(name for i in range(1, len(states) + 2) if (name := f"State {i}") not in taken)
-
-
 def recalled_rows(now: Rows, saved: Rows) -> Rows:
-    """A saved state's lights; those that it does not know stay in the list, off."""
+    """Return a saved state's lights; those that it does not know stay in the list, off."""
     known = {old for old, _ in matching_rows(now, saved) if old is not None}
     rest = [row for i, row in enumerate(now) if i not in known]
     return (*saved, *(replace(row, weight=0.0, solo=False, muted=False) for row in rest))
 
 
 def matching_rows(start: Rows, end: Rows) -> list[tuple[int | None, int]]:
-    """For each light of the end the one of the start that it was.
+    """Return (index at the start, index at the end) of each light of the end; None if it is new.
 
-    By what it shines with and its name, by its name, by what it shines with, by being Planck's.
-
-    Names are those before a spectrum was drawn. None where it is new.
+    Lights match by rig and name, else by the name before their spectrum was drawn, else by rig (a
+    light that was renamed), else as Planck radiators.
     """
     left = dict(enumerate(start))
     found: dict[int, int] = {}
-
-    def take(at: int, like: Any) -> None:
-        match = next((i for i, row in left.items() if like(row)), None)
-        if match is not None:
-            found[at] = match
-            del left[match]
-
-    for at, row in enumerate(end):
-        take(at, lambda old, row=row: old.rig is row.rig and old.name == row.name)
-    for at, row in enumerate(end):
-        if at not in found:
-            take(at, lambda old, row=row: _root(old) == _root(row))
-    for at, row in enumerate(end):
-        if at not in found:  # it was renamed
-            take(at, lambda old, row=row: old.rig is row.rig)
-    for at, row in enumerate(end):
-        if at not in found and row.kelvin is not None:
-            take(at, lambda old: old.kelvin is not None)
+    tests: tuple[Callable[[LightRow, LightRow], bool], ...] = (
+        lambda old, new: old.rig is new.rig and old.name == new.name,
+        lambda old, new: _root(old) == _root(new),
+        lambda old, new: old.rig is new.rig,
+        lambda old, new: old.kelvin is not None and new.kelvin is not None,
+    )
+    for is_match in tests:
+        for at, new in enumerate(end):
+            if at in found:
+                continue
+            match = next((i for i, old in left.items() if is_match(old, new)), None)
+            if match is not None:
+                found[at] = match
+                del left[match]
     return [(found.get(at), at) for at in range(len(end))]
 
 
 def interpolate_lights(
     start: tuple[Rows, RelightSpec], end: tuple[Rows, RelightSpec], share: float
 ) -> tuple[Rows, RelightSpec]:
-    """What lies between two settings of lights and viewing.
+    """Interpolate between two settings of lights and viewing.
 
-    Weights, lux, spectra and the viewing's numbers go evenly; temperatures and what the eye takes
-    by ratios (lux of the viewing, exposure) by equal ratios or mireds; words change at the start.
+    Weights, lux, spectra and the viewing's numbers go evenly; temperatures by equal mireds; lux of
+    the viewing and exposure by equal ratios; words change at the start.
 
     Parameters
     ----------
-    start, end : (rows, RelightSpec)
     share : float
         0 gives the start itself and 1 the end.
     """
@@ -97,18 +88,18 @@ def interpolate_lights(
         return end
     rows, old = end[0], start[0]
     from_weights, to_weights = effective_weights(old), effective_weights(rows)
-    between: list[LightRow] = []
-    matched = matching_rows(old, rows)
-    for i, at in matched:
-        weight = (1 - share) * (from_weights[i] if i is not None else 0.0) + share * to_weights[at]
-        row = rows[at] if i is None else _row_between(old[i], rows[at], share)
-        between.append(replace(row, weight=weight, solo=False, muted=False))
-    known = {i for i, _ in matched if i is not None}
-    for i, row in enumerate(old):
-        if i not in known:
-            weight = (1 - share) * from_weights[i]
-            between.append(replace(row, weight=weight, solo=False, muted=False))
-    return tuple(between), _relight_between(start[1], end[1], share)
+    left = dict(enumerate(old))
+    between: list[tuple[LightRow, float]] = []
+    for i, at in matching_rows(old, rows):
+        weight = share * to_weights[at]
+        if i is None:
+            between.append((rows[at], weight))
+        else:
+            row = _row_between(left.pop(i), rows[at], share)
+            between.append((row, (1 - share) * from_weights[i] + weight))
+    between += [(row, (1 - share) * from_weights[i]) for i, row in left.items()]
+    mixed = tuple(replace(row, weight=w, solo=False, muted=False) for row, w in between)
+    return mixed, _relight_between(start[1], end[1], share)
 
 
 def _root(row: LightRow) -> str:
@@ -122,7 +113,7 @@ def _row_between(old: LightRow, new: LightRow, share: float) -> LightRow:
     if old.kelvin and new.kelvin:
         # Equal steps of 1/T look alike.
         kelvin = 1.0 / ((1 - share) / old.kelvin + share / new.kelvin)
-        new = replace(with_kelvin((new,), 0, kelvin)[0], name=new.name)
+        new = at_kelvin(new, kelvin)
         b = new.rig
     alike = len(a.lights) == len(b.lights) and a.groups == b.groups
     if not alike or any(
@@ -159,15 +150,12 @@ def _relight_between(old: RelightSpec, new: RelightSpec, share: float) -> Religh
     backdrop = new.backdrop
     if _are_numbers(old.backdrop, new.backdrop):
         backdrop = _mean(old.backdrop, new.backdrop, share)
+    changes = {name: value for name, value in changes.items() if value != getattr(b, name)}
     try:
-        return replace(new, viewing=_changed(b, changes), backdrop=backdrop)
+        viewing = replace(b, **changes) if changes else b
+        return replace(new, viewing=viewing, backdrop=backdrop)
     except VolspecError:  # the words of one do not go with numbers of the other
         return new
-
-
-def _changed(viewing: Viewing, changes: dict[str, Any]) -> Viewing:
-    different = {name: v for name, v in changes.items() if v != getattr(viewing, name)}
-    return replace(viewing, **different) if different else viewing
 
 
 def _mean(a: Any, b: Any, share: float) -> Any:
@@ -181,10 +169,12 @@ def _are_numbers(*values: object) -> bool:
 @edit
 def save(state: ViewState) -> ViewState:
     """Save the present lights and viewing as a state."""
-    if len(state.saved_lights) >= MOST_STATES:
+    saved = state.saved_lights
+    if len(saved) >= MOST_STATES:
         return state
-    new = LightState(new_state_name(state.saved_lights), state.lights, state.relight)
-    return replace(state, saved_lights=(*state.saved_lights, new))
+    taken = {each.name for each in saved}
+    name = next(name for i in itertools.count(1) if (name := f"State {i}") not in taken)
+    return replace(state, saved_lights=(*saved, LightState(name, state.lights, state.relight)))
 
 
 def _saved(state: ViewState) -> Edited:
@@ -196,7 +186,7 @@ def _saved(state: ViewState) -> Edited:
 @edit
 def save_over(state: ViewState, index: int) -> ViewState:
     """Replace a saved state by the present lights and viewing."""
-    return _with(state, index, lights=state.lights, relight=state.relight)
+    return _change(state, index, lights=state.lights, relight=state.relight)
 
 
 @edit
@@ -205,7 +195,7 @@ def rename(state: ViewState, index: int, name: str) -> ViewState:
     name = " ".join(name.split())
     if not name or any(kept.name == name for kept in state.saved_lights):
         return state
-    return _with(state, index, name=name)
+    return _change(state, index, name=name)
 
 
 @edit
@@ -213,14 +203,12 @@ def delete(state: ViewState, index: int) -> ViewState:
     """Delete a saved state."""
     if not 0 <= index < len(state.saved_lights):
         return state
-    return replace(
-        state, saved_lights=(*state.saved_lights[:index], *state.saved_lights[index + 1 :])
-    )
+    return replace(state, saved_lights=without_item(state.saved_lights, index))
 
 
 @edit
 def recall(state: ViewState, index: int) -> ViewState:
-    """Take the lights and the viewing of a saved state; the way there is a fade."""
+    """Fade to the lights and the viewing of a saved state."""
     if not 0 <= index < len(state.saved_lights):
         return state
     saved = state.saved_lights[index]
@@ -237,13 +225,13 @@ def set_fade(state: ViewState, seconds: float) -> ViewState:
     return replace(state, interface=replace(state.interface, fade_s=seconds))
 
 
-def _with(state: ViewState, index: int, **changes: Any) -> ViewState:
-    if not 0 <= index < len(state.saved_lights):
+def _change(state: ViewState, index: int, **changes: Any) -> ViewState:
+    """Change fields of a saved state, if there is such a one."""
+    saved = state.saved_lights
+    if not 0 <= index < len(saved):
         return state
-    new = replace(state.saved_lights[index], **changes)
-    return replace(
-        state, saved_lights=(*state.saved_lights[:index], new, *state.saved_lights[index + 1 :])
-    )
+    new = replace(saved[index], **changes)
+    return replace(state, saved_lights=with_item(saved, index, new))
 
 
 def _recall(index: int) -> Change:
