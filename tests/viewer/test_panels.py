@@ -53,15 +53,14 @@ def test_a_colour_is_packed_with_its_own_opacity_and_one_more() -> None:
     assert pack_colour((1.0, 0.0, 0.2, 0.4), 0.5) == 0x333300FF
 
 
-def test_settings_that_do_not_go_together_are_left_as_they_are() -> None:
-    from volspec.viewer.model.viewing import with_display, with_model
+def test_settings_that_do_not_go_together_are_left_as_they_are(state: ViewState) -> None:
+    from volspec.viewer.model.viewing import with_model
 
     seen = with_viewing(RelightSpec(), adapting="pixel")
     assert with_model(seen, "Hunt").viewing.adapting == "picture"
     assert with_viewing(seen, model="Hunt") is seen
     assert with_viewing(seen, discount=True).viewing.discount
-    assert with_display(seen, white_cd_m2=-1.0) is seen
-    assert with_display(seen, mark=True).viewing.display.mark
+    assert viewing.set_white(state, -1.0) is state
 
 
 def test_luminance_follows_the_light_until_it_is_given(state: ViewState) -> None:

@@ -14,27 +14,27 @@ from volspec.viewer.model.edit import Change, Command, edit
 from volspec.viewer.model.state import ViewState
 
 Row = TypeVar("Row")
-# Letters of a word stand within so many times its length.
+MENUS = ("File", "Edit", "View", "Cut", "Light", "Transfer", "Palette", "Window")
+# Letters of a word are within so many times its length.
 _LOOSE = 3
 
 
 def rank_matches(rows: Sequence[Row], search: str, text: Callable[[Row], str]) -> list[Row]:
-    """Those whose text has the letters of every word in order; the best first, else as given."""
+    """Return rows whose text has the letters of every word in order, the best ones first."""
     words = search.casefold().split()
     if not words:
         return list(rows)
     rated = [(_rating(words, text(row).casefold()), row) for row in rows]
-    kept = [(rating, row) for rating, row in rated if rating is not None]
-    return [row for _, row in sorted(kept, key=lambda pair: -pair[0])]
+    found = [(rating, row) for rating, row in rated if rating is not None]
+    return [row for _, row in sorted(found, key=lambda pair: -pair[0])]
 
 
 def _rating(words: Sequence[str], text: str) -> float | None:
-    """How well words fit; None where one is not there."""
+    """Return how well words fit a text, more if better; None if one does not."""
     total = 0.0
     for word in words:
         at = text.find(word)
-        starts = at == 0 or (at > 0 and not text[at - 1].isalnum())
-        if f" {word}" in f" {text}" or starts:
+        if f" {word}" in f" {text}" or (at > 0 and not text[at - 1].isalnum()):
             total += 4.0
         elif at > 0:
             total += 2.0
@@ -46,7 +46,7 @@ def _rating(words: Sequence[str], text: str) -> float | None:
 
 
 def _spread(word: str, text: str) -> int | None:
-    """Over how many letters a word is strewn; None where it is not in the text."""
+    """Return the number of letters over which a word's are spread; None if some are missing."""
     at, first = -1, -1
     for letter in word:
         at = text.find(letter, at + 1)
@@ -56,11 +56,8 @@ def _spread(word: str, text: str) -> int | None:
     return at - first + 1
 
 
-MENUS = ("File", "Edit", "View", "Cut", "Light", "Transfer", "Palette", "Window")
-
-
 def _panel(title: str) -> Command:
-    """Opens or closes a panel."""
+    """Return the command that opens or closes a panel."""
 
     def change(state: ViewState) -> ViewState:
         panels = state.interface.panels ^ {title}
@@ -145,12 +142,12 @@ COMMANDS: tuple[Command, ...] = (
     *cuts.COMMANDS,
     *slices.COMMANDS,
 )
-BY_NAME = {action.name: action for action in COMMANDS}
-BY_KEY = {key: action for action in COMMANDS for key in action.keys if key}
+BY_NAME = {command.name: command for command in COMMANDS}
+BY_KEY = {key: command for command in COMMANDS for key in command.keys}
 
 
 def key_text_of(key: str) -> str:
-    """A key as people write it.
+    """Return a key as it is printed on menus.
 
     >>> key_text_of("ctrl+shift+z"), key_text_of("enter")
     ('Ctrl+Shift+Z', 'Enter')

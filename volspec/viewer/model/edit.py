@@ -2,14 +2,14 @@
 
     input, panels -> [edit] -> state
 
-An edit is a typed function of a state, such as ``lights_edits.set_weight(state, index, weight)``;
-it is total: what makes no sense leaves the state as it is.
+An edit is a typed function of a state, such as ``lights.set_weight(state, index, weight)``; it is
+total: what makes no sense leaves the state as it is.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
 from typing import Concatenate, NamedTuple, ParamSpec
@@ -21,14 +21,7 @@ P = ParamSpec("P")
 
 
 class Edited(NamedTuple):
-    """Result of an edit that has something to say.
-
-    Parameters
-    ----------
-    state : ViewState
-    message : str
-        Why the edit is refused, or what it left out; empty if there is nothing to say.
-    """
+    """Result of an edit, with a message if it was refused or left something out."""
 
     state: ViewState
     message: str = ""
@@ -38,9 +31,9 @@ Change = Callable[[ViewState], ViewState | Edited]
 
 
 def after(change: Change, state: ViewState) -> Edited:
-    """Return what comes of a change, with its message if it has one."""
-    found = change(state)
-    return found if isinstance(found, Edited) else Edited(found)
+    """Apply a change, and return its message if it has one."""
+    result = change(state)
+    return result if isinstance(result, Edited) else Edited(result)
 
 
 def edit(
@@ -50,7 +43,7 @@ def edit(
 
     @wraps(function)
     def total(state: ViewState, /, *given: P.args, **named: P.kwargs) -> ViewState:
-        return function(state, *given, **named) if _finite(given, named.values()) else state
+        return function(state, *given, **named) if _is_finite((given, *named.values())) else state
 
     return total
 
@@ -58,7 +51,7 @@ def edit(
 def tolerant(
     function: Callable[Concatenate[ViewState, P], ViewState],
 ) -> Callable[Concatenate[ViewState, P], ViewState]:
-    """Make an edit leave the state as it is if it is refused, as `refusable` without a word."""
+    """Make an edit leave the state as it is if it is refused: `refusable` without the message."""
     checked = refusable(function)
 
     @wraps(function)
@@ -75,7 +68,7 @@ def refusable(
 
     @wraps(function)
     def total(state: ViewState, /, *given: P.args, **named: P.kwargs) -> Edited:
-        if not _finite(given, named.values()):
+        if not _is_finite((given, *named.values())):
             return Edited(state)
         try:
             return Edited(function(state, *given, **named))
@@ -85,34 +78,27 @@ def refusable(
     return total
 
 
-def _finite(*groups: Iterable[object]) -> bool:
-    """Return True if no number among arguments, or in tuples of them, is NaN or infinite."""
-    for group in groups:
-        for value in group:
-            if isinstance(value, tuple):
-                if not _finite(value):
-                    return False
-            elif isinstance(value, float) and not math.isfinite(value):
-                return False
-    return True
+def _is_finite(value: object) -> bool:
+    """Return True unless a value, or one in a tuple of them, is NaN or infinite."""
+    if isinstance(value, tuple):
+        return all(map(_is_finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Something that menus, keys and the command palette offer.
+    """Entry of a menu or of the command palette, and what a key does.
 
     Parameters
     ----------
-    name : str
     menu : str
         One of `volspec.viewer.model.commands.MENUS`; empty if it is in none.
-    title : str
     keys : tuple of str
         As `volspec.viewer.ui.inputs.Input.key`; the first is shown.
     change : callable, optional
-        Its edit; None if the app does it, by its name.
+        The command's edit; None if the app carries it out by its name.
     on : callable, optional
-        Whether a menu shows it ticked.
+        Returns True if a menu is to show it ticked.
     """
 
     name: str

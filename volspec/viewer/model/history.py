@@ -15,7 +15,7 @@ from volspec.viewer.model.state import ViewState
 
 Stage = Literal["cast", "relight", "frame"]
 
-# Field by field; a light is not among those that cast.
+# The first stage that depends on each field of a state; no light casts.
 STAGES: dict[str, Stage] = {
     "document": "cast",
     "view": "cast",
@@ -34,8 +34,6 @@ STAGES: dict[str, Stage] = {
     "thickness": "cast",
     "unthickened": "frame",
 }
-
-
 MOST_STEPS = 200
 _ORDER: tuple[Stage, ...] = ("cast", "relight", "frame")
 # Names of changes; the first that fits.
@@ -52,16 +50,7 @@ _CUTS = ("clip_planes", "crop_voxels")
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One state compared with another.
-
-    Parameters
-    ----------
-    old : ViewState or None
-        None if there was none.
-    new : ViewState
-    fields : set of str
-        Fields of the state that differ.
-    """
+    """Fields of two states that differ: all of them if there was no state before."""
 
     old: ViewState | None
     new: ViewState
@@ -92,13 +81,13 @@ class Difference:
 
     @property
     def undoable(self) -> bool:
-        """Return True if undo goes back over it: not over sizes and the window's own settings."""
+        """Return True if it is a step of undo: a size or the window's own settings are none."""
         stage = self._stage_of(self.fields - {"size"})
         return stage not in (None, "frame") or "saved_lights" in self.fields
 
     @property
     def name(self) -> str:
-        """Return what has changed, in words."""
+        """Return what has changed in words for the user."""
         for name, fields in _WORDS:
             if not self.fields.isdisjoint(fields):
                 return name
@@ -107,11 +96,11 @@ class Difference:
         return "cuts" if cut else "shading"
 
     def _stage_of(self, fields: frozenset[str]) -> Stage | None:
-        found = {STAGES[name] for name in fields}
+        stages = {name: STAGES[name] for name in fields}
         old = self.old
         if "transfer" in fields and old and differ_in_spectra(old.transfer, self.new.transfer):
-            found = {STAGES[name] for name in fields - {"transfer"}} | {"relight"}
-        return next((stage for stage in _ORDER if stage in found), None)
+            stages["transfer"] = "relight"
+        return min(stages.values(), key=_ORDER.index, default=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,13 +109,12 @@ class History:
 
     Parameters
     ----------
-    present : ViewState
     past, future : tuple of ViewState
-        The nearest last.
+        The nearest one is last.
     gesture : int
-        That made the present state.
+        Number of the gesture that made the present state.
     difference : Difference, optional
-        From the state before to the present one.
+        From the state that was present before, whatever replaced it.
     """
 
     present: ViewState
@@ -136,7 +124,7 @@ class History:
     difference: Difference | None = None
 
     def then(self, state: ViewState, gesture: int) -> History:
-        """Go on to a state; of one gesture only the start is kept."""
+        """Go on to a state; a gesture is one step, whatever number of states it goes through."""
         difference = Difference.between(self.present, state)
         if not difference.undoable:
             return replace(self, present=state, difference=difference)
@@ -146,27 +134,25 @@ class History:
         return History(state, past, (), gesture, difference)
 
     def step(self, state: ViewState) -> History:
-        """Go on to a state that nobody's hand made: a step of its own."""
+        """Go on to a state that no gesture made, as a step of its own."""
         past = (*self.past, self.present)[-MOST_STEPS:]
         return History(state, past, difference=Difference.between(self.present, state))
 
     def amended(self, state: ViewState) -> History:
-        """The present step, completed: what follows from it took its time."""
+        """Replace the present state: what followed from its step took some time."""
         return replace(self, present=state, difference=Difference.between(self.present, state))
 
     def undone(self) -> History:
-        """One step back; the window stays as it is."""
+        """Go one step back; the window stays as it is."""
         if not self.past:
             return self
-        future = (*self.future, self.present)
-        return self._at(self.past[-1], self.past[:-1], future)
+        return self._at(self.past[-1], self.past[:-1], (*self.future, self.present))
 
     def redone(self) -> History:
-        """One step forth again."""
+        """Go one step forth again."""
         if not self.future:
             return self
-        past = (*self.past, self.present)
-        return self._at(self.future[-1], past, self.future[:-1])
+        return self._at(self.future[-1], (*self.past, self.present), self.future[:-1])
 
     def _at(
         self, state: ViewState, past: tuple[ViewState, ...], future: tuple[ViewState, ...]

@@ -1,8 +1,6 @@
-"""The viewer's state, frozen: every change makes another one.
+"""The viewer's state, frozen: every change makes another one, and undo goes back to one.
 
-    inputs, panels -> [state] -> cast, relight, frame
-
-A state is what undo goes back to; window, threads and GPU handles are elsewhere.
+inputs, panels -> [state] -> cast, relight, frame
 """
 
 from __future__ import annotations
@@ -17,26 +15,23 @@ from volspec.viewer.model.light_rows import Fade, LightState, Rows
 from volspec.viewer.model.palette_targets import PaletteState, Pick
 from volspec.viewer.model.view import View
 
-# Open at first.
-PANELS = frozenset({"Lights", "Viewing", "Transfer", "Palette"})
-
 
 @dataclass(frozen=True, slots=True)
 class Aids:
-    """What stands over the picture.
+    """Overlays of the picture.
 
     Parameters
     ----------
     cube, scale : bool
         The orientation cube and the scale bar.
     crop, planes : bool
-        The crop's box and the clip planes, with handles; they cut whether seen or not.
+        The crop's box and the clip planes, with handles; they cut also if they are hidden.
     plane : int
-        The clip plane that stands out.
+        Index of the chosen clip plane.
     outlines : bool
-        Where the slices lie.
+        The slices' outlines.
     patient : bool, optional
-        Whether directions are named by the patient's body; None where the volume says.
+        Name directions by the patient's body; None if the volume decides.
     """
 
     cube: bool = True
@@ -50,7 +45,7 @@ class Aids:
 
 @dataclass(frozen=True, slots=True)
 class Slices:
-    """Where the slices lie and how they are shown.
+    """Positions of the slices, and how they are shown.
 
     Parameters
     ----------
@@ -59,7 +54,8 @@ class Slices:
     lit : bool
         Shown with the transfer function's materials under the lights; else as greys.
     greys : (low, high), optional
-        Values shown black and white, 0 to 1 of the volume's range; None where most values lie.
+        Values shown black and white, 0 to 1 of the volume's range; None for the range of most
+        values.
     """
 
     at: tuple[float, float, float] = (0.5, 0.5, 0.5)
@@ -69,31 +65,26 @@ class Slices:
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """The window itself.
+    """Settings of the window, which undo leaves as they are.
 
     Parameters
     ----------
-    dark : bool
-        Which theme.
     logarithmic : bool
         Scale of the histogram.
     keys : bool
-        Whether the cheat sheet is open.
+        The cheat sheet is open.
     light : int
-        The row that is chosen, and whose spectrum stands out; a state keeps it within its lights.
+        The chosen row of the lights; a state clamps it to its lights.
     probe : bool
-        Whether what is under the mouse is told.
+        Show the values under the mouse.
     error_map : bool
-        Whether it is laid over the picture.
+        Show the error map over the picture.
     panels : set of str
-        The panels that are open, by their titles.
-    aids : Aids
-        What stands over the picture.
-    slices : Slices
+        Titles of the open panels.
     fade_s : float
-        How long the lights take to become those of a saved state.
+        Duration of a fade to a saved light state.
     pick : Pick
-        What is chosen in the palette.
+        Choices in the palette.
     part : int
         The point, region, surface or label whose details are shown.
     """
@@ -104,7 +95,7 @@ class Interface:
     light: int = 0
     probe: bool = True
     error_map: bool = False
-    panels: frozenset[str] = PANELS
+    panels: frozenset[str] = frozenset({"Lights", "Viewing", "Transfer", "Palette"})
     aids: Aids = field(default_factory=Aids)
     slices: Slices = field(default_factory=Slices)
     fade_s: float = 1.5
@@ -120,33 +111,23 @@ class ViewState:
     ----------
     document : Document
         The scene that is open.
-    view : View
-    transfer : Transfer
-        As edited.
     shift : float
-        By how much its points have been shifted.
-    shading : RaycastSpec
+        Sum of the shifts of the transfer function's points.
     size : (width, height)
         Pixels of the whole picture.
-    lights : tuple of LightRow
-    relight : RelightSpec
-        Viewing, mode, backdrop and level.
     other : tuple of LightRow, optional
         The lights at the right of the divide, to compare with.
     divide : float
-        Where that is, 0 to 1 of the picture's width.
-    interface : Interface
-    saved_lights : tuple of LightState
-        Lights that were saved under a name.
+        Position of the divide, 0 to 1 of the picture's width.
     fade : Fade, optional
-        Where the lights come from, as long as they fade to those of this state.
+        Start of the fade to this state's lights, as long as it lasts.
     palette : PaletteState
-        What the palette asks for; its spectra stand in ``transfer`` and ``lights``.
+        Targets of the palette; the designed spectra are in ``transfer`` and ``lights``.
     thickness : float
-        By how much its opacities have been thickened.
+        Factor by which the transfer function was thickened.
     unthickened : (Transfer, thickness, Transfer), optional
-        What ``transfer`` was thickened from, how thick that is, and what it became: valid as long
-        as the last is ``transfer``. Opacities rounded to 1 come back from it.
+        The transfer function before it was thickened, its thickness, and the result: valid as long
+        as that is ``transfer``. Opacities that were rounded to 1 come back from it.
     """
 
     document: Document
@@ -172,10 +153,8 @@ class ViewState:
             object.__setattr__(self, "interface", replace(self.interface, light=chosen))
 
     @classmethod
-    def first(
-        cls, document: Document, size: tuple[int, int], interface: Interface | None = None
-    ) -> ViewState:
-        """A scene as its file has it."""
+    def first(cls, document: Document, size: tuple[int, int]) -> ViewState:
+        """Return the state of a scene as its file has it."""
         return cls(
             document,
             document.view,
@@ -184,5 +163,4 @@ class ViewState:
             document.lights,
             document.relight,
             size=size,
-            interface=interface or Interface(),
         )

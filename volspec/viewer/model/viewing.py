@@ -5,7 +5,7 @@ panels, command palette -> [viewing] -> RelightSpec
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 from volspec.appearance import Viewing
@@ -22,9 +22,12 @@ from volspec.viewer.model.edit import edit
 from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 
+LEAST_LUX = 0.1
+EXPOSURE_RANGE = (0.1, 10.0)
+
 
 def with_viewing(spec: RelightSpec, **changes: Any) -> RelightSpec:
-    """Other settings of the viewing; as they are where they do not go together.
+    """Change settings of the viewing, unless they do not go together.
 
     >>> with_viewing(RelightSpec(), surround="dim").viewing.surround
     'dim'
@@ -35,34 +38,26 @@ def with_viewing(spec: RelightSpec, **changes: Any) -> RelightSpec:
         return spec
 
 
-def with_display(spec: RelightSpec, **changes: Any) -> RelightSpec:
-    """Other settings of the display; as they are where they do not go together."""
-    try:
-        display = replace(spec.viewing.display, **changes)
-    except VolspecError:
-        return spec
-    return with_viewing(spec, display=display)
-
-
 def with_model(spec: RelightSpec, model: str) -> RelightSpec:
-    """Another model; one that cannot adapt to each pixel measures the picture."""
-    pixel = spec.viewing.adapting == "pixel" and model not in PER_PIXEL
-    return with_viewing(spec, model=model, **({"adapting": "picture"} if pixel else {}))
+    """Change the appearance model; one that cannot adapt to each pixel measures the picture."""
+    adapting = spec.viewing.adapting
+    if adapting == "pixel" and model not in PER_PIXEL:
+        adapting = "picture"
+    return with_viewing(spec, model=model, adapting=adapting)
 
 
 def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
-    """A viewing for single colours, which are no picture to measure an eye's adaptation in.
+    """Return a viewing for single colours, in which there is no picture to measure adaptation in.
 
     Parameters
     ----------
-    viewing : Viewing
     lux : float, optional
-        Of the light that shines, where it has its own: it counts in place of the viewing's.
+        The light's own illuminance, which replaces the viewing's; None or 0 if it has none.
 
     Raises
     ------
     ViewingError
-        If such a light cannot be.
+        If the illuminance is out of range.
 
     >>> given_viewing(Viewing(adapting="picture"), 500.0).illuminance_lux
     500.0
@@ -72,34 +67,35 @@ def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
 
 
 def luminance(rig: LightRig | None, viewing: Viewing) -> float:
-    """L_A of the scene, cd/m²: as given, or of the light that shines."""
+    """Return L_A of the scene, cd/m²: as given, or of the light that shines."""
     return given_viewing(viewing, rig.total_lux if rig else None).adapting_luminance
 
 
-LEAST_LUX = 0.1
-EXPOSURE_RANGE = (0.1, 10.0)
-
-
-def _with(state: ViewState, spec: RelightSpec) -> ViewState:
-    """Return the state itself if nothing is set otherwise: specs are told apart by identity."""
-    names = [field.name for field in fields(spec)]
-    if all(getattr(spec, name) == getattr(state.relight, name) for name in names):
+def _change(state: ViewState, **changes: Any) -> ViewState:
+    """Change the spec, unless nothing differs: specs are compared by identity."""
+    spec = state.relight
+    if all(getattr(spec, name) == value for name, value in changes.items()):
         return state
-    return replace(state, relight=spec)
+    return replace(state, relight=replace(spec, **changes))
 
 
 def _set(state: ViewState, **changes: Any) -> ViewState:
-    return _with(state, with_viewing(state.relight, **changes))
+    return _change(state, viewing=with_viewing(state.relight, **changes).viewing)
 
 
 def _set_display(state: ViewState, **changes: Any) -> ViewState:
-    return _with(state, with_display(state.relight, **changes))
+    try:
+        return _set(state, display=replace(state.relight.viewing.display, **changes))
+    except VolspecError:
+        return state
 
 
 @edit
 def set_model(state: ViewState, name: str) -> ViewState:
     """Set the appearance model."""
-    return _with(state, with_model(state.relight, name)) if name in MODELS else state
+    if name not in MODELS:
+        return state
+    return _change(state, viewing=with_model(state.relight, name).viewing)
 
 
 @edit
@@ -156,12 +152,12 @@ def toggle_discount(state: ViewState) -> ViewState:
 
 @edit
 def set_room(state: ViewState, name: str) -> ViewState:
-    """Put the display where a preset has it; what it can show stays."""
+    """Put the display into a preset's room; its colour space and gamut stay."""
     if name not in PRESETS:
         return state
     now = state.relight.viewing.display
-    there = PRESETS[name].display(now.space, now.gamut)
-    return _set(state, display=replace(there, mark=now.mark))
+    in_room = PRESETS[name].display(now.space, now.gamut)
+    return _set(state, display=replace(in_room, mark=now.mark))
 
 
 @edit
@@ -201,16 +197,16 @@ def set_backdrop(state: ViewState, share: float) -> ViewState:
     """Set the backdrop's grey; a spectrum of the scene's own stays."""
     if isinstance(state.relight.backdrop, Spectrum):
         return state
-    return _with(state, replace(state.relight, backdrop=min(max(share, 0.0), 1.0)))
+    return _change(state, backdrop=min(max(share, 0.0), 1.0))
 
 
 @edit
 def set_mode(state: ViewState, name: str) -> ViewState:
     """Set how colours are computed from the basis."""
-    return _with(state, replace(state.relight, mode=name)) if name in MODES else state
+    return _change(state, mode=name) if name in MODES else state
 
 
 @edit
 def set_level(state: ViewState, name: str) -> ViewState:
     """Set what the picture's level is relative to."""
-    return _with(state, replace(state.relight, level=name)) if name in LEVELS else state
+    return _change(state, level=name) if name in LEVELS else state
