@@ -115,8 +115,8 @@ def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
 
 
 def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None:
-    one = light_states.save(state)
-    two = light_states.save(lights.set_weight(one, 2, 0.3))
+    one = light_states.save(state).state
+    two = light_states.save(lights.set_weight(one, 2, 0.3)).state
     assert [kept.name for kept in two.saved_lights] == ["State 1", "State 2"]
     assert light_states.rename(two, 0, "  Day\n light ").saved_lights[0].name == "Day light"
     assert light_states.rename(two, 0, "State 2") is two
@@ -126,7 +126,10 @@ def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None
     back = light_states.recall(two, 0)
     assert back.lights == state.lights and back.relight == state.relight and back.fade is not None
     gone = light_states.delete(two, 0)
-    assert [kept.name for kept in light_states.save(gone).saved_lights] == ["State 2", "State 1"]
+    assert [kept.name for kept in light_states.save(gone).state.saved_lights] == [
+        "State 2",
+        "State 1",
+    ]
     for index in (-1, 2, 99):
         assert light_states.recall(two, index) is two
         assert light_states.delete(two, index) is two
@@ -134,14 +137,14 @@ def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None
 
 
 def test_saving_and_deleting_a_state_can_be_undone(state: ViewState) -> None:
-    history = History(state).then(light_states.save(state), 1)
+    history = History(state).then(light_states.save(state).state, 1)
     history = history.then(light_states.delete(history.present, 0), 2)
     assert history.present.saved_lights == () and len(history.undone().present.saved_lights) == 1
 
 
 def recalling(state: ViewState, seconds: float) -> ViewState:
     """A state on its way from A alone to D65 alone."""
-    kept = light_states.save(light_states.set_fade(state, seconds))
+    kept = light_states.save(light_states.set_fade(state, seconds)).state
     other = replace(kept, lights=light_rows.only_row(kept.lights, 1))
     return light_states.recall(other, 0)
 
@@ -159,7 +162,7 @@ def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) 
 
 def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
     fader, before = Fader(), replace(state, lights=light_rows.only_row(state.lights, 1))
-    before = replace(before, saved_lights=light_states.save(state).saved_lights)
+    before = replace(before, saved_lights=light_states.save(state).state.saved_lights)
     history = History(before).then(light_states.recall(before, 0), 1)
     for i in range(1, 4):
         present = history.present

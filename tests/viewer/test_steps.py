@@ -107,7 +107,7 @@ def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
         ("view", lambda s: done(s, "view-right")),
         ("lights", lambda s: done(s, "next-light")),
         ("lights", lambda s: done(s, "compare")),
-        ("light states", light_states.save),
+        ("light states", lambda s: light_states.save(s).state),
         ("transfer function", lambda s: transfer_edits.shift(s, 0.1)),
         ("viewing", lambda s: done(s, "mark")),
         ("cuts", lambda s: cuts.move_crop(s, 0, 0.3)),
@@ -142,7 +142,7 @@ def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState)
 
 
 def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
-    kept = light_states.save(state)
+    kept = light_states.save(state).state
     back = light_states.recall(lights.rename(kept, 0, "x"), 0)
     assert back.lights == state.lights
 

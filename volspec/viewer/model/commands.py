@@ -108,12 +108,6 @@ def open_viewing(state: ViewState) -> ViewState:
     return replace(state, interface=replace(state.interface, panels=panels))
 
 
-_OVER = (
-    Command(
-        *("error-map", "View", "Error map", ("e",), toggle_interface("error_map")),
-        lambda s: s.interface.error_map,
-    ),
-)
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
     replace(_panel("Slices"), keys=("o",)),
@@ -135,7 +129,10 @@ COMMANDS: tuple[Command, ...] = (
     *_EDITS,
     *transfer_edits.COMMANDS,
     *camera.COMMANDS,
-    *_OVER,
+    Command(
+        *("error-map", "View", "Error map", ("e",), toggle_interface("error_map")),
+        lambda s: s.interface.error_map,
+    ),
     *lights.COMMANDS,
     *palette_edits.COMMANDS,
     *_WINDOW,

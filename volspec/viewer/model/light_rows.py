@@ -9,7 +9,6 @@ import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 from volspec.errors import ViewingError
@@ -93,15 +92,12 @@ class Fade:
     seconds: float
 
 
-def rows_of(
-    lights: Sequence[NamedLight],
-    tables: Mapping[str, Sequence[LightTable]] = MappingProxyType({}),
-) -> Rows:
+def rows_of(lights: Sequence[NamedLight], tables: Mapping[str, Sequence[LightTable]]) -> Rows:
     """Return a scene's lights as rows, of which the first is on.
 
     Parameters
     ----------
-    tables : {name: rows}, optional
+    tables : {name: rows}
         Tables of each light in the file (`volspec.scene.lights.rows_by_name`): its notation.
     """
     rows = []

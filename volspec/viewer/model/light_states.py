@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from volspec.errors import VolspecError
+from volspec.errors import InputError, VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum
-from volspec.viewer.model.edit import Change, Command, Edited, edit
+from volspec.viewer.model.edit import Command, edit, refusable
 from volspec.viewer.model.light_rows import (
     Fade,
     LightRow,
@@ -39,13 +40,13 @@ _BY_STEP = ("L_A", "Y_b", "surround", "D", "fov_deg")
 
 def recalled_rows(now: Rows, saved: Rows) -> Rows:
     """Return a saved state's lights; those that it does not know stay in the list, off."""
-    known = {old for old, _ in matching_rows(now, saved) if old is not None}
+    known = _matching_rows(now, saved)
     rest = [row for i, row in enumerate(now) if i not in known]
     return (*saved, *(replace(row, weight=0.0, solo=False, muted=False) for row in rest))
 
 
-def matching_rows(start: Rows, end: Rows) -> list[tuple[int | None, int]]:
-    """Return (index at the start, index at the end) of each light of the end; None if it is new.
+def _matching_rows(start: Rows, end: Rows) -> list[int | None]:
+    """Return the index at the start of each light of the end; None if it is new.
 
     Lights match by rig and name, else by the name before their spectrum was drawn, else by rig (a
     light that was renamed), else as Planck radiators.
@@ -66,7 +67,7 @@ def matching_rows(start: Rows, end: Rows) -> list[tuple[int | None, int]]:
             if match is not None:
                 found[at] = match
                 del left[match]
-    return [(found.get(at), at) for at in range(len(end))]
+    return [found.get(at) for at in range(len(end))]
 
 
 def interpolate_lights(
@@ -87,17 +88,17 @@ def interpolate_lights(
     if share >= 1.0:
         return end
     rows, old = end[0], start[0]
-    from_weights, to_weights = effective_weights(old), effective_weights(rows)
+    weights = [(1 - share) * weight for weight in effective_weights(old)]
     left = dict(enumerate(old))
     between: list[tuple[LightRow, float]] = []
-    for i, at in matching_rows(old, rows):
-        weight = share * to_weights[at]
+    matches = _matching_rows(old, rows)
+    for i, row, weight in zip(matches, rows, effective_weights(rows), strict=True):
         if i is None:
-            between.append((rows[at], weight))
+            between.append((row, share * weight))
         else:
-            row = _row_between(left.pop(i), rows[at], share)
-            between.append((row, (1 - share) * from_weights[i] + weight))
-    between += [(row, (1 - share) * from_weights[i]) for i, row in left.items()]
+            middle = _row_between(left.pop(i), row, share)
+            between.append((middle, weights[i] + share * weight))
+    between += [(row, weights[i]) for i, row in left.items()]
     mixed = tuple(replace(row, weight=w, solo=False, muted=False) for row, w in between)
     return mixed, _relight_between(start[1], end[1], share)
 
@@ -115,10 +116,8 @@ def _row_between(old: LightRow, new: LightRow, share: float) -> LightRow:
         kelvin = 1.0 / ((1 - share) / old.kelvin + share / new.kelvin)
         new = at_kelvin(new, kelvin)
         b = new.rig
-    alike = len(a.lights) == len(b.lights) and a.groups == b.groups
-    if not alike or any(
-        p.values.shape != q.values.shape for p, q in zip(a.lights, b.lights, strict=True)
-    ):
+    shapes = [[spectrum.values.shape for spectrum in rig.lights] for rig in (a, b)]
+    if shapes[0] != shapes[1] or a.groups != b.groups:
         return new
     lights = b.lights
     if not (old.kelvin and new.kelvin):
@@ -126,12 +125,10 @@ def _row_between(old: LightRow, new: LightRow, share: float) -> LightRow:
             Spectrum(q.wavelengths_nm, _mean(p.values, q.values, share), q.name)
             for p, q in zip(a.lights, b.lights, strict=True)
         )
-    weights = tuple(_mean(v, w, share) for v, w in zip(a.weights, b.weights, strict=True))
     lux = b.illuminance_lux
-    if a.illuminance_lux and b.illuminance_lux:
-        both = zip(a.illuminance_lux, b.illuminance_lux, strict=True)
-        lux = tuple(_mean(v, w, share) for v, w in both)
-    return replace(new, rig=LightRig(lights, weights, lux, b.groups))
+    if a.illuminance_lux and lux:
+        lux = _means(a.illuminance_lux, lux, share)
+    return replace(new, rig=LightRig(lights, _means(a.weights, b.weights, share), lux, b.groups))
 
 
 def _relight_between(old: RelightSpec, new: RelightSpec, share: float) -> RelightSpec:
@@ -162,25 +159,23 @@ def _mean(a: Any, b: Any, share: float) -> Any:
     return a if a is b else (1 - share) * a + share * b
 
 
+def _means(a: Sequence[float], b: Sequence[float], share: float) -> tuple[float, ...]:
+    return tuple(_mean(v, w, share) for v, w in zip(a, b, strict=True))
+
+
 def _are_numbers(*values: object) -> bool:
     return all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
 
 
-@edit
+@refusable
 def save(state: ViewState) -> ViewState:
     """Save the present lights and viewing as a state."""
     saved = state.saved_lights
     if len(saved) >= MOST_STATES:
-        return state
+        raise InputError(f"{MOST_STATES} saved states are the most; delete one first")
     taken = {each.name for each in saved}
     name = next(name for i in itertools.count(1) if (name := f"State {i}") not in taken)
     return replace(state, saved_lights=(*saved, LightState(name, state.lights, state.relight)))
-
-
-def _saved(state: ViewState) -> Edited:
-    new = save(state)
-    full = f"{MOST_STATES} saved states are the most; delete one first"
-    return Edited(new, full if new is state else "")
 
 
 @edit
@@ -234,14 +229,13 @@ def _change(state: ViewState, index: int, **changes: Any) -> ViewState:
     return replace(state, saved_lights=with_item(saved, index, new))
 
 
-def _recall(index: int) -> Change:
-    return lambda state: recall(state, index)
-
-
 COMMANDS = (
-    Command("save-state", "Light", "Save these lights as a state", ("alt+s",), _saved),
+    Command("save-state", "Light", "Save these lights as a state", ("alt+s",), save),
     *(
-        Command(f"recall-{i}", "Light", f"Fade to state {i}", (f"alt+{i}",), _recall(i - 1))
+        Command(
+            *(f"recall-{i}", "Light", f"Fade to state {i}", (f"alt+{i}",)),
+            partial(recall, index=i - 1),
+        )
         for i in range(1, 10)
     ),
 )

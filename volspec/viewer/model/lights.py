@@ -272,6 +272,7 @@ def _titles(text: str) -> tuple[str, str, float | None]:
 
 
 def _present_lux(rows: Rows) -> tuple[float] | None:
+    """Return the lux that shine now; None unless all lights have some."""
     if any(row.rig.illuminance_lux is None for row in rows):
         return None
     rig = rig_of(rows) or rows[0].rig
