@@ -126,10 +126,8 @@ def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None
     back = light_states.recall(two, 0)
     assert back.lights == state.lights and back.relight == state.relight and back.fade is not None
     gone = light_states.delete(two, 0)
-    assert [kept.name for kept in light_states.save(gone).state.saved_lights] == [
-        "State 2",
-        "State 1",
-    ]
+    again = light_states.save(gone).state
+    assert [kept.name for kept in again.saved_lights] == ["State 2", "State 1"]
     for index in (-1, 2, 99):
         assert light_states.recall(two, index) is two
         assert light_states.delete(two, index) is two
