@@ -1,23 +1,19 @@
-"""A session: all that the viewer's user has made, in a file from which it goes on.
+"""Session files: everything that the viewer's user has made, to be continued later.
 
     state <-> [session] <-> FILE.volspec.json
 
-It holds the scene's tables as they were opened, so that what "the scene's own" means stays, and
-every field of the state. Only the volume's voxels and the files that the scene names are not in
-it: a session does not need the latter, spectra are in it as numbers.
+A session holds the scene's tables as they were opened, so that what "the scene's own" means stays,
+and every field of the state. Spectra are in it as numbers; the volume's voxels are not.
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import MISSING, dataclass, fields
-from functools import cache
+from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, get_type_hints
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -35,51 +31,20 @@ from volspec.viewer.work.session_codec import KIND, Reader, ValueFault, Writer
 FORMAT = "volspec-session"
 VERSION = 2
 SUFFIX = ".volspec.json"
-Migration = Callable[[dict[str, Any]], None]
-# From version 1 to 2, by class: its name, and those of its fields, if they became others. A state
-# and a document have no class name in a file.
-_STATE_1 = {"seen": "relight", "kept": "saved_lights", "board": "palette", "thin": "unthickened"}
-_NAMES_1: Mapping[str, tuple[str, Mapping[str, str]]] = {
-    "LightState": ("LightState", {"seen": "relight"}),
-    "Board": (
-        "PaletteState",
-        {"wishes": "targets", "answered": "designed_for", "anew": "from_scratch"},
-    ),
-    "Wishes": ("DesignTargets", {}),
+# Fields and classes that had other names in version 1.
+_FIELDS_1 = {
+    "seen": "relight",
+    "kept": "saved_lights",
+    "board": "palette",
+    "thin": "unthickened",
+    "wishes": "targets",
+    "answered": "designed_for",
+    "anew": "from_scratch",
 }
-
-
-def _rename_1(data: Any) -> None:
-    """Give classes and fields the names that they have from version 2 on."""
-    if isinstance(data, dict):
-        for part in (data.get("state"), data.get("document")):
-            if isinstance(part, dict):
-                _rename_keys(part, _STATE_1)
-        _rename_classes(data)
-
-
-def _rename_classes(data: Any) -> None:
-    if isinstance(data, dict):
-        kind = data.get(KIND)
-        if isinstance(kind, str) and kind in _NAMES_1:
-            data[KIND], fields_ = _NAMES_1[kind]
-            _rename_keys(data, fields_)
-    for each in data.values() if isinstance(data, dict) else data:
-        if isinstance(each, dict | list):
-            _rename_classes(each)
-
-
-def _rename_keys(data: dict[str, Any], names: Mapping[str, str]) -> None:
-    for old, new in names.items():
-        if old in data:
-            data[new] = data.pop(old)
-
-
-MIGRATIONS: Mapping[int, Migration] = MappingProxyType({1: _rename_1})
-"""From each version to the one after it: changes the data in place."""
-# Of a document, what is read, made or measured again.
+_CLASSES_1 = {"Board": "PaletteState", "Wishes": "DesignTargets"}
+# Fields of a document that are read, made or measured again.
 _REMADE = ("volume", "caster", "fault", "histogram", "file", "path")
-# Of a state, what is made anew or is over: a fade would be seen again.
+# Fields of a state that are made again, or are over: a fade must not run a second time.
 _PASSING = ("document", "fade")
 
 
@@ -93,25 +58,22 @@ class BrokenSession(SessionError):
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """What a session's file says.
+    """Contents of a session's file.
 
     Parameters
     ----------
-    title : str
-        Of the scene.
     path : Path
         Of the scene or the volume that was open.
     data : dict
-        All of it, in the newest version.
+        All of the file, in the newest version.
     """
 
-    title: str
     path: Path
     data: dict[str, Any]
 
 
 def session_of(state: ViewState) -> Session:
-    """What is kept of a state.
+    """Return what a session saves of a state.
 
     Raises
     ------
@@ -124,25 +86,20 @@ def session_of(state: ViewState) -> Session:
     writer = Writer()
     try:
         parts = {
-            "document": {
-                n: writer.plain(getattr(document, n)) for n in _saved_of(Document, _REMADE)
-            },
-            "state": {n: writer.plain(getattr(state, n)) for n in _saved_of(ViewState, _PASSING)},
+            "document": writer.field_values(document, but=_REMADE),
+            "state": writer.field_values(state, but=_PASSING),
         }
     except TypeError as error:
         raise SessionError(f"{document.title}: {error}") from error
-    return Session(
-        document.title,
-        document.path,
-        {
-            "format": FORMAT,
-            "version": VERSION,
-            "path": os.fspath(document.path),
-            "file": document.file.model_dump(exclude_unset=True),
-            **parts,
-            "objects": writer.objects,
-        },
-    )
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "path": os.fspath(document.path),
+        "file": document.file.model_dump(exclude_unset=True),
+        **parts,
+        "objects": writer.objects,
+    }
+    return Session(document.path, data)
 
 
 def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
@@ -161,7 +118,7 @@ def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
     if target.suffix.lower() != ".json":
         raise SessionError(f"{target}: sessions are JSON; name it FILE{SUFFIX}")
     data = session_of(state).data
-    # Where session and scene are moved together, they find each other.
+    # A session finds its scene after both were moved together.
     with suppress(ValueError):  # on another drive
         data["beside"] = os.path.relpath(data["path"], target.absolute().parent)
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
@@ -186,27 +143,38 @@ def read_session(path: str | os.PathLike[str]) -> Session:
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise BrokenSession(f"{name}: is no session; its field 'format' is not {FORMAT!r}")
     version = data.get("version")
-    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+    if type(version) is not int or version < 1:
         raise BrokenSession(f"{name}: version is {version!r:.40}; expected a number from 1")
     if version > VERSION:
         raise SessionError(
             f"{name}: is of version {version}, this volspec reads up to {VERSION}; install a later "
             "one"
         )
-    for step in range(version, VERSION):
-        MIGRATIONS[step](data)
-    missing = [key for key in ("path", "file", "document", "state", "objects") if key not in data]
-    if missing or not isinstance(data["document"], dict):
-        what = missing[0] if missing else "document"
-        raise BrokenSession(f"{name}: field {what!r} is missing or wrong; was it edited?")
+    if version == 1:  # the scene's file has names of its own
+        data |= {key: _renamed_1(part) for key, part in data.items() if key != "file"}
+    for key in ("path", "file", "document", "state", "objects"):
+        if key not in data or (key == "document" and not isinstance(data[key], dict)):
+            raise BrokenSession(f"{name}: field {key!r} is missing or wrong; was it edited?")
     beside = Path(path).absolute().parent / str(data.get("beside", ""))
     # A volume may be a folder.
     found = beside if data.get("beside") and os.path.exists(beside) else Path(str(data["path"]))
-    return Session(str(data["document"].get("title")), found, data)
+    return Session(found, data)
+
+
+def _renamed_1(part: Any) -> Any:
+    """Return a part of a file of version 1 with the names of version 2."""
+    if isinstance(part, list):
+        return [_renamed_1(each) for each in part]
+    if not isinstance(part, dict) or "method" in part:  # a basis, which names materials
+        return part
+    renamed = {_FIELDS_1.get(key, key): _renamed_1(value) for key, value in part.items()}
+    if KIND in renamed:
+        renamed[KIND] = _CLASSES_1.get(str(renamed[KIND]), renamed[KIND])
+    return renamed
 
 
 def restore_state(session: Session, device: str | None = None, cast: bool = True) -> ViewState:
-    """The state a session was saved in, with its volume read again.
+    """Return the state that a session was saved in, with its volume read again.
 
     Parameters
     ----------
@@ -214,7 +182,7 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     device : str, optional
         For casts.
     cast : bool
-        Whether casts will be made.
+        False makes no caster.
 
     Raises
     ------
@@ -227,8 +195,8 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     try:
         file = SceneFile.model_validate(data["file"], strict=False)
         reader = Reader(data["objects"])
-        kept = _read(reader, Document, data["document"], _REMADE)
-        changed = _read(reader, ViewState, data["state"], _PASSING)
+        of_document = reader.field_values(Document, data["document"], but=_REMADE)
+        of_state = reader.field_values(ViewState, data["state"], but=_PASSING)
     except ValidationError as error:
         raise BrokenSession(f"session: file: {explained(error, SceneFile)}") from error
     except (ValueFault, TypeError) as error:
@@ -240,7 +208,7 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     volume = Resolver(file, session.path).volume()
     caster, fault = make_caster(volume, device) if cast else (None, "")
     document = Document(
-        **kept,
+        **of_document,
         volume=volume,
         caster=caster,
         fault=fault,
@@ -248,26 +216,4 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
         file=file,
         path=session.path,
     )
-    return ViewState(document, **changed)
-
-
-def _saved_of(kind: type, but: Sequence[str]) -> list[str]:
-    """The fields of the document or the state that are written."""
-    return [field.name for field in fields(kind) if field.init and field.name not in but]
-
-
-def _read(reader: Reader, kind: type, data: Any, but: Sequence[str]) -> dict[str, Any]:
-    """Their values; those that the file does not have yet are left to their defaults."""
-    if not isinstance(data, dict):
-        raise ValueFault(f"{kind.__name__} is {data!r:.60}")
-    hints = _hints(kind)
-    for field in fields(kind):
-        bare = field.default is MISSING and field.default_factory is MISSING
-        if bare and field.init and field.name not in (*but, *data):
-            raise ValueFault(f"{field.name} is missing")
-    return {n: reader.value(hints[n], data[n], n) for n in _saved_of(kind, but) if n in data}
-
-
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind)
+    return ViewState(document, **of_state)

@@ -1,10 +1,9 @@
-"""Frozen values as JSON and back: whatever the state's fields hold, now and later.
+"""Frozen dataclasses as JSON and back, field by field.
 
     state <-> [session_codec] <-> JSON
 
-A field that is added to the state is stored without a line here; one that a file does not have yet
-takes its default. Numbers come back to the last bit. What is compared by identity, as spectra and
-transfer functions are, is written once and is one again when it is read.
+A field that is added to the state is stored without a line here; one that a file lacks takes its
+default. What is compared by identity, as spectra are, is written once and is one object again.
 """
 
 from __future__ import annotations
@@ -21,29 +20,23 @@ import numpy as np
 from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict
 from volspec.errors import InputError
 
-# Of a dataclass: the name of its class; of what is written once: its number among those.
+# Keys of a dataclass's class name, and of the number of an object that is written once.
 KIND, NUMBER = "is", "#"
 
 
 class ValueFault(InputError):
-    """A value of a file is not what stands there in a state; the message says where."""
+    """A value of a file does not fit its field; the message names the field."""
 
 
 class Writer:
-    """Makes JSON of values.
-
-    Attributes
-    ----------
-    objects : list
-        What is compared by identity, each once.
-    """
+    """Makes JSON of values; those that are compared by identity are in ``objects``, each once."""
 
     def __init__(self) -> None:
         self.objects: list[Any] = []
         self._numbers: dict[int, int] = {}
 
     def plain(self, value: Any) -> Any:
-        """A value as JSON has it.
+        """Return a value as JSON.
 
         Raises
         ------
@@ -66,45 +59,35 @@ class Writer:
             return str(value)
         raise TypeError(f"{type(value).__name__} cannot be kept in a session")
 
-    def _object(self, value: Any) -> Any:
-        if type(value).__eq__ is not object.__eq__:
-            return self._fields(value)
-        if id(value) not in self._numbers:
-            known = isinstance(value, SpectralBasis | MaterialBasis)
-            data = value.to_dict() if known else self._fields(value)
-            self._numbers[id(value)] = len(self.objects)
-            self.objects.append(data)
-        return {NUMBER: self._numbers[id(value)]}
+    def field_values(self, value: Any, but: Sequence[str] = ()) -> dict[str, Any]:
+        """Return a dataclass's fields as JSON, all but some."""
+        names = [field.name for field in fields(value) if field.init and field.name not in but]
+        return {name: self.plain(getattr(value, name)) for name in names}
 
-    def _fields(self, value: Any) -> dict[str, Any]:
-        own = {f.name: self.plain(getattr(value, f.name)) for f in fields(value) if f.init}
-        return {KIND: type(value).__name__, **own}
+    def _object(self, value: Any) -> dict[str, Any]:
+        """Return a dataclass's fields, or its number if it is compared by identity."""
+        number = self._numbers.get(id(value))
+        if number is None:
+            if isinstance(value, SpectralBasis | MaterialBasis):
+                data = value.to_dict()
+            else:
+                data = {KIND: type(value).__name__, **self.field_values(value)}
+            if type(value).__eq__ is not object.__eq__:
+                return data
+            number = self._numbers[id(value)] = len(self.objects)
+            self.objects.append(data)
+        return {NUMBER: number}
 
 
 class Reader:
-    """Makes values of JSON.
-
-    Parameters
-    ----------
-    objects : list
-        As a `Writer` has them.
-    """
+    """Makes values of JSON, with the objects of a `Writer`."""
 
     def __init__(self, objects: Sequence[Any]) -> None:
         self._objects = objects
         self._made: dict[int, Any] = {}
 
     def value(self, hint: Any, data: Any, where: str) -> Any:
-        """The value that was written.
-
-        Parameters
-        ----------
-        hint : type
-            What stands there, as the field's annotation says it.
-        data : Any
-            From JSON.
-        where : str
-            What messages call it.
+        """Return the value of a field with an annotation; messages call it ``where``.
 
         Raises
         ------
@@ -115,20 +98,40 @@ class Reader:
         if origin in (Union, types.UnionType):
             return self._one_of(inner, data, where)
         if isinstance(hint, type) and is_dataclass(hint):
-            return self._dataclass(hint, data, where)
-        if origin in (tuple, frozenset, set) or _is(origin, Sequence):
+            return self._object(hint, data, where)
+        if origin in (tuple, list, Sequence, set, frozenset):
             return self._row(origin, inner, data, where)
-        if _is(origin, Mapping):
+        if origin in (Mapping, dict):
             _require(isinstance(data, list), data, "pairs", where)
             return {
                 self.value(inner[0], key, where): self.value(inner[1], each, f"{where}.{key}")
                 for key, each in (self._row(tuple, (Any, Any), pair, where) for pair in data)
             }
-        return _scalar(hint, origin, inner, data, where)
+        return _scalar(hint, data, where)
+
+    def field_values(
+        self, kind: type, data: Any, prefix: str = "", but: Sequence[str] = ()
+    ) -> dict[str, Any]:
+        """Return the values of a dataclass's fields, all but some.
+
+        What the file lacks is left to its default. In messages ``prefix`` is before the name.
+        """
+        if not isinstance(data, dict):
+            raise ValueFault(f"{kind.__name__} is {data!r:.60}")
+        hints, values = _hints(kind), {}
+        for field in fields(kind):
+            name, where = field.name, prefix + field.name
+            if not field.init or name in but:
+                continue
+            if name in data:
+                values[name] = self.value(hints[name], data[name], where)
+            elif field.default is MISSING and field.default_factory is MISSING:
+                raise ValueFault(f"{where} is missing")
+        return values
 
     def _one_of(self, kinds: Sequence[Any], data: Any, where: str) -> Any:
-        """Of the kind that the data names, or of the first that it fits."""
-        meant = self._objects_of(data)
+        """Return a value of the kind that the data names, or of the first that it fits."""
+        meant = self._resolved(data)
         if isinstance(meant, dict):
             named = [kind for kind in kinds if _kind_of(meant) == getattr(kind, "__name__", "")]
             _require(bool(named), _kind_of(meant), "another kind", where)
@@ -143,58 +146,53 @@ class Reader:
 
     def _row(self, origin: Any, inner: Sequence[Any], data: Any, where: str) -> Any:
         _require(isinstance(data, list), data, "a list", where)
-        if origin is tuple and (len(inner) != 2 or inner[1] is not Ellipsis):
+        if origin is tuple and inner[-1] is not Ellipsis:
             _require(len(inner) == len(data), data, f"{len(inner)} values", where)
             pairs = zip(inner, data, strict=True)
             return tuple(self.value(kind, each, where) for kind, each in pairs)
         row = (self.value(inner[0], each, f"{where} {i}") for i, each in enumerate(data, start=1))
         return frozenset(row) if origin in (set, frozenset) else tuple(row)
 
-    def _objects_of(self, data: Any) -> Any:
-        """What a number stands for."""
+    def _resolved(self, data: Any) -> Any:
+        """Return the object that a number refers to; all other data as it is."""
         number = data.get(NUMBER) if isinstance(data, dict) else None
         if isinstance(number, int) and 0 <= number < len(self._objects):
             return self._objects[number]
         return data
 
-    def _dataclass(self, kind: type, data: Any, where: str) -> Any:
+    def _object(self, kind: type, data: Any, where: str) -> Any:
         _require(isinstance(data, dict), data, kind.__name__, where)
-        meant = self._objects_of(data)
+        meant = self._resolved(data)
         if meant is data:
             _require(NUMBER not in data, data, "one of the objects", where)
-            return self._made_of(kind, data, where)
+            return self._new(kind, data, where)
         number = data[NUMBER]
         if number not in self._made:
-            self._made[number] = self._made_of(kind, meant, where)
+            self._made[number] = self._new(kind, meant, where)
         made = self._made[number]
         _require(isinstance(made, kind), type(made).__name__, kind.__name__, where)
         return made
 
-    def _made_of(self, kind: type, data: Any, where: str) -> Any:
-        """An object, which checks itself; what the file does not have is as it is at first."""
+    def _new(self, kind: type, data: Any, where: str) -> Any:
+        """Make an object, which checks itself."""
         _require(_kind_of(data) == kind.__name__, _kind_of(data), kind.__name__, where)
         if kind in (SpectralBasis, MaterialBasis):
             return basis_from_dict(data)
-        hints, given = _hints(kind), {}
-        for field in fields(kind):
-            place = f"{where}.{field.name}"
-            if field.init and field.name in data:
-                given[field.name] = self.value(hints[field.name], data[field.name], place)
-            elif field.init and field.default is MISSING and field.default_factory is MISSING:
-                raise ValueFault(f"{place} is missing")
+        values = self.field_values(kind, data, f"{where}.")
         try:
-            return kind(**given)
+            return kind(**values)
         except InputError as error:
             raise ValueFault(f"{where}: {error}") from error
 
 
-def _scalar(hint: Any, origin: Any, inner: Sequence[Any], data: Any, where: str) -> Any:
-    """Text, a number, an array."""
+def _scalar(hint: Any, data: Any, where: str) -> Any:
+    """Return a text, a number, a path or an array."""
     if hint is Any:
         return data
-    if origin is Literal:
-        _require(data in inner, data, ", ".join(map(repr, inner)), where)
-    elif origin is np.ndarray:
+    if get_origin(hint) is Literal:
+        choices = get_args(hint)
+        _require(data in choices, data, ", ".join(map(repr, choices)), where)
+    elif get_origin(hint) is np.ndarray:
         _require(isinstance(data, list), data, "a list", where)
         return np.array(data, dtype=np.float64)
     elif hint is float:
@@ -210,14 +208,10 @@ def _scalar(hint: Any, origin: Any, inner: Sequence[Any], data: Any, where: str)
 
 
 def _kind_of(data: Any) -> str:
-    """The class's name; a basis' file says its method instead."""
+    """Return the class's name; a basis has its method instead."""
     if isinstance(data, dict) and KIND not in data and "method" in data:
         return "MaterialBasis" if data["method"] == "materials" else "SpectralBasis"
     return str(data.get(KIND)) if isinstance(data, dict) else ""
-
-
-def _is(origin: Any, kind: type) -> bool:
-    return isinstance(origin, type) and issubclass(origin, kind)
 
 
 def _require(fits: bool, data: Any, wanted: str, where: str) -> None:
