@@ -1,6 +1,6 @@
 """Sessions and recent files in the user's folder, from one run to the next.
 
-state, files opened -> [session_store] -> last session, menu
+state, opened files -> [session_store] -> last session, menu
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,53 +27,44 @@ MOST_FILES = 10
 
 
 def state_folder() -> Path:
-    """Where sessions and the list stand: ``VOLSPEC_STATE``, else the system's place for such."""
+    """Return the folder of sessions and the list: ``VOLSPEC_STATE``, or the system's for state."""
     from platformdirs import user_state_path
 
     return Path(os.environ.get(STATE_VARIABLE) or user_state_path("volspec", appauthor=False))
 
 
 def address(path: str) -> str:
-    """A file's name, with what follows a question mark, that holds in any folder."""
+    """Return a file's absolute path, with what follows a question mark."""
     file, mark, query = path.partition("?")
     return os.path.abspath(file) + mark + query
 
 
 @dataclass(frozen=True, slots=True)
 class RecentFile:
-    """One row of the list.
-
-    Parameters
-    ----------
-    path : str
-    there : bool
-        Whether there was a file when the list was last made.
-    """
+    """A row of the list of recent files; ``there`` is False if the file was missing."""
 
     path: str
     there: bool
 
     @property
     def label(self) -> str:
-        """Name and folder."""
+        """Name and folder, with ``~`` for the user's own and without a long beginning."""
         file = Path(self.path.partition("?")[0])
-        return f"{file.name}   {_short(file.parent)}"
+        try:
+            folder = f"~/{file.parent.relative_to(Path.home())}".removesuffix("/.")
+        except (ValueError, RuntimeError):
+            folder = str(file.parent)
+        return f"{file.name}   {folder if len(folder) <= 48 else f'…{folder[-47:]}'}"
 
 
 class RecentFiles:
-    """The list, the newest first.
-
-    Parameters
-    ----------
-    folder : Path
-        Where it is kept. What cannot be read or written there is done without.
-    """
+    """The list of recent files in a folder; without it if nothing can be read or written there."""
 
     def __init__(self, folder: Path) -> None:
         self._file = folder / "recent.json"
 
     def rows(self) -> tuple[RecentFile, ...]:
-        """As it stands in the file, which other windows write too."""
+        """Read the list, the newest first; other windows write it too."""
         try:
             data = parse_json(self._file.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -83,45 +75,29 @@ class RecentFiles:
         )
 
     def add(self, path: str) -> None:
-        """A file that has been opened."""
+        """Put a file first that has been opened."""
         path = address(path)
         paths = [path, *(row.path for row in self.rows() if row.path != path)]
         self._write(paths[:MOST_FILES])
 
     def clear(self) -> None:
-        """Forget all."""
+        """Forget all files."""
         self._write([])
 
     def _write(self, paths: list[str]) -> None:
-        try:
-            with write_whole(self._file) as temporary:
-                temporary.write_text(json.dumps(paths, indent=1), encoding="utf-8")
-        except (InputError, OSError):
-            return
-
-
-def _short(folder: Path) -> str:
-    """With ``~`` for the user's own folder, and not too long a beginning."""
-    try:
-        text = f"~/{folder.relative_to(Path.home())}".removesuffix("/.")
-    except (ValueError, RuntimeError):
-        text = str(folder)
-    return text if len(text) <= 48 else f"…{text[-47:]}"
+        with suppress(InputError, OSError), write_whole(self._file) as temporary:
+            temporary.write_text(json.dumps(paths, indent=1), encoding="utf-8")
 
 
 MOST_SESSIONS = 10
-# Saved when nothing has changed for the first; while there is no such rest, every so often.
+# A session is saved when nothing has changed for so long,
 REST_S = 2.5
+# and so often if something changes all the time.
 EVERY_S = 30.0
 
 
 class SessionStore:
-    """The sessions of a folder, and this program's own.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """The sessions of a folder, and this program's own."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "sessions"
@@ -129,40 +105,40 @@ class SessionStore:
         self._document: Document | None = None
         self._own: Path | None = None
         self._saved: ViewState | None = None
-        self._seen: ViewState | None = None  # in the last look, and when it became so
+        self._latest: ViewState | None = None  # that `due` was asked about
         self._changed_s = self._due = 0.0
         self._lock = threading.Lock()  # a thread saves, and the end may come meanwhile
-        # States in the order in which they were to be saved, and the last that was.
+        # States are numbered in the order of the requests; the last one written.
         self._asked = self._written = 0
 
     def begin(self, state: ViewState, own: Path | None = None) -> None:
-        """Another document is open.
+        """Start the session of a document that was opened.
 
         Parameters
         ----------
         state : ViewState
-            As it was opened: nothing to be kept yet.
+            As it was opened: there is nothing to be saved yet.
         own : Path, optional
-            The file of this store that it was restored from, which goes on.
+            File that it was restored from; if it is this store's, it is written further.
         """
         clear_unfinished(self._folder)
         with self._lock:
             self._document, self._saved = state.document, _without_window(state)
-            self._seen, self._due = None, 0.0
+            self._latest, self._due = None, 0.0
             self._running.end()
             self._own = own if own is not None and self.holds(own) else None
 
     def holds(self, path: Path) -> bool:
-        """Whether a session's file is one of this store."""
+        """Return True if a session's file is one of this store."""
         return path.parent == self._folder
 
     def due(self, state: ViewState, now: float) -> bool:
-        """Whether it is time to `save`: what has changed rests, or has been changing for long."""
-        if state is not self._seen:
-            if self._seen is None or _without_window(state) != _without_window(self._seen):
+        """Return True if a state is to be saved: it has changed, and rests or is long overdue."""
+        if state is not self._latest:
+            if self._latest is None or _without_window(state) != _without_window(self._latest):
                 self._changed_s = now
                 self._due = self._due or now + EVERY_S
-            self._seen = state
+            self._latest = state
         if self._due == 0.0 or min(self._changed_s + REST_S, self._due) > now:
             return False
         if self._changed(state):
@@ -171,25 +147,25 @@ class SessionStore:
         return False
 
     def saving(self, state: ViewState, now: float) -> Callable[[], Path | None]:
-        """What a thread is to call to `save` a state that is due.
+        """Return what a thread is to call to `save` a state that is due.
 
-        It writes nothing once a state that came later is written. Where it fails it is due again
-        after a while.
+        It writes nothing once a later state is written. The state is due again after a while, in
+        case that it fails.
         """
         self._changed_s = self._due = now + EVERY_S
         return self._ordered(state)
 
     def ended_early(self) -> bool:
-        """Whether the last session is of a program that died; this is told once."""
+        """Return True, once, if the last session is of a program that died."""
         left, last = self._running.left(), self.last()
         return last is not None and last.name in left
 
     def end(self) -> None:
-        """The program ends as it should."""
+        """Mark the session as ended, as the program ends normally."""
         self._running.end()
 
     def save(self, state: ViewState) -> Path | None:
-        """Write what has changed since the last time; where to, or None where nothing has.
+        """Write a state to this program's file; return None if nothing has changed.
 
         Raises
         ------
@@ -199,7 +175,7 @@ class SessionStore:
         return self._ordered(state)()
 
     def _ordered(self, state: ViewState) -> Callable[[], Path | None]:
-        """What writes a state, unless one that was to be saved after it is written by then."""
+        """Return what writes a state, unless a later one is written by then."""
         self._asked += 1
         number = self._asked
         return lambda: self._write(state, number)
@@ -219,16 +195,20 @@ class SessionStore:
             return self._own
 
     def last(self) -> Path | None:
-        """The newest session that is not this program's own."""
-        return next((path for path in self._files() if path != self._own), None)
+        """Return the newest session that is not this program's own."""
+        try:
+            files = newest_first(self._folder.glob(f"*{SUFFIX}"))
+        except OSError:
+            return None
+        return next((path for path in files if path != self._own), None)
 
     def read(self, path: Path) -> Session:
-        """A session's file; one that is broken is put aside as ``.broken``, not deleted.
+        """Read a session's file; a broken one is renamed to ``.broken``, not deleted.
 
         Raises
         ------
         SessionError
-            If it cannot be read; the message says where a broken one has gone.
+            If it cannot be read; the message has a broken one's new name.
         """
         try:
             return read_session(path)
@@ -236,7 +216,7 @@ class SessionStore:
             raise self.broken(path, error) from error
 
     def broken(self, path: Path, error: BrokenSession) -> BrokenSession:
-        """Put a session's file of this store aside; what to say of it."""
+        """Rename a broken session of this store; return the error to raise."""
         if not self.holds(path):
             return error
         aside = path.with_name(path.name + ".broken")
@@ -250,27 +230,17 @@ class SessionStore:
         own = state.document is self._document and state.document.file is not None
         return own and _without_window(state) != self._saved
 
-    def _files(self) -> list[Path]:
-        try:
-            return newest_first(self._folder.glob(f"*{SUFFIX}"))
-        except OSError:
-            return []
-
 
 def _without_window(state: ViewState) -> ViewState:
-    """What is saved of a state: all but what follows from the window."""
+    """Return what is saved of a state: everything but the window's size."""
     return replace(state, size=(0, 0))
 
 
 class Running:
-    """Sessions of running programs: a file for each in a folder, locked while it lives.
+    """Sessions of running programs: a file for each in a folder, locked while the program lives.
 
-    The system frees the locks of a dead program, so what is not locked has ended early.
-
-    Parameters
-    ----------
-    folder : Path
-        What cannot be read or written there is done without.
+    The system frees the locks of a dead program, so a file without a lock is one that ended early.
+    Without a folder that can be read and written, there are none.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -279,7 +249,7 @@ class Running:
         self._handle = -1
 
     def begin(self, name: str) -> None:
-        """Mark a session as this program's, in place of another."""
+        """Mark a session as this program's, instead of the last one."""
         if self._mark is not None and self._mark.name == name:
             return
         self.end()
@@ -293,15 +263,16 @@ class Running:
         lock(handle)
 
     def end(self) -> None:
-        """It has ended as it should."""
+        """Remove the mark."""
         if self._mark is None:
             return
         os.close(self._handle)
-        _unlinked(self._mark)
+        with suppress(OSError):
+            self._mark.unlink(missing_ok=True)
         self._mark, self._handle = None, -1
 
     def left(self) -> set[str]:
-        """The sessions whose programs have died; they are told of once."""
+        """Return the sessions whose programs have died, and remove their marks."""
         try:
             marks = [path for path in self._folder.iterdir() if path != self._mark]
         except OSError:
@@ -310,6 +281,7 @@ class Running:
 
 
 def _is_left(path: Path) -> bool:
+    """Return True, and delete the mark, if its program has died."""
     try:
         handle = os.open(path, os.O_RDWR)
     except OSError:
@@ -319,12 +291,6 @@ def _is_left(path: Path) -> bool:
     finally:
         os.close(handle)
     if left:
-        _unlinked(path)
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
     return left
-
-
-def _unlinked(path: Path) -> None:
-    try:
-        path.unlink(missing_ok=True)
-    except OSError:
-        return
