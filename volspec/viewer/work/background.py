@@ -1,9 +1,8 @@
-"""Background threads: one that does only the newest request, and one for tasks with files.
+"""Background threads: a worker that does only the newest request, and tasks by kind.
 
     request -> [background] -> thread -> take
 
-Casts, designs, files, LUTs: the window asks for one, and takes what has come of it when it wakes.
-What waits is replaced by the next request; nothing ever queues up.
+A request replaces the one that waits; nothing queues up.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
     wake : callable
         Called from the thread when there is something to take.
     name : str
-        Of the thread.
+        Name of the thread.
     """
 
     def __init__(self, wake: Callable[[], object], name: str) -> None:
@@ -47,12 +46,12 @@ class LatestWorker(ABC, Generic[Job, Done]):
 
     @property
     def busy(self) -> bool:
-        """Whether something is under way, waits, or has not been taken."""
+        """True while a request is in progress or waits, or a result has not been taken."""
         with self._changed:
             return self._thread is not None or bool(self._done)
 
     def request(self, job: Job) -> None:
-        """Do this next, instead of what waits."""
+        """Do this next, instead of the job that waits."""
         with self._changed:
             self._next = job
             self._changed.notify()
@@ -60,20 +59,14 @@ class LatestWorker(ABC, Generic[Job, Done]):
                 self._start()
 
     def take(self) -> list[Done]:
-        """What has come since the last call, in order."""
+        """Return the results since the last call, in order."""
         taken = []
         while self._done:
             taken.append(self._done.popleft())
         return taken
 
     def close(self, patience_s: float | None = None) -> None:
-        """Begin nothing any more, and wait for what is under way.
-
-        Parameters
-        ----------
-        patience_s : float, optional
-            The longest that is waited; None is until it has ended.
-        """
+        """Begin no more jobs, and wait so long for the present one; None is until it has ended."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -83,25 +76,25 @@ class LatestWorker(ABC, Generic[Job, Done]):
 
     @abstractmethod
     def _answers(self, job: Job) -> Iterator[Done]:
-        """What comes of a job, as it comes; in the thread. Errors are told, not raised."""
+        """Yield a job's results, in the thread; errors are results, too."""
 
     def _superseded(self) -> bool:
-        """Whether nobody waits for the present job any more."""
+        """Return True if the present job's results are not needed any more."""
         return self._closed or self._next is not None
 
     def _rests(self, seconds: float) -> bool:
-        """Wait so long for another request; whether none has come."""
+        """Wait so long for another request; return True if none has come."""
         with self._changed:
             return not self._changed.wait_for(self._superseded, seconds)
 
     def _run(self) -> None:
         try:
-            while (job := self._begun()) is not None:
+            while (job := self._next_job()) is not None:
                 for done in self._answers(job):
                     self._done.append(done)
                     self._wake()
         except BaseException:
-            # A fault of our own ends this thread; what waits or is asked for next begins another.
+            # A fault of our own ends this thread; the next job begins another.
             with self._changed:
                 self._thread = None
                 if self._next is not None and not self._closed:
@@ -112,8 +105,8 @@ class LatestWorker(ABC, Generic[Job, Done]):
         self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
         self._thread.start()
 
-    def _begun(self) -> Job | None:
-        """The job that waited; None where none does, and the thread is no longer one."""
+    def _next_job(self) -> Job | None:
+        """Return the job that waits; None, and the thread's end, if there is none."""
         with self._changed:
             job, self._next = self._next, None
             if job is None or self._closed:
@@ -122,22 +115,13 @@ class LatestWorker(ABC, Generic[Job, Done]):
             return job
 
 
-# The longest that files which are being written are waited for at the end.
+# At the end, for files that are being written.
 _PATIENCE_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came of a task.
-
-    Parameters
-    ----------
-    kind : str
-    result : Any
-        None where it failed.
-    error : str
-        Why.
-    """
+    """Result of a task, or the error's message if it failed."""
 
     kind: str
     result: Any = None
@@ -147,13 +131,8 @@ class Outcome:
 class Tasks:
     """Runs functions in threads; of one kind only the last one's outcome counts.
 
-    What is given up for another of its kind runs to its end, as reading a file cannot be stopped,
-    and keeps nobody waiting.
-
-    Parameters
-    ----------
-    wake : callable
-        Called from the thread when there is something to take.
+    A task that another of its kind replaces runs to its end, as reading a file cannot be stopped,
+    but nothing waits for it. ``wake`` is called from the thread when there is something to take.
     """
 
     def __init__(self, wake: Callable[[], object]) -> None:
@@ -163,26 +142,18 @@ class Tasks:
 
     @property
     def busy(self) -> bool:
-        """Whether something is under way, or has not been taken."""
+        """True while a task is in progress, or its outcome has not been taken."""
         return any(runner.busy for runner in self._last.values())
 
     def start(self, kind: str, task: Callable[[], Any], writes: bool = False) -> None:
-        """Begin a task.
-
-        Parameters
-        ----------
-        kind : str
-        task : callable
-        writes : bool
-            Whether it writes a file that was asked for: at the end it is waited for.
-        """
+        """Begin a task; `close` waits for one that ``writes`` a file."""
         runner = self._last[kind] = _Runner(self._wake, kind)
         runner.request(task)
         if writes:
             self._writing = [*(each for each in self._writing if each.busy), runner]
 
     def take(self) -> list[Outcome]:
-        """What has come since the last call."""
+        """Return the outcomes since the last call."""
         return [outcome for runner in self._last.values() for outcome in runner.take()]
 
     def close(self) -> None:
@@ -191,7 +162,7 @@ class Tasks:
         Warns
         -----
         VolspecWarning
-            If one is not written: the window that would tell it is closing.
+            If one is not written: the window, where errors are shown, is closing.
         """
         end = time.monotonic() + _PATIENCE_S
         for runner in self._writing:
@@ -200,19 +171,19 @@ class Tasks:
 
 
 class _Runner(LatestWorker[Callable[[], Any], Outcome]):
-    """Of one task: a newer one has a runner of its own, and nobody asks this one any more."""
+    """Thread of one task."""
 
     def __init__(self, wake: Callable[[], object], kind: str) -> None:
         super().__init__(wake, f"volspec-{kind}")
         self._kind = kind
 
     def ended(self, patience_s: float) -> str:
-        """Wait for the end; what then must be told, if anything."""
+        """Wait for the end; return the error's message, if there is one."""
         thread = self._thread
         if thread is not None:
             thread.join(patience_s)
-        if thread is not None and thread.is_alive():
-            return f"{self._kind}: not written when the window closed; the file is as it was"
+            if thread.is_alive():
+                return f"{self._kind}: not written when the window closed; the file is as it was"
         return next((outcome.error for outcome in self.take()), "")
 
     def _answers(self, job: Callable[[], Any]) -> Iterator[Outcome]:
@@ -223,7 +194,7 @@ class _Runner(LatestWorker[Callable[[], Any], Outcome]):
         except (VolspecError, OSError) as error:
             yield Outcome(self._kind, error=one_line(error))
         except Exception as error:
-            # A fault of our own: what waits for the task must not wait for ever.
+            # A fault of our own: its outcome must come all the same.
             traceback.print_exc()
             said = f"{self._kind} failed: {type(error).__name__}: {error}"
             yield Outcome(self._kind, error=said)

@@ -1,8 +1,8 @@
-"""Casts in a background thread, coarsely first and then whole, of the newest state.
+"""Casts of the newest state in a background thread, first coarse and then whole.
 
-state -> [casts] -> CoefficientImage -> pictures
+    state -> [casts] -> CoefficientImage -> pictures
 
-A device's own threads give way to the window's, where both want the same cores.
+The device's own threads have a lower priority than the window's.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
 from volspec.pipeline import Raycaster, raycast
@@ -27,14 +26,12 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
 from volspec.volume import Volume
 
-T = TypeVar("T")
-
-# Of 19: a cast gets a tenth of a core that the window wants, too.
+# Of 19: a cast gets a tenth of a core that the window needs, too.
 _NICE = 10
 
 
 def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:
-    """Make what casts a volume; or None, and why this machine cannot.
+    """Make the caster of a volume; or return None, and why this machine cannot cast.
 
     Raises
     ------
@@ -42,24 +39,14 @@ def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, s
         If the device that is named cannot.
     """
     try:
-        return call_at_low_priority(lambda: Raycaster(volume, device=device)), ""
+        # On Linux the device's threads, which outlive this one, have its priority.
+        with ThreadPoolExecutor(1, "volspec-yielding", initializer=_lower_priority) as pool:
+            return pool.submit(Raycaster, volume, device=device).result(), ""
     except OpenCLError as error:
         if device is not None:
             raise
         warnings.warn(one_line(error), VolspecWarning, stacklevel=2)
         return None, one_line(error)
-
-
-def call_at_low_priority(make: Callable[[], T]) -> T:
-    """What a function makes, whose own threads, which outlive it, give way.
-
-    Linux gives a thread the priority of the one that starts it; elsewhere nothing changes.
-
-    >>> call_at_low_priority(lambda: 6 * 7)
-    42
-    """
-    with ThreadPoolExecutor(1, "volspec-yielding", initializer=_lower_priority) as pool:
-        return pool.submit(make).result()
 
 
 def _lower_priority() -> None:
@@ -73,12 +60,10 @@ class CastJob:
 
     Parameters
     ----------
-    document, transfer, camera, shading
-        What `volspec.raycast` takes.
     size : (width, height)
         Of the whole picture.
     divisors : tuple of int
-        What its sides are divided by, pass after pass.
+        Its sides are divided by them, one pass for each.
     """
 
     document: Document
@@ -91,7 +76,7 @@ class CastJob:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CastDone:
-    """How a pass of a job ended: with an image, an error's message, or neither where cancelled."""
+    """Result of a pass: an image, an error's message, or neither if it was cancelled."""
 
     job: CastJob
     divisor: int
@@ -104,13 +89,8 @@ class CastDone:
 class CastWorker(LatestWorker[CastJob, CastDone]):
     """Casts in a thread of its own.
 
-    A job's later passes end when a newer job arrives. Its first, if coarse, is let through: were
-    it ended too, a mouse that moves quicker than it would never show anything.
-
-    Parameters
-    ----------
-    wake : callable
-        Called from the thread when there is something to take.
+    A newer job cancels the passes of the one before, except for its first if that is coarse: a
+    mouse that moves quicker than the cast would never show anything.
     """
 
     def __init__(self, wake: Callable[[], object]) -> None:
@@ -124,60 +104,56 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 break
 
     def _cast(self, job: CastJob, divisor: int, spared: bool) -> CastDone:
-        width, height = (-(-side // divisor) for side in job.size)
-        started = time.perf_counter()
-
-        def done(
-            image: CoefficientImage | None = None,
-            error: str = "",
-            packed: PackedLayers | None = None,
-        ) -> CastDone:
-            ms = 1e3 * (time.perf_counter() - started)
-            return CastDone(job, divisor, ms, image, error, packed)
-
         if job.document.fault:
-            return done(error=job.document.fault)
+            return CastDone(job, divisor, 0.0, error=job.document.fault)
+        width, height = (-(-side // divisor) for side in job.size)
+        image: CoefficientImage | None = None
+        packed: PackedLayers | None = None
+        error = ""
+        started = time.perf_counter()
         try:
-            image = raycast(
+            cast = raycast(
                 *(job.document.volume, job.transfer, job.camera, (width, height), job.shading),
                 cancel=(lambda: self._closed) if spared else self._superseded,
                 caster=job.document.caster,
             )
-            # Here and not where it is drawn: it takes the window's thread 20 to 40 ms.
-            packed = PackedLayers.of(image)
+            # In this thread, as it would take 20 to 40 ms of the window's.
+            packed = PackedLayers.of(cast)
+            image = cast
         except CastCancelled:
-            return done()
+            pass
         except MemoryError:
-            return done(error="no memory for the picture; make the window smaller")
-        except VolspecError as error:
-            return done(error=one_line(error))
-        except Exception as error:  # a device that is lost, say: the thread must outlive it
-            said = f"the cast failed: {one_line(error)}"
-            return done(error=f"{said}; open the file again, or see volspec doctor")
-        return done(image, packed=packed)
+            error = "no memory for the picture; make the window smaller"
+        except VolspecError as refused:
+            error = one_line(refused)
+        except Exception as failed:  # a device that is lost, say: the thread must outlive it
+            said = f"the cast failed: {one_line(failed)}"
+            error = f"{said}; open the file again, or see volspec doctor"
+        ms = 1e3 * (time.perf_counter() - started)
+        return CastDone(job, divisor, ms, image, error, packed)
 
 
 # Few sizes, as each has textures of its own on the GPU.
 DIVISORS = (1, 2, 3, 4, 6, 8)
-# Of a coarse cast: above the first it gets coarser, and finer where that would stay below the
-# second. Between them lies what drawing beside it takes, and what no size makes quicker.
+# Coarse casts slower than the first become coarser; they become finer if that stays below the
+# second. Drawing at the same time, and work that no size makes quicker, lie between the two.
 SLOW_MS, QUICK_MS = 75.0, 45.0
-# A whole cast that takes longer gets a step in between.
+# A whole cast that takes longer gets a pass of half the size before it.
 STEP_MS = 900.0
-# A hand that holds still for so long rests.
+# A mouse that is still for so long rests.
 REST_S = 0.15
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How coarse a moving picture is, by what casts took.
+    """Divisor of a moving picture's sides, by the times of casts.
 
     Parameters
     ----------
     divisor : int
         One of `DIVISORS`.
     whole_ms : float
-        What a whole picture takes; 0 where that is not known.
+        Time of a whole picture; 0 if it is not known.
 
     Examples
     --------
@@ -189,7 +165,7 @@ class Pace:
     whole_ms: float = 0.0
 
     def after(self, divisor: int, ms: float) -> Pace:
-        """What a cast teaches."""
+        """Return the pace after a cast that took so long."""
         if divisor == 1:
             paced = replace(self, whole_ms=ms)
             return paced if self.divisor > 1 or ms <= SLOW_MS else replace(paced, divisor=2)
@@ -203,34 +179,28 @@ class Pace:
 
     @property
     def to_whole(self) -> tuple[int, ...]:
-        """The passes from a coarse picture to the whole."""
+        """Divisors of the passes from a coarse picture to the whole."""
         return (2, 1) if self.divisor > 2 and self.whole_ms > STEP_MS else (1,)
 
 
 class CastScheduler:
-    """Turns changes of state into casts.
-
-    Parameters
-    ----------
-    wake : callable
-        Called when a cast has ended.
-    """
+    """Turns changes of state into casts."""
 
     def __init__(self, wake: Callable[[], object]) -> None:
         self._worker = CastWorker(wake)
         self._pace = Pace()
-        self._first = True  # whose time is the kernel's being built
+        self._first = True  # whose time is the kernel's build
         self._wanted: ViewState | None = None
         self._changed_at = 0.0
         self._whole_wanted = False
 
     @property
     def busy(self) -> bool:
-        """Whether a cast is under way, or will be without any further change."""
+        """True while a cast is in progress, or will be without a further change."""
         return self._whole_wanted or self._worker.busy
 
     def change(self, state: ViewState, now: float, held: bool) -> None:
-        """Cast a state: coarsely now, and whole when it rests.
+        """Cast a state: coarse now, and whole when it rests.
 
         Parameters
         ----------
@@ -238,7 +208,7 @@ class CastScheduler:
         now : float
             Seconds.
         held : bool
-            Whether more changes are likely, as a mouse button is down.
+            More changes are likely, as a mouse button is down.
         """
         if self._wanted is None or state.document is not self._wanted.document:
             self._pace, self._first = Pace(), True
@@ -249,14 +219,14 @@ class CastScheduler:
         self._request(state, passes)
 
     def tick(self, now: float, held: bool) -> None:
-        """Go on to the whole picture where nothing moves any more."""
+        """Request the whole picture if nothing moves any more."""
         rests = not held or now - self._changed_at >= REST_S
         if self._whole_wanted and rests and self._wanted is not None:
             self._whole_wanted = False
             self._request(self._wanted, self._pace.to_whole)
 
     def take(self) -> list[CastDone]:
-        """Casts that have ended, in order; their times are learned from."""
+        """Return the casts that have ended, in order; their times change the pace."""
         taken = self._worker.take()
         for done in taken:
             wanted = self._wanted

@@ -2,8 +2,8 @@
 
     names -> [css_colours] -> panels
 
-The first reflectance of a colour takes seconds, as colour-science and its base spectra are read
-for it; those after it take milliseconds.
+The first reflectance takes seconds, as colour-science and its base spectra are loaded; the others
+take milliseconds.
 """
 
 from __future__ import annotations
@@ -17,46 +17,35 @@ from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_of, whit
 from volspec.spectra.construct.colours import colour_XYZ
 from volspec.viewer.model.materials import colour_names
 
-_LIGHT = "D65"
-
 
 class Colours:
-    """Their reflectances, once they are made.
-
-    Parameters
-    ----------
-    grid : SpectralGrid
-    observer_deg : {2, 10}
-
-    Attributes
-    ----------
-    spectra : {name: Spectrum} or None
-        None until then; empty where none can be made.
-    """
+    """Reflectances by name: None until they are made, empty if they cannot be."""
 
     def __init__(self, grid: SpectralGrid, observer_deg: int) -> None:
         self.spectra: Mapping[str, Spectrum] | None = None
-        self._of = grid, observer_deg
-        threading.Thread(target=self._make, name="volspec-colours", daemon=True).start()
+        task = threading.Thread(
+            target=self._make, args=(grid, observer_deg), name="volspec-colours", daemon=True
+        )
+        task.start()
 
-    def _make(self) -> None:
+    def _make(self, grid: SpectralGrid, observer_deg: int) -> None:
         made: Mapping[str, Spectrum] = {}
         try:
-            made = _made(*self._of)
+            made = _reflectances(grid, observer_deg)
         except VolspecError:
             return
-        finally:  # nobody waits for what will not come, whatever the fault
+        finally:  # panels must not wait for ever, whatever the fault
             self.spectra = made
 
 
 @lru_cache(maxsize=1)
 def colours(grid: SpectralGrid, observer_deg: int) -> Colours:
-    """Those of a grid; the first call begins to make them."""
+    """Return the colours on a grid; the first call begins to make them."""
     return Colours(grid, observer_deg)
 
 
-def _made(grid: SpectralGrid, observer_deg: int) -> dict[str, Spectrum]:
-    lamp = light(_LIGHT, grid)
+def _reflectances(grid: SpectralGrid, observer_deg: int) -> dict[str, Spectrum]:
+    lamp = light("D65", grid)
     white = white_XYZ(lamp, observer_deg)
     XYZ = [colour_XYZ(name, white) for name in colour_names()]
     rows = reflectances_of(XYZ, light=lamp, observer_deg=observer_deg, grid=grid).values

@@ -2,8 +2,8 @@
 
     state -> [fader] -> state as shown -> panels, relight
 
-The state holds a fade's end from its first moment, so that a fade is one step of undo, and ends
-exactly there. Panels work on what is shown; what they change there stops the fade.
+The state has a fade's end from its first moment, so that a fade is one step of undo. Panels work on
+the shown state; an edit of the lights there stops the fade.
 """
 
 from __future__ import annotations
@@ -16,13 +16,7 @@ from volspec.viewer.model.state import ViewState
 
 
 class Fader:
-    """Shows a state's fade as time goes by.
-
-    Attributes
-    ----------
-    running : bool
-        Whether more frames are wanted.
-    """
+    """Shows a state's fade; ``running`` is True while it needs more frames."""
 
     def __init__(self) -> None:
         self.running = False
@@ -30,35 +24,25 @@ class Fader:
         self._began = 0.0
 
     def shown(self, state: ViewState, now: float) -> ViewState:
-        """A state with the lights of this moment.
-
-        Parameters
-        ----------
-        state : ViewState
-        now : float
-            Seconds.
-        """
+        """Return a state with its lights at a time in seconds."""
         fade = state.fade
         if fade is not self._fade:
             self._fade, self._began = fade, now
-        share = 1.0
-        if fade is not None and fade.seconds > 0:
-            share = (now - self._began) / fade.seconds
-        self.running = share < 1.0
+        elapsed = now - self._began
+        self.running = fade is not None and elapsed < fade.seconds
         if fade is None or not self.running:
             return state
-        lights, spec = interpolate_lights(
-            (fade.lights, fade.relight), (state.lights, state.relight), share
-        )
+        start, end = (fade.lights, fade.relight), (state.lights, state.relight)
+        lights, spec = interpolate_lights(start, end, elapsed / fade.seconds)
         return replace(state, lights=lights, relight=spec)
 
     def to_keep(self, state: ViewState, shown: ViewState, new: ViewState) -> ViewState:
-        """What input has made of the shown state, as it is to be kept.
+        """Return the shown state after input, as it is to be in the history.
 
         Parameters
         ----------
         state, shown : ViewState
-            As they were given to `shown`, and came from it.
+            Argument and result of `shown`.
         new : ViewState
             After input.
         """

@@ -1,4 +1,4 @@
-"""Times of frames and relights: for the status line and the trace."""
+"""Times of frames and relights, for the status line and the trace."""
 
 from __future__ import annotations
 
@@ -10,27 +10,22 @@ from volspec.viewer.work.pictures import Relit
 
 # Frames further apart belong to no movement.
 _APART_S = 0.25
-# The window not looking for input so long is noted down.
+# The window must look for input more often.
 _UNANSWERED_MS = 40.0
-# A whole relight that takes longer leaves a frame no time for the rest.
+# A whole relight that takes longer leaves no time for the rest of a frame.
 SLOW_MS = 18.0
 _MOST_BANDS = 4
 
 
 class Meter:
-    """Measures what is drawn.
-
-    Parameters
-    ----------
-    trace : Trace
-        Written there.
+    """Measures frames and relights.
 
     Attributes
     ----------
     bands : int
-        In how many frames a whole picture is to be relit, so that none takes long.
+        Frames that a whole picture is to be relit in, so that none takes long.
     ms : {stage: float}
-        What each stage took last.
+        Last time of each stage.
     fps : float
         Frames per second, while something moves.
     """
@@ -41,41 +36,41 @@ class Meter:
         self.fps = 0.0
         self._last = 0.0
         self.bands = 1
-        self._under_way: Relit | None = None
+        self._relit: Relit | None = None
         self._relit_ms = 0.0
-        self._ended: bool | None = None
+        self._ended: bool | None = None  # if the picture ends here: whether it is whole
         self._areas: dict[str, tuple[int, int, int, int]] = {}
 
     @property
     def slow(self) -> bool:
-        """Whether a whole picture takes too long to relight for lights that are dragged."""
+        """True if a whole picture takes too long to relight while a light is dragged."""
         return self.bands > 1
 
     def relights(self, relit: Relit | None, first: bool, ends: bool, whole: bool) -> None:
-        """A picture, or a band of it, is being relit; in the next frame its time is known.
+        """Take a picture, or a band of it, that is being relit; its time is known a frame later.
 
         Parameters
         ----------
         relit : Relit or None
         first, ends : bool
-            Whether the picture begins with this, and whether it is all there then.
+            The picture begins with this band; it is complete with it.
         whole : bool
-            Whether it has all pixels.
+            The picture has all pixels.
         """
-        self._under_way = relit
+        self._relit = relit
         if first:
             self._relit_ms = 0.0
         self._ended = whole if ends else None
 
     def answered(self, late_s: float, busy_s: float) -> None:
-        """A turn of the loop is over.
+        """Note a turn of the event loop that took too long.
 
         Parameters
         ----------
         late_s : float
-            By how much the wait for input outlasted what it was given.
+            Time that the wait for input took beyond its timeout.
         busy_s : float
-            From input to the next wait for it.
+            Time from input to the next wait for it.
         """
         if (ms := 1e3 * max(late_s, busy_s)) > _UNANSWERED_MS:
             self._trace.note("unanswered", None, ms)
@@ -88,13 +83,13 @@ class Meter:
         began : float
             A time of `time.perf_counter`.
         areas : {name: (x, y, width, height)}
-            Where things are in it.
+            Places of panels in the window.
         """
-        if self._under_way is not None:
-            self._relit_ms += self._under_way.ms
-            self._under_way = None
+        if self._relit is not None:
+            self._relit_ms += self._relit.ms
+            self._relit = None
             if self._ended is not None:
-                self._tell(self._relit_ms, self._ended)
+                self._note_relight(self._relit_ms, whole=self._ended)
         now = time.perf_counter()
         self.ms["frame"] = 1e3 * (now - began)
         self._trace.note("frame", "frame", self.ms["frame"])
@@ -105,8 +100,7 @@ class Meter:
             self._areas = dict(areas)
             self._trace.note("layout", areas=self._areas)
 
-    def _tell(self, ms: float, whole: bool) -> None:
-        """A picture has been relit."""
+    def _note_relight(self, ms: float, whole: bool) -> None:
         if whole:
             self.bands = min(max(math.ceil(ms / SLOW_MS), 1), _MOST_BANDS)
         self.ms["relight"] = ms

@@ -1,7 +1,7 @@
-"""Messages to the user, warnings collected for the window, and the trace of what was done.
+"""Messages to the user, warnings for the window, and the trace file.
 
 The trace has lines of JSON, ``{"t", "event", "stage", "ms"}`` and more: ``t`` in seconds from the
-start; ``stage`` is ``cast``, ``relight``, ``frame`` or ``design``, and null for all else.
+start; ``stage`` is ``cast``, ``relight``, ``frame``, ``design`` or null.
 """
 
 from __future__ import annotations
@@ -14,24 +14,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
-from types import TracebackType
 from typing import Any, Self
 
 from volspec.errors import VolspecWarning, one_line
 
 
 class Trace:
-    """Writes the lines; does nothing without a file.
-
-    Parameters
-    ----------
-    path : path, optional
-        Begun anew.
+    """Writes lines to a new file; does nothing without a path.
 
     Raises
     ------
     OSError
-        If it cannot be written to.
+        If the file cannot be written to.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -42,7 +36,7 @@ class Trace:
     def note(
         self, event: str, stage: str | None = None, ms: float | None = None, **more: Any
     ) -> None:
-        """Write a line."""
+        """Write a line about an event."""
         if self._file is not None:
             t = round(time.perf_counter() - self._began, 6)
             row = {"t": t, "event": event, "stage": stage, "ms": ms and round(ms, 3), **more}
@@ -51,34 +45,29 @@ class Trace:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._file is not None:
             self._file.close()
 
 
 SECONDS = 8.0
-# Of what has been seen happen.
+# For a message about what is visible in the window, too.
 SHORT_SECONDS = 2.0
 
 
 @dataclass(slots=True)
 class Notice:
-    """The line, and until when it stands."""
+    """The message line, and the time until which it is shown."""
 
     text: str = ""
     until: float = 0.0
 
     def say(self, text: str, seconds: float = SECONDS) -> None:
-        """Another line in place of the present one."""
+        """Replace the line."""
         self.text, self.until = one_line(text), time.perf_counter() + seconds
 
     def ended(self, now: float) -> bool:
-        """Whether its time was over, and it is gone now."""
+        """Remove a line whose time is over; return True if there was one."""
         if not self.text or now <= self.until:
             return False
         self.text = ""
@@ -87,10 +76,7 @@ class Notice:
 
 @contextmanager
 def collect_warnings() -> Iterator[SimpleQueue[str]]:
-    """Queue the package's warnings of every thread for the window, besides printing them.
-
-    What a file's reader doubts is otherwise seen by those alone who started from a terminal.
-    """
+    """Queue the package's warnings of every thread for the window, and print them."""
     queue: SimpleQueue[str] = SimpleQueue()
     show = warnings.showwarning
 
