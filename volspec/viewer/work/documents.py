@@ -1,8 +1,8 @@
-"""Scenes, volumes and sessions opened, and the list of recent files.
+"""Opening of scenes, volumes and sessions, and the list of recent files.
 
     path -> [documents] -> threads -> Opened -> state
 
-Of several requests the last one is opened. What was open before is saved as a session.
+Of several requests the last one is opened. The state before is saved as a session.
 """
 
 from __future__ import annotations
@@ -36,21 +36,17 @@ def open_document(path: str | None, device: str | None = None) -> Document:
     VolspecError
         If it cannot be read, or the device that is named cannot cast.
     """
-    view = None
     if path is not None:
         check_name(path)
-    if path is None:
-        scene = Scene.load(demo())
-        volume = scene.volume()
-    elif path.lower().endswith(".toml"):
-        scene = Scene.load(path)
-        volume = scene.volume()
+    if path is None or path.lower().endswith(".toml"):
+        scene = Scene.load(demo() if path is None else path)
+        volume, view = scene.volume(), None
     else:
         volume = load_volume(path)
         scene = Scene(plain_scene(path, volume), path.partition("?")[0])
         # No window is known yet: a square that has the picture's height.
         view = fitted(View(), volume, scene.transfer, scene.raycast, 1.0)
-    # Presets take their materials from it, when somebody waits for them.
+    # Presets need the names, and would have to wait.
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster, fault = make_caster(volume, device)
     return Document.of(scene, volume, caster, view, fault)
@@ -61,15 +57,15 @@ _EARLY = "The last session ended early; File › Restore the last session brings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Opened:
-    """What was opened.
+    """A document or session that was opened.
 
     Parameters
     ----------
     state : ViewState
     path : str, optional
-        As it was asked for; None of the bundled demo and of sessions kept without being asked.
+        As it was requested; None for the bundled demo, and for sessions saved automatically.
     session : Path, optional
-        The session that it goes on from, with its own window.
+        File of the session.
     """
 
     state: ViewState
@@ -78,11 +74,14 @@ class Opened:
 
     @classmethod
     def at_first(cls, document: Document, path: str | None) -> Opened:
-        """A document as its file has it."""
+        """Open a document as its file has it."""
         return cls(ViewState.first(document, (0, 0)), path)
 
     def after(self, before: ViewState | None) -> Opened:
-        """In the window as it was, with the light chosen that shines; a session has its own."""
+        """Return it in the present window, with the brightest light chosen.
+
+        A session has an interface of its own.
+        """
         if before is None:
             return self
         interface = self.state.interface
@@ -92,20 +91,15 @@ class Opened:
 
 
 class DocumentService:
-    """Has files opened beside the window, and sessions kept.
+    """Opens files in the background, and saves sessions.
 
     Parameters
     ----------
     tasks : Tasks
     notice, trace
-        What came of it is told to them.
+        They get the results.
     device : str, optional
         For casts.
-
-    Attributes
-    ----------
-    recent : tuple of RecentFile
-        Files opened lately.
     """
 
     def __init__(self, tasks: Tasks, notice: Notice, trace: Trace, device: str | None) -> None:
@@ -113,43 +107,43 @@ class DocumentService:
         self._notice, self._trace = notice, trace
         folder = state_folder()
         self._recent, self._store = RecentFiles(folder), SessionStore(folder)
-        # What is opened at the start where the last session cannot be restored.
+        # Opened at the start, one after the other, if the last session cannot be restored.
         self._besides: list[str | None] = []
-        self._under_way = ""  # as it was told
+        self._opening = ""  # the message while a file is being opened
         self.recent = self._recent.rows()
 
     def open(self, path: str | None, say: bool = True) -> None:
-        """Read a scene, a volume or a session; `came` gives it when it is there.
+        """Begin to read a scene, a volume or a session; `came` returns it.
 
         Parameters
         ----------
         path : str, optional
             None is the bundled demo.
         say : bool
-            Whether a message that stands there may go.
+            False leaves the present message in place.
         """
         if path is not None and path.lower().endswith(SUFFIX):
             self._resume(Path(path))
             return
         if say:
-            self._say_under_way(f"Opening {path or 'the demo'} …")
+            self._say_opening(f"Opening {path or 'the demo'} …")
         self._tasks.start("open", lambda: Opened.at_first(open_document(path, self._device), path))
 
     def drop(self, paths: tuple[str, ...]) -> None:
-        """Open what was dropped."""
+        """Open the scene or the volume that was dropped."""
         try:
             self.open(path_of_drop(paths))
         except InputError as error:
             self._say_error(str(error))
 
     def resume(self, path: str | None, last: bool) -> None:
-        """Go on from the last session, or from the one in a file.
+        """Restore the last session, or the one in a file.
 
         Parameters
         ----------
         path : str, optional
-            A session; or what is opened where there is no last session. Without one that is the
-            file opened last, else the demo.
+            A session's file; or, for the last session, a file to open if there is none. None is
+            the file opened last, or the demo.
         last : bool
         """
         if not last:
@@ -157,30 +151,29 @@ class DocumentService:
             return
         lately = [row.path for row in self._recent.rows() if row.there]
         self._besides = [path] if path is not None else [*lately[:1], None]
-        found = self._store.last()
-        if found is not None:
-            self._resume(found)
+        session = self._store.last()
+        if session is not None:
+            self._resume(session)
         else:
             self._instead("There is no session to restore")
 
     def came(self, outcome: Outcome, first: bool) -> Opened | None:
-        """What was opened; None where it could not be, which is told.
+        """Return the result of a task ``open``; if it failed, say so and return None.
 
         Parameters
         ----------
         outcome : Outcome
-            Of the kind ``open``.
         first : bool
-            Whether nothing is open yet.
+            Nothing is open yet.
 
         Raises
         ------
         InputError
-            If then nothing can be.
+            If nothing is open yet, and nothing can be opened instead.
         """
         if not outcome.error:
-            found: Opened = outcome.result
-            return found
+            opened: Opened = outcome.result
+            return opened
         if first:
             self._instead(outcome.error)
         else:
@@ -188,12 +181,12 @@ class DocumentService:
         return None
 
     def begin(self, opened: Opened, before: ViewState | None) -> None:
-        """Something is open now: what was before is kept, and the list of files grows."""
+        """Save the session before, start the one of what is open now, and list its file."""
         if before is not None:
             self.keep(before)
         early = before is None and self._store.ended_early()
         self._store.begin(opened.state, opened.session)
-        if self._notice.text == self._under_way:
+        if self._notice.text == self._opening:
             self._notice.say("")
         if early and opened.session is None and not self._notice.text:
             self._notice.say(_EARLY)
@@ -203,26 +196,26 @@ class DocumentService:
             self.recent = self._recent.rows()
 
     def tick(self, state: ViewState, now: float, moves: bool) -> None:
-        """Keep the session where it is time to, and nothing moves that it could disturb."""
+        """Save the session if it is time to, and nothing moves that this could disturb."""
         if self._store.due(state, now) and not moves:
             self._tasks.start("session", self._store.saving(state, now))
 
     def close(self, state: ViewState | None, faulty: bool) -> None:
-        """The end, or a fault that ends it: the session is kept."""
+        """Save the session at the end; after a fault it is not marked as ended."""
         if state is not None:
             self.keep(state)
         if not faulty:
             self._store.end()
 
     def keep(self, state: ViewState) -> None:
-        """Keep the session now; that it cannot be stops nothing."""
+        """Save the session now; an error is only a message."""
         try:
             self._store.save(state)
         except (VolspecError, OSError) as error:
             self._say_error(f"The session is not kept: {error}")
 
     def restore(self, state: ViewState) -> None:
-        """Go on from the last session that is not this one, which is kept."""
+        """Save this session, and restore the one before."""
         self.keep(state)
         last = self._store.last()
         if last is None:
@@ -231,9 +224,9 @@ class DocumentService:
             self._resume(last)
 
     def reload(self, state: ViewState) -> None:
-        """Read the open file again; the view and the window stay, edits and A | B do not."""
+        """Read the open file again; only the view and the window stay."""
         path = state.document.source
-        self._say_under_way("Reading the file again; only the view stays …")
+        self._say_opening("Reading the file again; only the view stays …")
 
         def again() -> Opened:
             found = Opened.at_first(open_document(path, self._device), path)
@@ -242,35 +235,35 @@ class DocumentService:
         self._tasks.start("open", again)
 
     def clear_recent(self) -> None:
-        """Forget the files that were opened lately."""
+        """Clear the list of recent files."""
         self._recent.clear()
         self.recent = ()
 
     def _resume(self, path: Path) -> None:
-        self._say_under_way("Restoring the session …")
-        self._tasks.start("open", lambda: self._resumed(path))
+        def restored() -> Opened:
+            check_name(path)
+            session = self._store.read(path)
+            try:
+                state = restore_state(session, self._device)
+            except BrokenSession as error:
+                raise self._store.broken(path, error) from error
+            return Opened(state, None if self._store.holds(path) else str(path), path)
 
-    def _resumed(self, path: Path) -> Opened:
-        check_name(path)
-        session = self._store.read(path)
-        try:
-            state = restore_state(session, self._device)
-        except BrokenSession as error:
-            raise self._store.broken(path, error) from error
-        return Opened(state, None if self._store.holds(path) else str(path), path)
+        self._say_opening("Restoring the session …")
+        self._tasks.start("open", restored)
 
     def _instead(self, error: str) -> None:
-        """Nothing is open yet, and what was asked for cannot be: what comes next, if anything."""
+        """Open the next of `_besides`, as nothing is open yet; without one, raise the error."""
         if not self._besides:
             raise InputError(error)
         path = self._besides.pop(0)
         self._say_error(f"{error}; this is {'the demo' if path is None else Path(path).name}")
         self.open(path, say=False)
 
-    def _say_under_way(self, message: str) -> None:
-        """Until it is open, or something else is said."""
+    def _say_opening(self, message: str) -> None:
+        """Show a message until the file is open, or another message comes."""
         self._notice.say(message)
-        self._under_way = self._notice.text
+        self._opening = self._notice.text
 
     def _say_error(self, message: str) -> None:
         self._notice.say(message)

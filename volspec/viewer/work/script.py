@@ -1,4 +1,4 @@
-"""The state as a Python script in the public interface, which makes the same frame.
+"""The state as a Python script that renders the same frame with the public interface.
 
     state -> [script] -> FILE.py -> PNG
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -24,20 +24,21 @@ from volspec.errors import InputError, SceneError, SpectrumError, ViewingError
 from volspec.export.frames import file_stem
 from volspec.export.recipes import python_text
 from volspec.relight import LightRig
+from volspec.scene.file import SceneFile
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
+from volspec.transfer import Transfer
 from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.scene_file import NOWHERE, same_spectrum
 from volspec.viewer.model.state import ViewState
 
 _WIDTH = 88
 _NUMBERS = 6
-# Of a `RelightSpec`, what a frame takes beside the viewing.
 # Left to the machine that runs the script.
 _LEFT_OUT = ("tile_ms",)
 
 
 def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
-    """Write the script; a basis that does not ship goes beside it.
+    """Write the script; a basis that does not ship goes into a file next to it.
 
     Raises
     ------
@@ -51,24 +52,17 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     if target.suffix.lower() != ".py":
         raise InputError(f"{target}: a script is Python; name it .py")
-    basis = state.transfer.basis
-    beside = target.with_suffix(".basis.json")
-    text = script_of(state, beside.name)
-    if beside.name in text:
-        basis.save(beside)
+    basis_file = target.with_suffix(".basis.json")
+    text = script_of(state, basis_file.name)
+    if basis_file.name in text:
+        state.transfer.basis.save(basis_file)
     with write_whole(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return target
 
 
 def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
-    """The script.
-
-    Parameters
-    ----------
-    state : ViewState
-    basis_file : str
-        What a basis that does not ship is called, beside the script.
+    """Return the script; ``basis_file`` is for a basis that does not ship.
 
     Raises
     ------
@@ -76,28 +70,29 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
         As `export_python`.
     """
     document, rig = state.document, rig_of(state.lights)
-    if document.file is None or document.path is None:
+    file, path = document.file, document.path
+    if file is None or path is None:
         raise SceneError(f"{document.title}: was not read from a file; no script could load it")
     if rig is None:
         raise ViewingError("No light is on, so there is no frame to make a script for; turn one on")
-    code = _Code(_texts(state))
+    code = _Code(_spectrum_names(state, file))
     title = f"{document.title}, as seen in volspec {volspec.__version__}"
     space = state.relight.viewing.display.space
     arguments = "volume", "transfer", "camera", f"size={state.size}", "spec=spec"
     lines = [
-        f"volume = {_volume(state)}",
-        f"materials = {code.of(dict(state.transfer.materials), 0)}",
-        f"basis = {_basis(state, basis_file)}",
-        f"transfer = {code.transfer(state)}",
-        f"camera = {code.camera(state)}",
-        f"spec = {code.of(state.shading, 0)}",
-        f"rig = {code.of(rig, 0)}",
-        f"relight_spec = {code.of(state.relight, 0)}",
+        f"volume = {_volume(file, path)}",
+        f"materials = {code.of(dict(state.transfer.materials))}",
+        f"basis = {_basis(state.transfer, basis_file)}",
+        f"transfer = {code.transfer(state.transfer)}",
+        f"camera = {_call('vs.Camera.orbit', ['volume', *code.changed_fields(state.view, 0)], 0)}",
+        f"spec = {code.of(state.shading)}",
+        f"rig = {code.of(rig)}",
+        f"relight_spec = {code.of(state.relight)}",
         "",
         _call("image = vs.raycast", arguments, 0),
         "with vs.Relighter(image) as relighter:",
         "    frame = relighter.frame(rig, relight_spec)",
-        f'vs.write_frame("{file_stem(document.title)}.png", frame, space={code.of(space, 0)})',
+        f'vs.write_frame("{file_stem(document.title)}.png", frame, space={code.of(space)})',
     ]
     head = [f'"""{python_text(title)[1:-1]}."""', ""]
     if any("Path(" in line for line in lines):
@@ -106,43 +101,32 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
     return "\n".join([*head, "import volspec as vs", *imports, "", *lines, ""])
 
 
-def _texts(state: ViewState) -> dict[str, str]:
-    """What lights and reflectances may be called, and which of both each is."""
-    assert state.document.file is not None
-    file = state.document.file
-    named: dict[str, str] = {}
-    for row in file.light:
-        if isinstance(row.spectrum, str):
-            named[row.spectrum] = "light"
-    for light_row in state.lights:
-        named.update(dict.fromkeys((text for text in light_row.texts if text), "light"))
-    for material in file.material:
-        for text in (material.reflectance, material.filter):
-            if isinstance(text, str):
-                named[text] = "reflectance"
-    return named
+def _spectrum_names(state: ViewState, file: SceneFile) -> dict[str, str]:
+    """Return the names of lights and reflectances, with ``light`` or ``reflectance`` for each."""
+    names = {row.spectrum: "light" for row in file.light if isinstance(row.spectrum, str)}
+    names |= {text: "light" for light_row in state.lights for text in light_row.texts if text}
+    given = (text for material in file.material for text in (material.reflectance, material.filter))
+    return names | {text: "reflectance" for text in given if isinstance(text, str)}
 
 
-def _volume(state: ViewState) -> str:
-    """How it is loaded, from anywhere."""
-    document = state.document
-    assert document.file is not None and document.path is not None
-    table = document.file.volume
+def _volume(file: SceneFile, scene: Path) -> str:
+    """Return the call that loads a scene's volume, from any folder."""
+    table = file.volume
     name, _, query = table.file.partition("?")
-    path = os.path.normpath(document.path.parent / name) + (f"?{query}" if query else "")
+    path = os.path.normpath(scene.parent / name) + (f"?{query}" if query else "")
     text = f"vs.load_volume({python_text(path)})"
     if table.spacing_mm is not None:
         text += f".with_spacing({table.spacing_mm})"
     if table.downsample != 1:
-        labels = ", labels=True" if document.file.transfer.kind == "labels" else ""
+        labels = ", labels=True" if file.transfer.kind == "labels" else ""
         text += f".downsampled({table.downsample}{labels})"
     return text
 
 
-def _basis(state: ViewState, file: str) -> str:
-    basis = state.transfer.basis
+def _basis(transfer: Transfer, file: str) -> str:
+    basis = transfer.basis
     if isinstance(basis, MaterialBasis):
-        made = MaterialBasis(state.transfer.materials, basis.name)
+        made = MaterialBasis(transfer.materials, basis.name)
         if made.fingerprint == basis.fingerprint:
             return f"vs.MaterialBasis(materials, {python_text(basis.name)})"
     shipped = basis.name in shipped_names() and SpectralBasis.load(basis.name)
@@ -152,12 +136,12 @@ def _basis(state: ViewState, file: str) -> str:
 
 
 class _Code:
-    """Values as Python: constructors with what is not their default."""
+    """Values as Python: constructor calls without the defaults."""
 
-    def __init__(self, texts: Mapping[str, str]) -> None:
-        self.imports: set[tuple[str, str]] = set()
+    def __init__(self, spectrum_names: Mapping[str, str]) -> None:
+        self.imports: set[tuple[str, str]] = set()  # (module, name)
         self._named: list[tuple[str, Spectrum]] = []
-        for text, kind in texts.items():
+        for text, kind in spectrum_names.items():
             look_up = light if kind == "light" else reflectance
             try:
                 found = look_up(text, DEFAULT_GRID, folder=NOWHERE)
@@ -165,8 +149,8 @@ class _Code:
                 continue
             self._named.append((f"vs.{kind}({python_text(text)})", found))
 
-    def of(self, value: Any, indent: int) -> str:
-        """Any value; ``indent`` is where its line starts."""
+    def of(self, value: Any, indent: int = 0) -> str:
+        """Return any value as code; ``indent`` is that of its line."""
         if isinstance(value, Spectrum):
             return self._spectrum(value, indent)
         if isinstance(value, LightRig):
@@ -176,9 +160,7 @@ class _Code:
         if isinstance(value, str):
             return python_text(value)
         if isinstance(value, Mapping):
-            rows = [
-                f"{self.of(key, 0)}: {self.of(each, indent + 4)}" for key, each in value.items()
-            ]
+            rows = [f"{self.of(key)}: {self.of(each, indent + 4)}" for key, each in value.items()]
             return _wrapped("{", rows, "}", indent)
         if isinstance(value, tuple | list):
             rows = [self.of(each, indent + 4) for each in value]
@@ -191,41 +173,22 @@ class _Code:
             return f'float("{value}")'
         return repr(value)
 
-    def transfer(self, state: ViewState) -> str:
-        """The transfer function, of names that the script has."""
-        transfer = state.transfer
-        given = {f.name: getattr(transfer, f.name) for f in fields(transfer)}
+    def transfer(self, transfer: Transfer) -> str:
+        """Return a transfer function, with the names ``materials`` and ``basis`` of the script."""
         parts = []
-        for name, value in given.items():
+        for field in fields(transfer):
+            name, value = field.name, getattr(transfer, field.name)
             if name in ("materials", "basis"):
                 parts.append(f"{name}={name}")
-            elif name in ("points", "surfaces"):
-                rows = [(v, o, _alone(mix)) for v, o, mix in value]
-                parts.append(f"{name}={self.of(rows, 4)}")
-            elif value is not None:
+                continue
+            if name in ("points", "surfaces"):
+                value = [(v, o, _single_material(mix)) for v, o, mix in value]
+            if value is not None:
                 parts.append(f"{name}={self.of(value, 4)}")
-        return _call(f"vs.{type(transfer).__name__}", tuple(parts), 0)
+        return _call(f"vs.{type(transfer).__name__}", parts, 0)
 
-    def camera(self, state: ViewState) -> str:
-        """The orbit."""
-        view = state.view
-        changed = [f.name for f in fields(view) if getattr(view, f.name) != f.default]
-        parts = (f"{name}={self.of(getattr(view, name), 4)}" for name in changed)
-        return _call("vs.Camera.orbit", ("volume", *parts), 0)
-
-    def _rig(self, rig: LightRig, indent: int) -> str:
-        """Lights, and what is not the same of all."""
-        given: dict[str, Any] = {"lights": rig.lights}
-        if set(rig.weights) != {1.0}:
-            given["weights"] = rig.weights
-        if rig.illuminance_lux is not None:
-            given["illuminance_lux"] = rig.illuminance_lux
-        if any(rig.groups):
-            given["groups"] = rig.groups
-        parts = (f"{name}={self.of(value, indent + 4)}" for name, value in given.items())
-        return _call("vs.LightRig", tuple(parts), indent)
-
-    def _object(self, value: Any, indent: int) -> str:
+    def changed_fields(self, value: Any, indent: int) -> list[str]:
+        """Return those fields of a dataclass that are not the default, as arguments."""
         parts = []
         for field in fields(value):
             now = getattr(value, field.name)
@@ -233,11 +196,26 @@ class _Code:
             default = field.default if make is MISSING else make()
             if field.name not in _LEFT_OUT and now != default:
                 parts.append(f"{field.name}={self.of(now, indent + 4)}")
+        return parts
+
+    def _rig(self, rig: LightRig, indent: int) -> str:
+        given: dict[str, Any] = {"lights": rig.lights}
+        if set(rig.weights) != {1.0}:
+            given["weights"] = rig.weights
+        if rig.illuminance_lux is not None:
+            given["illuminance_lux"] = rig.illuminance_lux
+        if any(rig.groups):
+            given["groups"] = rig.groups
+        parts = [f"{name}={self.of(value, indent + 4)}" for name, value in given.items()]
+        return _call("vs.LightRig", parts, indent)
+
+    def _object(self, value: Any, indent: int) -> str:
         name = type(value).__name__
         if name in volspec.__all__:
-            return _call(f"vs.{name}", tuple(parts), indent)
-        self.imports.add((type(value).__module__, name))
-        return _call(name, tuple(parts), indent)
+            name = f"vs.{name}"
+        else:
+            self.imports.add((type(value).__module__, name))
+        return _call(name, self.changed_fields(value, indent), indent)
 
     def _spectrum(self, spectrum: Spectrum, indent: int) -> str:
         for text, known in self._named:
@@ -250,18 +228,18 @@ class _Code:
         return _call("vs.Spectrum", parts, indent)
 
 
-def _alone(mix: Any) -> Any:
-    """A material's name, where a mix is of it alone."""
-    alone = isinstance(mix, Mapping) and list(mix.values()) == [1.0]
-    return next(iter(mix)) if alone else mix
+def _single_material(mix: Any) -> Any:
+    """Return a material's name instead of a mix of it alone."""
+    single = isinstance(mix, Mapping) and list(mix.values()) == [1.0]
+    return next(iter(mix)) if single else mix
 
 
-def _call(name: str, parts: tuple[str, ...], indent: int) -> str:
-    return _wrapped(f"{name}(", list(parts), ")", indent)
+def _call(name: str, parts: Sequence[str], indent: int) -> str:
+    return _wrapped(f"{name}(", parts, ")", indent)
 
 
-def _wrapped(start: str, parts: list[str], end: str, indent: int) -> str:
-    """In one line where it fits, else part by part, numbers some to a line."""
+def _wrapped(start: str, parts: Sequence[str], end: str, indent: int) -> str:
+    """Write one line if it fits, or a line for each part, or for some numbers."""
     flat = start + ", ".join(parts) + end
     if "\n" not in flat and len(flat) + indent <= _WIDTH:
         return flat
