@@ -26,14 +26,8 @@ Done = TypeVar("Done")
 class LatestWorker(ABC, Generic[Job, Done]):
     """Answers requests in a thread, one at a time and the newest next.
 
-    The thread begins with a request and ends when none waits.
-
-    Parameters
-    ----------
-    wake : callable
-        Called from the thread when there is something to take.
-    name : str
-        Name of the thread.
+    The thread begins with a request and ends when none waits. It calls ``wake`` when there is
+    something to take.
     """
 
     def __init__(self, wake: Callable[[], object], name: str) -> None:
@@ -132,7 +126,7 @@ class Tasks:
     """Runs functions in threads; of one kind only the last one's outcome counts.
 
     A task that another of its kind replaces runs to its end, as reading a file cannot be stopped,
-    but nothing waits for it. ``wake`` is called from the thread when there is something to take.
+    but nothing waits for it. Threads call ``wake`` when there is something to take.
     """
 
     def __init__(self, wake: Callable[[], object]) -> None:
@@ -159,10 +153,7 @@ class Tasks:
     def close(self) -> None:
         """Wait for files that are being written, `_PATIENCE_S` for all together.
 
-        Warns
-        -----
-        VolspecWarning
-            If one is not written: the window, where errors are shown, is closing.
+        Errors are warnings now, as the window that showed them is closing.
         """
         end = time.monotonic() + _PATIENCE_S
         for runner in self._writing:
@@ -196,5 +187,5 @@ class _Runner(LatestWorker[Callable[[], Any], Outcome]):
         except Exception as error:
             # A fault of our own: its outcome must come all the same.
             traceback.print_exc()
-            said = f"{self._kind} failed: {type(error).__name__}: {error}"
-            yield Outcome(self._kind, error=said)
+            message = f"{self._kind} failed: {type(error).__name__}: {error}"
+            yield Outcome(self._kind, error=message)

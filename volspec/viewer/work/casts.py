@@ -148,15 +148,8 @@ REST_S = 0.15
 class Pace:
     """Divisor of a moving picture's sides, by the times of casts.
 
-    Parameters
-    ----------
-    divisor : int
-        One of `DIVISORS`.
-    whole_ms : float
-        Time of a whole picture; 0 if it is not known.
+    The time of a whole picture is 0 if it is not known.
 
-    Examples
-    --------
     >>> Pace().after(4, 100.0).divisor, Pace().after(4, 4.0).divisor
     (6, 2)
     """
@@ -200,16 +193,7 @@ class CastScheduler:
         return self._whole_wanted or self._worker.busy
 
     def change(self, state: ViewState, now: float, held: bool) -> None:
-        """Cast a state: coarse now, and whole when it rests.
-
-        Parameters
-        ----------
-        state : ViewState
-        now : float
-            Seconds.
-        held : bool
-            More changes are likely, as a mouse button is down.
-        """
+        """Cast a state: coarse now, and whole when it rests or no mouse button is ``held``."""
         if self._wanted is None or state.document is not self._wanted.document:
             self._pace, self._first = Pace(), True
         self._wanted, self._changed_at = state, now

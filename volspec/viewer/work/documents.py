@@ -52,20 +52,11 @@ def open_document(path: str | None, device: str | None = None) -> Document:
     return Document.of(scene, volume, caster, view, fault)
 
 
-_EARLY = "The last session ended early; File › Restore the last session brings it back"
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Opened:
-    """A document or session that was opened.
+    """A document, or a ``session`` file, that was opened.
 
-    Parameters
-    ----------
-    state : ViewState
-    path : str, optional
-        As it was requested; None for the bundled demo, and for sessions saved automatically.
-    session : Path, optional
-        File of the session.
+    The path is as requested; None for the bundled demo, and for sessions saved automatically.
     """
 
     state: ViewState
@@ -91,16 +82,7 @@ class Opened:
 
 
 class DocumentService:
-    """Opens files in the background, and saves sessions.
-
-    Parameters
-    ----------
-    tasks : Tasks
-    notice, trace
-        They get the results.
-    device : str, optional
-        For casts.
-    """
+    """Opens files in the background, and saves sessions."""
 
     def __init__(self, tasks: Tasks, notice: Notice, trace: Trace, device: str | None) -> None:
         self._tasks, self._device = tasks, device
@@ -113,14 +95,9 @@ class DocumentService:
         self.recent = self._recent.rows()
 
     def open(self, path: str | None, say: bool = True) -> None:
-        """Begin to read a scene, a volume or a session; `came` returns it.
+        """Begin to read a scene, a volume or a session; None is the bundled demo.
 
-        Parameters
-        ----------
-        path : str, optional
-            None is the bundled demo.
-        say : bool
-            False leaves the present message in place.
+        `came` returns it later. If ``say`` is False, the present message stays.
         """
         if path is not None and path.lower().endswith(SUFFIX):
             self._resume(Path(path))
@@ -160,16 +137,10 @@ class DocumentService:
     def came(self, outcome: Outcome, first: bool) -> Opened | None:
         """Return the result of a task ``open``; if it failed, say so and return None.
 
-        Parameters
-        ----------
-        outcome : Outcome
-        first : bool
-            Nothing is open yet.
-
         Raises
         ------
         InputError
-            If nothing is open yet, and nothing can be opened instead.
+            If nothing is open yet (``first``), and nothing can be opened instead.
         """
         if not outcome.error:
             opened: Opened = outcome.result
@@ -189,7 +160,9 @@ class DocumentService:
         if self._notice.text == self._opening:
             self._notice.say("")
         if early and opened.session is None and not self._notice.text:
-            self._notice.say(_EARLY)
+            self._notice.say(
+                "The last session ended early; File › Restore the last session brings it back"
+            )
             self._trace.note("ended-early")
         if opened.path is not None:
             self._recent.add(opened.path)

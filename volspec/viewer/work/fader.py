@@ -37,15 +37,7 @@ class Fader:
         return replace(state, lights=lights, relight=spec)
 
     def to_keep(self, state: ViewState, shown: ViewState, new: ViewState) -> ViewState:
-        """Return the shown state after input, as it is to be in the history.
-
-        Parameters
-        ----------
-        state, shown : ViewState
-            Argument and result of `shown`.
-        new : ViewState
-            After input.
-        """
+        """Return the state for the history, after input made ``new`` of the shown one."""
         if shown is state or new.fade is not shown.fade:
             return new
         if new.lights is shown.lights and new.relight is shown.relight:

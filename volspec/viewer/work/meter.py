@@ -63,28 +63,12 @@ class Meter:
         self._ended = whole if ends else None
 
     def answered(self, late_s: float, busy_s: float) -> None:
-        """Note a turn of the event loop that took too long.
-
-        Parameters
-        ----------
-        late_s : float
-            Time that the wait for input took beyond its timeout.
-        busy_s : float
-            Time from input to the next wait for it.
-        """
+        """Note if the wait for input ended too late, or what followed on it took too long."""
         if (ms := 1e3 * max(late_s, busy_s)) > _UNANSWERED_MS:
             self._trace.note("unanswered", None, ms)
 
     def frame(self, began: float, areas: dict[str, tuple[int, int, int, int]]) -> None:
-        """Note a frame that has been shown.
-
-        Parameters
-        ----------
-        began : float
-            A time of `time.perf_counter`.
-        areas : {name: (x, y, width, height)}
-            Places of panels in the window.
-        """
+        """Note a frame that is shown, and the (x, y, width, height) of its panels by name."""
         if self._relit is not None:
             self._relit_ms += self._relit.ms
             self._relit = None

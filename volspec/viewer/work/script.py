@@ -62,13 +62,7 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
 
 
 def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
-    """Return the script; ``basis_file`` is for a basis that does not ship.
-
-    Raises
-    ------
-    SceneError, ViewingError
-        As `export_python`.
-    """
+    """Return the script, which loads a basis that does not ship from a file next to it."""
     document, rig = state.document, rig_of(state.lights)
     file, path = document.file, document.path
     if file is None or path is None:
@@ -102,7 +96,7 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
 
 
 def _spectrum_names(state: ViewState, file: SceneFile) -> dict[str, str]:
-    """Return the names of lights and reflectances, with ``light`` or ``reflectance`` for each."""
+    """Return "light" or "reflectance" for each spectrum that has a name."""
     names = {row.spectrum: "light" for row in file.light if isinstance(row.spectrum, str)}
     names |= {text: "light" for light_row in state.lights for text in light_row.texts if text}
     given = (text for material in file.material for text in (material.reflectance, material.filter))

@@ -58,15 +58,7 @@ class BrokenSession(SessionError):
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Contents of a session's file.
-
-    Parameters
-    ----------
-    path : Path
-        Of the scene or the volume that was open.
-    data : dict
-        All of the file, in the newest version.
-    """
+    """Contents of a session's file, and where its scene or volume is now."""
 
     path: Path
     data: dict[str, Any]
@@ -174,15 +166,7 @@ def _renamed_1(part: Any) -> Any:
 
 
 def restore_state(session: Session, device: str | None = None, cast: bool = True) -> ViewState:
-    """Return the state that a session was saved in, with its volume read again.
-
-    Parameters
-    ----------
-    session : Session
-    device : str, optional
-        For casts.
-    cast : bool
-        False makes no caster.
+    """Return the state that a session saved, with its volume read again, and a caster if ``cast``.
 
     Raises
     ------

@@ -33,12 +33,6 @@ def state_folder() -> Path:
     return Path(os.environ.get(STATE_VARIABLE) or user_state_path("volspec", appauthor=False))
 
 
-def address(path: str) -> str:
-    """Return a file's absolute path, with what follows a question mark."""
-    file, mark, query = path.partition("?")
-    return os.path.abspath(file) + mark + query
-
-
 @dataclass(frozen=True, slots=True)
 class RecentFile:
     """A row of the list of recent files; ``there`` is False if the file was missing."""
@@ -76,7 +70,8 @@ class RecentFiles:
 
     def add(self, path: str) -> None:
         """Put a file first that has been opened."""
-        path = address(path)
+        file, mark, query = path.partition("?")
+        path = os.path.abspath(file) + mark + query
         paths = [path, *(row.path for row in self.rows() if row.path != path)]
         self._write(paths[:MOST_FILES])
 
@@ -112,14 +107,9 @@ class SessionStore:
         self._asked = self._written = 0
 
     def begin(self, state: ViewState, own: Path | None = None) -> None:
-        """Start the session of a document that was opened.
+        """Start the session of a state that was opened, or restored from an ``own`` file.
 
-        Parameters
-        ----------
-        state : ViewState
-            As it was opened: there is nothing to be saved yet.
-        own : Path, optional
-            File that it was restored from; if it is this store's, it is written further.
+        A file of this store is continued.
         """
         clear_unfinished(self._folder)
         with self._lock:
@@ -133,7 +123,7 @@ class SessionStore:
         return path.parent == self._folder
 
     def due(self, state: ViewState, now: float) -> bool:
-        """Return True if a state is to be saved: it has changed, and rests or is long overdue."""
+        """Return True if a state is to be saved: it has changed, and rests or is overdue."""
         if state is not self._latest:
             if self._latest is None or _without_window(state) != _without_window(self._latest):
                 self._changed_s = now
@@ -149,8 +139,7 @@ class SessionStore:
     def saving(self, state: ViewState, now: float) -> Callable[[], Path | None]:
         """Return what a thread is to call to `save` a state that is due.
 
-        It writes nothing once a later state is written. The state is due again after a while, in
-        case that it fails.
+        It writes nothing once a later state is written. If it fails, the state is due again later.
         """
         self._changed_s = self._due = now + EVERY_S
         return self._ordered(state)
@@ -203,13 +192,7 @@ class SessionStore:
         return next((path for path in files if path != self._own), None)
 
     def read(self, path: Path) -> Session:
-        """Read a session's file; a broken one is renamed to ``.broken``, not deleted.
-
-        Raises
-        ------
-        SessionError
-            If it cannot be read; the message has a broken one's new name.
-        """
+        """Read a session's file; a broken one is renamed to ``.broken``, not deleted."""
         try:
             return read_session(path)
         except BrokenSession as error:
