@@ -190,12 +190,12 @@ def test_what_is_no_session_is_refused_in_a_line(tmp_path: Path, change: Any, me
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d.update(state=[]), "ViewState is []"),
+        (lambda d: d.update(state=[]), "field 'state' is missing or wrong"),
         (lambda d: d["state"].update(board="none"), "palette is 'none'; expected PaletteState"),
         (lambda d: d["state"]["board"].update({"is": "Plank"}), "'Plank'; expected PaletteState"),
         (lambda d: d["state"]["board"].update(wishes=7), "palette.targets is 7"),
         (lambda d: d["state"]["kept"][0].pop("seen"), "saved_lights 1.relight is missing"),
-        (lambda d: d.update(objects={}), "is"),
+        (lambda d: d.update(objects={"0": 1}), "field 'objects' is missing or wrong"),
     ],
 )
 def test_an_old_session_that_was_edited_is_refused_in_a_line(

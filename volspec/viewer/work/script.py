@@ -54,7 +54,7 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
         raise InputError(f"{target}: a script is Python; name it .py")
     basis_file = target.with_suffix(".basis.json")
     text = script_of(state, basis_file.name)
-    if basis_file.name in text:
+    if f"with_name({python_text(basis_file.name)})" in text:
         state.transfer.basis.save(basis_file)
     with write_whole(target) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -144,12 +144,13 @@ def read_session(path: str | os.PathLike[str]) -> Session:
         )
     if version == 1:  # the scene's file has names of its own
         data |= {key: _renamed_1(part) for key, part in data.items() if key != "file"}
-    for key in ("path", "file", "document", "state", "objects"):
-        if key not in data or (key == "document" and not isinstance(data[key], dict)):
+    kinds = {"path": str, "file": dict, "document": dict, "state": dict, "objects": list}
+    for key, kind in kinds.items():
+        if not isinstance(data.get(key), kind):
             raise BrokenSession(f"{name}: field {key!r} is missing or wrong; was it edited?")
     beside = Path(path).absolute().parent / str(data.get("beside", ""))
     # A volume may be a folder.
-    found = beside if data.get("beside") and os.path.exists(beside) else Path(str(data["path"]))
+    found = beside if data.get("beside") and os.path.exists(beside) else Path(data["path"])
     return Session(found, data)
 
 
