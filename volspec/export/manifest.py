@@ -172,12 +172,9 @@ class Folder:
         return found if isinstance(found, dict) and "fingerprint" in found else None
 
     def _remove(self, name: str) -> None:
-        """Delete a frame of before; a name that leads out of the folder is none."""
-        try:
-            path = (self.path / name).resolve()
-        except (OSError, ValueError):  # too long, or a NUL character
-            return
-        if path.is_relative_to(self.path.resolve()) and path.suffix in (".png", ".exr", ".json"):
+        """Delete a frame of before."""
+        path = self._inside(name)
+        if path is not None and path.suffix in (".png", ".exr", ".json"):
             with suppress(FileNotFoundError):
                 path.unlink()
             if path.parent != self.path.resolve():
@@ -185,8 +182,18 @@ class Folder:
                     path.parent.rmdir()
 
     def _clear_unfinished(self, names: Iterable[str]) -> None:
-        for folder in {(self.path / name).parent for name in (*names, NAME)}:
+        paths = [self._inside(name) for name in (*names, NAME)]
+        for folder in {path.parent for path in paths if path is not None}:
             clear_unfinished(folder)
+
+    def _inside(self, name: str) -> Path | None:
+        """Return a file's path; None if its name leads out of the folder, or is no file's."""
+        try:
+            os.fsencode(name)
+            path = (self.path / name).resolve()
+        except (OSError, ValueError):  # too long, a NUL character, no text
+            return None
+        return path if path.is_relative_to(self.path.resolve()) else None
 
 
 def _is_there(path: Path, kept: object) -> bool:
