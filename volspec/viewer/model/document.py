@@ -1,4 +1,4 @@
-"""An open scene, its volume, and the joint histogram that regions are drawn over.
+"""An open scene with its volume, and the volume's histograms.
 
     Scene, Volume -> [document] -> state
 
@@ -32,22 +32,22 @@ from volspec.viewer.model.view import View
 from volspec.volume import Volume
 
 _JOINT_BINS = 128, 64
-# Voxels looked at: two milliseconds.
+# Voxels sampled: two milliseconds.
 _SAMPLES = 60_000
-# Of the gradients, those below the axis' end.
+# The fraction of gradients below the axis' end.
 _SHOWN = 0.9995
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointHistogram:
-    """Voxels by value and gradient magnitude.
+    """Number of voxels by value and gradient magnitude.
 
     Parameters
     ----------
     counts : (64, 128) float64
         Rows are gradients from 0, columns values over the volume's range.
     top : float
-        Gradient magnitude, value per millimetre, at the end of the last row; above 0.
+        Gradient magnitude at the end of the last row, value per millimetre; above 0.
     """
 
     counts: NDArray[np.float64]
@@ -55,7 +55,7 @@ class JointHistogram:
 
 
 def joint_histogram(volume: Volume) -> JointHistogram:
-    """Of every n-th voxel along each axis, by central differences.
+    """Return the histogram of every n-th voxel along each axis, by central differences.
 
     Examples
     --------
@@ -69,32 +69,30 @@ def joint_histogram(volume: Volume) -> JointHistogram:
     at = [np.arange(min(1, n - 2), max(n - 1, 1), every) for n in values.shape]
     square = np.zeros([len(indices) for indices in at])
     for axis, spacing in enumerate(volume.spacing_mm[::-1]):
-        before, after = (_taken(values, at, axis, by) for by in (-1, 1))
+        before, after = (_sampled(values, at, axis, by) for by in (-1, 1))
         square += ((after - before) / (2 * spacing)) ** 2
     gradients = np.sqrt(square).ravel()
     top = float(np.quantile(gradients, _SHOWN)) or 1.0
     low, high = volume.range
-    shares = (_taken(values, at, 0, 0).ravel() - low) / max(high - low, 1e-30)
+    fractions = (_sampled(values, at, 0, 0).ravel() - low) / max(high - low, 1e-30)
     columns, rows = _JOINT_BINS
-    column = np.minimum((shares * columns).astype(np.intp), columns - 1)
+    column = np.minimum((fractions * columns).astype(np.intp), columns - 1)
     row = np.minimum((gradients / top * rows).astype(np.intp), rows - 1)
     counts = np.bincount(row * columns + column, minlength=rows * columns)
     return JointHistogram(counts.reshape(rows, columns).astype(np.float64), top)
 
 
-def _taken(
+def _sampled(
     values: NDArray[Any], at: list[NDArray[np.intp]], axis: int, by: int
 ) -> NDArray[np.float64]:
-    """The voxels at indices, those along one axis moved and kept inside."""
-    moved = [
-        np.clip(indices + by, 0, n - 1) if i == axis else indices
-        for i, (indices, n) in enumerate(zip(at, values.shape, strict=True))
-    ]
-    return values[np.ix_(*moved)].astype(np.float64)
+    """Return the voxels at indices, which are shifted along one axis and clamped to it."""
+    shifted = [*at]
+    shifted[axis] = np.clip(at[axis] + by, 0, values.shape[axis] - 1)
+    return values[np.ix_(*shifted)].astype(np.float64)
 
 
 _BINS = 256
-# Of a volume without a scene.
+# For a volume without a scene.
 _LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "HP1": "sodium lamp"}
 
 
@@ -104,22 +102,18 @@ class Document:
 
     Parameters
     ----------
-    title : str
-    volume : Volume
     caster : Raycaster, optional
-        Holds the volume; None if nothing will be cast, or can be.
+        None if nothing will or can be cast.
     view, transfer, shading, lights, relight
-        As the file has them.
+        As in the file.
     histogram : (256,) float64
         Voxels by value over the volume's range.
     file : SceneFile, optional
-        What was opened, or made for a volume; None where there is neither.
+        Opened, or made for a volume.
     path : Path, optional
-        Of the scene or the volume; names in the file start from its folder.
+        The scene's or the volume's; relative names in the file start from its folder.
     fault : str
         Why nothing can be cast on this machine; empty if it can.
-    joint : JointHistogram
-        By value and gradient.
     """
 
     title: str
@@ -141,19 +135,19 @@ class Document:
 
     @property
     def folder(self) -> str:
-        """What the relative names of its files start from."""
+        """Folder that relative names of files start from."""
         return "." if self.path is None else str(self.path.parent)
 
     @property
     def source(self) -> str | None:
-        """What `opened` takes to read it again; None of the bundled demo."""
+        """Path that opens it again; None for the bundled demo."""
         if self.file is None or self.path is None or self.path == demo():
             return None
         return str(self.path) if self.path.suffix.lower() == ".toml" else self.file.volume.file
 
     @property
     def grid(self) -> SpectralGrid:
-        """What spectra are on."""
+        """Grid of all spectra."""
         return self.transfer.basis.grid
 
     @classmethod
@@ -165,12 +159,12 @@ class Document:
         view: View | None = None,
         fault: str = "",
     ) -> Document:
-        """A scene with its volume, seen as its file says or as given."""
+        """Return a scene with its volume; None takes the view from the file."""
         return cls(
             title=scene.file.title or scene.path.stem,
             volume=volume,
             caster=caster,
-            view=view or _view_of(scene, volume),
+            view=view or _file_view(scene, volume),
             transfer=scene.transfer,
             shading=scene.raycast,
             lights=rows_of(scene.lights, rows_by_name(scene.file.light)),
@@ -183,20 +177,20 @@ class Document:
 
 
 def demo() -> Path:
-    """The scene that is opened where none is named."""
+    """Return the path of the scene that is opened if none is named."""
     return Path(asset("data/scenes/engine.toml")).absolute()
 
 
 def plain_scene(path: str, volume: Volume) -> SceneFile:
-    """A scene for a volume of which nothing else is known, by the preset for such."""
+    """Return a scene for a volume alone, with the default preset."""
     preset = presets.BY_NAME[presets.DEFAULT]
-    looks = presets.preset_points(preset, volume, histogram(volume))
+    points = presets.preset_points(preset, volume, histogram(volume))
     document: dict[str, Any] = {
         "title": Path(path.partition("?")[0]).name,
         "volume": {"file": str(Path(path).absolute())},
         "material": [{"name": k, "reflectance": v} for k, v in preset.materials.items()],
         "transfer": {
-            "points": [{"value": v, "opacity": o, "material": m} for v, o, m in looks],
+            "points": [{"value": v, "opacity": o, "material": m} for v, o, m in points],
             "reference_step_mm": presets.step_mm(volume),
         },
         "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "flat_gradient": 0.02},
@@ -207,16 +201,16 @@ def plain_scene(path: str, volume: Volume) -> SceneFile:
 
 
 def histogram(volume: Volume) -> NDArray[np.float64]:
-    """(256,) voxels by value; of large volumes every n-th along each axis."""
+    """Return (256,) numbers of voxels by value; every n-th along each axis if there are many."""
     every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
     sampled = volume.values[::every, ::every, ::every]
     low, high = volume.range
-    # From 0 on: far from it float32 has too few numbers to tell the bins' edges apart.
+    # Shifted to 0: float32 is too coarse far from it to separate the bins' edges.
     above = np.subtract(sampled, low, dtype=np.float64)
     return np.histogram(above, bins=_BINS, range=(0.0, high - low))[0].astype(np.float64)
 
 
-def _view_of(scene: Scene, volume: Volume) -> View:
+def _file_view(scene: Scene, volume: Volume) -> View:
     table = scene.file.camera
     if table.position_mm is not None:
         return View.of(scene.camera(volume), volume)

@@ -1,6 +1,6 @@
-"""Paths as people give them: files dropped, typed and completed.
+"""Paths that users drop, type and complete.
 
-window, dialogs -> [paths] -> chores
+window, dialogs -> [paths] -> file commands
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from pathlib import Path
 
 from volspec.errors import InputError
 
-# Slices: of DICOM one file stands for its series, of pictures their folder for all.
+# Slices: one DICOM file means its series, pictures mean their folder.
 _DICOM = (".dcm", ".dicom", ".ima")
 _PICTURES = ((".tif", ".tiff"), (".png",))
 MOST_ROWS = 200
 
 
 def path_of_drop(paths: Sequence[str]) -> str:
-    """What files dropped together mean: one of them.
+    """Return the one path that files dropped together mean.
 
     Raises
     ------
     InputError
-        If they mean nothing; says what could be dropped.
+        If they do not belong together.
     """
     if len(paths) == 1:
         return paths[0]
-    # A header and its bytes, as .nhdr and .raw or .mhd and .zraw.
+    # A header and its data, such as .nhdr and .raw or .mhd and .zraw.
     headers = [path for path in paths if path.lower().endswith((".nhdr", ".mhd", ".toml"))]
     if len(headers) == 1:
         return headers[0]
@@ -48,13 +48,7 @@ def _all_end(paths: Sequence[str], endings: tuple[str, ...]) -> bool:
 
 
 def check_name(path: str | os.PathLike[str]) -> None:
-    """Refuse what Linux takes for a name and no text can hold.
-
-    Raises
-    ------
-    InputError
-        If it, or a folder above it, is not UTF-8.
-    """
+    """Raise InputError if a name, or a folder above it, is not UTF-8: Linux allows such names."""
     whole = os.path.abspath(path)
     if not _is_text(whole):
         raise InputError(
@@ -72,16 +66,16 @@ def _is_text(name: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """What is in a folder, for a path that is being typed.
+    """Contents of a folder that complete a path.
 
     Parameters
     ----------
     folder : str
-        As typed, with the separator at its end.
+        As typed, ending with the separator.
     rows : tuple of str
-        Names that go on as typed; folders end with a separator.
+        Names that begin as typed, `MOST_ROWS` at most; folders end with a separator.
     common : str
-        The path, completed as far as all rows agree.
+        The path, completed as far as all names agree.
     """
 
     folder: str
@@ -90,21 +84,19 @@ class Listing:
 
 
 def list_paths(text: str, suffixes: Sequence[str] = ()) -> Listing:
-    """Folders, and files with one of the endings, that go on as a path does.
+    """List folders, and files with one of the endings, that complete a path.
 
     Names that are not UTF-8 are left out, as `check_name` refuses them.
 
     Parameters
     ----------
     text : str
-        What is typed; ``~`` is the user's own folder, relative paths start where the program runs.
+        ``~`` is the user's home folder; relative paths start at the working directory.
     suffixes : sequence of str
-        Endings of files, in small letters; none lists all.
+        Endings of files, in lower case; none lists all.
     """
-    folder, typed = text[: text.rfind("/") + 1], text[text.rfind("/") + 1 :]
-    if os.sep != "/" and os.sep in typed:  # Windows takes both
-        at = text.rfind(os.sep) + 1
-        folder, typed = text[:at], text[at:]
+    start = max(text.rfind("/"), text.rfind(os.sep)) + 1  # Windows takes both
+    folder, typed = text[:start], text[start:]
     rows: list[str] = []
     try:
         with os.scandir(os.path.expanduser(folder) or ".") as entries:
@@ -121,31 +113,27 @@ def list_paths(text: str, suffixes: Sequence[str] = ()) -> Listing:
     except OSError:
         return Listing(folder, (), text)
     rows.sort(key=lambda name: (not name.endswith("/"), name.casefold()))
-    longer = rows[0][: _shared(rows)] if rows else typed
-    return Listing(folder, tuple(rows[:MOST_ROWS]), folder + longer)
-
-
-def _shared(rows: Sequence[str]) -> int:
-    """With how many letters all names begin."""
     letters = zip(*(row.casefold() for row in rows), strict=False)
-    return sum(1 for _ in takewhile(lambda each: len(set(each)) == 1, letters))
+    shared = sum(1 for _ in takewhile(lambda each: len(set(each)) == 1, letters))
+    common = rows[0][:shared] if rows else typed
+    return Listing(folder, tuple(rows[:MOST_ROWS]), folder + common)
 
 
 @dataclass(frozen=True, slots=True)
 class PathRequest:
-    """What a path is asked for.
+    """Request for a path, which a dialog answers.
 
     Parameters
     ----------
     kind : str
-        Given back with the path.
+        Identifies the request in the answer.
     title : str
     save : bool
-        Whether the file will be written.
+        The file will be written.
     suffixes : tuple of str
-        Endings of its name; the first is added where a name to be written has none.
+        Endings of its name; the first is added to a name to be written that has none of them.
     start : str
-        What is proposed.
+        The proposed path.
     """
 
     kind: str
@@ -155,12 +143,12 @@ class PathRequest:
     start: str = ""
 
     def named(self, text: str) -> str:
-        """What was typed, with ``~`` and the ending filled in."""
+        """Return a typed path with ``~`` and the ending filled in; empty if it is empty."""
         path = os.path.expanduser(text.strip())
         ends = not self.save or path.lower().endswith(self.suffixes)
         return path if not path or ends else path + self.suffixes[0]
 
 
 def path_exists(path: str) -> bool:
-    """Whether there is such a file."""
+    """Return True if there is such a file."""
     return Path(path).is_file()

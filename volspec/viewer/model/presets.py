@@ -13,226 +13,180 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.basis import Basis, MaterialBasis
-from volspec.spectra import Spectrum, reflectance
+from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, Transfer, TransferFunction
 from volspec.volume import Volume
 
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """A transfer function for volumes of a sort.
+    """A transfer function for one kind of volume.
 
     Parameters
     ----------
     name, title : str
-    points : tuple of (hu, opacity, material)
-        Of the curve; or the surfaces.
-    materials : {name: reflectance}
-        Names of `volspec.reflectance`.
+    parts : {material: (reflectance, points)}
+        By rising value. A name of `volspec.reflectance`, and the curve's points, or surfaces, as
+        (HU, opacity).
     medical : bool
-        Whether it is made for Hounsfield units; offered first where a volume has them.
+        Made for Hounsfield units, and listed first for volumes that have them.
     kind : {"points", "surfaces"}
     edges : float, optional
-        Only boundaries are seen: the share of the volume's contrast per voxel at which they are
+        Shows only boundaries: the fraction of the volume's contrast per voxel at which they are
         at full opacity.
     """
 
     name: str
     title: str
-    points: tuple[tuple[float, float, str], ...]
-    materials: Mapping[str, str]
+    parts: Mapping[str, tuple[str, tuple[tuple[float, float], ...]]]
     medical: bool = False
     kind: Literal["points", "surfaces"] = "points"
     edges: float | None = None
 
+    @property
+    def materials(self) -> dict[str, str]:
+        """Names of reflectances by material."""
+        return {name: reflectance for name, (reflectance, _) in self.parts.items()}
+
 
 _SKIN = "Vrhel/81 skin caucasian light"
-_MUSCLE = "Vrhel/138 peach skin red"
 _BLOOD = "Vrhel/44 red flower plant had red leaves"
 _BONE = "Vrhel/158 fabric white"
-_LUNG = "PMC/Pork"
-_BRAIN = "Vrhel/89 skin caucasian light"
-_GLASS = "ColorChecker/bluish green"
 
 PRESETS: tuple[Preset, ...] = (
     Preset(
         "soft-hard",
         "Soft and hard",
-        (
-            (-450, 0.0, "soft"),
-            (-250, 0.04, "soft"),
-            (-50, 0.014, "soft"),
-            (120, 0.014, "soft"),
-            (260, 0.08, "hard"),
-            (600, 0.5, "hard"),
-            (1500, 0.9, "hard"),
-        ),
-        {"soft": _SKIN, "hard": _BONE},
+        {
+            "soft": (_SKIN, ((-450, 0.0), (-250, 0.04), (-50, 0.014), (120, 0.014))),
+            "hard": (_BONE, ((260, 0.08), (600, 0.5), (1500, 0.9))),
+        },
         medical=True,
     ),
     Preset(
         "bone",
         "Bone",
-        ((200, 0.0, "bone"), (380, 0.1, "bone"), (650, 0.6, "bone"), (1200, 0.95, "bone")),
-        {"bone": _BONE},
+        {"bone": (_BONE, ((200, 0.0), (380, 0.1), (650, 0.6), (1200, 0.95)))},
         medical=True,
     ),
     Preset(
         "muscle-bone",
         "Muscle and bone",
-        (
-            (-30, 0.0, "muscle"),
-            (40, 0.14, "muscle"),
-            (130, 0.3, "muscle"),
-            (240, 0.35, "bone"),
-            (500, 0.85, "bone"),
-        ),
-        {"muscle": _MUSCLE, "bone": _BONE},
+        {
+            "muscle": ("Vrhel/138 peach skin red", ((-30, 0.0), (40, 0.14), (130, 0.3))),
+            "bone": (_BONE, ((240, 0.35), (500, 0.85))),
+        },
         medical=True,
     ),
-    Preset(
-        "skin",
-        "Skin",
-        ((-500, 0.0, "skin"), (-250, 0.5, "skin"), (0, 0.9, "skin")),
-        {"skin": _SKIN},
-        medical=True,
-    ),
+    Preset("skin", "Skin", {"skin": (_SKIN, ((-500, 0.0), (-250, 0.5), (0, 0.9)))}, medical=True),
     Preset(
         "lung",
         "Lung",
-        (
-            (-900, 0.0, "lung"),
-            (-820, 0.025, "lung"),
-            (-650, 0.06, "lung"),
-            (-450, 0.0, "lung"),
-            (-60, 0.0, "vessels"),
-            (60, 0.005, "vessels"),
-            (250, 0.012, "vessels"),
-            (450, 0.03, "bone"),
-            (900, 0.2, "bone"),
-        ),
-        {"lung": _LUNG, "vessels": _BLOOD, "bone": _BONE},
+        {
+            "lung": ("PMC/Pork", ((-900, 0.0), (-820, 0.025), (-650, 0.06), (-450, 0.0))),
+            "vessels": (_BLOOD, ((-60, 0.0), (60, 0.005), (250, 0.012))),
+            "bone": (_BONE, ((450, 0.03), (900, 0.2))),
+        },
         medical=True,
     ),
     Preset(
         "vessels",
         "Vessels and bone",
-        (
-            (110, 0.0, "vessels"),
-            (180, 0.12, "vessels"),
-            (320, 0.3, "vessels"),
-            (480, 0.4, "bone"),
-            (900, 0.8, "bone"),
-        ),
-        {"vessels": _BLOOD, "bone": _BONE},
+        {
+            "vessels": (_BLOOD, ((110, 0.0), (180, 0.12), (320, 0.3))),
+            "bone": (_BONE, ((480, 0.4), (900, 0.8))),
+        },
         medical=True,
     ),
     Preset(
         "mr-head",
         "MR head",
-        (
-            (-450, 0.0, "skin"),
-            (-250, 0.03, "skin"),
-            (-60, 0.1, "brain"),
-            (150, 0.45, "brain"),
-            (700, 0.8, "bright"),
-        ),
-        {"skin": _SKIN, "brain": _BRAIN, "bright": "Vrhel/132 corn raw"},
+        {
+            "skin": (_SKIN, ((-450, 0.0), (-250, 0.03))),
+            "brain": ("Vrhel/89 skin caucasian light", ((-60, 0.1), (150, 0.45))),
+            "bright": ("Vrhel/132 corn raw", ((700, 0.8),)),
+        },
     ),
     Preset(
         "fluorescence",
         "Fluorescence",
-        (
-            (-700, 0.0, "dim"),
-            (-300, 0.006, "dim"),
-            (40, 0.022, "dye"),
-            (1000, 0.25, "bright"),
-        ),
         {
-            "dim": "PMC/Unitary blue",
-            "dye": "PMC/Unitary green",
-            "bright": "Vrhel/70 highlighter pen plastic",
+            "dim": ("PMC/Unitary blue", ((-700, 0.0), (-300, 0.006))),
+            "dye": ("PMC/Unitary green", ((40, 0.022),)),
+            "bright": ("Vrhel/70 highlighter pen plastic", ((1000, 0.25),)),
         },
     ),
     Preset(
         "surface",
         "Surface",
-        ((-450, 1.0, "surface"),),
-        {"surface": "Vrhel/146 barley seeds"},
+        {"surface": ("Vrhel/146 barley seeds", ((-450, 1.0),))},
         kind="surfaces",
     ),
     Preset(
         "shells",
         "Shells",
-        ((-450, 0.15, "outer"), (330, 0.3, "middle"), (750, 1.0, "inner")),
-        {"outer": _GLASS, "middle": "ColorChecker/orange yellow", "inner": _BONE},
+        {
+            "outer": ("ColorChecker/bluish green", ((-450, 0.15),)),
+            "middle": ("ColorChecker/orange yellow", ((330, 0.3),)),
+            "inner": (_BONE, ((750, 1.0),)),
+        },
         kind="surfaces",
     ),
     Preset(
         "glass",
         "Glass",
-        (
-            (-700, 0.0, "glass"),
-            (-300, 0.12, "glass"),
-            (150, 0.12, "glass"),
-            (260, 0.25, "core"),
-            (800, 0.6, "core"),
-        ),
-        {"glass": "Vrhel/63 light green towel", "core": "ColorChecker/orange yellow"},
+        {
+            "glass": ("Vrhel/63 light green towel", ((-700, 0.0), (-300, 0.12), (150, 0.12))),
+            "core": ("ColorChecker/orange yellow", ((260, 0.25), (800, 0.6))),
+        },
         edges=0.35,
     ),
     Preset(
         "metal",
         "Metal",
-        (
-            (-450, 0.0, "iron"),
-            (-200, 0.1, "iron"),
-            (200, 0.12, "iron"),
-            (400, 0.7, "gold"),
-            (900, 0.9, "gold"),
-        ),
-        {"iron": "iron", "gold": "gold"},
+        {
+            "iron": ("iron", ((-450, 0.0), (-200, 0.1), (200, 0.12))),
+            "gold": ("gold", ((400, 0.7), (900, 0.9))),
+        },
     ),
 )
 BY_NAME = {preset.name: preset for preset in PRESETS}
 DEFAULT = "soft-hard"
 
-
-# Air, half-way to tissue, tissue, dense bone, the most of twelve bits.
+# Air, half-way to tissue, tissue, dense bone, the greatest of twelve bits.
 _MARKS_HU = (-1000.0, -450.0, 40.0, 1000.0, 3071.0)
-# Least and greatest value beyond which values are taken for Hounsfield units.
+# Values that reach at least from one to the other are taken for Hounsfield units.
 _HU = (-500.0, 500.0)
-# Steps through the volume's diagonal: opacities hold over this length, so that a volume of finer
-# voxels looks the same.
+# Opacities hold over the volume's diagonal divided by this, so that finer voxels look the same.
 _STEPS = 440.0
-# Of what is matter, the share below its top.
+# The fraction of matter below its top.
 _TOP = 0.998
-# The least distance of two landmarks, as a share of the range.
+# The least distance of two landmarks, as a fraction of the range.
 _APART = 1 / 24
 _NAME = "preset "
 
 
 def in_hounsfield(volume: Volume) -> bool:
-    """Whether a volume's values look like Hounsfield units."""
+    """Return True if a volume's values look like Hounsfield units."""
     low, high = volume.range
     return low <= _HU[0] and high >= _HU[1]
 
 
 def sorted_presets(volume: Volume) -> list[Preset]:
-    """All presets, those for this sort of volume first."""
+    """Return all presets, those for this kind of volume first."""
     medical = in_hounsfield(volume)
     return sorted(PRESETS, key=lambda preset: (preset.name != DEFAULT, preset.medical != medical))
 
 
 def value_span(volume: Volume) -> tuple[float, float]:
-    """A volume's range; of one that is the same everywhere, a little more at either side."""
+    """Return a volume's range, widened a little if all values are the same."""
     low, high = volume.range
     half = max(0.5, 1e-6 * abs(low))
     return (low, high) if high > low else (low - half, high + half)
 
 
 def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[float, ...]:
-    """Five rising values: the least, the edge of matter, its middle and its top, the greatest.
+    """Return five rising values: the least, the edge of matter, its middle and top, the greatest.
 
     Parameters
     ----------
@@ -257,12 +211,12 @@ def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[flo
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = below * above * (sums[:-1] / below - (sums[-1] - sums[:-1]) / above) ** 2
     apart = np.nan_to_num(apart)
-    # Where bins are empty many thresholds part alike; the middle of them is far from both.
+    # Empty bins make many thresholds equal; the middle one is far from both sides.
     best = np.flatnonzero(apart >= apart.max() * (1 - 1e-9))
     cut = int((best[0] + best[-1]) // 2) + 1
     matter = np.cumsum(counts[cut:]) / max(counts[cut:].sum(), 1.0)
     middle, top = (edges[cut + 1 + int(np.searchsorted(matter, q))] for q in (0.5, _TOP))
-    # They stay apart, whatever the histogram.
+    # Keep them apart, whatever the histogram.
     marks = np.array([low, edges[cut], middle, top, high])
     least = (high - low) * _APART
     ramp = least * np.arange(5)
@@ -273,63 +227,54 @@ def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[flo
 def transfer_of(
     preset: Preset, volume: Volume, counts: NDArray[np.float64], basis: Basis
 ) -> Transfer:
-    """A preset's transfer function for a volume.
+    """Return a preset's transfer function for a volume, on a basis' grid and for its observer.
 
     Parameters
     ----------
-    preset : Preset
-    volume : Volume
     counts : (N,)
         Voxels by value over the volume's range.
-    basis : Basis
-        Whose grid and observer are taken.
     """
-    materials = reflectances(preset, basis)
+    materials = {name: reflectance(text, basis.grid) for name, text in preset.materials.items()}
     own = MaterialBasis(materials, _NAME + preset.name, basis.grid, basis.observer_deg)
-    looks = preset_points(preset, volume, counts)
+    points = preset_points(preset, volume, counts)
     if preset.kind == "surfaces":
-        return Isosurfaces(looks, materials, own)
+        return Isosurfaces(points, materials, own)
     gradients = None
     if preset.edges is not None:
-        low, *_, top, _ = marks_of(volume, counts)
+        low, *_, top, _ = _marks(volume, counts)
         full = preset.edges * (top - low) / (2 * min(volume.spacing_mm))
         gradients = ((0.1 * full, 0.0), (full, 1.0))
-    return TransferFunction(looks, materials, own, step_mm(volume), gradients)
-
-
-def reflectances(preset: Preset, basis: Basis) -> dict[str, Spectrum]:
-    """A preset's materials on a basis' grid."""
-    return {name: reflectance(text, basis.grid) for name, text in preset.materials.items()}
+    return TransferFunction(points, materials, own, step_mm(volume), gradients)
 
 
 def preset_points(
     preset: Preset, volume: Volume, counts: NDArray[np.float64]
 ) -> list[tuple[float, float, str]]:
-    """A preset's points at a volume's values, rising and within its range."""
+    """Return (value, opacity, material) of a preset's points, within a volume's range."""
     low, high = value_span(volume)
-    marks = marks_of(volume, counts)
-    values = np.interp([point[0] for point in preset.points], _MARKS_HU, marks)
+    marks = _marks(volume, counts)
     return [
-        (float(min(max(value, low), high)), opacity, material)
-        for value, (_, opacity, material) in zip(values, preset.points, strict=True)
+        (min(max(float(np.interp(hu, _MARKS_HU, marks)), low), high), opacity, material)
+        for material, (_, points) in preset.parts.items()
+        for hu, opacity in points
     ]
 
 
-def marks_of(volume: Volume, counts: NDArray[np.float64]) -> tuple[float, ...]:
-    """Where a volume has air, the edge of matter, its middle and top, and the most."""
+def _marks(volume: Volume, counts: NDArray[np.float64]) -> tuple[float, ...]:
+    """Return the volume's values at `_MARKS_HU`."""
     if in_hounsfield(volume):
         return _MARKS_HU
     return landmarks(counts, *value_span(volume))
 
 
 def step_mm(volume: Volume) -> float:
-    """The length over which presets' opacities hold."""
+    """Return the length over which the opacities of presets hold."""
     corners = volume.corners_mm
     return float(np.linalg.norm(corners[-1] - corners[0])) / _STEPS
 
 
 def preset_title(transfer: Transfer) -> str:
-    """The title of the preset that a transfer function was made from; empty where of none."""
+    """Return the title of the preset that made a transfer function; empty if none did."""
     name = transfer.basis.name
     preset = BY_NAME.get(name.removeprefix(_NAME)) if name.startswith(_NAME) else None
     return preset.title if preset else ""
