@@ -1,9 +1,9 @@
-"""Materials that a transfer function is given, by name, colour or file, and that are taken out.
+"""Materials of a transfer function: added by name, colour or file, and removed.
 
     notation -> [materials] -> Transfer -> raycast
 
-Materials become the channels of the cast, as they do for presets and palettes: a basis that was
-trained on others need not hold the new one, and so its colour is exact.
+Materials become the channels of the cast, as with presets and palettes: a basis trained on others
+may not represent a new one, its own channel is exact.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import lru_cache
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -32,9 +32,10 @@ from volspec.viewer.model.scene_file import same_spectrum
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of, with_mix
 
+Value = TypeVar("Value")
 # One channel is white's.
 MOST_MATERIALS = MAX_CHANNELS - 1
-# What parts are called, and how many of them a sentence names.
+# Names of parts, and how many of them a message lists.
 _PARTS: dict[type, str] = {
     TransferFunction: "point",
     TransferFunction2D: "region",
@@ -42,24 +43,22 @@ _PARTS: dict[type, str] = {
     LabelFunction: "label",
 }
 _MOST_NAMED = 6
-# Of CSS Color 4; `volspec.reflectance_of` knows those of CSS Color 3.
-_LATER = frozenset(["rebeccapurple"])
 
 
 @lru_cache(maxsize=1)
 def colour_names() -> tuple[str, ...]:
-    """The names of CSS Color 3.
+    """Return the names of CSS Color 3, which `volspec.reflectance_of` takes.
 
     >>> len(colour_names()), colour_names()[:2]
     (147, ('aliceblue', 'antiquewhite'))
     """
     from PIL import ImageColor
 
-    return tuple(name for name in ImageColor.colormap if name not in _LATER)
+    return tuple(name for name in ImageColor.colormap if name != "rebeccapurple")  # CSS Color 4
 
 
 def is_colour(text: str) -> bool:
-    """Whether a text is meant as a colour.
+    """Return True if a text is meant as a colour.
 
     >>> is_colour("#c08040"), is_colour("Steel Blue"), is_colour("PMC/Banana")
     (True, True, False)
@@ -69,18 +68,17 @@ def is_colour(text: str) -> bool:
 
 
 def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: str) -> Spectrum:
-    """A reflectance by its name, of a colour, or from a file, on a grid.
+    """Return a reflectance on a grid from its name, a colour, or a file.
 
     Parameters
     ----------
     text : str
         As `volspec.reflectance` takes it, else a CSS colour or ``#rrggbb`` under D65: ``gold`` is
         the metal.
-    grid : SpectralGrid
     observer_deg : {2, 10}
-        Whose colours.
+        The observer of colours.
     folder : str
-        What a file's relative name starts from.
+        A file's relative name starts from it.
 
     Raises
     ------
@@ -96,23 +94,19 @@ def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: st
 
 
 def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum) -> Transfer:
-    """One part of a material alone, which is added where it is not there yet.
+    """Make one part of a single material, which is added if it is new.
+
+    Materials become channels, unless filters or their number forbid it. If there are too many,
+    those that no part uses are removed.
 
     Parameters
     ----------
-    transfer : Transfer
     index : int
-        The part's; of no such part the transfer function is as it was.
+        The part's; nothing changes if there is none.
     name : str
-        What the material is called; numbered where another one is called so.
+        For a spectrum that has none; numbered if another material has it.
     spectrum : Spectrum
         On the basis' grid.
-
-    Returns
-    -------
-    Transfer
-        Its materials are channels, unless filters or their number forbid it. Where they have no
-        room as such, those make it that no part is made of.
 
     Raises
     ------
@@ -121,54 +115,58 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
     """
     if not 0 <= index < len(parts_of(transfer)):
         return transfer
-    name = _called(transfer.materials, spectrum.name or name, spectrum)
-    if name in transfer.materials:
+    materials, number = transfer.materials, 2
+    unnumbered = name = spectrum.name or name
+    while name in materials and not same_spectrum(materials[name], spectrum):
+        name, number = f"{unnumbered} ({number})", number + 1
+    if name in materials:
         return with_mix(transfer, index, name)
-    basis, materials = transfer.basis, transfer.materials
-    if isinstance(basis, MaterialBasis):
-        if len(materials) >= MOST_MATERIALS:
-            materials = _in_use(transfer, name)
-        materials = {**materials, name: spectrum}
-        basis = MaterialBasis(materials, basis.name, basis.grid, basis.observer_deg)
-    more = replace(transfer, materials={**materials, name: spectrum}, basis=basis)
+    if isinstance(transfer.basis, MaterialBasis) and len(materials) >= MOST_MATERIALS:
+        names = used(part.mix for part in parts_of(transfer))
+        if len(names) >= MOST_MATERIALS:
+            raise TransferError(
+                f"{quoted(name)}: {MOST_MATERIALS} materials are in use, and no more can be cast; "
+                "give parts of one material another first"
+            )
+        materials = {each: materials[each] for each in names}
+    more = _with_materials(transfer, {**materials, name: spectrum})
     return with_mix(with_material_basis(more), index, name)
 
 
 def without_material(transfer: Transfer, name: str) -> Transfer:
-    """The same without a material, and without its channel where materials are the channels.
-
-    Parameters
-    ----------
-    transfer : Transfer
-    name : str
-        Of no such material the transfer function is as it was.
+    """Remove a material, and its channel if materials are the channels.
 
     Raises
     ------
     TransferError
-        If a part is made of it: then nothing else says how that looks.
+        If a part is made of it.
     """
     if name not in transfer.materials:
         return transfer
     if why := uses_of_material(transfer, name):
         raise TransferError(f"{quoted(name)}: {why}")
     for index, part in enumerate(parts_of(transfer)):
-        if name in part.mix:  # a share of 0
-            rest = {other: share for other, share in part.mix.items() if other != name}
-            transfer = with_mix(transfer, index, rest)
-    materials = {other: own for other, own in transfer.materials.items() if other != name}
-    changes: dict[str, Any] = {"materials": materials}
+        if name in part.mix:  # with weight 0
+            transfer = with_mix(transfer, index, _without(part.mix, name))
+    if isinstance(transfer, TransferFunction) and transfer.filters:
+        transfer = replace(transfer, filters=_without(transfer.filters, name) or None)
+    return _with_materials(transfer, _without(transfer.materials, name))
+
+
+def _without(own: Mapping[str, Value], name: str) -> dict[str, Value]:
+    return {other: value for other, value in own.items() if other != name}
+
+
+def _with_materials(transfer: Transfer, materials: Mapping[str, Spectrum]) -> Transfer:
+    """Replace the materials; the channels too if materials are the channels."""
     basis = transfer.basis
     if isinstance(basis, MaterialBasis):
-        changes["basis"] = MaterialBasis(materials, basis.name, basis.grid, basis.observer_deg)
-    if isinstance(transfer, TransferFunction) and transfer.filters:
-        filters = {other: own for other, own in transfer.filters.items() if other != name}
-        changes["filters"] = filters or None
-    return replace(transfer, **changes)
+        basis = replace(basis, materials=materials)
+    return replace(transfer, materials=materials, basis=basis)
 
 
 def uses_of_material(transfer: Transfer, name: str) -> str:
-    """Why a material cannot be taken out, in words: which parts are made of it; empty if none is.
+    """Return why a material cannot be removed: the parts made of it; empty if there are none.
 
     >>> from volspec.basis import SpectralBasis
     >>> metals = {name: reflectance(name) for name in ("copper", "gold")}
@@ -189,10 +187,10 @@ def uses_of_material(transfer: Transfer, name: str) -> str:
     return f"{what}s {listed} are made of it; give them another material first"
 
 
-# Looked up for every material in every frame in which their list is open.
+# Read for every material in every frame while their list is open.
 @lru_cache(maxsize=4)
 def _users(transfer: Transfer) -> Mapping[str, list[str]]:
-    """The parts that hold some of each material, as panels number them; a label by itself."""
+    """Return the parts with some of each material: their numbers in panels, or their labels."""
     labels = isinstance(transfer, LabelFunction)
     users: dict[str, list[str]] = {}
     for number, part in enumerate(parts_of(transfer), 1):
@@ -202,7 +200,7 @@ def _users(transfer: Transfer) -> Mapping[str, list[str]]:
 
 
 def material_message(old: Transfer, new: Transfer) -> str:
-    """What adding a material has done, in words; empty where it was there already."""
+    """Return what adding a material has changed, in words; empty if it was there already."""
     added = [name for name in new.materials if name not in old.materials]
     if not added:
         return ""
@@ -217,25 +215,6 @@ def material_message(old: Transfer, new: Transfer) -> str:
     if new.materials[name].notes.get("constructed") == "nearest":
         said += ". No surface has this colour; the nearest is taken"
     return said
-
-
-def _called(materials: Mapping[str, Spectrum], name: str, spectrum: Spectrum) -> str:
-    """The name of a reflectance among others; that which it has there already."""
-    called, number = name, 2
-    while called in materials and not same_spectrum(materials[called], spectrum):
-        called, number = f"{name} ({number})", number + 1
-    return called
-
-
-def _in_use(transfer: Transfer, name: str) -> dict[str, Spectrum]:
-    """The materials that parts are made of, where those leave room for one more."""
-    names = used(part.mix for part in parts_of(transfer))
-    if len(names) >= MOST_MATERIALS:
-        raise TransferError(
-            f"{quoted(name)}: {MOST_MATERIALS} materials are in use, and no more can be cast; "
-            "give parts of one material another first"
-        )
-    return {each: transfer.materials[each] for each in names}
 
 
 @refusable
@@ -255,20 +234,19 @@ def remove_material(state: ViewState, name: str) -> ViewState:
     return state if new is state.transfer else replace(state, transfer=new)
 
 
-_SPECTRA = ("materials", "basis")
-
-
 def differ_in_spectra(old: Transfer, new: Transfer) -> bool:
-    """Whether two transfer functions differ in their materials' spectra alone, as channels of a
-    `MaterialBasis`: a cast of one then serves the other."""
+    """Return True if two transfer functions differ at most in spectra of the same channels.
+
+    A cast of one then serves the other.
+    """
     if type(old) is not type(new) or not same_channels(old.basis, new.basis):
         return False
-    names = (each.name for each in fields(old) if each.name not in _SPECTRA)
+    names = {each.name for each in fields(old)} - {"materials", "basis"}
     return all(getattr(old, name) == getattr(new, name) for name in names)
 
 
 def same_channels(one: object, other: object) -> bool:
-    """Whether two bases are of the same materials by name, in one order, on one grid."""
+    """Return True if two bases are of the same materials by name, in one order, on one grid."""
     if not (isinstance(one, MaterialBasis) and isinstance(other, MaterialBasis)):
         return False
     same = one.grid == other.grid and one.observer_deg == other.observer_deg
@@ -276,13 +254,13 @@ def same_channels(one: object, other: object) -> bool:
 
 
 def can_be_exact(transfer: Transfer) -> bool:
-    """Whether it can be cast by its materials: these are few, and none absorbs by wavelength."""
+    """Return True if materials can be the channels: they are few, and none has a filter."""
     filtered = isinstance(transfer, TransferFunction) and bool(transfer.filters)
     return not filtered and len(transfer.materials) < MAX_CHANNELS
 
 
 def with_material_basis(transfer: Transfer) -> Transfer:
-    """The same with its materials as channels; as it is where it is so already, or cannot be."""
+    """Make the materials the channels, if they are not and can be."""
     basis = transfer.basis
     if isinstance(basis, MaterialBasis) or not can_be_exact(transfer):
         return transfer
@@ -291,18 +269,16 @@ def with_material_basis(transfer: Transfer) -> Transfer:
 
 
 def with_reflectances(transfer: Transfer, changes: Mapping[str, Spectrum]) -> Transfer:
-    """The same with other reflectances of some of its materials; other names are left out."""
-    own = {name: s for name, s in changes.items() if name in transfer.materials}
+    """Replace reflectances of materials by name; unknown names are ignored."""
+    own = {name: spectrum for name, spectrum in changes.items() if name in transfer.materials}
     if not own:
         return transfer
-    materials = {**transfer.materials, **own}
-    if isinstance(transfer.basis, MaterialBasis):
-        known = {name: s for name, s in own.items() if name in transfer.basis.materials}
-        basis = transfer.basis.with_reflectances(known)
-        return replace(transfer, materials=materials, basis=basis)
-    return replace(transfer, materials=materials)
+    basis = transfer.basis
+    if isinstance(basis, MaterialBasis):
+        basis = basis.with_reflectances({k: s for k, s in own.items() if k in basis.materials})
+    return replace(transfer, materials={**transfer.materials, **own}, basis=basis)
 
 
 def clip_spectrum(spectrum: Spectrum, most: float | None = None) -> Spectrum:
-    """Without what a solver leaves beyond its bounds by rounding."""
+    """Remove what a solver's rounding leaves outside of 0 to ``most``."""
     return replace(spectrum, values=np.clip(spectrum.values, 0.0, most))
