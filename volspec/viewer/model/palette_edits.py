@@ -2,8 +2,7 @@
 
     panels, menus -> [palette_edits] -> PaletteState, TransferFunction
 
-A cell is named by its number, row by row of `palette_table.table_of`; a colour by its ``#rrggbb``
-or its three codes.
+Cells are numbered row by row, as in `palette_table.Table.place`.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ from volspec.viewer.model.palette_table import (
     initial_spectrum,
     new_name,
     table_of,
+    with_designed_light,
     with_free_spectrum,
     with_material_range,
-    with_new_light,
     with_range_material,
     wizard_place,
 )
@@ -48,9 +47,7 @@ from volspec.viewer.model.state import ViewState
 
 
 def _with_targets(state: ViewState, targets: DesignTargets) -> ViewState:
-    """Other targets; materials become channels, so that what answers them needs no cast."""
-    if targets is state.palette.targets:
-        return state
+    """Set the targets, and make materials the channels, so that their design needs no cast."""
     return replace(
         state,
         palette=state.palette.with_targets(targets),
@@ -58,15 +55,19 @@ def _with_targets(state: ViewState, targets: DesignTargets) -> ViewState:
     )
 
 
+def _within(value: float, limits: tuple[float, float]) -> float:
+    return min(max(value, limits[0]), limits[1])
+
+
 @edit
 def choose_cell(state: ViewState, number: int) -> ViewState:
-    """Choose a cell; the picture shows its light."""
+    """Choose a cell, and light the picture by its light."""
     table = table_of(state)
     place = table.place(number)
     if place is None:
         return state
-    own, column = replace(state.interface.pick, place=place), table.columns.index(place[1])
-    state = replace(state, interface=replace(state.interface, pick=own, light=column))
+    pick, column = replace(state.interface.pick, place=place), table.columns.index(place[1])
+    state = replace(state, interface=replace(state.interface, pick=pick, light=column))
     if light_rows.effective_weights(state.lights)[column] > 0:
         return state
     return replace(state, lights=light_rows.only_row(state.lights, column))
@@ -75,7 +76,7 @@ def choose_cell(state: ViewState, number: int) -> ViewState:
 def _with_cell(
     state: ViewState, number: int, change: Callable[[Cell | None], Cell | None]
 ) -> ViewState:
-    """Another target at a place; its material is opened where nothing there may change."""
+    """Change a cell's target; its material is opened if none of its spectra is open."""
     place = table_of(state).place(number)
     if place is None:
         return state
@@ -87,12 +88,24 @@ def _with_cell(
     row, column = (REFLECTANCE, place[0]), (LIGHT, place[1])
     if new is not None and not targets.open & {row, column}:
         targets = with_free_spectrum(state, row)
-    return _with_targets(state, targets.with_cell(place, new))
+    cells = {at: cell for at, cell in targets.cells.items() if at != place}
+    if new is not None:
+        cells[place] = new
+    return _with_targets(state, replace(targets, cells=cells))
+
+
+def _with_cell_settings(state: ViewState, number: int, kind: str, **changes: Any) -> ViewState:
+    """Change settings of a cell's target, if it is of this kind."""
+
+    def change(own: Cell | None) -> Cell | None:
+        return replace(own, **changes) if own and own.kind == kind else own
+
+    return _with_cell(state, number, change)
 
 
 @tolerant
 def set_target(state: ViewState, number: int, text: str) -> ViewState:
-    """Ask for a colour in a cell: ``#rrggbb``, or three codes."""
+    """Set a cell's target to a colour: ``#rrggbb``, or three codes from 0 to 1."""
     codes = [float(word) for word in text.split()] if " " in text else text
     colour = parsed_colour(codes)
 
@@ -105,7 +118,7 @@ def set_target(state: ViewState, number: int, text: str) -> ViewState:
 
 @tolerant
 def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -> ViewState:
-    """Ask for a kind of target in a cell, relative to another one or to the next row."""
+    """Set the kind of a cell's target, compared with another cell or by default the next row's."""
     table = table_of(state)
     place = table.place(number)
     reference = table.place(other)
@@ -121,49 +134,37 @@ def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -
 
 @tolerant
 def set_target_weight(state: ViewState, number: int, weight: float | None) -> ViewState:
-    """Set how much a target counts; None is that it must be met."""
-    low, high = WEIGHTS
-    count = math.inf if weight is None else min(max(weight, low), high)
-    return _with_cell(state, number, lambda own: own and replace(own, weight=count))
+    """Set the weight of a target; None if it must be met."""
+    own_weight = math.inf if weight is None else _within(weight, WEIGHTS)
+    return _with_cell(state, number, lambda own: own and replace(own, weight=own_weight))
 
 
 @tolerant
 def set_target_group(state: ViewState, number: int, name: str) -> ViewState:
-    """Name the group of a free cell."""
+    """Set the group of a free cell; an empty name changes nothing."""
     name = name.strip()
-
-    def change(own: Cell | None) -> Cell | None:
-        return replace(own, group=name) if own and own.kind == "free" and name else own
-
-    return _with_cell(state, number, change)
+    return _with_cell_settings(state, number, "free", group=name) if name else state
 
 
 @tolerant
 def set_target_distance(state: ViewState, number: int, distance: float) -> ViewState:
-    """Set how far a cell is to be from another."""
-    distance = min(max(distance, DISTANCES[0]), DISTANCES[1])
-
-    def change(own: Cell | None) -> Cell | None:
-        return replace(own, distance=distance) if own and own.kind == "distinct" else own
-
-    return _with_cell(state, number, change)
+    """Set the ΔE of a distinct cell from another."""
+    return _with_cell_settings(state, number, "distinct", distance=_within(distance, DISTANCES))
 
 
 @tolerant
 def toggle_free(state: ViewState, kind: str, index: int) -> ViewState:
-    """Let a spectrum change, or no longer."""
+    """Open or close a spectrum for designs."""
     names = {REFLECTANCE: tuple(state.transfer.materials), LIGHT: column_names(state.lights)}
     own = names.get(kind, ())
     if not 0 <= index < len(own):
         return state
-    member = (kind, own[index])
     if kind == LIGHT and len(state.lights[index].rig.lights) > 1:
         return state
-    targets = state.palette.targets
-    closing = member in targets.open
-    return _with_targets(
-        state, targets.toggled(member) if closing else with_free_spectrum(state, member)
-    )
+    member, targets = (kind, own[index]), state.palette.targets
+    if member in targets.open:
+        return _with_targets(state, replace(targets, open=targets.open - {member}))
+    return _with_targets(state, with_free_spectrum(state, member))
 
 
 @tolerant
@@ -172,10 +173,9 @@ def toggle_constant(state: ViewState, index: int) -> ViewState:
     names = tuple(state.transfer.materials)
     if not 0 <= index < len(names):
         return state
-    targets = state.palette.targets
-    name = names[index]
+    name, targets = names[index], state.palette.targets
     constant = targets.constant ^ {name}
-    if name in constant:  # its cells would ask for colours of their own
+    if name in constant:  # its other cells would ask for colours of their own
         first = column_names(state.lights)[0]
         targets = with_free_spectrum(state, (REFLECTANCE, name))
         cells = {at: c for at, c in targets.cells.items() if at[0] != name or at[1] == first}
@@ -185,7 +185,7 @@ def toggle_constant(state: ViewState, index: int) -> ViewState:
 
 @tolerant
 def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
-    """Let a light be a sum of this real lamp and others, or no longer."""
+    """Make a light a sum of this real lamp and others, or no longer."""
     names = column_names(state.lights)
     if not 0 <= index < len(names) or not lamp:
         return state
@@ -200,25 +200,24 @@ def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
 
 @tolerant
 def set_smoothness(state: ViewState, smoothness: float) -> ViewState:
-    """Set how smooth designed spectra are; 0 below the least."""
+    """Set the smoothness of designed spectra; 0 if it is below the least of `SMOOTHNESS`."""
     low, high = SMOOTHNESS
-    smoothness = 0.0 if smoothness < low else min(smoothness, high)
-    return _criteria(state, smoothness=smoothness)
+    return _with_criteria(state, smoothness=0.0 if smoothness < low else min(smoothness, high))
 
 
 @tolerant
 def set_metric(state: ViewState, name: str) -> ViewState:
     """Set the colour difference of a design."""
-    return _criteria(state, metric=name)
+    return _with_criteria(state, metric=name)
 
 
 @tolerant
 def set_iterations(state: ViewState, count: float) -> ViewState:
     """Set the most iterations of a design."""
-    return _criteria(state, rounds=int(min(max(count, 1), MOST_ROUNDS)))
+    return _with_criteria(state, rounds=int(_within(count, (1, MOST_ROUNDS))))
 
 
-def _criteria(state: ViewState, **changes: Any) -> ViewState:
+def _with_criteria(state: ViewState, **changes: Any) -> ViewState:
     targets = state.palette.targets
     criteria = replace(targets.criteria, **changes)
     if criteria == targets.criteria:
@@ -244,36 +243,36 @@ def recast_range(state: ViewState, index: int, material: str) -> ViewState:
     return replace(state, transfer=with_range_material(state.transfer, index, material))
 
 
-def _from_scratch(state: ViewState) -> Edited:
+def _design_from_scratch(state: ViewState) -> Edited:
     if not state.palette.targets.open:
         return Edited(state, "Nothing may change yet: wish for a colour in a cell")
-    # Another object: targets that were asked for already are not designed again.
+    # A new object: the same targets would not be designed again.
     board = PaletteState(replace(state.palette.targets), from_scratch=True)
     return Edited(replace(state, palette=board, transfer=with_material_basis(state.transfer)))
 
 
-def _forget(state: ViewState) -> ViewState:
-    """No targets; spectra stay as they are."""
+def _without_targets(state: ViewState) -> ViewState:
+    """Remove the targets; spectra stay."""
     targets = DesignTargets(criteria=state.palette.targets.criteria)
     return replace(state, palette=PaletteState(targets, targets))
 
 
 def _own_spectra(state: ViewState) -> ViewState:
-    """The scene's reflectances and lights, and no targets."""
+    """Restore the scene's reflectances and lights, and remove the targets."""
     document, transfer, rows = state.document, state.transfer, state.lights
     own = document.transfer.materials
     if any(transfer.materials.get(name) is not own[name] for name in own):
         transfer = with_reflectances(transfer, own)
     if [row.rig.lights for row in rows] != [row.rig.lights for row in document.lights]:
         rows = document.lights
-    return replace(_forget(state), transfer=transfer, lights=rows)
+    return replace(_without_targets(state), transfer=transfer, lights=rows)
 
 
 def _new_light(state: ViewState) -> Edited:
-    """Add a light to be designed; the picture shows it."""
+    """Add a light to design, which alone lights the picture."""
     name = new_name(state)
     wave = initial_spectrum(state.document.grid, len(state.lights))
-    rows = with_new_light(state.lights, name, "designed light", replace(wave, name=name))
+    rows = with_designed_light(state.lights, name, "designed light", replace(wave, name=name))
     if rows is state.lights:
         return Edited(state, f"{light_rows.MOST_ROWS} lights are the most; remove one first")
     targets = state.palette.targets
@@ -283,8 +282,10 @@ def _new_light(state: ViewState) -> Edited:
 
 COMMANDS = (
     Command("palette-light", "Palette", "New light to be designed", (), _new_light),
-    Command("palette-anew", "Palette", "Design the palette from scratch", (), _from_scratch),
-    Command("palette-forget", "Palette", "Forget all wishes, keep the spectra", (), _forget),
+    Command("palette-anew", "Palette", "Design the palette from scratch", (), _design_from_scratch),
+    Command(
+        "palette-forget", "Palette", "Forget all wishes, keep the spectra", (), _without_targets
+    ),
     Command("palette-own", "Palette", "The scene's own spectra", (), _own_spectra),
     Command("hide", "Palette", "Hide the chosen material under the chosen light"),
     Command("reveal", "Palette", "Reveal the chosen material under the chosen light"),
@@ -296,14 +297,14 @@ COMMANDS = (
 
 
 def _with_pick(state: ViewState, **changes: Any) -> ViewState:
-    """Change what wizards are about."""
+    """Change choices of the panel."""
     pick = replace(state.interface.pick, **changes)
     return replace(state, interface=replace(state.interface, pick=pick))
 
 
 @edit
 def pick_material(state: ViewState, name: str) -> ViewState:
-    """Pick the material that wizards are about."""
+    """Pick the material that wizards redesign."""
     if name not in state.transfer.materials:
         return state
     return _with_pick(state, place=(name, wizard_place(state)[1]))
@@ -311,7 +312,7 @@ def pick_material(state: ViewState, name: str) -> ViewState:
 
 @edit
 def pick_light(state: ViewState, name: str) -> ViewState:
-    """Pick the light that wizards are about."""
+    """Pick the light that wizards redesign for."""
     if name not in column_names(state.lights):
         return state
     return _with_pick(state, place=(wizard_place(state)[0], name))
@@ -319,37 +320,37 @@ def pick_light(state: ViewState, name: str) -> ViewState:
 
 @edit
 def pick_like(state: ViewState, name: str) -> ViewState:
-    """Pick the light that a new one is to be like; none by an empty name."""
+    """Pick the light that a new one should resemble; an empty name for none."""
     return _with_pick(state, like=name)
 
 
 @edit
 def pick_within(state: ViewState, name: str) -> ViewState:
-    """Pick the material to hide in; an empty name is what surrounds it."""
+    """Pick the material to hide in; an empty name for what surrounds the hidden one."""
     return _with_pick(state, within=name, black=False)
 
 
 @edit
 def pick_black(state: ViewState) -> ViewState:
-    """Have a material hidden in black."""
+    """Pick black to hide in."""
     return _with_pick(state, within="", black=True)
 
 
 @edit
 def pick_distance(state: ViewState, distance: float) -> ViewState:
-    """Set how far a revealed material is to stand out."""
-    return _with_pick(state, distance=min(max(distance, DISTANCES[0]), DISTANCES[1]))
+    """Set the ΔE by which a material is revealed."""
+    return _with_pick(state, distance=_within(distance, DISTANCES))
 
 
 @edit
 def toggle_merged(state: ViewState, name: str) -> ViewState:
-    """Merge a material with others, or no longer."""
+    """Pick a material to merge with others, or no longer."""
     return _with_pick(state, materials=state.interface.pick.materials ^ {name})
 
 
 @edit
 def pick_values(state: ViewState, first: float, last: float) -> ViewState:
-    """Pick the values that a material is assigned to."""
+    """Pick the range of values that a material is assigned to."""
     return _with_pick(state, values=(min(first, last), max(first, last)))
 
 

@@ -22,8 +22,8 @@ from volspec.viewer.model.palette_table import (
     lit_columns,
     palette_of,
     unmeasured_viewing,
+    with_designed_light,
     with_lights,
-    with_new_light,
 )
 from volspec.viewer.model.palette_targets import (
     LIGHT,
@@ -81,7 +81,7 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
                 f"palette: no room for light {member.name!r}; {MOST_ROWS} lights are the most, "
                 "remove some first"
             )
-        lights = with_new_light(
+        lights = with_designed_light(
             lights, member.name, "of the palette", clip_spectrum(spectrum.on(grid))
         )
         names[member.name] = column_names(lights)[-1]

@@ -1,9 +1,9 @@
-"""Targets of the palette: colours of cells, and which spectra may change for them.
+"""Targets of the palette: colours of cells, and the spectra that may change for them.
 
     palette_edits -> [palette_targets] -> Palette -> designs
 
-The spectra themselves are in the state's transfer function and lights; what was wanted of them is
-here, so that undo takes both back together.
+The spectra themselves are in the state's transfer function and lights. Targets are part of the
+state, so that undo takes both back together.
 """
 
 from __future__ import annotations
@@ -20,19 +20,17 @@ REFLECTANCE, LIGHT = "reflectance", "light"
 Member = tuple[str, str]
 """Kind, `REFLECTANCE` or `LIGHT`, and name."""
 
-# Weight of a cell that is only to stay as it was, if it can; a target of its own has 1.
+# Weight of a cell that should keep its colour if it can; a target has 1.
 STAY = 0.05
 WEIGHTS = (0.05, 20.0)
 DISTANCES = (1.0, 100.0)
 SMOOTHNESS = (1e-4, 1.0)
 MOST_ROUNDS = 20
-# The group that cells left free belong to at first.
-GROUP = "one colour"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignTargets:
-    """What is wanted, and what may change for it.
+    """Targets of cells, and the spectra that may change for them.
 
     Parameters
     ----------
@@ -40,10 +38,9 @@ class DesignTargets:
     open : set of (kind, name)
         Spectra that are designed; all others are given.
     constant : set of str
-        Materials that are to show one colour under every light.
+        Materials that should have one colour under every light.
     lamps : {light: names}
-        Open lights that are to be a sum of these.
-    criteria : Criteria
+        Open lights that must be a sum of these lamps.
     """
 
     cells: Mapping[Place, Cell] = field(default_factory=dict)
@@ -56,22 +53,11 @@ class DesignTargets:
         object.__setattr__(self, "cells", MappingProxyType(dict(self.cells)))
         object.__setattr__(self, "lamps", MappingProxyType(dict(self.lamps)))
 
-    def with_cell(self, place: Place, cell: Cell | None) -> DesignTargets:
-        """The same with another target at a place; None asks for nothing there."""
-        cells = {at: own for at, own in self.cells.items() if at != place}
-        if cell is not None:
-            cells[place] = cell
-        return replace(self, cells=cells)
-
     def with_light_renamed(self, old: str, new: str) -> DesignTargets:
-        """The same for a light that is called something else; itself where none is about it."""
+        """Return the targets with another name of a light; themselves if none is about it."""
 
-        def now(name: str) -> str:
-            return new if name == old else name
-
-        def moved(cell: Cell) -> Cell:
-            other = cell.other
-            return replace(cell, other=(other[0], now(other[1]))) if other else cell
+        def renamed(place: Place) -> Place:
+            return place[0], new if place[1] == old else place[1]
 
         about = {light for _, light in self.cells} | {name for _, name in self.open}
         about |= {cell.other[1] for cell in self.cells.values() if cell.other} | {*self.lamps}
@@ -79,27 +65,25 @@ class DesignTargets:
             return self
         return replace(
             self,
-            cells={(row, now(name)): moved(cell) for (row, name), cell in self.cells.items()},
-            open=frozenset((k, now(name) if k == LIGHT else name) for k, name in self.open),
-            lamps={now(name): lamps for name, lamps in self.lamps.items()},
+            cells={
+                renamed(place): replace(cell, other=cell.other and renamed(cell.other))
+                for place, cell in self.cells.items()
+            },
+            open=frozenset(renamed(each) if each[0] == LIGHT else each for each in self.open),
+            lamps={new if name == old else name: lamps for name, lamps in self.lamps.items()},
         )
-
-    def toggled(self, member: Member) -> DesignTargets:
-        """The same with a spectrum open that was given, or the other way round."""
-        return replace(self, open=self.open ^ {member})
 
 
 @dataclass(frozen=True, slots=True)
 class PaletteState:
-    """Wishes, and how far the spectra have followed them.
+    """Targets, and those that the spectra were designed for.
 
     Parameters
     ----------
-    targets : DesignTargets
     designed_for : DesignTargets, optional
         Those that the state's spectra were last designed for.
     from_scratch : bool
-        Begin without the spectra that are there: another optimum may be found.
+        Start the design without the present spectra: it may find another optimum.
     """
 
     targets: DesignTargets = field(default_factory=DesignTargets)
@@ -107,43 +91,42 @@ class PaletteState:
     from_scratch: bool = False
 
     def with_light_renamed(self, old: str, new: str) -> PaletteState:
-        """The same targets for a light that is called something else."""
+        """Return the palette with another name of a light."""
         targets = self.targets.with_light_renamed(old, new)
         designed_for = targets if self.designed_for is self.targets else self.designed_for
         return replace(self, targets=targets, designed_for=designed_for)
 
     @property
     def is_pending(self) -> bool:
-        """Whether there is something to design that has not been."""
-        return (
-            bool(self.targets.open and self.targets.cells) and self.designed_for is not self.targets
-        )
+        """Return True if there is something to design that has not been designed."""
+        targets = self.targets
+        return bool(targets.open and targets.cells) and self.designed_for is not targets
 
     def with_targets(self, targets: DesignTargets) -> PaletteState:
-        """Other targets, not answered yet."""
+        """Return the palette with other targets, not designed yet."""
         return PaletteState(targets, self.designed_for)
 
 
 @dataclass(frozen=True, slots=True)
 class Pick:
-    """What is chosen in the panel: the window's own, no step of undo.
+    """Choices in the panel, for wizards and materials of values; changing them is no undo step.
 
     Parameters
     ----------
     place : (material, light), optional
-        The chosen cell: what wizards are about.
+        The chosen cell, whose material and light wizards redesign.
     materials : set of str
-        That are to be merged.
+        Materials to merge.
     within : str
-        What a material is hidden in; empty: what surrounds it.
+        The material to hide in; empty for what surrounds the hidden one.
     black : bool
-        Hide it as nothing instead.
+        Hide it in black instead.
     like : str
-        Design a new light like this one of the scene; empty: none.
+        Design a new light like this one of the scene; empty for none.
     distance : float
         ΔE by which a material is revealed.
     use : str
-        The material that a range of values is to be of.
+        The material to assign to a range of values.
     values : (low, high), optional
         That range.
     """
@@ -160,18 +143,18 @@ class Pick:
 
 @dataclass(frozen=True, slots=True)
 class DesignStatus:
-    """What threads have to say about the design, for the panel.
+    """Messages about designs and wizards, for the panel.
 
     Parameters
     ----------
     busy : str
-        What is under way; empty: nothing.
+        The task in progress; empty for none.
     complaint : str
         Why the last design or wizard was refused.
     advice : tuple of str
-        What would help the targets that are missed.
+        Changes that would help targets that are missed.
     reached : tuple of str
-        What the last wizard came to.
+        Results of the last wizard.
     """
 
     busy: str = ""
@@ -181,24 +164,24 @@ class DesignStatus:
 
 
 def as_kind(kind: str, own: Cell | None, shown: Triple, other: Place | None) -> Cell | None:
-    """A cell's target of another kind, its weight kept.
+    """Return a cell's target of another kind and the same weight.
 
     Parameters
     ----------
     kind : str
-        As `Cell.kind`; another word asks for nothing.
+        As `Cell.kind`; any other word for no target.
     own : Cell, optional
-        The target as it was.
+        The present target.
     shown : (3,) floats
-        The colour that is there, which a fixed one begins with.
+        The cell's present colour, which a new colour starts from.
     other : (material, light), optional
-        What it is compared with.
+        The cell to compare with.
     """
     weight = own.weight if own else 1.0
     if kind == "colour":
         return Cell(colour=own.colour if own and own.colour else shown, weight=weight)
     if kind == "free":
-        return Cell("free", group=own.group if own and own.group else GROUP, weight=weight)
+        return Cell("free", group=own.group if own and own.group else "one colour", weight=weight)
     if kind == "black":
         return Cell("black", weight=weight)
     if kind == "same" and other:
@@ -210,11 +193,11 @@ def as_kind(kind: str, own: Cell | None, shown: Triple, other: Place | None) -> 
 
 
 def stays(cell: Cell) -> bool:
-    """Whether a colour is only to stay, as far as targets of weight leave it."""
+    """Return True if a cell should only keep its colour, as far as other targets allow."""
     return cell.kind == "colour" and cell.weight <= STAY
 
 
 def clipped(codes: Triple) -> Triple:
-    """Codes as a display has them, 0 to 1."""
+    """Return a display's codes, clipped to 0 to 1."""
     red, green, blue = (min(max(float(code), 0.0), 1.0) for code in codes)
     return red, green, blue

@@ -24,7 +24,7 @@ from volspec.viewer.model.palette_table import (
     column_names,
     lit_columns,
     new_name,
-    with_new_light,
+    with_designed_light,
     wizard_place,
 )
 from volspec.viewer.model.palette_targets import (
@@ -91,7 +91,9 @@ def with_wizard_result(state: ViewState, made: Redesigned) -> ViewState:
     lights, new = state.lights, made.changes.light
     if new is not None:
         spectrum = clip_spectrum(made.design.light(new))
-        lights = with_new_light(lights, new, f"designed: {', '.join(made.materials)}", spectrum)
+        lights = with_designed_light(
+            lights, new, f"designed: {', '.join(made.materials)}", spectrum
+        )
     targets = targets_of(made)
     return replace(state, transfer=transfer, lights=lights, palette=PaletteState(targets, targets))
 
