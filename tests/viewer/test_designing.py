@@ -206,20 +206,20 @@ def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
 def test_files_asked_for_are_there_when_the_window_has_closed(
     state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def slow(_: ViewState, path: str) -> None:
+    def slow(_: object, path: str) -> None:
         time.sleep(0.05)
         Path(path).touch()
 
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
     monkeypatch.setattr("volspec.viewer.ui.file_commands.export_scene", slow)
-    monkeypatch.setattr(palette_files, "save_state_palette", slow)
+    monkeypatch.setattr(designs, "save_palette", slow)
     scene, palette, bench = tmp_path / "scene.toml", tmp_path / "palette.toml", Bench()
     rest = (UiContext(), bench.notice, Trace(), None, None)
     file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, bench.designs.file)
     for name, path in (("export-scene", scene), ("palette-save", palette)):
         answer = REQUESTS[name], str(path)
         monkeypatch.setattr(FileDialogs, "take", lambda _, answer=answer: answer)
-        file_commands.do("say", state)
+        file_commands.do("say", wished(state))
         file_commands.take(first=False)
     file_commands.close(None, faulty=True)
     bench.designs.close()

@@ -10,7 +10,7 @@ import pytest
 
 from tests.viewer.test_palette import SEEN, designed, undressed, wished
 from volspec.errors import PaletteError
-from volspec.palette import load_palette
+from volspec.palette import load_palette, save_palette
 from volspec.spectra import reflectance
 from volspec.transfer import (
     Isosurfaces,
@@ -90,7 +90,7 @@ def test_a_wizard_that_refuses_says_why(state: ViewState) -> None:
 
 def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
-    palette_files.save_state_palette(hidden, str(file))
+    save_palette(palette_of(hidden), file)
     again = palette_files.with_palette(hidden, load_palette(file))
     assert not again.palette.is_pending
     assert again.palette.targets.cells == hidden.palette.targets.cells

@@ -94,15 +94,6 @@ def _with_cell(
     return _with_targets(state, replace(targets, cells=cells))
 
 
-def _with_cell_settings(state: ViewState, number: int, kind: str, **changes: Any) -> ViewState:
-    """Change settings of a cell's target, if it is of this kind."""
-
-    def change(own: Cell | None) -> Cell | None:
-        return replace(own, **changes) if own and own.kind == kind else own
-
-    return _with_cell(state, number, change)
-
-
 @tolerant
 def set_target(state: ViewState, number: int, text: str) -> ViewState:
     """Set a cell's target to a colour: ``#rrggbb``, or three codes from 0 to 1."""
@@ -142,14 +133,23 @@ def set_target_weight(state: ViewState, number: int, weight: float | None) -> Vi
 @tolerant
 def set_target_group(state: ViewState, number: int, name: str) -> ViewState:
     """Set the group of a free cell; an empty name changes nothing."""
-    name = name.strip()
-    return _with_cell_settings(state, number, "free", group=name) if name else state
+    group = name.strip()
+    if not group:
+        return state
+    return _with_cell(
+        state, number, lambda own: replace(own, group=group) if own and own.kind == "free" else own
+    )
 
 
 @tolerant
 def set_target_distance(state: ViewState, number: int, distance: float) -> ViewState:
     """Set the ΔE of a distinct cell from another."""
-    return _with_cell_settings(state, number, "distinct", distance=_within(distance, DISTANCES))
+    own_distance = _within(distance, DISTANCES)
+
+    def change(own: Cell | None) -> Cell | None:
+        return replace(own, distance=own_distance) if own and own.kind == "distinct" else own
+
+    return _with_cell(state, number, change)
 
 
 @tolerant

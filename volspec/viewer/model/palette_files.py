@@ -1,16 +1,17 @@
-"""Palettes loaded into a state, and written from one.
+"""A palette's spectra and targets, brought into a state.
 
-PALETTE.toml -> [palette_files] -> state -> PALETTE.toml
+PALETTE.toml -> Palette -> [palette_files] -> state
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from volspec.errors import PaletteError, VolspecError
-from volspec.palette import Cell, Palette, PaletteSpectrum, save_palette
+from volspec.palette import Cell, Palette, PaletteSpectrum
 from volspec.palette.model import Place
 from volspec.spectra import Spectrum
 from volspec.spectra.lights import light_names
@@ -20,8 +21,6 @@ from volspec.viewer.model.palette_table import (
     column_names,
     initial_spectrum,
     lit_columns,
-    palette_of,
-    unmeasured_viewing,
     with_designed_light,
     with_lights,
 )
@@ -29,63 +28,43 @@ from volspec.viewer.model.palette_targets import (
     LIGHT,
     REFLECTANCE,
     DesignTargets,
-    Member,
     PaletteState,
 )
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.viewing import with_model
 
-# Spectra of which no band differs by more are one.
+# Spectra are the same if no band differs by more than this fraction of the greatest.
 _SAME = 1e-3
 
 
-def save_state_palette(state: ViewState, path: str) -> None:
-    """Write the palette of a state.
-
-    Raises
-    ------
-    PaletteError
-        If the name is not ``.toml``, or nothing is wanted or open.
-    OSError
-        If it cannot be written there.
-    """
-    save_palette(palette_of(state), path)
-
-
 def with_palette(state: ViewState, palette: Palette) -> ViewState:
-    """The state with a palette's spectra and targets.
+    """Return the state with a palette's spectra, targets and viewing.
 
-    Its reflectances go to materials of the same name, then to those that have their spectrum
-    already, then in order; lights that are not there are added. Colours are wanted as its viewing
-    shows them, which comes along.
+    Its reflectances replace materials of the same name, then those of the same spectrum, then the
+    others in order; lights that match none are added.
 
     Raises
     ------
     PaletteError
-        If its lights find no room.
+        If there is no room for its lights.
     """
     grid = state.document.grid
-    materials = dict(state.transfer.materials)
-    rows = _matched(palette.reflectances, materials)
-    there = dict(lit_columns(state))
-    names = _named(palette.lights, there)
+    rows = _matched(palette.reflectances, state.transfer.materials)
+    names = _matched_by_name(palette.lights, dict(lit_columns(state)))
     lights, changes = state.lights, dict[str, Spectrum]()
     for number, member in enumerate(palette.lights):
         spectrum = member.spectrum or initial_spectrum(grid, number)
-        spectrum = replace(spectrum, name=member.name)
+        spectrum = clip_spectrum(replace(spectrum, name=member.name).on(grid))
         if member.name in names:
-            changes[names[member.name]] = clip_spectrum(spectrum.on(grid))
+            changes[names[member.name]] = spectrum
             continue
         if len(lights) >= MOST_ROWS:
             raise PaletteError(
                 f"palette: no room for light {member.name!r}; {MOST_ROWS} lights are the most, "
                 "remove some first"
             )
-        lights = with_designed_light(
-            lights, member.name, "of the palette", clip_spectrum(spectrum.on(grid))
-        )
+        lights = with_designed_light(lights, member.name, "of the palette", spectrum)
         names[member.name] = column_names(lights)[-1]
-    lights = with_lights(lights, changes)
     reflectances = {
         rows[member.name]: clip_spectrum(member.spectrum.on(grid), 1.0)
         for member in palette.reflectances
@@ -94,26 +73,27 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
     targets = _targets(palette, rows, names)
     complete = all(m.spectrum is not None for m in (*palette.reflectances, *palette.lights))
     viewing = replace(
-        *(unmeasured_viewing(palette.viewing),),
+        palette.viewing,
         adapting=with_model(state.relight, palette.viewing.model).viewing.adapting,
         fov_deg=state.relight.viewing.fov_deg,
     )
     return replace(
         state,
         transfer=with_reflectances(with_material_basis(state.transfer), reflectances),
-        lights=lights,
+        lights=with_lights(lights, changes),
         relight=replace(state.relight, viewing=viewing),
         palette=PaletteState(targets, targets if complete else None, from_scratch=not complete),
     )
 
 
 def unmatched_reflectances(state: ViewState, palette: Palette) -> tuple[str, ...]:
-    """Reflectances of a palette that find no material in the scene."""
-    rows = _matched(palette.reflectances, dict(state.transfer.materials))
+    """Return the names of a palette's reflectances for which the scene has no material left."""
+    rows = _matched(palette.reflectances, state.transfer.materials)
     return tuple(row.name for row in palette.reflectances if row.name not in rows)
 
 
 def _targets(palette: Palette, rows: dict[str, str], names: dict[str, str]) -> DesignTargets:
+    """Return the targets in terms of the scene's materials and lights."""
     cells: dict[Place, Cell] = {}
     for (row, column), cell in palette.cells.items():
         other = cell.other
@@ -122,40 +102,36 @@ def _targets(palette: Palette, rows: dict[str, str], names: dict[str, str]) -> D
         if other:
             cell = replace(cell, other=(rows[other[0]], names[other[1]]))
         cells[rows[row], names[column]] = cell
-    opened: set[Member] = {
-        (REFLECTANCE, rows[row.name])
-        for row in palette.reflectances
-        if row.open and row.name in rows
-    }
+    reflectances = [member for member in palette.reflectances if member.name in rows]
+    opened = {(REFLECTANCE, rows[member.name]) for member in reflectances if member.open}
     opened |= {(LIGHT, names[light.name]) for light in palette.lights if light.open}
-    constant = {rows[r.name] for r in palette.reflectances if r.constant and r.name in rows}
+    constant = frozenset(rows[member.name] for member in reflectances if member.constant)
     lamps = {
         names[light.name]: tuple(lamp.name for lamp in light.mixture)
         for light in palette.lights
         if light.mixture and all(lamp.name in light_names() for lamp in light.mixture)
     }
-    return DesignTargets(cells, frozenset(opened), frozenset(constant), lamps, palette.criteria)
+    return DesignTargets(cells, frozenset(opened), constant, lamps, palette.criteria)
 
 
-def _matched(members: tuple[PaletteSpectrum, ...], there: dict[str, Spectrum]) -> dict[str, str]:
-    """Which of the scene's stands for each of the palette's; none for those that are too many."""
-    found = _named(members, there)
+def _matched(members: Sequence[PaletteSpectrum], there: Mapping[str, Spectrum]) -> dict[str, str]:
+    """Return the scene's name for each of the palette's, without those that are too many."""
+    found = _matched_by_name(members, there)
     free = [name for name in there if name not in found.values()]
-    for member in members:
-        if member.name not in found and free:
-            found[member.name] = free.pop(0)
-    return found
+    return found | dict(zip((m.name for m in members if m.name not in found), free, strict=False))
 
 
-def _named(members: tuple[PaletteSpectrum, ...], there: dict[str, Spectrum]) -> dict[str, str]:
-    """Those of the same name, then those of the same spectrum."""
+def _matched_by_name(
+    members: Sequence[PaletteSpectrum], there: Mapping[str, Spectrum]
+) -> dict[str, str]:
+    """Return the scene's name for each of the palette's with the same name, or same spectrum."""
     found = {member.name: member.name for member in members if member.name in there}
     for member in members:
-        free = [name for name in there if name not in found.values()]
         if member.name not in found and member.spectrum is not None:
-            same = [name for name in free if _same(member.spectrum, there[name])]
-            if same:
-                found[member.name] = same[0]
+            free = (name for name in there if name not in found.values())
+            same = next((name for name in free if _same(member.spectrum, there[name])), None)
+            if same is not None:
+                found[member.name] = same
     return found
 
 

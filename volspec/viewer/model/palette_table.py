@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import groupby
 
 import numpy as np
 
@@ -40,35 +41,23 @@ from volspec.viewer.model.transfer_parts import MOST_PARTS
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Consecutive points of one material.
-
-    Parameters
-    ----------
-    low, high : float
-        Values of the first and the last point.
-    material : str
-        Its name; of a mix the materials with their weights.
-    first, last : int
-        Indices of the points.
-    """
+    """Values of consecutive points of one material, or of one mix with its weights."""
 
     low: float
     high: float
     material: str
-    first: int
-    last: int
 
 
 def material_ranges(curve: TransferFunction) -> tuple[Range, ...]:
     """Return the materials of a curve in the order of their values."""
-    found: list[Range] = []
-    for number, (value, _, mix) in enumerate(curve.points):
-        name = _mix_name(mix)
-        if found and found[-1].material == name:
-            found[-1] = replace(found[-1], high=value, last=number)
-        else:
-            found.append(Range(value, value, name, number, number))
-    return tuple(found)
+    return tuple(
+        Range(points[0][0], points[-1][0], _mix_name(points[0][2])) for points in _runs(curve)
+    )
+
+
+def _runs(curve: TransferFunction) -> list[list[Point]]:
+    """Return the points of each of the `material_ranges`."""
+    return [list(run) for _, run in groupby(curve.points, lambda point: _mix_name(point[2]))]
 
 
 def with_material_range(
@@ -97,15 +86,11 @@ def with_material_range(
 
 def with_range_material(curve: TransferFunction, number: int, material: str) -> TransferFunction:
     """Assign a material to one of the `material_ranges`; values and opacities stay."""
-    own = material_ranges(curve)
-    if material not in curve.materials or not 0 <= number < len(own):
+    runs = _runs(curve)
+    if material not in curve.materials or not 0 <= number < len(runs):
         return curve
-    first, last = own[number].first, own[number].last
-    points = [
-        (v, o, material if first <= i <= last else mix)
-        for i, (v, o, mix) in enumerate(curve.points)
-    ]
-    return replace(curve, points=points)
+    runs[number] = [(value, opacity, material) for value, opacity, _ in runs[number]]
+    return replace(curve, points=[point for run in runs for point in run])
 
 
 def _mix_name(mix: Mix) -> str:

@@ -1,4 +1,4 @@
-"""The wizards on a state: the state as a scene, and the wizard's result as a state.
+"""Wizards on a state: from the state to a scene, and from a wizard's result to a state.
 
 state -> [palette_wizards] -> Scene -> wizard -> state
 """
@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from volspec.errors import PaletteError
-from volspec.palette import Cell, Criteria, DesignReport
+from volspec.palette import Cell, DesignReport
 from volspec.palette.model import Place
 from volspec.scene import Scene, SceneFile
 from volspec.spectra import Spectrum
@@ -40,24 +40,17 @@ from volspec.viewer.model.state import ViewState
 from volspec.wizard import Redesigned, hide, keep, merge, reveal
 
 WIZARDS = ("hide", "reveal", "keep", "merge")
-# What a target counts that a wizard had met exactly, once it is a colour rounded to the display's.
+# The most weight of a colour rounded to the display's codes, which cannot be met exactly.
 _FIRM = 10.0
 
 
 def run_wizard(state: ViewState, name: str) -> Redesigned:
-    """Have a wizard redesign what the state shows; takes seconds.
-
-    Parameters
-    ----------
-    state : ViewState
-        Its pick says which material and light.
-    name : str
-        One of `WIZARDS`.
+    """Run one of `WIZARDS` on the choices of the panel, ``state.interface.pick``; takes seconds.
 
     Raises
     ------
     VolspecError
-        If it refuses: the message says why.
+        If the wizard refuses.
     """
     if not can_be_exact(state.transfer):
         raise PaletteError(
@@ -66,43 +59,42 @@ def run_wizard(state: ViewState, name: str) -> Redesigned:
         )
     scene, pick = scene_of(state), state.interface.pick
     material, light = wizard_place(state)
-    like: dict[str, Any] = {}
-    if pick.like in column_names(state.lights):
-        light, like = new_name(state), {"like": pick.like}
+    like = pick.like if pick.like in column_names(state.lights) else None
+    if like is not None:
+        light = new_name(state)
     if name == "hide":
         within = pick.within if pick.within in scene.materials and not pick.black else None
-        return hide(scene, material, under=light, within=within, black=pick.black, **like)
+        return hide(scene, material, under=light, within=within, black=pick.black, like=like)
     if name == "reveal":
-        return reveal(scene, material, under=light, distance=pick.distance, **like)
+        return reveal(scene, material, under=light, distance=pick.distance, like=like)
     if name == "keep":
         return keep(scene, material)
     several = [each for each in scene.materials if each in pick.materials]
     if len(several) < 2:
         several = list(scene.materials)
-    if like:
-        return merge(scene, several, under=pick.like, split=light)
+    if like is not None:
+        return merge(scene, several, under=like, split=light)
     return merge(scene, several, under=light)
 
 
 def with_wizard_result(state: ViewState, made: Redesigned) -> ViewState:
-    """The state with what a wizard made; its targets stand in the table, to be changed."""
+    """Return the state with a wizard's spectra; its targets are in the table, to be edited."""
     changes = {name: clip_spectrum(made.design.reflectance(name), 1.0) for name in made.materials}
     transfer = with_reflectances(with_material_basis(state.transfer), changes)
     lights, new = state.lights, made.changes.light
     if new is not None:
         spectrum = clip_spectrum(made.design.light(new))
-        lights = with_designed_light(
-            lights, new, f"designed: {', '.join(made.materials)}", spectrum
-        )
-    targets = targets_of(made)
+        label = f"designed: {', '.join(made.materials)}"
+        lights = with_designed_light(lights, new, label, spectrum)
+    targets = _targets(made)
     return replace(state, transfer=transfer, lights=lights, palette=PaletteState(targets, targets))
 
 
-def targets_of(made: Redesigned) -> DesignTargets:
-    """What a wizard asked for, as targets of the table.
+def _targets(made: Redesigned) -> DesignTargets:
+    """Return a wizard's targets for the table.
 
-    It compares with materials as they were, which are no rows here: the colours that they had
-    stand for them.
+    A wizard compares with materials as they were. The table has no rows for these, so their
+    colours become the targets.
     """
     names = set(made.scene.materials)
     cells: dict[Place, Cell] = {}
@@ -117,11 +109,11 @@ def targets_of(made: Redesigned) -> DesignTargets:
     opened = {(REFLECTANCE, name) for name in made.materials}
     if made.changes.light is not None:
         opened.add((LIGHT, made.changes.light))
-    return DesignTargets(cells, frozenset(opened), criteria=Criteria())
+    return DesignTargets(cells, frozenset(opened))
 
 
 def result_lines(made: Redesigned, begun: ViewState) -> tuple[str, ...]:
-    """What was reached, a line for each light; the one that it was about comes first."""
+    """Return the ΔE reached, a line for each light; the light that it was for comes first."""
     about = made.changes.light or wizard_place(begun)[1]
     lines = []
     for row in sorted(made.reached, key=lambda row: row.light != about):
@@ -131,7 +123,7 @@ def result_lines(made: Redesigned, begun: ViewState) -> tuple[str, ...]:
 
 
 def scene_of(state: ViewState) -> Scene:
-    """What the state shows as a scene, cast by its materials; its spectra are no files."""
+    """Return the state as a scene with materials as channels, and its spectra in memory."""
     grid, transfer = state.document.grid, state.transfer
     known: dict[str, Spectrum] = {}
     materials, lights = [], []
