@@ -230,8 +230,7 @@ def assign(state: ViewState, first: float, last: float, material: str) -> ViewSt
     """Assign a material to a range of values."""
     if not isinstance(state.transfer, TransferFunction):
         return state
-    low, high = state.document.volume.range
-    start, end = sorted(min(max(value, low), high) for value in (first, last))
+    start, end = sorted(_within(value, state.document.volume.range) for value in (first, last))
     return replace(state, transfer=with_material_range(state.transfer, start, end, material))
 
 
@@ -251,7 +250,7 @@ def _design_from_scratch(state: ViewState) -> Edited:
     return Edited(replace(state, palette=board, transfer=with_material_basis(state.transfer)))
 
 
-def _without_targets(state: ViewState) -> ViewState:
+def _drop_targets(state: ViewState) -> ViewState:
     """Remove the targets; spectra stay."""
     targets = DesignTargets(criteria=state.palette.targets.criteria)
     return replace(state, palette=PaletteState(targets, targets))
@@ -265,7 +264,7 @@ def _own_spectra(state: ViewState) -> ViewState:
         transfer = with_reflectances(transfer, own)
     if [row.rig.lights for row in rows] != [row.rig.lights for row in document.lights]:
         rows = document.lights
-    return replace(_without_targets(state), transfer=transfer, lights=rows)
+    return replace(_drop_targets(state), transfer=transfer, lights=rows)
 
 
 def _new_light(state: ViewState) -> Edited:
@@ -283,9 +282,7 @@ def _new_light(state: ViewState) -> Edited:
 COMMANDS = (
     Command("palette-light", "Palette", "New light to be designed", (), _new_light),
     Command("palette-anew", "Palette", "Design the palette from scratch", (), _design_from_scratch),
-    Command(
-        "palette-forget", "Palette", "Forget all wishes, keep the spectra", (), _without_targets
-    ),
+    Command("palette-forget", "Palette", "Forget all wishes, keep the spectra", (), _drop_targets),
     Command("palette-own", "Palette", "The scene's own spectra", (), _own_spectra),
     Command("hide", "Palette", "Hide the chosen material under the chosen light"),
     Command("reveal", "Palette", "Reveal the chosen material under the chosen light"),

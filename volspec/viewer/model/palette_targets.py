@@ -59,19 +59,15 @@ class DesignTargets:
         def renamed(place: Place) -> Place:
             return place[0], new if place[1] == old else place[1]
 
-        about = {light for _, light in self.cells} | {name for _, name in self.open}
-        about |= {cell.other[1] for cell in self.cells.values() if cell.other} | {*self.lamps}
-        if old not in about:
+        cells = {
+            renamed(place): replace(cell, other=cell.other and renamed(cell.other))
+            for place, cell in self.cells.items()
+        }
+        opened = frozenset(renamed(each) if each[0] == LIGHT else each for each in self.open)
+        lamps = {new if name == old else name: own for name, own in self.lamps.items()}
+        if (cells, opened, lamps) == (self.cells, self.open, self.lamps):
             return self
-        return replace(
-            self,
-            cells={
-                renamed(place): replace(cell, other=cell.other and renamed(cell.other))
-                for place, cell in self.cells.items()
-            },
-            open=frozenset(renamed(each) if each[0] == LIGHT else each for each in self.open),
-            lamps={new if name == old else name: lamps for name, lamps in self.lamps.items()},
-        )
+        return replace(self, cells=cells, open=opened, lamps=lamps)
 
 
 @dataclass(frozen=True, slots=True)

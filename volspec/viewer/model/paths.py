@@ -127,7 +127,6 @@ class PathRequest:
     ----------
     kind : str
         Identifies the request in the answer.
-    title : str
     save : bool
         The file will be written.
     suffixes : tuple of str

@@ -1,4 +1,4 @@
-"""Presets: points in Hounsfield units with materials, fitted to a volume's values.
+"""Presets of transfer functions, given in Hounsfield units and fitted to a volume's values.
 
 Volume, histogram -> [presets] -> Transfer
 """
@@ -24,7 +24,6 @@ class Preset:
 
     Parameters
     ----------
-    name, title : str
     parts : {material: (reflectance, points)}
         By rising value. A name of `volspec.reflectance`, and the curve's points, or surfaces, as
         (HU, opacity).
