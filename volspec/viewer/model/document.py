@@ -98,7 +98,7 @@ _LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
-    """A scene that is open.
+    """Open scene with its volume.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ class Document:
 
     @property
     def source(self) -> str | None:
-        """Path that opens it again; None for the bundled demo."""
+        """Path that opens it again; None for the bundled demo, or without a file."""
         if self.file is None or self.path is None or self.path == demo():
             return None
         return str(self.path) if self.path.suffix.lower() == ".toml" else self.file.volume.file
