@@ -1,16 +1,15 @@
 """The event loop: inputs and panels make states, states make casts and relights.
 
-    Window -> inputs, panels -> state -> Stage -> CastScheduler | Screen -> Window
+    Window -> inputs, panels -> state -> CastScheduler | Screen -> Window
 
-GL stays on this thread; casts and files have their own.
+GL stays on this thread; casts and files have threads of their own.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import SimpleQueue
@@ -20,7 +19,7 @@ from imgui_bundle import imgui, implot
 from volspec.viewer.model.commands import BY_KEY
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import overlays
+from volspec.viewer.ui import menus, overlays
 from volspec.viewer.ui.context import Results, UiContext
 from volspec.viewer.ui.file_commands import FileCommands
 from volspec.viewer.ui.inputs import Input
@@ -40,32 +39,30 @@ from volspec.viewer.work.screen import Area, Screen
 from volspec.viewer.work.session import SUFFIX
 
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
-# imgui needs some frames after an input until everything stands where it belongs.
+# Frames that imgui needs after an input until its layout is final.
 _SETTLE = 3
-# It takes clicks and keys apart, one step a frame.
+# Frames for each click and key, as imgui takes a step of them a frame.
 _FRAMES_EACH, _MOST = 3, 90
 _IDLE_S, _BUSY_S = 0.5, 0.02
-# The mouse being still so long, what it is over is explained: imgui needs frames then, too.
+# A mouse that is still for so long gets a tooltip, for which imgui needs frames, too.
 _STILL_S = 0.6
-# How long another thread may compute before this one has its turn, of which a frame needs many:
-# each call of GL and glfw gives it away.
+# The longest that another thread computes before this one may go on; each call of GL and glfw
+# lets the others run, and a frame has many.
 _TURN_S = 5e-4
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What `volspec view` was asked for.
+    """Options of `volspec view`.
 
     Parameters
     ----------
     path : str, optional
-        A scene or a volume; None is the bundled demo.
-    trace : Path, optional
+        A scene, a volume or a session; None is the bundled demo.
     size : (width, height)
-        Of the window.
+        Of the window, at 96 dpi.
     screenshot : (width, height), optional
-        Of pictures that S writes; None is as shown.
-    device : str, optional
+        Pixels of pictures that S writes; None is as shown.
     restore : bool
         Go on from the last session, if there is one.
     """
@@ -77,42 +74,36 @@ class Options:
     device: str | None = None
     restore: bool = False
 
+    @property
+    def resumes(self) -> bool:
+        """Whether the viewer goes on from a session."""
+        return self.restore or (self.path or "").lower().endswith(SUFFIX)
+
 
 def view(options: Options) -> None:
-    """Open the window; returns when it is closed.
+    """Open the window; return when it is closed.
 
     Raises
     ------
     VolspecError
-        If no window can be opened, or what was asked for cannot be.
+        If no window can be opened, or the path cannot be.
     """
     give_back_large()
-    with (
-        Trace(options.trace) as trace,
-        _short_turns(),
-        collect_warnings() as warned,
-    ):
-        tasks = Tasks(Window.wake)
-        path = options.path
-        if not options.restore and not (path and path.lower().endswith(SUFFIX)):
-            # Reading goes on while the window opens.
-            tasks.start("open", lambda: Opened.at_first(open_document(path, options.device), path))
-        window = Window("volspec", options.size)
-        try:
-            _App(options, trace, tasks, window, warned).run()
-        finally:
-            window.close()
-
-
-@contextmanager
-def _short_turns() -> Iterator[None]:
-    """Have Python's threads give way to each other sooner."""
-    before = sys.getswitchinterval()
+    turn = sys.getswitchinterval()
     sys.setswitchinterval(_TURN_S)
     try:
-        yield
+        with Trace(options.trace) as trace, collect_warnings() as warned:
+            tasks = Tasks(Window.wake)
+            path = options.path
+            if not options.resumes:
+                # The file is read while the window opens.
+                tasks.start(
+                    "open", lambda: Opened.at_first(open_document(path, options.device), path)
+                )
+            with closing(Window("volspec", options.size)) as window:
+                _App(options, trace, tasks, window, warned).run()
     finally:
-        sys.setswitchinterval(before)
+        sys.setswitchinterval(turn)
 
 
 class _App:
@@ -135,21 +126,31 @@ class _App:
             *(tasks, self._screen.pictures, self._ui, self._notice, trace),
             *(options.device, options.screenshot, self._designs.file),
         )
-        if options.restore or (options.path or "").lower().endswith(SUFFIX):
+        if options.resumes:
             self._file_commands.documents.resume(options.path, options.restore)
         self._scheduler = CastScheduler(Window.wake)
         self._docks, self._mouse = Docks(), Mouse()
         self._fader, self._focus = Fader(), Focus()
         self._history: History | None = None
-        self._shown: ViewState | None = None  # what casts and relights were last asked for
+        self._shown: ViewState | None = None  # the last state that was cast or relit
         self._dark: bool | None = None
         self._settle = _SETTLE
-        self._early: list[Input] = []  # dropped while nothing is open yet
-        self._still: float | None = None  # when the mouse will have been still
+        self._early: list[Input] = []  # dropped before anything is open
+        self._still: float | None = None  # when the mouse will have been still for _STILL_S
         self._rested = False
 
+    @property
+    def _present(self) -> ViewState | None:
+        """The state to draw and to save; None until something is open."""
+        return self._history.present if self._history else None
+
+    @property
+    def _moves(self) -> bool:
+        """Whether more changes are likely: a mouse button is down, or lights fade."""
+        return self._mouse.held or self._fader.running
+
     def run(self) -> None:
-        """Until the window closes."""
+        """Draw frames until the window closes."""
         try:
             while not self._window.closing:
                 asked, patience = time.perf_counter(), self._patience()
@@ -172,14 +173,12 @@ class _App:
                 ended = time.perf_counter()
                 self._scheduler.tick(ended, self._mouse.held)
                 if self._history is not None:
-                    moves = self._mouse.held or self._fader.running
-                    self._file_commands.documents.tick(self._history.present, ended, moves)
+                    self._file_commands.documents.tick(self._history.present, ended, self._moves)
                 self._meter.answered(began - asked - patience, time.perf_counter() - began)
                 self._rest()
         finally:
-            # At the end, and where an error ends it.
             faulty = isinstance(sys.exception(), Exception)
-            self._file_commands.close(self._history.present if self._history else None, faulty)
+            self._file_commands.close(self._present, faulty)
             self._designs.close()
             self._scheduler.close()
             self._screen.close()
@@ -193,35 +192,35 @@ class _App:
         return min(max(self._still - time.perf_counter(), 0.0), longest)
 
     def _rest(self) -> None:
-        """Tell the trace when everything that was asked for is done and drawn."""
+        """Note in the trace when everything is done and drawn."""
         services = self._scheduler, self._designs, self._screen, self._file_commands
-        moves = self._settle > 0 or self._mouse.held or self._fader.running
+        moves = self._settle > 0 or self._moves
         rests = not moves and not any(service.busy for service in services)
         if rests and not self._rested:
             self._trace.note("rest")
         self._rested = rests
 
     def _take(self) -> bool:
-        """What threads have brought; whether there is anything new."""
+        """Take the threads' results; return True if there are any."""
         casts = self._scheduler.take()
         for done in casts:
-            self._screen.take(done, self._history.present if self._history else None)
+            self._screen.take(done, self._present)
         if casts and self._shown is not None:
-            self._relight(self._shown)  # it is seen a frame earlier so
+            self._relight(self._shown)  # now, so that it is shown a frame earlier
         news, opened = self._file_commands.take(first=self._history is None)
         if self._history is not None:
             history = self._designs.taken(self._history)
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
-        news |= self._tell_warnings()
+        news |= self._show_warnings()
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.tabled()
         return self._notice.ended(time.perf_counter()) or news or bool(casts)
 
-    def _tell_warnings(self) -> bool:
-        """Show what was warned of since the last look; return True if there was anything."""
+    def _show_warnings(self) -> bool:
+        """Show new warnings; return True if there are any."""
         said = []
         while not self._warned.empty():
             said.append(self._warned.get())
@@ -231,13 +230,13 @@ class _App:
         return bool(said)
 
     def _open(self, opened: Opened) -> None:
-        before = self._history.present if self._history else None
+        before = self._present
         opened = opened.after(before)
         self._file_commands.documents.begin(opened, before)
         self._history = History(opened.state)
-        document = opened.state.document
-        self._window.name(f"{as_one_line(document.title)} – volspec")
-        self._trace.note("open", title=document.title)
+        title = opened.state.document.title
+        self._window.name(f"{as_one_line(title)} – volspec")
+        self._trace.note("open", title=title)
 
     def _draw(self, inputs: list[Input]) -> None:
         started = time.perf_counter()
@@ -246,10 +245,11 @@ class _App:
         self._ui.results = self._results()
         self._focus.frame()
         self._set_theme()
-        kept = self._history.present if self._history else None
+        kept = self._present
         state = shown = self._fader.shown(kept, started) if kept else None
         if state is not None:
-            state = self._docks.bars(state, self._ui)
+            menus.draw_status(state, self._ui)
+            state = menus.draw_menu(state, self._ui) or state
         area = self._docks.picture(self._ui, state is not None)
         if state is not None and self._history is not None:
             state = self._next(state, [*self._early, *inputs], area)
@@ -257,7 +257,7 @@ class _App:
             assert kept is not None and shown is not None
             state = self._fader.to_keep(kept, shown, state)
             self._history = self._history.then(state, self._mouse.gesture)
-            self._ask()
+            self._do_requests()
             if self._docks.settled:
                 self._designs.follow(self._history.present)  # a fade's end, not what is shown
                 now = self._fader.shown(self._history.present, started)
@@ -275,14 +275,14 @@ class _App:
             overlays.in_place(self._screen.absence(self._shown), self._ui)
         if self._notice.text and self._notice.text != self._screen.fault:  # which the picture shows
             overlays.message(self._notice.text, self._ui)
-        self._file_commands.draw(self._history.present if self._history else None)
+        self._file_commands.draw(self._present)
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
         if said := self._window.error:
             self._trace.note("gl-error", message=said)
         self._meter.frame(started, self._ui.areas)
         if self._shown is not None:
-            # Where a CPU draws it, it does so while the next frame's panels are made.
+            # If a CPU draws it, it does so while the next frame's panels are made.
             self._relight(self._shown)
 
     def _results(self) -> Results:
@@ -302,7 +302,7 @@ class _App:
         )
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
-        """What input and panels make of a state."""
+        """Return the state after input and panels."""
         ratio = self._window.pixel_ratio
         sides = (int(side * ratio) for side in area[2:])
         width, height = (min(max(side, LEAST_PICTURE), MOST_PICTURE) for side in sides)
@@ -320,13 +320,13 @@ class _App:
         state = self._mouse.applied(state, inputs, area)
         return self._docks.panels(state, self._ui)
 
-    def _ask(self) -> None:
-        """What was asked for beyond the state."""
+    def _do_requests(self) -> None:
+        """Do what was requested besides edits of the state."""
         asked, self._ui.requests = self._ui.requests, []
         assert self._history is not None
         for name in asked:
             if name in ("undo", "redo"):
-                self._go(self._history, back=name == "undo")
+                self._step_history(self._history, back=name == "undo")
             elif name == "quit":
                 self._window.leave()
             elif name in self._designs.asks:
@@ -341,8 +341,8 @@ class _App:
             else:
                 self._file_commands.do(name, self._history.present)
 
-    def _go(self, history: History, back: bool) -> None:
-        """A step of the history back or forth."""
+    def _step_history(self, history: History, back: bool) -> None:
+        """Undo or redo a step."""
         self._history = history.undone() if back else history.redone()
         if self._history is history:
             said = f"Nothing to {'undo' if back else 'redo'}"
@@ -353,18 +353,17 @@ class _App:
         self._designs.forget()
 
     def _update(self, change: Difference, now: float) -> None:
-        """Have done what a change needs."""
+        """Start what a change needs: a cast, or a relight."""
         self._shown = change.new
-        held = self._mouse.held or self._fader.running
         if change.stage == "cast":
-            self._scheduler.change(change.new, now, held)
+            self._scheduler.change(change.new, now, self._moves)
             self._screen.whole = False
         if change.relights:
             self._screen.stale()
 
     def _relight(self, state: ViewState) -> None:
-        """Have the picture of a state drawn for the next frame."""
-        held = self._mouse.held or self._fader.running
+        """Draw the picture of a state for the next frame."""
+        held = self._moves
         if self._screen.relight(state, held):
             self._settle = max(self._settle, 1)
         self._screen.probe(state, self._mouse.over_picture, held)

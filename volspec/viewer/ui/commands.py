@@ -1,6 +1,6 @@
 """The command palette: everything that can be done, found by a few letters of its name.
 
-actions, lights, models, displays, files -> [commands] -> state, or a request to the app
+    commands, lights, models, displays, files -> [commands] -> state, or a request to the app
 
 imgui-bundle's own palette shows no keys and keeps one list for the whole process.
 """
@@ -18,9 +18,9 @@ from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.spectra import light_names
-from volspec.viewer.model import commands, lights, viewing
-from volspec.viewer.model.commands import COMMANDS, rank_matches
-from volspec.viewer.model.edit import Change, Command, Edited
+from volspec.viewer.model import lights, viewing
+from volspec.viewer.model.commands import COMMANDS, open_viewing, rank_matches
+from volspec.viewer.model.edit import Change, Edited
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Search, UiContext
 from volspec.viewer.ui.viewing import SETTINGS
@@ -39,19 +39,18 @@ _FLAGS = (
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One row.
+    """A row of the palette.
 
     Parameters
     ----------
-    group, title : str
     key : str
-        As people write it; empty where there is none.
+        As people write it; empty for none.
     change : callable, optional
-        What it makes of a state.
+        Its edit of the state.
     ask : str
-        What is asked of the app instead.
+        The request to the app, if it is no edit.
     item : str
-        What of the viewing panel takes the keyboard.
+        The item of the viewing panel that then takes the keyboard.
     """
 
     group: str
@@ -63,93 +62,77 @@ class Entry:
 
     @property
     def text(self) -> str:
-        """What is searched."""
+        """The text that is searched."""
         return f"{self.group}: {self.title}"
 
 
 def commands_of(
     state: ViewState, recent: Sequence[RecentFile], text: str = ""
 ) -> tuple[Entry, ...]:
-    """All that can be done with a state, actions first; with a text the best matches first."""
-    return _searched(_light_titles(state), tuple(recent), text)
-
-
-def _light_titles(state: ViewState) -> tuple[str, ...]:
-    """The lights, by what they are searched for."""
-    return tuple(
+    """Return everything that can be done with a state; for a text, the best matches first."""
+    names = tuple(
         f"{as_one_line(row.name)} alone"
         + ("" if row.label in ("", row.name) else f", {as_one_line(row.label)}")
         for row in state.lights
     )
+    return _search(names, tuple(recent), text)
 
 
 @lru_cache(maxsize=8)
-def _searched(
-    names: tuple[str, ...], recent: tuple[RecentFile, ...], text: str
-) -> tuple[Entry, ...]:
-    """Looked up when something is typed, not in every frame."""
-    entries = (*_fixed(), *_alone(names), *_files(recent), *_added())
-    return tuple(rank_matches(entries, text, lambda entry: entry.text))
+def _search(names: tuple[str, ...], recent: tuple[RecentFile, ...], text: str) -> tuple[Entry, ...]:
+    """Search the entries when something is typed, not in every frame."""
+    return tuple(rank_matches(_entries(names, recent), text, lambda entry: entry.text))
 
 
-@lru_cache(maxsize=1)
-def _fixed() -> tuple[Entry, ...]:
-    """Actions, models, displays, and settings of the viewing."""
-    entries = [_entry_of(command) for command in COMMANDS if command.name != "commands"]
-    for group, names, change in (
+@lru_cache(maxsize=8)
+def _entries(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[Entry, ...]:
+    """Return all entries: commands, settings, the state's lights, files, lights of the library."""
+
+    def with_argument(change: Callable[..., ViewState | Edited], given: str | int) -> Change:
+        return lambda state: change(state, given)
+
+    entries = [
+        Entry(
+            command.menu or "Step",
+            command.title.removesuffix(" …"),
+            key_text(command),
+            command.change,
+            command.name if command.change is None else "",
+        )
+        for command in COMMANDS
+        if command.name != "commands"
+    ]
+    for group, options, change in (
         ("Model", MODELS, viewing.set_model),
         ("Display", PRESETS, viewing.set_room),
         ("Surround", SURROUNDS, viewing.set_surround),
         ("Space", SPACES, viewing.set_space),
         ("Gamut", GAMUTS, viewing.set_gamut),
     ):
-        entries += [Entry(group, name, change=_with(change, name)) for name in names]
-    shown = commands.open_viewing
-    entries += [Entry("Setting", name, change=shown, item=name) for name in SETTINGS]
+        entries += [Entry(group, name, change=with_argument(change, name)) for name in options]
+    entries += [
+        *(Entry("Setting", name, change=open_viewing, item=name) for name in SETTINGS),
+        *(
+            Entry("Light", name, change=with_argument(lights.only, i))
+            for i, name in enumerate(names)
+        ),
+        *(Entry("Open", row.label, ask=f"open {row.path}") for row in recent if row.there),
+        *(
+            Entry("Add light", name, change=with_argument(lights.add, name))
+            for name in light_names()
+        ),
+    ]
     return tuple(entries)
 
 
-def _entry_of(command: Command) -> Entry:
-    ask = command.name if command.change is None else ""
-    title = command.title.removesuffix(" …")
-    return Entry(
-        command.menu or "Step",
-        title,
-        key_text(command),
-        command.change,
-        ask,
-    )
-
-
-@lru_cache(maxsize=8)
-def _alone(names: tuple[str, ...]) -> tuple[Entry, ...]:
-    return tuple(Entry("Light", name, change=_with(lights.only, i)) for i, name in enumerate(names))
-
-
-@lru_cache(maxsize=8)
-def _files(recent: tuple[RecentFile, ...]) -> tuple[Entry, ...]:
-    return tuple(Entry("Open", row.label, ask=f"open {row.path}") for row in recent if row.there)
-
-
-@lru_cache(maxsize=1)
-def _added() -> tuple[Entry, ...]:
-    """Lights of the library."""
-    return tuple(Entry("Add light", name, change=_with(lights.add, name)) for name in light_names())
-
-
-def _with(change: Callable[..., ViewState | Edited], given: str | int) -> Change:
-    """An edit with its argument."""
-    return lambda state: change(state, given)
-
-
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw it over the picture's upper part; what is picked is done."""
+    """Draw the palette over the picture's upper part; do what was picked."""
     search = ui.commands
     if search is None:
         return None
     if search.picked is not None:
         search.waits -= 1
-        return _act(search.picked, state, ui) if search.waits < 0 else None
+        return _run(search.picked, state, ui) if search.waits < 0 else None
     viewport = imgui.get_main_viewport()
     (x, y), room = viewport.work_pos, viewport.work_size
     gap = min(ui.px(28), room.y * 0.04)
@@ -174,8 +157,8 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     return None
 
 
-def _act(entry: Entry, state: ViewState, ui: UiContext) -> ViewState | None:
-    """Do what was picked, or have it done."""
+def _run(entry: Entry, state: ViewState, ui: UiContext) -> ViewState | None:
+    """Close the palette; return the edited state, or request a command from the app."""
     ui.commands = None
     if entry.item:
         ui.front, ui.item = "Viewing", entry.item
@@ -186,7 +169,7 @@ def _act(entry: Entry, state: ViewState, ui: UiContext) -> ViewState | None:
 
 
 def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
-    """The field and the rows; what was picked."""
+    """Draw the field and the rows; return the entry that was picked."""
     if search.fresh:
         imgui.set_keyboard_focus_here()
         imgui.set_window_focus()
@@ -202,12 +185,12 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
     if text != search.text:
         search.text, search.at = text, 0
     rows = commands_of(state, ui.results.recent, search.text)
-    step = _pressed(imgui.Key.down_arrow) - _pressed(imgui.Key.up_arrow)
-    step += _ROWS * (_pressed(imgui.Key.page_down) - _pressed(imgui.Key.page_up))
+    pressed = imgui.is_key_pressed
+    step = pressed(imgui.Key.down_arrow) - pressed(imgui.Key.up_arrow)
+    step += _ROWS * (pressed(imgui.Key.page_down) - pressed(imgui.Key.page_up))
     search.at = min(max(search.at + step, 0), max(len(rows) - 1, 0))
     picked = rows[search.at] if entered and rows else None
-    # Enter has taken the keyboard from the field.
-    search.fresh = search.fresh or (entered and not rows)
+    search.fresh |= entered and not rows  # Enter has taken the keyboard from the field
     if imgui.begin_child("rows", (0, 0)):
         clipper = imgui.ListClipper()
         clipper.begin(len(rows))
@@ -224,7 +207,7 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
 
 
 def _row(entry: Entry, chosen: bool, follow: bool, ui: UiContext) -> bool:
-    """One row: its group, what it does, its key at the right."""
+    """Draw a row: its group, title and key; return True if it was pressed."""
     imgui.push_id(entry.text + entry.ask)
     left = imgui.get_cursor_pos_x()
     right = left + imgui.get_content_region_avail().x
@@ -241,7 +224,3 @@ def _row(entry: Entry, chosen: bool, follow: bool, ui: UiContext) -> bool:
         imgui.text_disabled(entry.key)
     imgui.pop_id()
     return pressed
-
-
-def _pressed(key: imgui.Key) -> int:
-    return int(imgui.is_key_pressed(key))

@@ -1,8 +1,8 @@
-"""Surroundings of the panels besides the state: results of services, rectangles, text under edit.
+"""Context of the panels besides the state: results of services, rectangles, text under edit.
 
     app -> [context] -> panels -> app
 
-Nothing of it is part of a picture, and undo does not know it.
+None of it is part of a picture, and undo does not know it.
 """
 
 from __future__ import annotations
@@ -26,17 +26,16 @@ from volspec.viewer.work.slice_pictures import SlicePictures
 
 @dataclass(slots=True)
 class Search:
-    """What is looked for in the command palette.
+    """The command palette while it is open.
 
     Parameters
     ----------
-    text : str
     at : int
         The row that Enter takes.
     fresh : bool
         Whether the field is to take the keyboard.
-    picked : Any
-        The command that was picked; it is done once the window is seen without the palette.
+    picked : Entry of `volspec.viewer.ui.commands`, optional
+        Done once a frame has been shown without the palette.
     waits : int
         Frames until then.
     """
@@ -50,36 +49,32 @@ class Search:
 
 @dataclass(slots=True)
 class LightsPanelState:
-    """What the panel of lights keeps from frame to frame.
+    """State of the lights panel from frame to frame.
 
     Parameters
     ----------
     row : int
         The light that was chosen in the last frame.
-    tab : str
-        The tab that is open.
-    to_tab : str
-        The one that shall be; empty where nobody asked.
+    tab, to_tab : str
+        The open tab, and the one to open; empty for none.
     part : int
-        Of the chosen light's spectra, the one that is drawn.
+        The spectrum of the chosen light that is drawn.
     pen : (x, y), optional
-        Where it was in the last frame, while it draws.
+        The pen in the last frame, while it draws.
     top : float
-        Power at the plot's upper edge, which stays while it draws.
+        Power at the plot's upper edge, which stays while the pen draws.
     text, text_of
-        A notation that is being typed, and for which light and part.
-    naming : int
-        The saved state that is being renamed; -1 is none.
+        A notation that is being typed, and its light and part.
+    naming, renaming : int
+        The saved state and the light that are being renamed; -1 is none.
     name : str
-        What it shall be called.
+        The new name.
     focus : bool
-        Whether its field waits for the keyboard.
+        Whether the name's field waits for the keyboard.
     complaint : str
-        What is wrong with what was typed.
+        Error in the typed notation.
     complaint_of : ((light, part), rows)
-        For which spectrum that was, and the lights as they were then.
-    renaming : int
-        The light that is being renamed; -1 is none.
+        The spectrum it is about, and the lights as they were then.
     """
 
     row: int = 0
@@ -103,27 +98,25 @@ class LightsPanelState:
         self.naming, self.row = -1, -1  # a name at a time; the row is scrolled to
 
     def complain(self, why: str, place: tuple[int, int], rows: Rows) -> None:
-        """A notation, of a light's part, was no light."""
+        """Set the error of the notation that was typed for a light's part."""
         self.complaint, self.complaint_of = why, (place, rows)
 
     def complaint_at(self, place: tuple[int, int], rows: Rows) -> str:
-        """What stands under a part's field; gone once anything else of the lights is edited."""
+        """Return a part's error; empty once anything else of the lights is edited."""
         about, then = self.complaint_of
         return self.complaint if about == place and then is rows else ""
 
 
 @dataclass(slots=True)
 class LibraryState:
-    """What a library, of lights or of materials, keeps from frame to frame.
+    """State of the library of lights or of materials from frame to frame.
 
     Parameters
     ----------
-    search : str
-        What is looked for.
     complaint : str
-        Why it could not be added.
+        Why the last choice could not be added.
     kelvin : float
-        The temperature that the slider of lights shows.
+        Temperature on the slider of lights.
     """
 
     search: str = ""
@@ -138,27 +131,19 @@ class Results:
     Parameters
     ----------
     image : CoefficientImage, optional
-        What was cast last.
+        The last cast.
     whole : bool
-        Whether that is as fine as the picture.
+        Whether it has the picture's full resolution.
     shown_at : (left, top, right, bottom)
-        Where the picture was drawn last.
+        The picture's last place in the window.
     fault : str
         Why there is no picture; empty while one is there or awaited.
     fps : float
         Frames per second, while something moves.
     ms : {stage: float}
-        What each stage took last.
-    under_mouse : Reading, optional
-        What of the picture is under the mouse.
-    error_map : ErrorMapTexture, optional
-        The error map.
-    slices : SlicePictures, optional
-        What the slices are drawn by.
-    design : DesignStatus
-        What the palette's threads have to say.
+        Last duration of each stage.
     recent : tuple of RecentFile
-        Files opened lately.
+        The newest first.
     """
 
     image: CoefficientImage | None = None
@@ -176,31 +161,26 @@ class Results:
 
 @dataclass(slots=True)
 class UiContext:
-    """The panels' surroundings; new values every frame.
+    """The panels' context; the app updates it every frame.
 
     Parameters
     ----------
     scale : float
         Pixels of the window for each at 96 dpi.
     areas : {name: (x, y, width, height)}
-        Where things were drawn: for what stands over them, and for the trace.
+        Rectangles of what was drawn: for overlays, and for the trace.
     requests : list of str
-        Actions that are the app's to do.
-    results : Results
+        Names of commands that the app does; ``open PATH`` and ``say TEXT`` have an argument.
     commands : Search, optional
-        The command palette; None where it is closed.
+        The command palette; None if it is closed.
     menu : bool
         Whether the first menu is to open now.
-    front : str
-        The panel that is to come to the front now.
-    item : str
-        Its item that is to take the keyboard.
-    lights : LightsPanelState
-    library : LibraryState
+    front, item : str
+        The panel that is to come to the front now, and its item that is to take the keyboard.
     popup : str
-        What of the palette is to open now.
+        The popup of the palette that is to open now.
     member : (kind, index)
-        The light or the material that this is about.
+        The light or the material that it is about.
     """
 
     scale: float = 1.0
@@ -218,11 +198,11 @@ class UiContext:
     _projected: tuple[Any, Projection] | None = None
 
     def px(self, size: float) -> float:
-        """A size in the window's pixels."""
+        """Return a size in the window's pixels."""
         return size * self.scale
 
     def say(self, message: str) -> None:
-        """Have a message shown to the user, if there is one."""
+        """Show the user a message, if there is one."""
         if message:
             self.requests.append(f"say {message}")
 
@@ -233,14 +213,14 @@ class UiContext:
         return new
 
     def run(self, state: ViewState, command: Command) -> ViewState:
-        """Return a state after a command; what is the app's to do is asked of it."""
+        """Return a state after a command; request it from the app if it is no edit."""
         if command.change is None:
             self.requests.append(command.name)
             return state
         return self.edited(state, command.change)
 
     def projection(self, state: ViewState) -> Projection:
-        """Where the state's camera shows things in the window."""
+        """Return the projection of the state's camera into the window."""
         of = state.view, state.document.volume, self.areas["picture"]
         if self._projected is None or self._projected[0] != of:
             camera = state.view.camera(state.document.volume)
@@ -248,6 +228,6 @@ class UiContext:
         return self._projected[1]
 
     def note(self, name: str) -> None:
-        """Note down where the last item is."""
+        """Record the rectangle of the last item."""
         (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.areas[name] = (int(x), int(y), int(right - x), int(bottom - y))

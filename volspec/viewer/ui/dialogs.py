@@ -1,4 +1,4 @@
-"""Dialogs: for a file's path, the system's own or ours, and for pictures."""
+"""Dialogs: the system's or our own for a file's path, and one for pictures."""
 
 from __future__ import annotations
 
@@ -30,18 +30,19 @@ _FLAGS = (
 )
 _DIM = imgui.Col_.text_disabled
 _INPUT = imgui.InputTextFlags_
-# Of the list, and of what stands in a path's dialog beside it.
-_ROWS, _BESIDE = 9, 6
+# Rows of the list of files, and of the rest of its dialog.
+_ROWS, _OTHER_ROWS = 9, 6
+_BUTTON_WIDTH, _BUTTON_GAP = 84, 8
 
 
 @dataclass(slots=True)
 class PathDialog:
-    """A field for a path, with what is in its folder below; Tab completes.
+    """A field for a path, with the files of its folder below; Tab completes.
 
     Attributes
     ----------
     request : PathRequest, optional
-        What is asked for; None where it is closed.
+        None if the dialog is closed.
     """
 
     request: PathRequest | None = None
@@ -52,73 +53,73 @@ class PathDialog:
     _replaces: str = ""
 
     def ask(self, request: PathRequest) -> None:
-        """Open it."""
+        """Open the dialog."""
         self.request, self._text, self._opens, self._focus = request, request.start, True, True
         self._replaces = ""
 
-    def draw(self, ui: UiContext) -> str:
-        """Draw it; the path that was entered, or nothing."""
+    def draw(self, ui: UiContext) -> tuple[PathRequest, str] | None:
+        """Draw the dialog; return the request and the path that was entered, if one was."""
         request = self.request
         if request is None:
-            return ""
-        name = f"{request.title}###path"
-        if self._opens:
-            imgui.open_popup(name)
-            self._opens = False
-        if not _begun(name, ui, 560):
+            return None
+        opens, self._opens = self._opens, False
+        if not _begin(f"{request.title}###path", opens, ui, 560):
             self.request = None
-            return ""
+            return None
         entered = self._body(request, ui)
-        if entered or _escaped():
-            self.request = None
-            imgui.close_current_popup()
+        if entered or imgui.is_key_pressed(imgui.Key.escape, False):
+            self._close()
         imgui.end_popup()
-        return request.named(entered)
+        path = request.named(entered)
+        return (request, path) if path else None
+
+    def _close(self) -> None:
+        self.request = None
+        imgui.close_current_popup()
 
     def _body(self, request: PathRequest, ui: UiContext) -> str:
-        found = _listed(self._text, request.suffixes, int(imgui.get_time()))
+        now = int(imgui.get_time())
+        found = _list_paths(self._text, request.suffixes, now)
         if self._focus:
             imgui.set_keyboard_focus_here()
             self._focus = False
         imgui.set_next_item_width(-1)
+        hint = f"name{request.suffixes[0]}" if request.save else "scene.toml, volume.nrrd, …"
         flags = _INPUT.enter_returns_true | _INPUT.callback_completion
-        done, self._text = imgui.input_text_with_hint(
-            "##path", _hint(request), self._text, flags, _completing(found)
-        )
+
+        def complete(data: Any) -> int:
+            data.delete_chars(0, data.buf_text_len)
+            data.insert_chars(0, found.common)
+            return 0
+
+        done, self._text = imgui.input_text_with_hint("##path", hint, self._text, flags, complete)
         ui.note("path")
-        # Where a file is written its neighbours are of interest, not those of its name.
-        shown = (
-            _listed(found.folder, request.suffixes, int(imgui.get_time()))
-            if request.save
-            else found
-        )
-        self._list(shown)
+        # A file to be written is shown with all of its neighbours.
+        self._list(_list_paths(found.folder, request.suffixes, now) if request.save else found)
         path = request.named(self._text)
         there = bool(path) and request.save and path_exists(path)
-        right = _right()
         sure = there and path == self._replaces
         if there:
             said = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
             wrap_text(said, imgui.Col_.check_mark)  # not to be overlooked
+        left = _buttons_left(ui)
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Tab completes")
+        imgui.same_line(left)
         label = "Replace" if there else "Save" if request.save else "Open"
-        width = ui.px(84)
-        imgui.same_line(right - 2 * width - ui.px(8))
-        pressed = imgui.button(label, (width, 0)) or done
-        ui.note("path ok")
-        imgui.same_line(0, ui.px(8))
-        if imgui.button("Cancel", (width, 0)):
-            self.request = None
-            imgui.close_current_popup()
-        if pressed and there and not sure:
+        accepted, cancelled = _buttons(label, "path ok", ui)
+        if cancelled:
+            self._close()
+        if not (accepted or done):
+            return ""
+        if there and not sure:
             self._replaces, self._focus = path, True
             return ""
-        return self._text.strip() if pressed else ""
+        return self._text.strip()
 
     def _list(self, found: Listing) -> None:
         line = imgui.get_text_line_height_with_spacing()
-        others = _BESIDE * imgui.get_frame_height_with_spacing()
+        others = _OTHER_ROWS * imgui.get_frame_height_with_spacing()
         room = imgui.get_main_viewport().work_size.y - others
         tall = max(min(line * _ROWS, room), 2 * line)
         if imgui.begin_child("files", (0, tall)):
@@ -131,62 +132,42 @@ class PathDialog:
         imgui.end_child()
 
 
-def _completing(found: Listing) -> Any:
-    """What Tab does in the field."""
-
-    def complete(data: Any) -> int:
-        data.delete_chars(0, data.buf_text_len)
-        data.insert_chars(0, found.common)
-        return 0
-
-    return complete
-
-
 @lru_cache(maxsize=8)
-def _listed(text: str, suffixes: tuple[str, ...], _second: int) -> Listing:
-    """Read once a second, not once a frame."""
+def _list_paths(text: str, suffixes: tuple[str, ...], _second: int) -> Listing:
+    """List paths once a second, not once a frame."""
     return list_paths(text, suffixes)
-
-
-def _hint(request: PathRequest) -> str:
-    return f"name{request.suffixes[0]}" if request.save else "scene.toml, volume.nrrd, …"
 
 
 @dataclass(slots=True)
 class PictureDialog:
-    """How a picture shall be saved.
+    """The dialog for a picture's size, name and folder.
 
     Attributes
     ----------
     shot : Shot
-        As it was set last.
+        The settings, which stay after the dialog.
     """
 
     shot: Shot = field(default_factory=Shot)
     _opens: bool = False
 
     def ask(self) -> None:
-        """Open it."""
+        """Open the dialog."""
         self._opens = True
 
     def draw(self, state: ViewState, ui: UiContext) -> bool:
-        """Draw it; whether the picture shall be saved now."""
-        name = "Save the picture"
-        if self._opens:
-            imgui.open_popup(name)
-            self._opens = False
-        if not _begun(name, ui, 420):
+        """Draw the dialog; return True if the picture is to be saved now."""
+        opens, self._opens = self._opens, False
+        if not _begin("Save the picture", opens, ui, 420):
             return False
         imgui.push_item_width(-ui.px(64))
         self._fields(state, ui)
         imgui.pop_item_width()
         imgui.spacing()
-        width = ui.px(84)
-        imgui.set_cursor_pos_x(_right() - 2 * width - ui.px(8))
-        saved = imgui.button("Save", (width, 0)) or imgui.is_key_pressed(imgui.Key.enter, False)
-        ui.note("picture ok")
-        imgui.same_line(0, ui.px(8))
-        if imgui.button("Cancel", (width, 0)) or saved or _escaped():
+        imgui.set_cursor_pos_x(_buttons_left(ui))
+        accepted, cancelled = _buttons("Save", "picture ok", ui)
+        saved = accepted or imgui.is_key_pressed(imgui.Key.enter, False)
+        if cancelled or saved or imgui.is_key_pressed(imgui.Key.escape, False):
             imgui.close_current_popup()
         imgui.end_popup()
         return saved
@@ -213,7 +194,7 @@ class PictureDialog:
 
 
 def progress(under_way: Progress, ui: UiContext) -> bool:
-    """A bar at the picture's bottom; whether its cast shall be given up."""
+    """Draw a bar at the picture's bottom; return True if the cast is to be cancelled."""
     x, y, width, height = ui.areas["picture"]
     imgui.set_next_window_pos(
         (x + width / 2, y + height - ui.px(18)), imgui.Cond_.always, (0.5, 1.0)
@@ -238,8 +219,10 @@ def progress(under_way: Progress, ui: UiContext) -> bool:
     return ended
 
 
-def _begun(name: str, ui: UiContext, wide: float) -> bool:
-    """Begin a dialog that was opened; the picture behind it is dimmed little, as it is judged."""
+def _begin(name: str, opens: bool, ui: UiContext, wide: float) -> bool:
+    """Begin a dialog, if it is open or opens now; the picture is dimmed little, as it is judged."""
+    if opens:
+        imgui.open_popup(name)
     viewport = imgui.get_main_viewport()
     middle, room = viewport.get_work_center(), viewport.work_size
     width = min(ui.px(wide), room.x * 0.94)
@@ -252,13 +235,19 @@ def _begun(name: str, ui: UiContext, wide: float) -> bool:
     return begun
 
 
-def _right() -> float:
-    """Where the window's items end."""
-    return float(imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x)
+def _buttons_left(ui: UiContext) -> float:
+    """Return the x at which `_buttons` are at the right of the line."""
+    right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+    return float(right - 2 * ui.px(_BUTTON_WIDTH) - ui.px(_BUTTON_GAP))
 
 
-def _escaped() -> bool:
-    return bool(imgui.is_key_pressed(imgui.Key.escape, False))
+def _buttons(label: str, name: str, ui: UiContext) -> tuple[bool, bool]:
+    """Draw a button, noted by a name, and Cancel; return whether each was pressed."""
+    size = ui.px(_BUTTON_WIDTH), 0
+    accepted = imgui.button(label, size)
+    ui.note(name)
+    imgui.same_line(0, ui.px(_BUTTON_GAP))
+    return accepted, imgui.button("Cancel", size)
 
 
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
@@ -278,22 +267,24 @@ REQUESTS = {
 
 
 class FileDialogs:
-    """One path at a time."""
+    """The dialogs for a path, of which one is open at a time."""
 
     def __init__(self) -> None:
         self._own = PathDialog()
         self._native: NativeDialog | None = None
 
     def ask(self, request: PathRequest, document: Document) -> None:
-        """Ask for a path; nothing where another is being asked for in the system's dialog."""
-        asked = replace(request, start=initial_path(request, document))
-        if self._native is None and has_native_dialogs():
-            self._native = NativeDialog(asked)
-        elif self._native is None:
-            self._own.ask(asked)
+        """Ask for a path; ignored while the system's dialog is open."""
+        if self._native is not None:
+            return
+        request = replace(request, start=initial_path(request, document))
+        if has_native_dialogs():
+            self._native = NativeDialog(request)
+        else:
+            self._own.ask(request)
 
     def take(self) -> tuple[PathRequest, str] | None:
-        """What the system's dialog has answered by now."""
+        """Return the answer of the system's dialog, once there is one."""
         if self._native is None or (path := self._native.answer()) is None:
             return None
         request, self._native = self._native.request, None
@@ -305,14 +296,12 @@ class FileDialogs:
             self._native.close()
 
     def draw(self, ui: UiContext) -> tuple[PathRequest, str] | None:
-        """Draw our own, where it is open; what it has answered."""
-        request = self._own.request
-        path = self._own.draw(ui)
-        return (request, path) if request is not None and path else None
+        """Draw our own dialog, if it is open; return its answer."""
+        return self._own.draw(ui)
 
 
 def initial_path(request: PathRequest, document: Document) -> str:
-    """Where a dialog begins: in the open file's folder, or where the program runs."""
+    """Return a path in the open file's folder, or in the current one."""
     source = document.source
     path = Path("engine.toml" if source is None else source.partition("?")[0])
     if path.is_relative_to(Path.cwd()):
@@ -323,21 +312,14 @@ def initial_path(request: PathRequest, document: Document) -> str:
 
 
 def has_native_dialogs() -> bool:
-    """Whether the system has dialogs for files."""
+    """Return True if the system has dialogs for files."""
     if sys.platform in ("win32", "darwin"):
         return True
     return any(shutil.which(program) for program in _PROGRAMS)
 
 
 class NativeDialog:
-    """The system's own dialog, in a process of its own; `answer` is asked for, not waited for.
-
-    A program that ends while it is open waits for it, unless it is closed.
-
-    Parameters
-    ----------
-    request : PathRequest
-    """
+    """The system's dialog in a process of its own, which keeps the program from ending."""
 
     def __init__(self, request: PathRequest) -> None:
         from imgui_bundle import portable_file_dialogs as dialogs
@@ -353,12 +335,12 @@ class NativeDialog:
             self._dialog = dialogs.open_file(request.title, start, filters)
 
     def answer(self) -> str | None:
-        """The path; empty where none was chosen, None while the dialog is open."""
+        """Return the path; empty if none was chosen, None while the dialog is open."""
         if not self._dialog.ready(0):
             return None
         result = self._dialog.result()
         return str(result[0] if result else "") if isinstance(result, list) else str(result)
 
     def close(self) -> None:
-        """End it."""
+        """End its process."""
         self._dialog.kill()

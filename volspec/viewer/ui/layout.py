@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 from imgui_bundle import imgui
 
@@ -17,31 +18,20 @@ from volspec.viewer.ui.context import UiContext
 Draw = Callable[[ViewState, UiContext], ViewState | None]
 
 
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """One panel.
-
-    Parameters
-    ----------
-    title : str
-    draw : callable
-    place : {"upper", "lower", "left"}
-        Where it is docked at first.
-    """
+class Panel(NamedTuple):
+    """A panel, and the dock in which it is first: "upper", "lower" or "left"."""
 
     title: str
     draw: Draw
     place: str
 
 
-PANEL_WIDTH = 350
-# Of panels at the left.
-_LEFT_WIDTH = 260
-# Of the window's width, for all panels.
+_RIGHT_WIDTH, _LEFT_WIDTH = 350, 260
+# The most of the window's width that all panels take.
 _MOST = 0.5
-# The lights' share of the height; below stand the others as tabs.
+# The lights' part of the height; below are the other panels as tabs.
 _UPPER = 0.51
-# Frames until docked windows stand where they belong.
+# Frames until docked windows have their places.
 _LAG = 2
 _PANELS = (
     Panel("Lights", lights.draw, "upper"),
@@ -51,8 +41,6 @@ _PANELS = (
     Panel("Slices", slices.draw, "left"),
     Panel("Palette", palette.draw, "lower"),
 )
-# The panel that is in front of the tabs at first.
-_FIRST = "Viewing"
 _OVERLAYS = (
     compare.draw_error_map,
     compare.draw_divide,
@@ -69,42 +57,40 @@ _DOCKED = (
 
 
 class Docks:
-    """Docks the panels when they are first drawn; where the user puts them later is theirs."""
+    """Docks the panels when they are first drawn; the user may move them later."""
 
     def __init__(self) -> None:
         self._frames = 0
-        # Docks beside the picture, and where panels were open in the frame before.
-        self._sides: dict[str, int] = {}
-        self._open: set[str] = set()
+        self._sides: dict[str, int] = {}  # the docks left and right of the picture
+        self._open: set[str] = set()  # those with panels in the frame before
         self._narrowed = False
 
     @property
     def settled(self) -> bool:
-        """Whether the areas hold: imgui lays out what the frame before has asked for."""
+        """Whether the areas are valid: imgui's layout follows requests a frame later."""
         return self._frames > _LAG
 
     def picture(self, ui: UiContext, panels: bool) -> tuple[int, int, int, int]:
-        """Lay the dock out; x, y, width and height of what is left for the picture.
+        """Lay out the docks; return x, y, width and height of what is left for the picture.
 
         Parameters
         ----------
-        ui : UiContext
         panels : bool
-            Whether they will be drawn; a dock that stands empty would be given up.
+            Whether panels will be drawn; imgui gives up an empty dock.
         """
         space = imgui.dock_space_over_viewport(imgui.get_id("dock"), flags=_DOCKED)
         if panels:
             if self._frames == 0:
                 self._dock(space, ui)
             self._frames += 1
-            self._share(ui)
+            self._limit_width(ui)
         node = imgui.internal.dock_builder_get_central_node(space)
         area = int(node.pos.x), int(node.pos.y), int(node.size.x), int(node.size.y)
         ui.areas["picture"] = area
         return area
 
     def panels(self, state: ViewState, ui: UiContext) -> ViewState:
-        """Draw those that are open; the state that comes out."""
+        """Draw the open panels and the overlays; return the edited state."""
         self._open = set()
         for panel in _PANELS:
             if panel.title not in state.interface.panels:
@@ -121,34 +107,28 @@ class Docks:
                 rest = state.interface.panels - {panel.title}
                 state = replace(state, interface=replace(state.interface, panels=rest))
         if self._frames == 1:
-            imgui.set_window_focus(_FIRST)
+            imgui.set_window_focus("Viewing")  # in front of the other tabs
         for overlay in _OVERLAYS:
             state = overlay(state, ui) or state
         return state
 
     @staticmethod
     def open_panels(state: ViewState) -> list[str]:
-        """Titles of the panels that are open, in their order."""
+        """Return the titles of the open panels, in their order."""
         return [panel.title for panel in _PANELS if panel.title in state.interface.panels]
 
-    @staticmethod
-    def bars(state: ViewState, ui: UiContext) -> ViewState:
-        """The menu at the top and the line at the bottom; `picture` gets what they leave."""
-        menus.draw_status(state, ui)
-        return menus.draw_menu(state, ui) or state
-
-    def _share(self, ui: UiContext) -> None:
-        """Leave the picture half of a window that has become narrow; undo it in a wide one."""
+    def _limit_width(self, ui: UiContext) -> None:
+        """Leave the picture half of a window that became narrow; undo it in a wide one."""
         builder = imgui.internal
         room = _MOST * imgui.get_main_viewport().work_size.x
         open_ = [dock for side, dock in self._sides.items() if side in self._open]
         nodes = [node for dock in open_ if (node := builder.dock_builder_get_node(dock))]
         wide = sum(node.size.x for node in nodes)
-        wanted = ui.px(PANEL_WIDTH) if len(nodes) == 1 else wide
+        wanted = ui.px(_RIGHT_WIDTH) if len(nodes) == 1 else wide
         if wide > room + 1:
             self._narrowed = True
         elif self._narrowed and wide < min(wanted, room) - 1:
-            wide, room = wide, min(wanted, room)
+            room = min(wanted, room)
         else:
             self._narrowed = self._narrowed and wide < wanted - 1
             return
@@ -158,7 +138,7 @@ class Docks:
     def _dock(self, space: int, ui: UiContext) -> None:
         builder = imgui.internal
         viewport = imgui.get_main_viewport()
-        share = min(ui.px(PANEL_WIDTH) / max(viewport.work_size.x, 1.0), _MOST)
+        share = min(ui.px(_RIGHT_WIDTH) / max(viewport.work_size.x, 1.0), _MOST)
         builder.dock_builder_remove_node_child_nodes(space)
         right = builder.dock_builder_split_node(space, imgui.Dir.right, share)
         left_share = min(ui.px(_LEFT_WIDTH) / max(viewport.work_size.x * (1 - share), 1.0), 0.4)
@@ -170,7 +150,7 @@ class Docks:
             "lower": lower.id_at_dir,
             "left": left.id_at_dir,
         }
-        # The tabs have their own.
+        # The tabs have their own button.
         no_close = imgui.internal.DockNodeFlagsPrivate_.no_close_button
         for node in places.values():
             builder.dock_builder_get_node(node).local_flags |= no_close

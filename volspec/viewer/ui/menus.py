@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 from imgui_bundle import imgui
 
@@ -12,15 +12,14 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import as_one_line, key_text, shorten, text_width, whole_label
 
-# Actions that begin another part of their menu; the recent files follow the first.
+# Commands with a separator above them.
 _PARTS = ("export-scene", "save-session", "screenshot", "quit", "copy-picture", "commands")
-_AFTER = "open"
-# Offered elsewhere: beside the files, and where a cast shows how far it is.
+# Offered below the recent files, and next to a cast's progress.
 _ELSEWHERE = ("clear-recent", "cancel")
 
 
 def draw_menu(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw it; what is picked changes the state, or is noted down for the app."""
+    """Draw the menu bar; what is picked changes the state, or is requested from the app."""
     new = state
     if not imgui.begin_main_menu_bar():
         return None
@@ -46,7 +45,7 @@ def _row(command: Command, state: ViewState, ui: UiContext) -> ViewState:
     on = command.on is not None and command.on(state)
     picked = imgui.menu_item(command.title, key_text(command), on)[0]
     ui.note(f"action {command.name}")
-    if command.name == _AFTER:
+    if command.name == "open":
         _recent(ui)
     return ui.run(state, command) if picked else state
 
@@ -70,15 +69,15 @@ _FLAGS = (
     | imgui.WindowFlags_.no_saved_settings
     | imgui.WindowFlags_.no_nav
 )
-HEIGHT = 26
+_HEIGHT = 26
 
 
-def draw_status(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw it along the whole window."""
+def draw_status(state: ViewState, ui: UiContext) -> None:
+    """Draw the status line along the whole window."""
     viewport = imgui.get_main_viewport()
     imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(12), ui.px(4)))
     imgui.internal.begin_viewport_side_bar(
-        "##status", viewport, imgui.Dir.down, ui.px(HEIGHT), _FLAGS
+        "##status", viewport, imgui.Dir.down, ui.px(_HEIGHT), _FLAGS
     )
     texts = (as_one_line(state.document.title), sizes(state, ui), f"H: keys    {timings(ui)}")
     room = imgui.get_content_region_avail().x
@@ -92,13 +91,12 @@ def draw_status(state: ViewState, ui: UiContext) -> ViewState | None:
         imgui.text_disabled(times)
     imgui.end()
     imgui.pop_style_var()
-    return None
 
 
 def fitting_texts(
     texts: tuple[str, str, str], room: float, apart: float, measure: Callable[[str], float]
 ) -> tuple[str, str, str]:
-    """What there is room for: the last goes first, then the second, then the first is cut.
+    """Return what there is room for: the last goes first, then the second, then the first is cut.
 
     >>> fitting_texts(("engine", "9 × 9", "60 fps"), 14, 1, len)
     ('engine', '9 × 9', '')
@@ -115,7 +113,7 @@ def fitting_texts(
 
 
 def sizes(state: ViewState, ui: UiContext) -> str:
-    """The picture's size, and whether it is still coarse."""
+    """Return the picture's size, and how coarse it still is."""
     if ui.results.image is None:
         return "no picture" if ui.results.fault else "casting …"
     width, height = state.size
@@ -126,14 +124,14 @@ def sizes(state: ViewState, ui: UiContext) -> str:
 
 
 def timings(ui: UiContext) -> str:
-    """What the stages took last."""
+    """Return the frame rate and the last duration of each stage."""
     parts = [f"{ui.results.fps:.0f} fps"] if ui.results.fps else []
     parts += [f"{stage} {ms:.0f} ms" for stage, ms in ui.results.ms.items()]
     return "   ".join(parts)
 
 
-Row = tuple[str, str]
-Part = tuple[str, tuple[Row, ...]]
+# A title, and rows of keys with what they do.
+Part = tuple[str, tuple[tuple[str, str], ...]]
 
 _MOUSE = (
     ("Left drag", "Orbit"),
@@ -157,21 +155,19 @@ _PANELS = (
 )
 
 
-def _rows_of(menu: str) -> tuple[Row, ...]:
-    """A menu's actions that have keys."""
-    return tuple(
-        (
-            ", ".join(key_text_of(key) for key in command.keys if key),
-            command.title.removesuffix(" …"),
-        )
+def _menu_part(menu: str) -> Part:
+    """Return a menu's commands that have keys."""
+    rows = [
+        (", ".join(key_text_of(key) for key in command.keys if key), command.title)
         for command in COMMANDS
         if command.menu == menu and any(command.keys) and not command.name.startswith("recall-")
-    )
+    ]
+    return menu, tuple((keys, title.removesuffix(" …")) for keys, title in rows)
 
 
 SHEET: tuple[Part, ...] = (
     ("Mouse", _MOUSE),
-    *((menu, rows) for menu in MENUS if (rows := _rows_of(menu))),
+    *(part for menu in MENUS if (part := _menu_part(menu))[1]),
     ("In panels, after F6", _PANELS),
 )
 _SHEET_FLAGS = (
@@ -186,7 +182,7 @@ _SHEET_FLAGS = (
 
 
 def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
-    """Parts in their order, in columns of which the tallest is as low as it can be."""
+    """Distribute parts, in their order, over columns so that the tallest is as low as possible."""
     heights = [len(rows) + 2 for _, rows in parts]
     for most in range(max(heights), sum(heights) + 1):
         filled: list[list[Part]] = [[]]
@@ -203,7 +199,7 @@ def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
 
 
 def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw it in the middle of the window; a click, Esc or what opens over it closes it."""
+    """Draw the sheet of keys; a click, Esc or what opens over it closes it."""
     if not state.interface.keys:
         return None
     if ui.commands is not None or imgui.internal.get_top_most_popup_modal() is not None:
@@ -217,24 +213,25 @@ def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.set_next_window_bg_alpha(0.95)
     imgui.begin("##keys", None, _SHEET_FLAGS)
     _columns(ui, viewport.work_size.x)
-    # Not by its scrollbar.
+    # A click on its scrollbar does not close it.
     free = imgui.is_window_hovered() and not imgui.is_any_item_active()
-    closed = free and imgui.is_mouse_clicked(0)
-    closed = closed or imgui.is_key_pressed(imgui.Key.escape)
+    closed = (free and imgui.is_mouse_clicked(0)) or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()
     imgui.pop_style_var(3)
     return ui.run(state, BY_NAME["keys"]) if closed else None
 
 
 def _columns(ui: UiContext, width: float) -> None:
-    """Side by side, each as wide as it must be."""
+    """Draw the columns next to each other, each as wide as it must be."""
     gap, apart = ui.px(14), ui.px(30)
-    count = _fitting(width - ui.px(60), gap, apart)
-    left = imgui.get_cursor_pos_x()
-    top = imgui.get_cursor_pos_y()
-    for column in columns(SHEET, count):
-        rows = [row for _, rows in column for row in rows]
-        second = _widest(keys for keys, _ in rows) + gap
+    for count in range(4, 0, -1):
+        fitting = columns(SHEET, count)
+        keys_wide = [_widest(column, 0) + gap for column in fitting]
+        texts_wide = [_widest(column, 1) + apart for column in fitting]
+        if sum(keys_wide) + sum(texts_wide) <= width - ui.px(60):
+            break
+    left, top = imgui.get_cursor_pos()
+    for column, second in zip(fitting, keys_wide, strict=True):
         imgui.set_cursor_pos((left, top))
         imgui.begin_group()
         for number, (title, part) in enumerate(column):
@@ -249,18 +246,6 @@ def _columns(ui: UiContext, width: float) -> None:
         left += imgui.get_item_rect_size().x + apart
 
 
-def _fitting(width: float, gap: float, apart: float) -> int:
-    """So many columns that they are no wider than this."""
-    for count in range(4, 1, -1):
-        wide = 0.0
-        for column in columns(SHEET, count):
-            rows = [row for _, part in column for row in part]
-            wide += _widest(keys for keys, _ in rows) + gap + apart
-            wide += _widest(what for _, what in rows)
-        if wide <= width:
-            return count
-    return 1
-
-
-def _widest(texts: Iterable[str]) -> float:
-    return max(text_width(text) for text in texts)
+def _widest(column: Sequence[Part], place: int) -> float:
+    """Return the width of the keys, or of what they do, in a column."""
+    return max(text_width(row[place]) for _, rows in column for row in rows)
