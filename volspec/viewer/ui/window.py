@@ -1,4 +1,4 @@
-"""The window: glfw, its OpenGL context, imgui drawn into it, and input as it comes.
+"""The window: glfw, its OpenGL context, and imgui drawn into it.
 
 glfw -> [window] -> inputs -> app
 """
@@ -23,8 +23,8 @@ INSTEAD = (
     "without a window: volspec render SCENE -o IMAGE.exr, then "
     "volspec relight IMAGE.exr --light D65 -o FRAME.png"
 )
-# Below this there is nothing to draw into.
-LEAST_SIDE = 16
+# Pixels; nothing is drawn into a smaller window.
+_LEAST_SIDE = 16
 
 _HINTS = (
     (glfw.CONTEXT_VERSION_MAJOR, 3),
@@ -32,7 +32,7 @@ _HINTS = (
     (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
     (glfw.OPENGL_FORWARD_COMPAT, 1),
     (glfw.SCALE_TO_MONITOR, 1),
-    # Nothing here has a depth, and to clear them takes time.
+    # Unused buffers would take time to clear.
     (glfw.DEPTH_BITS, 0),
     (glfw.STENCIL_BITS, 0),
     (glfw.ALPHA_BITS, 0),
@@ -44,25 +44,26 @@ class Window:
 
     Parameters
     ----------
-    title : str
     size : (width, height)
         At 96 dpi.
+
+    Attributes
+    ----------
+    note : str
+        A message if the screen has no room for the size; empty otherwise.
+    scale : float
+        Window coordinates for each at 96 dpi: 1 if those are not pixels, as on macOS.
 
     Raises
     ------
     OpenGLError
         If there is no display, or its OpenGL is below 3.3.
-
-    Attributes
-    ----------
-    note : str
-        What there is to say of its size; empty where it is as wanted.
     """
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
         said: list[str] = []
         glfw.ERROR_REPORTING = "ignore"
-        glfw.set_error_callback(lambda _, text: said.append(_text(text)))
+        glfw.set_error_callback(lambda _, text: said.append(_decode(text)))
         if not glfw.init():
             why = " ".join(said) or "glfw does not start"
             raise OpenGLError(f"view: no window can be opened ({why}); {INSTEAD}")
@@ -99,10 +100,7 @@ class Window:
         self._renderer = GlfwRenderer(self._window, attach_callbacks=False)
 
     def _rescale(self) -> None:
-        """Follow the monitor, as windows move between those of few and of many pixels.
-
-        `scale` is in window coordinates: 1 where those are not pixels, as on macOS.
-        """
+        """Follow the scale of the monitor that the window is on."""
         scale = max(1.0, glfw.get_window_content_scale(self._window)[0] / self.pixel_ratio)
         if scale != self.scale:
             widgets.set_scale(imgui, implot, scale, self.scale)
@@ -110,42 +108,42 @@ class Window:
 
     @property
     def size(self) -> tuple[int, int]:
-        """In window coordinates."""
+        """Width and height in window coordinates."""
         width, height = glfw.get_window_size(self._window)
         return int(width), int(height)
 
     @property
     def pixel_ratio(self) -> float:
-        """Pixels of the framebuffer for each of the window's coordinates."""
+        """Framebuffer pixels for each window coordinate."""
         width, _ = glfw.get_framebuffer_size(self._window)
         return float(width / self.size[0]) if width and self.size[0] else 1.0
 
     @property
     def usable(self) -> bool:
-        """Whether there is room to draw: it is not minimised, and not next to nothing."""
+        """Whether there is room to draw: the window is neither minimised nor too small."""
         shown = not glfw.get_window_attrib(self._window, glfw.ICONIFIED)
-        return shown and min(glfw.get_framebuffer_size(self._window)) >= LEAST_SIDE
+        return shown and min(glfw.get_framebuffer_size(self._window)) >= _LEAST_SIDE
 
     @property
     def closing(self) -> bool:
-        """Whether it shall close."""
+        """Whether the window is to close."""
         return bool(glfw.window_should_close(self._window))
 
     def wait(self, seconds: float) -> list[Input]:
-        """Wait for input, but no longer than this; what the user did, a gesture at a time."""
+        """Wait for input, but no longer than this; return it, a gesture at a time."""
         try:
             if seconds > 0 and not self._inputs.waiting:
                 glfw.wait_events_timeout(seconds)
             else:
                 glfw.poll_events()
         except UnicodeDecodeError as error:
-            # glfw takes the names of dropped files for UTF-8; who opens this one refuses it.
+            # glfw expects UTF-8 names of dropped files; this one is refused when it is opened.
             self._inputs.drop([os.fsdecode(error.object)])
         return self._inputs.take()
 
     @staticmethod
     def wake() -> None:
-        """End a `wait`; from any thread."""
+        """End a `wait`, from any thread."""
         glfw.post_empty_event()
 
     def begin(self) -> None:
@@ -156,7 +154,7 @@ class Window:
 
     @property
     def error(self) -> str:
-        """What OpenGL complains of since the last call; empty where nothing."""
+        """OpenGL's error since the last call; empty if there is none."""
         said = self.context.error
         return "" if said == "GL_NO_ERROR" else str(said)
 
@@ -172,7 +170,7 @@ class Window:
         glfw.swap_buffers(self._window)
 
     def _copy(self, picture: Painted) -> None:
-        """Copied, as imgui would blend it: on a CPU that draws that takes twice as long."""
+        """Copy a picture: imgui would blend it, which takes a CPU twice as long."""
         ratio, tall = self.pixel_ratio, self.size[1]
         left, top, right, bottom = (round(edge * ratio) for edge in picture.to)
         x, y, width, height = (round(edge * ratio) for edge in picture.within)
@@ -181,7 +179,7 @@ class Window:
         GL.glEnable(GL.GL_SCISSOR_TEST)
         GL.glScissor(x, low - y - height, width, height)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, picture.framebuffer)
-        # The picture's first row comes first, the window's last.
+        # The picture's first row is its top, the window's is its bottom.
         GL.glBlitFramebuffer(
             *(0, 0, *picture.size, left, low - top, right, low - bottom),
             GL.GL_COLOR_BUFFER_BIT,
@@ -191,15 +189,15 @@ class Window:
         self.context.screen.use()
 
     def name(self, title: str) -> None:
-        """Another title."""
+        """Set the title."""
         glfw.set_window_title(self._window, title)
 
     def leave(self) -> None:
-        """Close it after this frame."""
+        """Close the window after this frame."""
         glfw.set_window_should_close(self._window, True)
 
     def close(self) -> None:
-        """Give everything back."""
+        """Release everything."""
         self._renderer.shutdown()
         implot.destroy_context()
         imgui.destroy_context()
@@ -208,12 +206,12 @@ class Window:
 
 
 def _within_screen(size: tuple[int, int]) -> tuple[tuple[int, int], str]:
-    """A size as far as the screen has room for it, and what to say where it has not."""
+    """Return a size for which the screen has room, and a message if it is another."""
     monitor = glfw.get_primary_monitor()
     if not monitor:
         return size, ""
     room = glfw.get_monitor_workarea(monitor)[2:]
-    # Where windows grow with the density of pixels, the size is that before.
+    # glfw multiplies the size by the monitor's scale, except on macOS.
     scale = (
         1.0 if sys.platform == "darwin" else max(1.0, glfw.get_monitor_content_scale(monitor)[0])
     )
@@ -227,5 +225,5 @@ def _within_screen(size: tuple[int, int]) -> tuple[tuple[int, int], str]:
     return (width, height), f"The screen has no room for {wanted}; this is {width} × {height}"
 
 
-def _text(said: bytes | str) -> str:
-    return said.decode(errors="replace") if isinstance(said, bytes) else said
+def _decode(text: bytes | str) -> str:
+    return text.decode(errors="replace") if isinstance(text, bytes) else text

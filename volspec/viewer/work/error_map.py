@@ -17,20 +17,22 @@ from volspec.relight.error_map import ErrorMap, error_map
 from volspec.viewer.model.light_rows import Rows, rig_of
 from volspec.viewer.work.background import Tasks
 
-# So many pixels are looked at: a fraction of a second, and finer than an eye asks of a map.
-PIXELS = 60_000
-# Of what is laid over the picture.
+# About so many pixels are compared: in a fraction of a second, and fine enough for a map.
+_PIXELS = 60_000
+# The map's opacity over the picture, of 255.
 _ALPHA = 230
 
 
 class ErrorMapTexture:
-    """The error map of what is shown; made anew where image or light are others.
+    """The error map of the picture; computed again when image or light change.
 
-    Parameters
+    Attributes
     ----------
-    context : moderngl.Context
-    wake : callable
-        Called when a map is there.
+    map : ErrorMap, optional
+    image : CoefficientImage, optional
+        The image that the map is of.
+    problem : str
+        Why there is no map.
     """
 
     def __init__(self, context: Any, wake: Callable[[], object]) -> None:
@@ -38,21 +40,21 @@ class ErrorMapTexture:
         self._of: tuple[Any, ...] | None = None
         self._texture: Any = None
         self.map: ErrorMap | None = None
-        self.image: CoefficientImage | None = None  # that `map` is of
+        self.image: CoefficientImage | None = None
         self.problem = ""
 
     @property
     def busy(self) -> bool:
-        """Whether a map is being made."""
+        """Whether a map is in progress."""
         return self._tasks.busy
 
     def want(self, image: CoefficientImage, lights: Rows, spec: RelightSpec) -> None:
-        """Begin the map of a picture, unless it is there or under way."""
+        """Begin the map of a picture, unless that was begun last."""
         key, rig = (image, lights, spec.mode, spec.backdrop), rig_of(lights)
         if key == self._of:
             return
         self._of = key
-        every = max(1, round((image.alpha.size / PIXELS) ** 0.5))
+        every = max(1, round((image.alpha.size / _PIXELS) ** 0.5))
 
         def made() -> tuple[ErrorMap, CoefficientImage]:
             if rig is None:
@@ -62,34 +64,26 @@ class ErrorMapTexture:
         self._tasks.start("map", made)
 
     def take(self) -> bool:
-        """Whether a map has come since the last call."""
+        """Take new maps; return True if there are any."""
         outcomes = self._tasks.take()
         for outcome in outcomes:
             self.problem = outcome.error
             self.map, self.image = outcome.result or (None, None)
-            self._upload()
+            self.close()
+            if self.map is not None:
+                alpha = np.where(self.map.alpha > 0, _ALPHA, 0).astype(np.uint8)
+                rgba = np.dstack([self.map.heat(), alpha])
+                size = rgba.shape[1], rgba.shape[0]
+                self._texture = self._context.texture(size, 4, rgba.tobytes())
         return bool(outcomes)
 
     @property
     def texture(self) -> int:
-        """GL's name of the map; 0 where there is none."""
+        """GL's name of the map; 0 if there is none."""
         return 0 if self._texture is None else int(self._texture.glo)
-
-    def _upload(self) -> None:
-        self._release()
-        if self.map is None:
-            return
-        colours = self.map.heat()
-        alpha = np.where(self.map.alpha > 0, _ALPHA, 0).astype(np.uint8)
-        rgba = np.dstack([colours, alpha])
-        size = rgba.shape[1], rgba.shape[0]
-        self._texture = self._context.texture(size, 4, rgba.tobytes())
-
-    def _release(self) -> None:
-        if self._texture is not None:
-            self._texture.release()
-            self._texture = None
 
     def close(self) -> None:
         """Release the texture."""
-        self._release()
+        if self._texture is not None:
+            self._texture.release()
+            self._texture = None

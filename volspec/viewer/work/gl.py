@@ -1,7 +1,6 @@
-"""OpenGL's functions, which do not ask the driver after every call whether it went well.
+"""OpenGL's functions without a query of errors after every call, which takes longer than they do.
 
-To ask takes longer than the calls. The switch works before OpenGL's first import alone, and so this
-module comes before imgui's backend, which imports OpenGL, too.
+The switch works only before the first import of OpenGL, and so before imgui's backend.
 """
 
 import OpenGL

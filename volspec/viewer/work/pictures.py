@@ -1,9 +1,6 @@
 """The picture in the window's GL: textures of a cast, relit into a framebuffer.
 
-    CoefficientImage, lights -> [pictures] -> framebuffer -> window
-
-glibc keeps large blocks once it has seen them freed, and so holds up to twice the memory in use
-after some minutes of casts of ever other sizes; here they are given back.
+CoefficientImage, lights -> [pictures] -> framebuffer -> window
 """
 
 from __future__ import annotations
@@ -26,15 +23,16 @@ from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.viewer.model.materials import same_channels
 from volspec.viewer.work.gl import GL
 
-# mallopt(3): blocks from this size on are the system's own, whatever has been freed.
+# mallopt(3): blocks of this size or more are always the system's own.
 _M_MMAP_THRESHOLD = -3
 _LARGE_BYTES = 1_000_000
 
 
 def give_back_large() -> None:
-    """Have large blocks given back as soon as they are freed, for the rest of the process.
+    """Make glibc return large blocks to the system as soon as they are freed.
 
-    Nothing changes where the C library is another than glibc.
+    It would keep them otherwise, and after some minutes of casts of ever other sizes hold up to
+    twice the memory in use. Other C libraries are left as they are.
     """
     if sys.platform == "linux":
         mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
@@ -42,8 +40,7 @@ def give_back_large() -> None:
             mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
 
 
-WHOLE = (0.0, 1.0)
-# Sizes kept: the whole picture, two coarser, and those of a window before it was resized.
+# Relighters: for the whole picture, two coarser ones, and those of a window before its resize.
 MOST_SIZES = 5
 
 
@@ -58,9 +55,9 @@ class Painted:
     size : (width, height)
         Pixels.
     to : (left, top, right, bottom)
-        Where in the window, in its coordinates.
+        Its place, in the window's coordinates.
     within : (x, y, width, height)
-        What is seen of that.
+        The visible part of that.
     """
 
     framebuffer: int
@@ -70,38 +67,38 @@ class Painted:
 
     @property
     def fills(self) -> bool:
-        """Whether it covers all that is seen of it; panels cover the rest."""
+        """Whether it covers the visible part; panels cover the rest."""
         x, y, width, height = self.within
         return self.to == (x, y, x + width, y + height)
 
 
 @dataclass(frozen=True, slots=True)
 class Relit:
-    """A relight under way on the GPU."""
+    """A relight in progress on the GPU."""
 
     query: Any
     host_ms: float
 
     @property
     def ms(self) -> float:
-        """What it took on the host and the GPU; waits until it is done."""
+        """Its time on the host and the GPU; waits until it is done."""
         return float(self.host_ms + self.query.elapsed / 1e6)
 
 
 class Pictures:
-    """What the window shows.
+    """Relighters of the window's picture, one for each size.
 
     Parameters
     ----------
     context : moderngl.Context
-        That of the window.
+        The window's.
 
     Attributes
     ----------
     tables : HostTables
-        Where `relight` finds what `missing` has told of.
+        Tables of models that no shader draws; `missing` lists those to add.
     current : bool
-        Whether what is drawn is the last picture under the last light, not one before.
+        Whether the last picture is drawn under the last lights.
     """
 
     def __init__(self, context: Any) -> None:
@@ -119,88 +116,62 @@ class Pictures:
 
     @property
     def framebuffer(self) -> int:
-        """GL's name of what is drawn; 0 where nothing is."""
+        """GL's name of the drawn picture; 0 if there is none."""
         return 0 if self._frame is None else int(self._frame.glo)
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of what is drawn."""
+        """Width and height of the drawn picture."""
         width, height = self._frame.size
         return int(width), int(height)
 
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
-        """Take a picture; until `relight` draws it, that before stays.
+        """Take a picture; the last one stays until `relight` draws this.
 
         Parameters
         ----------
-        image : CoefficientImage
         packed : PackedLayers, optional
-            The image's, made where it was cast.
+            The image's, made in the thread that cast it.
         """
         self._shown, self.image = self._relighter_of(image, packed), image
         self._half, self.current = None, False
 
     def repaint(self, basis: Basis) -> None:
-        """Give the picture's materials other reflectances, where they are its channels.
-
-        Parameters
-        ----------
-        basis : Basis
-            Of the state that is to be shown; a picture cast otherwise stays as it is.
-        """
-        if self.image is None or self.image.basis is basis:
-            return
-        if same_channels(self.image.basis, basis):
-            self.image = replace(self.image, basis=basis)
+        """Give the picture's materials other reflectances, if they are its channels."""
+        image = self.image
+        if image is not None and image.basis is not basis and same_channels(image.basis, basis):
+            self.image = replace(image, basis=basis)
 
     def _halved(self) -> Relighter:
-        """A quarter of the picture's pixels."""
+        """Return the relighter of every second row and column."""
         if self._half is None:
-            image = self.image
-            assert image is not None
-            fewer = (slice(None, None, 2),) * 2
-            first = None if image.first_mm is None else image.first_mm[fewer]
-            self._half = self._relighter_of(
-                replace(
-                    image,
-                    coefficients=np.ascontiguousarray(image.coefficients[fewer]),
-                    alpha=image.alpha[fewer],
-                    depth_mm=image.depth_mm[fewer],
-                    first_mm=first,
-                )
-            )
+            assert self.image is not None
+            second = slice(None, None, 2)
+            self._half = self._relighter_of(crop(self.image, second, second))
         return self._half
 
     def _relighter_of(
         self, image: CoefficientImage, packed: PackedLayers | None = None
     ) -> Relighter:
-        """One of its size, with the image in it."""
+        """Return a relighter of the image's size, with the image in it."""
         key = (*image.coefficients.shape, len(image.groups))
         relighter = self._relighters.pop(key, None)
         if relighter is None:
             while len(self._relighters) >= MOST_SIZES:
-                # What is shown stays until another is drawn.
+                # What is shown stays until another picture is drawn.
                 known = self._relighters.items()
-                self._release(next(key for key, each in known if each is not self._frame_of))
+                oldest = next(key for key, each in known if each is not self._frame_of)
+                self._relighters.pop(oldest).close()
             relighter = Relighter(image, "gl", self._context, tables=self.tables, packed=packed)
         else:
             relighter.update(image, packed)
         self._relighters[key] = relighter  # the newest last
         return relighter
 
-    def _release(self, key: tuple[int, ...]) -> None:
-        self._relighters.pop(key).close()
-
     def missing(
         self, rig: LightRig | None, spec: RelightSpec, other: LightRig | None = None
     ) -> tuple[TableKey, ...]:
-        """Tables that `relight` would have to wait for, under the same lights.
-
-        Parameters
-        ----------
-        rig, spec, other
-            As `relight`.
-        """
+        """Return the tables that `relight` would have to wait for under the same lights."""
         if self._shown is None or rig is None or not is_tabled(spec.viewing.model):
             return ()
         self._paint(self._shown)
@@ -210,7 +181,7 @@ class Pictures:
         return found
 
     def _paint(self, shown: Relighter) -> None:
-        """Give a relighter the picture's reflectances, where these are its channels."""
+        """Give a relighter the picture's reflectances, if they are its channels."""
         basis = self.image.basis if self.image else None
         if isinstance(basis, MaterialBasis) and self._painted != (shown, basis):
             shown.set_reflectances(basis.materials)
@@ -223,18 +194,18 @@ class Pictures:
         other: LightRig | None = None,
         divide: float = 1.0,
         coarse: bool = False,
-        band: tuple[float, float] = WHOLE,
+        band: tuple[float, float] = (0.0, 1.0),
     ) -> Relit | None:
-        """Have the picture drawn under lights, without waiting for it; nothing without.
+        """Draw the picture under lights, without waiting for it.
 
-        What is shown stays until the last band of a picture of another size has been drawn.
+        A picture of another size stays visible until the last band of this one is drawn.
 
         Parameters
         ----------
         rig : LightRig or None
-        spec : RelightSpec
+            Without lights there is no picture.
         other : LightRig, optional
-            Lights what is right of the divide, to an eye adapted to it.
+            Lights right of the divide, for an eye adapted to them.
         divide : float
             0 to 1 of the width.
         coarse : bool
@@ -245,7 +216,7 @@ class Pictures:
         Returns
         -------
         Relit or None
-            What it takes; of the last two.
+            For its duration; valid until the relight after the next.
         """
         if self._shown is None or rig is None:
             self._frame = self._frame_of = None
@@ -269,12 +240,12 @@ class Pictures:
         return Relit(self._queries[0], 1e3 * (time.perf_counter() - started))
 
     def code(self, x: int, y: int) -> tuple[int, int, int]:
-        """The 8-bit code of a pixel as it is drawn."""
+        """Return the 8-bit code of a drawn pixel."""
         data = self._frame.read((x, y, 1, 1), components=3, dtype="f1")
         return data[0], data[1], data[2]
 
     def pixels(self) -> NDArray[np.uint8]:
-        """(H, W, 3) the picture as it is drawn."""
+        """Return the drawn picture, (H, W, 3)."""
         width, height = self.size
         data = self._frame.read(components=3, dtype="f1", alignment=1)
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)
@@ -284,3 +255,15 @@ class Pictures:
         for relighter in self._relighters.values():
             relighter.close()
         self._relighters.clear()
+
+
+def crop(image: CoefficientImage, rows: slice, columns: slice) -> CoefficientImage:
+    """Return some rows and columns of an image."""
+    part = rows, columns
+    return replace(
+        image,
+        coefficients=np.ascontiguousarray(image.coefficients[part]),
+        alpha=image.alpha[part],
+        depth_mm=image.depth_mm[part],
+        first_mm=None if image.first_mm is None else image.first_mm[part],
+    )

@@ -17,6 +17,7 @@ from volspec.raycast import Camera, CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.spectra import SpectralGrid, Spectrum
+from volspec.viewer.work.pictures import crop
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -24,16 +25,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """A pixel in words and numbers.
+    """Values of a pixel.
 
     Parameters
     ----------
     rows : tuple of (name, value)
     grid : SpectralGrid
         Of the spectra.
-    light, reflected : (bands,) float64
-        What falls on a surface that faces every source, 1 at its highest; and what comes back,
-        on the same scale.
+    light : (bands,) float64
+        The light on a surface that faces every source; 1 at its peak.
+    reflected : (bands,) float64
+        The light from the pixel to the eye, on the same scale.
     """
 
     rows: tuple[tuple[str, str], ...]
@@ -54,56 +56,57 @@ def read(
     pixel: tuple[int, int],
     code: tuple[int, int, int],
 ) -> Reading:
-    """Look at a pixel.
+    """Read a pixel's values.
 
     Parameters
     ----------
     image, camera, volume
-        The picture, where it was taken from, and what of.
-    rig, spec : LightRig, RelightSpec
-        How it is lit and looked at.
+        The picture, and the camera and volume it was cast with.
     pixel : (x, y)
         Row 0 is the top.
     code : (R, G, B)
-        As the display shows it.
+        The display's 8-bit code.
 
     Raises
     ------
     ViewingError, SpectrumError
-        If the light lights nothing.
+        If the light has no power.
     """
     x, y = pixel
     lit = Illumination.of(image.basis, rig, spec, image.groups)
     XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
-    rows = [*_place(image, camera, volume, pixel), ("RGB", "  ".join(map(str, code)))]
-    rows.append(("XYZ", _numbers(XYZ)))
-    rows += attributes(XYZ, lit)
-    rows += _error(image, rig, spec, pixel)
+    rows = [
+        *_place(image, camera, volume, pixel),
+        ("RGB", "  ".join(map(str, code))),
+        ("XYZ", _numbers(XYZ)),
+        *_attributes(XYZ, lit),
+        *_error(image, rig, spec, pixel),
+    ]
     light, reflected = spectra(image, rig, spec, pixel)
     return Reading(tuple(rows), image.basis.grid, light, reflected)
 
 
-def attributes(XYZ: Array, lit: Illumination) -> list[tuple[str, str]]:
-    """What the viewing's model says of a colour; CIECAM02 where it only adapts."""
+def _attributes(XYZ: Array, lit: Illumination) -> Iterator[tuple[str, str]]:
+    """Yield a colour's attributes in the viewing's model; CIECAM02 if that only adapts."""
     given = replace(lit.viewing, adapting="given")
     name = given.model if given.model in MODELS else "CIECAM02"
     look = MODELS[name].forward(XYZ, given.conditions(lit.white_XYZ))
     if not bool(look.defined):
-        return [(name, "not defined for this colour")]
-    rows = [("J  C  h", f"{look.J:.1f}  {look.C:.1f}  {look.h:.0f}°")]
+        yield name, "not defined for this colour"
+        return
+    yield "J  C  h", f"{look.J:.1f}  {look.C:.1f}  {look.h:.0f}°"
     if look.Q is not None and look.M is not None and look.s is not None:
-        rows.append(("Q  M  s", f"{look.Q:.1f}  {look.M:.1f}  {look.s:.1f}"))
+        yield "Q  M  s", f"{look.Q:.1f}  {look.M:.1f}  {look.s:.1f}"
     if look.H is not None:
-        rows.append(("H", f"{look.H:.0f}"))
-    return rows
+        yield "H", f"{look.H:.0f}"
 
 
 def spectra(
     image: CoefficientImage, rig: LightRig, spec: RelightSpec, pixel: tuple[int, int]
 ) -> tuple[Array, Array]:
-    """(bands,) twice: the light, and what the eye gets from a pixel of it, with the backdrop.
+    """Return the spectra of a `Reading`, (bands,) each: the light, and the pixel with the backdrop.
 
-    Channels become spectra as far as the basis holds them.
+    Channels become spectra as far as the basis represents them.
     """
     x, y = pixel
     basis, grid = image.basis, image.basis.grid
@@ -120,7 +123,7 @@ def spectra(
 
 
 def place_mm(image: CoefficientImage, camera: Camera, pixel: tuple[int, int]) -> Array | None:
-    """(3,) where in the world a pixel is first hit; None where nothing is."""
+    """Return a pixel's first hit in the world, (3,); None if there is none."""
     x, y = pixel
     depths = image.depth_mm if image.first_mm is None else image.first_mm
     depth = float(depths[y, x])
@@ -135,7 +138,7 @@ def place_mm(image: CoefficientImage, camera: Camera, pixel: tuple[int, int]) ->
 
 
 def value_at(volume: Volume, place: Array) -> float | None:
-    """Of the nearest voxel; None outside."""
+    """Return the nearest voxel's value; None outside of the volume."""
     index = volume.index_from_world @ np.append(place, 1.0)
     i, j, k = np.rint(index[:3]).astype(int)
     nx, ny, nz = volume.shape_xyz
@@ -162,14 +165,7 @@ def _error(
     if spec.mode == "exact":
         return
     x, y = pixel
-    one = slice(y, y + 1), slice(x, x + 1)
-    alone = replace(
-        image,
-        coefficients=image.coefficients[one],
-        alpha=image.alpha[one],
-        depth_mm=image.depth_mm[one],
-        first_mm=None,
-    )
+    alone = crop(image, slice(y, y + 1), slice(x, x + 1))
     try:
         found = error_map(alone, rig, spec.mode, spec.backdrop)
     except VolspecError:

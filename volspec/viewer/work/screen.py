@@ -27,27 +27,19 @@ from volspec.viewer.work.pictures import Painted, Pictures
 from volspec.viewer.work.probe import Reading, read
 from volspec.viewer.work.slice_pictures import SlicePictures
 
-# A light that is still for so long is one that somebody wants to see: there are seconds to lose.
-REST_S = 0.1
+# A light must be still for so long before its tables are computed, which may take seconds.
+_REST_S = 0.1
 
 
 class TableWorker(LatestWorker[tuple[TableKey, ...], str]):
-    """Works tables out in a thread of its own, and gives what was wrong with them; mostly ``""``.
-
-    Parameters
-    ----------
-    wake : callable
-        Called from the thread when there is something to take.
-    tables : HostTables
-        Where they are put.
-    """
+    """Computes tables in a thread; its results are error messages, ``""`` if all went well."""
 
     def __init__(self, wake: Callable[[], object], tables: HostTables) -> None:
         super().__init__(wake, "volspec-tables")
         self._tables = tables
 
     def _answers(self, job: tuple[TableKey, ...]) -> Iterator[str]:
-        if not self._rests(REST_S):
+        if not self._rests(_REST_S):
             return
         try:
             for key in job:
@@ -62,41 +54,34 @@ class TableWorker(LatestWorker[tuple[TableKey, ...], str]):
             yield ""
 
 
-# The longest that a table is waited for is told; it is gone when the table is there.
+# The longest that the notice of a table is shown; it goes when the table is there.
 _TABLE_S = 60.0
 _NOTHING = "Nothing is seen: the opacity is 0 everywhere in view, or the view misses it"
 Area = tuple[int, int, int, int]
 
 
 class Screen:
-    """Relights what was cast, only where something has changed.
+    """Relights the last cast when something has changed.
 
     Parameters
     ----------
     context : moderngl.Context
-        That of the window.
+        The window's.
     wake : callable
         Called from threads when there is something to take.
-    meter, trace
-        What is measured is told to them.
-    notice : Notice
-        Where the user is told.
 
     Attributes
     ----------
     image : CoefficientImage, optional
-        What was cast last.
+        The last cast.
     whole : bool
-        It is as fine as the picture.
+        Whether it has the picture's full resolution.
     fault : str
         Why there is no picture; empty while one is there or awaited.
     under_mouse : Reading, optional
-        What of the picture is under the mouse.
-    error_map : ErrorMapTexture, optional
-        The error map.
-    slices : SlicePictures
+        Values of the pixel under the mouse.
     shown_at : (left, top, right, bottom)
-        Where the picture was drawn last.
+        The picture's last place in the window.
     """
 
     def __init__(
@@ -109,7 +94,7 @@ class Screen:
     ) -> None:
         self.pictures = Pictures(context)
         self._tabling = TableWorker(wake, self.pictures.tables)
-        self._tables: tuple[TableKey, ...] = ()  # that the picture waits for
+        self._tables: tuple[TableKey, ...] = ()  # those that the picture waits for
         self.slices = SlicePictures(context)
         self.image: CoefficientImage | None = None
         self.whole = False
@@ -119,9 +104,9 @@ class Screen:
         self.shown_at = 0.0, 0.0, 0.0, 0.0
         self._meter, self._trace, self._notice = meter, trace, notice
         self._cast: CastDone | None = None
-        self._shape = (0, 0)  # of the cast whose picture is shown
+        self._shape = (0, 0)  # size of the cast whose picture is shown
         self._relit = self._coarse = self._drawing = self._hurries = False
-        self._band = 0  # that is drawn next
+        self._band = 0  # the next one to draw
         self._working_out = ""
         self._error_map = ErrorMapTexture(context, wake)
         self._read_of: tuple[Any, ...] | None = None
@@ -129,23 +114,23 @@ class Screen:
 
     @property
     def busy(self) -> bool:
-        """Whether tables or an error map are being worked out."""
+        """Whether tables or an error map are being computed."""
         return self._tabling.busy or self._error_map.busy
 
     @property
     def ready(self) -> bool:
-        """Whether all that shall be drawn of the picture is drawn."""
+        """Whether the picture is drawn, as far as there is one."""
         return self._relit or self.pictures.image is None
 
     def take(self, done: CastDone, state: ViewState | None) -> None:
-        """A pass of a cast that has ended."""
+        """Take a pass of a cast that has ended."""
         how = "cancel" if done.image is None else "cast"
         size = [-(-side // done.divisor) for side in done.job.size]
         if done.error:
             self._notice.say(done.error)
             how = "error"
             if self._cast is None or self._cast.job.document is not done.job.document:
-                # No picture of this document is there, and the one before is another's.
+                # The picture that is shown is another document's.
                 self.fault = one_line(done.error)
                 self._cast = self.image = None
         self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
@@ -158,34 +143,33 @@ class Screen:
             return
         if done.divisor == 1 and not done.image.alpha.any():
             self._notice.say(_NOTHING)
-        # Its texture holds what was packed.
+        # What was packed is in a texture now.
         self._cast, self.fault = replace(done, packed=None), ""
         self.stale()
         self.image, self.whole = done.image, done.divisor == 1
         self._meter.ms["cast"] = done.ms
 
     def stale(self) -> None:
-        """The picture no longer shows the state's light."""
-        # Where light follows on light, as under a key held down, the last bands would never come.
+        """Draw the picture again, as it no longer shows the state's light."""
+        # If lights follow each other, as under a key held down, the last bands would never come.
         self._hurries |= self._band > 0
         self._relit, self._band = False, 0
 
     def relight(self, state: ViewState, held: bool) -> bool:
-        """Begin to draw the picture under the state's lights, where it does not show them yet.
+        """Begin to draw the picture under the state's lights, unless it shows them.
 
-        What follows waits for what is drawn: panels are best made meanwhile, and of what takes
-        long only a band is drawn in each frame, unless the light before was not drawn to its end.
+        GL calls after this wait for the drawing: panels are best made meanwhile. A slow relight
+        draws one band a frame, unless the light before was not drawn to its end.
 
         Parameters
         ----------
-        state : ViewState
         held : bool
-            Whether a mouse button is down: then few pixels are drawn where many take long.
+            Whether a mouse button is down: few pixels are drawn then, if all take long.
 
         Returns
         -------
         bool
-            Whether anything is drawn, for the next frame to show or to go on with.
+            Whether the next frame has something to show or to go on with.
         """
         self._drawing = False
         if self._coarse and not held:
@@ -195,7 +179,7 @@ class Screen:
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
         self.image = self.pictures.image
-        # What is measured in fewer pixels would want tables of its own.
+        # Fewer pixels would need tables of their own.
         few = self.whole and self._meter.slow and not is_tabled(state.relight.viewing.model)
         self._coarse = held and few
         whole = self.whole and not self._coarse
@@ -225,7 +209,7 @@ class Screen:
     def _tables_missing(
         self, rig: LightRig | None, spec: RelightSpec, other: LightRig | None
     ) -> bool:
-        """Whether the light must wait for tables; they are then being worked out."""
+        """Return True if the light must wait for tables, which are then computed."""
         missing = self.pictures.missing(rig, spec, other)
         if missing:
             self._working_out = f"{spec.viewing.model}: working out its table …"
@@ -238,7 +222,7 @@ class Screen:
         return bool(missing)
 
     def tabled(self) -> bool:
-        """Take tables that have been worked out; whether there are any."""
+        """Take computed tables; return True if there are any."""
         said = self._tabling.take()
         for error in said:
             if error:
@@ -249,9 +233,9 @@ class Screen:
         return bool(said)
 
     def probe(self, state: ViewState, place: tuple[float, float] | None, held: bool) -> None:
-        """Read what is under the mouse; nothing if a button is down.
+        """Read the pixel under the mouse; none if a button is down.
 
-        While a picture is being drawn the last reading stays, as to read waits for it.
+        While a picture is being drawn the last reading stays, as reading waits for the drawing.
         """
         self.under_mouse = self._read(state, place, held)
 
@@ -279,12 +263,12 @@ class Screen:
             camera, volume = cast.job.camera, cast.job.document.volume
             try:
                 self._reading = read(image, camera, volume, rig, state.relight, pixel, code)
-            except VolspecError:  # said when it was relit
+            except VolspecError:  # shown when it was relit
                 self._reading = None
         return self._reading
 
     def update_error_map(self, state: ViewState, held: bool) -> bool:
-        """Have the error map made where it is wanted; whether a new one has come."""
+        """Request the error map if it is on; return True if a new one has come."""
         image = self.pictures.image
         if state.interface.error_map and not held and self.whole and image is not None:
             self.error_map = self._error_map
@@ -292,7 +276,7 @@ class Screen:
         return self._error_map.take()
 
     def painted(self, area: Area, shown: ViewState | None) -> Painted | None:
-        """The picture behind the panels; one of another shape keeps its own."""
+        """Return the picture with its place behind the panels; its aspect ratio is kept."""
         x, y, width, height = area
         if not self.pictures.framebuffer or self._cast is None or shown is None:
             return None
@@ -308,7 +292,7 @@ class Screen:
         return "No light is on" if dark else self.fault or "Opening …"
 
     def close(self) -> None:
-        """Release everything; nobody waits for a table."""
+        """Release everything, without waiting for tables."""
         self._tabling.close(0.0)
         self._error_map.close()
         self.pictures.close()

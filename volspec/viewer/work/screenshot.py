@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +24,6 @@ from volspec.export.frames import file_stem
 from volspec.pipeline import Relighter, raycast
 from volspec.raycast import CoefficientImage
 from volspec.raycast.checks import MAX_SIDE
-from volspec.relight import LightRig
 from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.pictures import Pictures
@@ -30,13 +32,13 @@ from volspec.viewer.work.probe import Reading
 SHOWN, TWICE, UHD, CUSTOM = "As shown", "Twice as shown", "4K, 3840 × 2160", "Custom"
 PRESETS = (SHOWN, TWICE, UHD, CUSTOM)
 _UHD = (3840, 2160)
-# Bytes of a pixel beside its channels: alpha, two depths, the codes.
-_BESIDE = 16
+# Bytes of a pixel without its channels: alpha, two depths, the codes.
+_OTHER_BYTES = 16
 
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """How pictures are saved.
+    """Settings for saved pictures.
 
     Parameters
     ----------
@@ -45,10 +47,10 @@ class Shot:
     custom : (width, height)
         Pixels, for the last of them.
     folder : str
-        Empty is where the program runs.
+        Empty is the current folder.
     name : str
-        Without ``.png``; empty is made of the scene's title. A number is added where there is
-        such a file.
+        Without ``.png``; empty is the scene's title with a number. A number is also added if there
+        is such a file.
     """
 
     preset: str = SHOWN
@@ -57,7 +59,7 @@ class Shot:
     name: str = ""
 
     def size(self, shown: tuple[int, int]) -> tuple[int, int]:
-        """Width and height in pixels, where the window shows a picture of this size."""
+        """Return width and height in pixels, if the window shows a picture of this size."""
         if self.preset == SHOWN:
             return shown
         wanted = {TWICE: (2 * shown[0], 2 * shown[1]), UHD: _UHD}.get(self.preset, self.custom)
@@ -65,30 +67,30 @@ class Shot:
         return width, height
 
     def path(self, title: str) -> Path:
-        """The first name that is no file yet."""
-        stem = file_stem(self.name.removesuffix(".png")) if self.name.strip() else ""
+        """Return the first path that is no file yet."""
+        named = bool(self.name.strip())
+        stem = file_stem(self.name.removesuffix(".png")) if named else ""
         stem = stem or f"volspec-{file_stem(title)}"
-        numbered = (f"{stem}-{number}" for number in count(1))
-        names = chain([stem], numbered) if self.name.strip() else numbered
+        names = chain([stem] * named, (f"{stem}-{number}" for number in count(1)))
         folder = Path(os.path.expanduser(self.folder))
         return next(path for name in names if not (path := folder / f"{name}.png").exists())
 
 
 def megabytes(size: tuple[int, int], channels: int) -> float:
-    """About what a picture takes while it is cast and relit."""
+    """Estimate the memory that a picture takes while it is cast and relit, in MB."""
     width, height = size
     # On the device, on the host, and packed for GL.
-    return 3 * width * height * (4 * channels + _BESIDE) / 1e6
+    return 3 * width * height * (4 * channels + _OTHER_BYTES) / 1e6
 
 
 @dataclass(slots=True)
 class Progress:
-    """How far a cast for a file is; the window reads it, and may end it.
+    """Progress of a cast for a file; the window shows it, and may cancel the cast.
 
     Parameters
     ----------
     what : str
-        What is said of it.
+        The text next to the bar.
     share : float
         0 to 1.
     """
@@ -98,28 +100,28 @@ class Progress:
     _ended: threading.Event = field(default_factory=threading.Event)
 
     def end(self) -> None:
-        """Give it up."""
+        """Cancel the cast."""
         self._ended.set()
 
     @property
     def ended(self) -> bool:
-        """Whether it shall be given up."""
+        """Whether the cast is cancelled."""
         return self._ended.is_set()
 
     def report(self, share: float) -> None:
-        """What casts call."""
+        """Set the share; called by the cast."""
         self.share = share
 
 
 def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
-    """Cast, relight and write a picture; on any thread but the window's. Where it is.
+    """Cast, relight and write a picture, not on the window's thread; return its path.
 
     Raises
     ------
     CastCancelled
-        If it was given up.
+        If it was cancelled.
     VolspecError, OSError
-        If no light is on, it cannot be cast or relit, or not be written.
+        If no light is on, or it cannot be cast, relit or written.
     """
     path = shot.path(state.document.title)
     if not path.parent.is_dir():
@@ -131,7 +133,7 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
 
 
 def frame_of(state: ViewState, size: tuple[int, int], progress: Progress) -> NDArray[np.uint8]:
-    """(H, W, 3) the picture of a state at a size, with what is kept beside it.
+    """Return the picture of a state at a size, (H, W, 3), with both sides of the divide.
 
     Raises
     ------
@@ -145,32 +147,7 @@ def frame_of(state: ViewState, size: tuple[int, int], progress: Progress) -> NDA
     if progress.ended:
         raise CastCancelled("the picture was given up")
     other = rig_of(state.other) if state.other else None
-    return _relit(image, state, rig, other)
-
-
-def _cast(state: ViewState, size: tuple[int, int], progress: Progress) -> CoefficientImage:
-    """With a Raycaster of its own, as the window's casts would wait for that of the document."""
-    document = state.document
-    volume, shared = document.volume, document.caster
-    what = volume, state.transfer, state.view.camera(volume), size, state.shading
-
-    def cancel() -> bool:
-        return progress.ended
-
-    try:
-        device = shared.device if shared else None
-        return raycast(*what, device=device, progress=progress.report, cancel=cancel)
-    except OpenCLError:
-        if shared is None:
-            raise
-        # The device has no room for the volume twice.
-        return raycast(*what, caster=shared, progress=progress.report, cancel=cancel)
-
-
-def _relit(
-    image: CoefficientImage, state: ViewState, rig: LightRig, other: LightRig | None
-) -> NDArray[np.uint8]:
-    # A context of this thread's own: many pixels take longer than the window may wait.
+    # In a context of this thread's own: many pixels take longer than the window may wait.
     with Relighter(image) as relighter:
         frame: NDArray[np.uint8] = relighter.frame(rig, state.relight)
         if other is not None:
@@ -180,70 +157,60 @@ def _relit(
     return frame
 
 
+def _cast(state: ViewState, size: tuple[int, int], progress: Progress) -> CoefficientImage:
+    """Cast with a Raycaster of its own: the window's casts would wait for the document's."""
+    document = state.document
+    volume, shared = document.volume, document.caster
+    camera = state.view.camera(volume)
+    what = volume, state.transfer, camera, size, state.shading
+    cast = partial(raycast, *what, progress=progress.report, cancel=lambda: progress.ended)
+    try:
+        return cast(device=shared.device if shared else None)
+    except OpenCLError:
+        if shared is None:
+            raise
+        # The device has no room for the volume twice.
+        return cast(caster=shared)
+
+
 class ClipboardError(DeviceError):
-    """There is no clipboard, it does not take what it is given, or there is nothing to give."""
+    """There is no clipboard, it refuses what it is given, or there is nothing to copy."""
 
 
 def copy_shown(pictures: Pictures) -> str:
-    """Copy the picture that is shown; what to say of it.
+    """Copy the picture that is shown, for as long as the program runs; return a message.
 
     Raises
     ------
     ClipboardError
-        If there is none, or as `copy_picture`.
     """
     if not pictures.framebuffer:
         raise ClipboardError("There is no picture to copy yet")
-    copy_picture(pictures.pixels())
+    frame = pictures.pixels()
+    height, width, _ = frame.shape
+    opaque = np.full((height, width, 1), 255, np.uint8)
+    data = np.concatenate([frame, opaque], axis=2).tobytes()
+    _copy("picture", lambda clipboard: clipboard.copy_image(data, width, height))
     return "The picture is copied"
 
 
 def copy_values(reading: Reading | None) -> str:
-    """Copy what is under the mouse, a name and a value to the line; what to say of it.
+    """Copy the values under the mouse, a name and a value to the line; return a message.
 
     Raises
     ------
     ClipboardError
-        If nothing is there, or as `copy_text`.
     """
     if reading is None:
         raise ClipboardError("Point at something in the picture first")
-    copy_text(str(reading))
+    _copy("text", lambda clipboard: clipboard.copy(str(reading)))
     return "The values are copied"
 
 
-def copy_picture(frame: NDArray[np.uint8]) -> None:
-    """Put a picture on the clipboard; it stays there while the program runs.
-
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-
-    Raises
-    ------
-    ClipboardError
-    """
-    import copykitten
-
-    height, width, _ = frame.shape
-    opaque = np.full((height, width, 1), 255, np.uint8)
-    data = np.concatenate([frame, opaque], axis=2).tobytes()
-    try:
-        copykitten.copy_image(data, width, height)
-    except copykitten.CopykittenError as error:
-        raise ClipboardError(f"The picture cannot be copied: {error}") from error
-
-
-def copy_text(text: str) -> None:
-    """Put text on the clipboard.
-
-    Raises
-    ------
-    ClipboardError
-    """
+def _copy(what: str, copy: Callable[[Any], object]) -> None:
     import copykitten
 
     try:
-        copykitten.copy(text)
+        copy(copykitten)
     except copykitten.CopykittenError as error:
-        raise ClipboardError(f"The text cannot be copied: {error}") from error
+        raise ClipboardError(f"The {what} cannot be copied: {error}") from error

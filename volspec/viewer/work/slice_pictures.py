@@ -24,7 +24,7 @@ _OPAQUE = np.uint32(0xFF000000)
 
 @dataclass(slots=True)
 class _Shown:
-    """One slice: what its codes and its colours were made of."""
+    """A slice's texture, its codes, and keys of what these and its colours were made of."""
 
     of_codes: tuple[Any, ...] = ()
     of_colours: tuple[Any, ...] = ()
@@ -33,13 +33,7 @@ class _Shown:
 
 
 class SlicePictures:
-    """The slices' textures.
-
-    Parameters
-    ----------
-    context : moderngl.Context
-        That of the window.
-    """
+    """The slices' textures, in the window's context."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -48,16 +42,14 @@ class SlicePictures:
         self._colours = np.zeros(1, np.uint32)
 
     def texture(self, state: ViewState, name: str, layout: Layout, width_px: float) -> int:
-        """GL's name of a slice's picture.
+        """Return GL's name of a slice's picture.
 
         Parameters
         ----------
-        state : ViewState
         name : str
             Of the plane.
-        layout : Layout
         width_px : float
-            How wide it will be drawn: no more voxels than this are looked up along a row.
+            Its width when drawn: no more voxels than this are looked up along a row.
         """
         volume = state.document.volume
         shown = self._slices.setdefault(name, _Shown())
@@ -77,7 +69,7 @@ class SlicePictures:
         return int(shown.texture.glo)
 
     def _relight(self, state: ViewState, entries: Entries) -> None:
-        """The colours of all values under the state's lights, where those are others."""
+        """Compute the colours of all values under the state's lights, if anything has changed."""
         slices = state.interface.slices
         window = window_of(slices, state.document.histogram)
         of: tuple[Any, ...] = state.document, entries, window
@@ -110,16 +102,16 @@ class SlicePictures:
 
 
 def _lit(state: ViewState, window: tuple[float, float]) -> NDArray[np.uint8] | None:
-    """(count, 3) codes of all values under the state's lights; None where these cannot be shown."""
+    """Return the codes of all values under the state's lights, (count, 3); None if that fails."""
     rig, spec = rig_of(state.lights), state.relight
     if rig is None:
         return None
-    # A table is no picture that an eye could adapt to.
+    # An eye cannot adapt to a table of values.
     given = replace(spec, viewing=replace(spec.viewing, adapting="given"))
     try:
         image = table_image(state.document.volume, state.transfer, state.shading, window)
-        # On the host, as few pixels are waited for: the GPU has the picture to draw.
+        # On the host, as it has few pixels and the GPU draws the picture meanwhile.
         with Relighter(image, backend="numpy") as relighter:
             return relighter.frame(rig, given)[0]
-    except VolspecError:  # which the picture of the volume tells
+    except VolspecError:  # shown with the volume's picture
         return None
