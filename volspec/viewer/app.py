@@ -53,26 +53,14 @@ _TURN_S = 5e-4
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """Options of `volspec view`.
+    """Options of `volspec view`."""
 
-    Parameters
-    ----------
-    path : str, optional
-        A scene, a volume or a session; None is the bundled demo.
-    size : (width, height)
-        Of the window, at 96 dpi.
-    screenshot : (width, height), optional
-        Pixels of pictures that S writes; None is as shown.
-    restore : bool
-        Go on from the last session, if there is one.
-    """
-
-    path: str | None = None
+    path: str | None = None  # a scene, a volume or a session; None is the bundled demo
     trace: Path | None = None
-    size: tuple[int, int] = (1280, 720)
-    screenshot: tuple[int, int] | None = None
+    size: tuple[int, int] = (1280, 720)  # of the window, at 96 dpi
+    screenshot: tuple[int, int] | None = None  # pixels of pictures that S writes; None is as shown
     device: str | None = None
-    restore: bool = False
+    restore: bool = False  # go on from the last session, if there is one
 
     @property
     def resumes(self) -> bool:
@@ -213,21 +201,15 @@ class _App:
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
-        news |= self._show_warnings()
+        warned = [self._warned.get() for _ in range(self._warned.qsize())]
+        if warned:
+            self._notice.say("; ".join(warned))
+            for message in warned:
+                self._trace.note("warning", message=message)
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.tabled()
-        return self._notice.ended(time.perf_counter()) or news or bool(casts)
-
-    def _show_warnings(self) -> bool:
-        """Show new warnings; return True if there are any."""
-        said = []
-        while not self._warned.empty():
-            said.append(self._warned.get())
-            self._trace.note("warning", message=said[-1])
-        if said:
-            self._notice.say("; ".join(said))
-        return bool(said)
+        return self._notice.ended(time.perf_counter()) or news or bool(casts or warned)
 
     def _open(self, opened: Opened) -> None:
         before = self._present
@@ -313,10 +295,9 @@ class _App:
                 self._trace.note(given.name, key=given.key, button=given.button)
             if given.name == "drop" and given.paths:
                 self._file_commands.documents.drop(given.paths)
-            elif given.name != "key" or typing or self._focus.takes(given.key):
-                continue
-            elif given.key in BY_KEY:
-                state = self._ui.run(state, BY_KEY[given.key])
+            elif given.name == "key" and not typing and not self._focus.takes(given.key):
+                if given.key in BY_KEY:
+                    state = self._ui.run(state, BY_KEY[given.key])
         state = self._mouse.applied(state, inputs, area)
         return self._docks.panels(state, self._ui)
 

@@ -39,26 +39,14 @@ _FLAGS = (
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A row of the palette.
-
-    Parameters
-    ----------
-    key : str
-        As people write it; empty for none.
-    change : callable, optional
-        Its edit of the state.
-    ask : str
-        The request to the app, if it is no edit.
-    item : str
-        The item of the viewing panel that then takes the keyboard.
-    """
+    """A row of the palette."""
 
     group: str
     title: str
-    key: str = ""
+    key: str = ""  # as people write it; empty for none
     change: Change | None = None
-    ask: str = ""
-    item: str = ""
+    ask: str = ""  # the request to the app, if there is no change
+    item: str = ""  # the item of the viewing panel that then takes the keyboard
 
     @property
     def text(self) -> str:

@@ -26,71 +26,34 @@ from volspec.viewer.work.slice_pictures import SlicePictures
 
 @dataclass(slots=True)
 class Search:
-    """The command palette while it is open.
-
-    Parameters
-    ----------
-    at : int
-        The row that Enter takes.
-    fresh : bool
-        Whether the field is to take the keyboard.
-    picked : Entry of `volspec.viewer.ui.commands`, optional
-        Done once a frame has been shown without the palette.
-    waits : int
-        Frames until then.
-    """
+    """The command palette while it is open."""
 
     text: str = ""
-    at: int = 0
-    fresh: bool = True
-    picked: Any = None
-    waits: int = 0
+    at: int = 0  # the row that Enter takes
+    fresh: bool = True  # whether the field is to take the keyboard
+    picked: Any = None  # the `volspec.viewer.ui.commands.Entry` to do
+    waits: int = 0  # frames until then, so that it is done without the palette on the screen
 
 
 @dataclass(slots=True)
 class LightsPanelState:
-    """State of the lights panel from frame to frame.
+    """State of the lights panel from frame to frame."""
 
-    Parameters
-    ----------
-    row : int
-        The light that was chosen in the last frame.
-    tab, to_tab : str
-        The open tab, and the one to open; empty for none.
-    part : int
-        The spectrum of the chosen light that is drawn.
-    pen : (x, y), optional
-        The pen in the last frame, while it draws.
-    top : float
-        Power at the plot's upper edge, which stays while the pen draws.
-    text, text_of
-        A notation that is being typed, and its light and part.
-    naming, renaming : int
-        The saved state and the light that are being renamed; -1 is none.
-    name : str
-        The new name.
-    focus : bool
-        Whether the name's field waits for the keyboard.
-    complaint : str
-        Error in the typed notation.
-    complaint_of : ((light, part), rows)
-        The spectrum it is about, and the lights as they were then.
-    """
-
-    row: int = 0
+    row: int = 0  # the light that was chosen in the last frame
     tab: str = ""
-    to_tab: str = ""
-    part: int = 0
-    pen: tuple[float, float] | None = None
-    top: float = 1.0
-    text: str = ""
-    text_of: tuple[str, int] = ("", 0)
-    naming: int = -1
-    name: str = ""
-    focus: bool = False
-    complaint: str = ""
+    to_tab: str = ""  # the tab to open; empty for none
+    part: int = 0  # the spectrum of the chosen light that is drawn
+    pen: tuple[float, float] | None = None  # (x, y) in the last frame, while it draws
+    top: float = 1.0  # power at the plot's upper edge, which stays while the pen draws
+    text: str = ""  # a notation that is being typed,
+    text_of: tuple[str, int] = ("", 0)  # and its light and part
+    naming: int = -1  # the saved state that is being renamed; -1 is none
+    renaming: int = -1  # the light that is being renamed; -1 is none
+    name: str = ""  # the new name
+    focus: bool = False  # whether the name's field waits for the keyboard
+    complaint: str = ""  # error in the typed notation,
+    # with its (light, part) and the lights as they were then
     complaint_of: tuple[tuple[int, int], Rows] = ((0, 0), ())
-    renaming: int = -1
 
     def rename(self, index: int, rows: Rows) -> None:
         """Begin to rename a light."""
@@ -109,49 +72,24 @@ class LightsPanelState:
 
 @dataclass(slots=True)
 class LibraryState:
-    """State of the library of lights or of materials from frame to frame.
-
-    Parameters
-    ----------
-    complaint : str
-        Why the last choice could not be added.
-    kelvin : float
-        Temperature on the slider of lights.
-    """
+    """State of the library of lights or of materials from frame to frame."""
 
     search: str = ""
-    complaint: str = ""
-    kelvin: float = 3200.0
+    complaint: str = ""  # why the last choice could not be added
+    kelvin: float = 3200.0  # temperature on the slider of lights
 
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Results of the viewer's services by this frame.
+    """Results of the viewer's services by this frame."""
 
-    Parameters
-    ----------
-    image : CoefficientImage, optional
-        The last cast.
-    whole : bool
-        Whether it has the picture's full resolution.
-    shown_at : (left, top, right, bottom)
-        The picture's last place in the window.
-    fault : str
-        Why there is no picture; empty while one is there or awaited.
-    fps : float
-        Frames per second, while something moves.
-    ms : {stage: float}
-        Last duration of each stage.
-    recent : tuple of RecentFile
-        The newest first.
-    """
-
-    image: CoefficientImage | None = None
-    whole: bool = False
+    image: CoefficientImage | None = None  # the last cast
+    whole: bool = False  # whether it has the picture's full resolution
+    # (left, top, right, bottom) of the picture in the window
     shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    fault: str = ""
-    fps: float = 0.0
-    ms: dict[str, float] = field(default_factory=dict)
+    fault: str = ""  # why there is no picture; empty while one is there or awaited
+    fps: float = 0.0  # while something moves
+    ms: dict[str, float] = field(default_factory=dict)  # last duration of each stage
     under_mouse: Reading | None = None
     error_map: ErrorMapTexture | None = None
     slices: SlicePictures | None = None
@@ -161,40 +99,22 @@ class Results:
 
 @dataclass(slots=True)
 class UiContext:
-    """The panels' context; the app updates it every frame.
+    """The panels' context; the app updates it every frame."""
 
-    Parameters
-    ----------
-    scale : float
-        Pixels of the window for each at 96 dpi.
-    areas : {name: (x, y, width, height)}
-        Rectangles of what was drawn: for overlays, and for the trace.
-    requests : list of str
-        Names of commands that the app does; ``open PATH`` and ``say TEXT`` have an argument.
-    commands : Search, optional
-        The command palette; None if it is closed.
-    menu : bool
-        Whether the first menu is to open now.
-    front, item : str
-        The panel that is to come to the front now, and its item that is to take the keyboard.
-    popup : str
-        The popup of the palette that is to open now.
-    member : (kind, index)
-        The light or the material that it is about.
-    """
-
-    scale: float = 1.0
+    scale: float = 1.0  # pixels of the window for each at 96 dpi
+    # {name: (x, y, width, height)} of what was drawn: for overlays, and for the trace
     areas: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
+    # Names of commands that the app does; "open PATH" and "say TEXT" have an argument.
     requests: list[str] = field(default_factory=list)
     results: Results = field(default_factory=Results)
-    commands: Search | None = None
-    menu: bool = False
-    front: str = ""
-    item: str = ""
+    commands: Search | None = None  # the command palette; None if it is closed
+    menu: bool = False  # whether the first menu is to open now
+    front: str = ""  # the panel that is to come to the front now,
+    item: str = ""  # and its item that is to take the keyboard
     lights: LightsPanelState = field(default_factory=LightsPanelState)
     library: LibraryState = field(default_factory=LibraryState)
-    popup: str = ""
-    member: tuple[str, int] = ("", 0)
+    popup: str = ""  # the popup of the palette that is to open now,
+    member: tuple[str, int] = ("", 0)  # and the (kind, index) of the light or material it is about
     _projected: tuple[Any, Projection] | None = None
 
     def px(self, size: float) -> float:

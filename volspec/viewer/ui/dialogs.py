@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -35,49 +35,28 @@ _ROWS, _OTHER_ROWS = 9, 6
 _BUTTON_WIDTH, _BUTTON_GAP = 84, 8
 
 
-@dataclass(slots=True)
 class PathDialog:
-    """A field for a path, with the files of its folder below; Tab completes.
+    """A field for a path, with the files of its folder below; Tab completes."""
 
-    Attributes
-    ----------
-    request : PathRequest, optional
-        None if the dialog is closed.
-    """
+    def __init__(self, request: PathRequest) -> None:
+        self.request, self._text = request, request.start
+        self._opens = self._focus = True
+        self._replaces = ""  # the file that the next Enter replaces
 
-    request: PathRequest | None = None
-    _text: str = ""
-    _opens: bool = False
-    _focus: bool = False
-    # The file that the next Enter replaces.
-    _replaces: str = ""
-
-    def ask(self, request: PathRequest) -> None:
-        """Open the dialog."""
-        self.request, self._text, self._opens, self._focus = request, request.start, True, True
-        self._replaces = ""
-
-    def draw(self, ui: UiContext) -> tuple[PathRequest, str] | None:
-        """Draw the dialog; return the request and the path that was entered, if one was."""
-        request = self.request
-        if request is None:
-            return None
+    def draw(self, ui: UiContext) -> str | None:
+        """Draw the dialog; return the path, empty if none was entered, None while it is open."""
         opens, self._opens = self._opens, False
-        if not _begin(f"{request.title}###path", opens, ui, 560):
-            self.request = None
-            return None
-        entered = self._body(request, ui)
-        if entered or imgui.is_key_pressed(imgui.Key.escape, False):
-            self._close()
+        if not _begin(f"{self.request.title}###path", opens, ui, 560):
+            return ""
+        path = self._body(self.request, ui)
+        if path is None and imgui.is_key_pressed(imgui.Key.escape, False):
+            path = ""
+        if path is not None:
+            imgui.close_current_popup()
         imgui.end_popup()
-        path = request.named(entered)
-        return (request, path) if path else None
+        return path
 
-    def _close(self) -> None:
-        self.request = None
-        imgui.close_current_popup()
-
-    def _body(self, request: PathRequest, ui: UiContext) -> str:
+    def _body(self, request: PathRequest, ui: UiContext) -> str | None:
         now = int(imgui.get_time())
         found = _list_paths(self._text, request.suffixes, now)
         if self._focus:
@@ -109,13 +88,13 @@ class PathDialog:
         label = "Replace" if there else "Save" if request.save else "Open"
         accepted, cancelled = _buttons(label, "path ok", ui)
         if cancelled:
-            self._close()
-        if not (accepted or done):
             return ""
+        if not (accepted or done):
+            return None
         if there and not sure:
             self._replaces, self._focus = path, True
-            return ""
-        return self._text.strip()
+            return None
+        return self._text.strip() or None
 
     def _list(self, found: Listing) -> None:
         line = imgui.get_text_line_height_with_spacing()
@@ -138,18 +117,12 @@ def _list_paths(text: str, suffixes: tuple[str, ...], _second: int) -> Listing:
     return list_paths(text, suffixes)
 
 
-@dataclass(slots=True)
 class PictureDialog:
-    """The dialog for a picture's size, name and folder.
+    """The dialog for a picture's size, name and folder, which stay after it."""
 
-    Attributes
-    ----------
-    shot : Shot
-        The settings, which stay after the dialog.
-    """
-
-    shot: Shot = field(default_factory=Shot)
-    _opens: bool = False
+    def __init__(self, shot: Shot) -> None:
+        self.shot = shot
+        self._opens = False
 
     def ask(self) -> None:
         """Open the dialog."""
@@ -193,7 +166,7 @@ class PictureDialog:
         self.shot = shot
 
 
-def progress(under_way: Progress, ui: UiContext) -> bool:
+def draw_progress(progress: Progress, ui: UiContext) -> bool:
     """Draw a bar at the picture's bottom; return True if the cast is to be cancelled."""
     x, y, width, height = ui.areas["picture"]
     imgui.set_next_window_pos(
@@ -204,13 +177,13 @@ def progress(under_way: Progress, ui: UiContext) -> bool:
     flags = _FLAGS | imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_focus_on_appearing
     imgui.begin("##progress", None, flags)
     imgui.align_text_to_frame_padding()
-    imgui.text(under_way.what)
+    imgui.text(progress.what)
     imgui.same_line()
     imgui.push_style_color(imgui.Col_.plot_histogram, imgui.get_style_color_vec4(_DIM))
-    imgui.progress_bar(under_way.share, (ui.px(140), 0), "")
+    imgui.progress_bar(progress.share, (ui.px(140), 0), "")
     imgui.pop_style_color()
     imgui.same_line()
-    imgui.text(f"{100 * under_way.share:3.0f} %" if under_way.share < 1 else "relighting")
+    imgui.text(f"{100 * progress.share:3.0f} %" if progress.share < 1 else "relighting")
     imgui.same_line()
     ended = bool(imgui.button("Cancel"))
     ui.note("cancel")
@@ -267,37 +240,37 @@ REQUESTS = {
 
 
 class FileDialogs:
-    """The dialogs for a path, of which one is open at a time."""
+    """The dialog for a path, the system's or our own."""
 
     def __init__(self) -> None:
-        self._own = PathDialog()
-        self._native: NativeDialog | None = None
+        self._dialog: PathDialog | NativeDialog | None = None
 
     def ask(self, request: PathRequest, document: Document) -> None:
         """Ask for a path; ignored while the system's dialog is open."""
-        if self._native is not None:
-            return
-        request = replace(request, start=initial_path(request, document))
-        if has_native_dialogs():
-            self._native = NativeDialog(request)
-        else:
-            self._own.ask(request)
+        if not isinstance(self._dialog, NativeDialog):
+            request = replace(request, start=initial_path(request, document))
+            self._dialog = (NativeDialog if has_native_dialogs() else PathDialog)(request)
 
     def take(self) -> tuple[PathRequest, str] | None:
         """Return the answer of the system's dialog, once there is one."""
-        if self._native is None or (path := self._native.answer()) is None:
+        dialog = self._dialog
+        return self._answer(dialog.answer()) if isinstance(dialog, NativeDialog) else None
+
+    def draw(self, ui: UiContext) -> tuple[PathRequest, str] | None:
+        """Draw our own dialog, if it is open; return its answer, once there is one."""
+        dialog = self._dialog
+        return self._answer(dialog.draw(ui)) if isinstance(dialog, PathDialog) else None
+
+    def _answer(self, path: str | None) -> tuple[PathRequest, str] | None:
+        if path is None or self._dialog is None:
             return None
-        request, self._native = self._native.request, None
+        request, self._dialog = self._dialog.request, None
         return (request, request.named(path)) if path else None
 
     def close(self) -> None:
         """End the system's dialog, for which the program would wait."""
-        if self._native is not None:
-            self._native.close()
-
-    def draw(self, ui: UiContext) -> tuple[PathRequest, str] | None:
-        """Draw our own dialog, if it is open; return its answer."""
-        return self._own.draw(ui)
+        if isinstance(self._dialog, NativeDialog):
+            self._dialog.close()
 
 
 def initial_path(request: PathRequest, document: Document) -> str:
@@ -328,11 +301,8 @@ class NativeDialog:
         start = os.path.abspath(os.path.expanduser(request.start or "."))
         patterns = " ".join(f"*{suffix}" for suffix in request.suffixes)
         filters = [request.title, patterns, "All files", "*"] if patterns else ["All files", "*"]
-        self._dialog: Any
-        if request.save:
-            self._dialog = dialogs.save_file(request.title, start, filters)
-        else:
-            self._dialog = dialogs.open_file(request.title, start, filters)
+        make: Any = dialogs.save_file if request.save else dialogs.open_file
+        self._dialog = make(request.title, start, filters)
 
     def answer(self) -> str | None:
         """Return the path; empty if none was chosen, None while the dialog is open."""

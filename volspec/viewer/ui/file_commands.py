@@ -1,9 +1,6 @@
 """Commands that go beyond the state: files, pictures, dialogs, the clipboard.
 
-    command -> [chores] -> opening | tasks -> scene, script, session, PNG
-
-Names are those of `volspec.viewer.model.commands`, and ``say``; a path, or a message, may follow
-after a blank.
+command -> [file_commands] -> documents | tasks -> scene, script, session, PNG
 """
 
 from __future__ import annotations
@@ -15,8 +12,8 @@ from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Search, UiContext
-from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs, PictureDialog, progress
-from volspec.viewer.work.background import Outcome, Tasks
+from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs, PictureDialog, draw_progress
+from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.designs import PALETTES
 from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice, Trace
@@ -34,25 +31,16 @@ from volspec.viewer.work.session import save_session
 
 
 class FileCommands:
-    """Does what takes time, and what touches files.
+    """Runs what takes time, and what touches files.
 
     Parameters
     ----------
-    tasks : Tasks
-    pictures : Pictures
-        What is shown, to be copied.
-    ui, notice, trace
-        What came of it is told to them.
     device : str, optional
         For casts.
     size : (width, height), optional
         Of pictures; None is as shown.
     palette : callable
-        Takes the kind of request, the path and the state, where a palette is to be read or written.
-
-    Attributes
-    ----------
-    openings : DocumentService
+        Reads or writes a palette's file: takes the request's kind, the path and the state.
     """
 
     def __init__(
@@ -69,24 +57,21 @@ class FileCommands:
         self._tasks, self._ui, self._palette = tasks, ui, palette
         self._notice, self._trace = notice, trace
         self.documents = DocumentService(tasks, notice, trace, device)
-        self._dialogs, self._picture = FileDialogs(), PictureDialog()
-        if size is not None:
-            self._picture.shot = Shot(CUSTOM, size)
+        shot = Shot() if size is None else Shot(CUSTOM, size)
+        self._dialogs, self._picture = FileDialogs(), PictureDialog(shot)
         self._progress: Progress | None = None
         self._state: ViewState | None = None
-        self._done: dict[str, Callable[[ViewState, str], None]] = {
-            **{name: self._ask(name) for name in REQUESTS},
-            "reload": lambda state, _: self.documents.reload(state),
-            "restore": lambda state, _: self.documents.restore(state),
-            "screenshot": lambda state, _: self._cast(state),
-            "picture": lambda *_: self._picture.ask(),
-            "cancel": lambda *_: self._give_up(),
-            "clear-recent": lambda *_: self.documents.clear_recent(),
-            "copy-picture": lambda *_: self._copied(lambda: copy_shown(pictures)),
-            "copy-values": lambda *_: self._copied(lambda: copy_values(ui.results.under_mouse)),
-            "commands": self._commands,
-            "rename-light": self._rename,
-            "say": lambda _, text: notice.say(text),
+        self._commands: dict[str, Callable[[ViewState], None]] = {
+            "reload": self.documents.reload,
+            "restore": self.documents.restore,
+            "screenshot": self._cast,
+            "picture": lambda _: self._picture.ask(),
+            "cancel": lambda _: self._cancel(),
+            "clear-recent": lambda _: self.documents.clear_recent(),
+            "copy-picture": lambda _: self._copy(lambda: copy_shown(pictures)),
+            "copy-values": lambda _: self._copy(lambda: copy_values(ui.results.under_mouse)),
+            "commands": lambda _: self._toggle_palette(),
+            "rename-light": self._rename_light,
         }
 
     @property
@@ -94,17 +79,21 @@ class FileCommands:
         """Whether files or pictures are being read, cast or written."""
         return self._tasks.busy
 
-    def do(self, name: str, state: ViewState) -> None:
-        """Begin what an action asks for; ``open PATH`` opens a file, ``say TEXT`` is a notice."""
-        word, _, path = name.partition(" ")
+    def do(self, request: str, state: ViewState) -> None:
+        """Run a command by its name, or open a file (``open PATH``), or show ``say TEXT``."""
+        name, _, text = request.partition(" ")
         self._state = state
-        if word == "open" and path:
-            self.documents.open(path)
+        if name == "say":
+            self._notice.say(text)
+        elif name == "open" and text:
+            self.documents.open(text)
+        elif name in REQUESTS:
+            self._dialogs.ask(REQUESTS[name], state.document)
         else:
-            self._done[word](state, path)
+            self._commands[name](state)
 
     def take(self, first: bool) -> tuple[bool, Opened | None]:
-        """What threads have brought: whether anything, and what was opened.
+        """Take the threads' results; return whether there are any, and what was opened.
 
         Parameters
         ----------
@@ -114,7 +103,7 @@ class FileCommands:
         Raises
         ------
         InputError
-            If then nothing can be.
+            If nothing is open yet and nothing can be.
         """
         if answer := self._dialogs.take():
             self._answered(*answer)
@@ -123,7 +112,7 @@ class FileCommands:
         for outcome in outcomes:
             given_up = False
             if outcome.kind == "picture" and self._progress is not None:
-                # What was ended too late is written all the same.
+                # A picture that was cancelled too late is written all the same.
                 given_up = self._progress.ended and bool(outcome.error)
                 self._progress = None
             if given_up:
@@ -133,30 +122,29 @@ class FileCommands:
             elif outcome.error:
                 self._say_error(outcome.error)
             elif outcome.kind != "session":
-                self._finish(outcome)
+                event = "screenshot" if outcome.kind == "picture" else outcome.kind
+                self._trace.note(event, path=str(outcome.result))
+                self._notice.say(f"Saved {outcome.result}")
         return bool(outcomes), found
 
     def close(self, state: ViewState | None, faulty: bool) -> None:
-        """The end, or a fault that ends it: no cast goes on, session and files are kept."""
-        self._give_up()
+        """End casts and dialogs, save the session, and wait for files that are being written."""
+        self._cancel()
         self._dialogs.close()
         self.documents.close(state, faulty)
         self._tasks.close()
 
     def draw(self, state: ViewState | None) -> None:
-        """Dialogs, and how far a picture is."""
+        """Draw the dialogs and the progress of a picture."""
         if answer := self._dialogs.draw(self._ui):
             self._answered(*answer)
         if state is not None and self._picture.draw(state, self._ui):
             self._cast(state)
-        if self._progress is not None and progress(self._progress, self._ui):
-            self._give_up()
-
-    def _ask(self, name: str) -> Callable[[ViewState, str], None]:
-        return lambda state, _: self._dialogs.ask(REQUESTS[name], state.document)
+        if self._progress is not None and draw_progress(self._progress, self._ui):
+            self._cancel()
 
     def _answered(self, request: PathRequest, path: str) -> None:
-        """A path that was asked for is there."""
+        """Use a path that was asked for."""
         state = self._state
         if request.kind == "open":
             self.documents.open(path)
@@ -178,19 +166,14 @@ class FileCommands:
             return
         shot = self._picture.shot
         width, height = shot.size(state.size)
-        under_way = self._progress = Progress(f"Casting {width} × {height}")
-        self._tasks.start("picture", lambda: save_picture(state, shot, under_way))
+        progress = self._progress = Progress(f"Casting {width} × {height}")
+        self._tasks.start("picture", lambda: save_picture(state, shot, progress))
 
-    def _give_up(self) -> None:
+    def _cancel(self) -> None:
         if self._progress is not None:
             self._progress.end()
 
-    def _finish(self, outcome: Outcome) -> None:
-        event = "screenshot" if outcome.kind == "picture" else outcome.kind
-        self._trace.note(event, path=str(outcome.result))
-        self._notice.say(f"Saved {outcome.result}")
-
-    def _copied(self, copy: Callable[[], str]) -> None:
+    def _copy(self, copy: Callable[[], str]) -> None:
         try:
             done = copy()
         except VolspecError as error:
@@ -199,14 +182,14 @@ class FileCommands:
             self._trace.note("copied", what=done)
             self._notice.say(done)
 
-    def _commands(self, *_: object) -> None:
+    def _toggle_palette(self) -> None:
         self._ui.commands = None if self._ui.commands else Search()
 
-    def _rename(self, state: ViewState, _: str) -> None:
-        if "Lights" not in state.interface.panels:
+    def _rename_light(self, state: ViewState) -> None:
+        if "Lights" in state.interface.panels:
+            self._ui.lights.rename(state.interface.light, state.lights)
+        else:
             self._notice.say("Lights are renamed in their list: open the Lights panel")
-            return
-        self._ui.lights.rename(state.interface.light, state.lights)
 
     def _say_error(self, message: str) -> None:
         self._notice.say(message)

@@ -46,24 +46,12 @@ MOST_SIZES = 5
 
 @dataclass(frozen=True, slots=True)
 class Painted:
-    """A framebuffer to be shown.
+    """A framebuffer to be shown."""
 
-    Parameters
-    ----------
-    framebuffer : int
-        Its GL name.
-    size : (width, height)
-        Pixels.
-    to : (left, top, right, bottom)
-        Its place, in the window's coordinates.
-    within : (x, y, width, height)
-        The visible part of that.
-    """
-
-    framebuffer: int
-    size: tuple[int, int]
-    to: tuple[float, float, float, float]
-    within: tuple[int, int, int, int]
+    framebuffer: int  # its GL name
+    size: tuple[int, int]  # width and height in pixels
+    to: tuple[float, float, float, float]  # left, top, right, bottom in window coordinates
+    within: tuple[int, int, int, int]  # x, y, width, height of the visible part of that
 
     @property
     def fills(self) -> bool:

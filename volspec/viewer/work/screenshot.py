@@ -6,9 +6,8 @@ state, Shot -> [screenshot] -> PNG
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain, count
 from pathlib import Path
@@ -38,28 +37,15 @@ _OTHER_BYTES = 16
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """Settings for saved pictures.
-
-    Parameters
-    ----------
-    preset : str
-        One of `PRESETS`.
-    custom : (width, height)
-        Pixels, for the last of them.
-    folder : str
-        Empty is the current folder.
-    name : str
-        Without ``.png``; empty is the scene's title with a number. A number is also added if there
-        is such a file.
-    """
+    """Settings for saved pictures."""
 
     preset: str = SHOWN
-    custom: tuple[int, int] = _UHD
-    folder: str = ""
-    name: str = ""
+    custom: tuple[int, int] = _UHD  # width and height in pixels, for the last of `PRESETS`
+    folder: str = ""  # empty is the current one
+    name: str = ""  # without ".png"; empty is the scene's title
 
     def size(self, shown: tuple[int, int]) -> tuple[int, int]:
-        """Return width and height in pixels, if the window shows a picture of this size."""
+        """Return width and height in pixels; ``shown`` is the size in the window."""
         if self.preset == SHOWN:
             return shown
         wanted = {TWICE: (2 * shown[0], 2 * shown[1]), UHD: _UHD}.get(self.preset, self.custom)
@@ -67,7 +53,7 @@ class Shot:
         return width, height
 
     def path(self, title: str) -> Path:
-        """Return the first path that is no file yet."""
+        """Return the first path that is no file yet; names of titles always have a number."""
         named = bool(self.name.strip())
         stem = file_stem(self.name.removesuffix(".png")) if named else ""
         stem = stem or f"volspec-{file_stem(title)}"
@@ -85,28 +71,15 @@ def megabytes(size: tuple[int, int], channels: int) -> float:
 
 @dataclass(slots=True)
 class Progress:
-    """Progress of a cast for a file; the window shows it, and may cancel the cast.
-
-    Parameters
-    ----------
-    what : str
-        The text next to the bar.
-    share : float
-        0 to 1.
-    """
+    """Progress of a cast for a file; the window shows it, and may end the cast."""
 
     what: str
-    share: float = 0.0
-    _ended: threading.Event = field(default_factory=threading.Event)
+    share: float = 0.0  # 0 to 1
+    ended: bool = False
 
     def end(self) -> None:
         """Cancel the cast."""
-        self._ended.set()
-
-    @property
-    def ended(self) -> bool:
-        """Whether the cast is cancelled."""
-        return self._ended.is_set()
+        self.ended = True
 
     def report(self, share: float) -> None:
         """Set the share; called by the cast."""
