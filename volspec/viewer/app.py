@@ -295,9 +295,10 @@ class _App:
                 self._trace.note(given.name, key=given.key, button=given.button)
             if given.name == "drop" and given.paths:
                 self._file_commands.documents.drop(given.paths)
-            elif given.name == "key" and not typing and not self._focus.takes(given.key):
-                if given.key in BY_KEY:
-                    state = self._ui.run(state, BY_KEY[given.key])
+            elif given.name != "key" or typing or self._focus.takes(given.key):
+                continue
+            elif given.key in BY_KEY:
+                state = self._ui.run(state, BY_KEY[given.key])
         state = self._mouse.applied(state, inputs, area)
         return self._docks.panels(state, self._ui)
 

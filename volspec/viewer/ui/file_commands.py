@@ -35,8 +35,6 @@ class FileCommands:
 
     Parameters
     ----------
-    device : str, optional
-        For casts.
     size : (width, height), optional
         Of pictures; None is as shown.
     palette : callable

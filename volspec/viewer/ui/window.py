@@ -47,13 +47,6 @@ class Window:
     size : (width, height)
         At 96 dpi.
 
-    Attributes
-    ----------
-    note : str
-        A message if the screen has no room for the size; empty otherwise.
-    scale : float
-        Window coordinates for each at 96 dpi: 1 if those are not pixels, as on macOS.
-
     Raises
     ------
     OpenGLError
@@ -69,7 +62,7 @@ class Window:
             raise OpenGLError(f"view: no window can be opened ({why}); {INSTEAD}")
         for hint, value in _HINTS:
             glfw.window_hint(hint, value)
-        size, self.note = _within_screen(size)
+        size, self.note = _within_screen(size)  # a message, empty if there is room
         self._window = glfw.create_window(*size, title, None, None)
         if not self._window:
             glfw.terminate()
@@ -95,7 +88,7 @@ class Window:
         io.config_windows_move_from_title_bar_only = True
         widgets.load_font(imgui)
         widgets.set_sizes(imgui, implot)
-        self.scale = 1.0
+        self.scale = 1.0  # window coordinates for each at 96 dpi; 1 if they are not pixels
         self._rescale()
         self._renderer = GlfwRenderer(self._window, attach_callbacks=False)
 

@@ -24,24 +24,15 @@ _ALPHA = 230
 
 
 class ErrorMapTexture:
-    """The error map of the picture; computed again when image or light change.
-
-    Attributes
-    ----------
-    map : ErrorMap, optional
-    image : CoefficientImage, optional
-        The image that the map is of.
-    problem : str
-        Why there is no map.
-    """
+    """The error map of the picture; computed again when image or light change."""
 
     def __init__(self, context: Any, wake: Callable[[], object]) -> None:
         self._context, self._tasks = context, Tasks(wake)
         self._of: tuple[Any, ...] | None = None
         self._texture: Any = None
         self.map: ErrorMap | None = None
-        self.image: CoefficientImage | None = None
-        self.problem = ""
+        self.image: CoefficientImage | None = None  # the one that the map is of
+        self.problem = ""  # why there is no map
 
     @property
     def busy(self) -> bool:

@@ -74,20 +74,7 @@ class Relit:
 
 
 class Pictures:
-    """Relighters of the window's picture, one for each size.
-
-    Parameters
-    ----------
-    context : moderngl.Context
-        The window's.
-
-    Attributes
-    ----------
-    tables : HostTables
-        Tables of models that no shader draws; `missing` lists those to add.
-    current : bool
-        Whether the last picture is drawn under the last lights.
-    """
+    """Relighters of the window's picture, one for each size, in the window's context."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -97,8 +84,8 @@ class Pictures:
         self._painted: tuple[Relighter, Basis] | None = None
         self._frame: Any = None
         self._frame_of: Relighter | None = None
-        self.current = False
-        self.tables = HostTables()
+        self.current = False  # whether the last picture is drawn under the last lights
+        self.tables = HostTables()  # of models that no shader draws; `missing` lists those to add
         self._queries = [context.query(time=True) for _ in range(2)]
         self.image: CoefficientImage | None = None
 
@@ -114,13 +101,7 @@ class Pictures:
         return int(width), int(height)
 
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
-        """Take a picture; the last one stays until `relight` draws this.
-
-        Parameters
-        ----------
-        packed : PackedLayers, optional
-            The image's, made in the thread that cast it.
-        """
+        """Take a picture, maybe packed by its thread; the last one stays until `relight`."""
         self._shown, self.image = self._relighter_of(image, packed), image
         self._half, self.current = None, False
 
@@ -184,7 +165,7 @@ class Pictures:
         coarse: bool = False,
         band: tuple[float, float] = (0.0, 1.0),
     ) -> Relit | None:
-        """Draw the picture under lights, without waiting for it.
+        """Begin to draw the picture under lights; return its timing, for two relights at most.
 
         A picture of another size stays visible until the last band of this one is drawn.
 
@@ -200,11 +181,6 @@ class Pictures:
             Draw every second row and column only.
         band : (top, bottom)
             The rows to draw, 0 to 1 of the height.
-
-        Returns
-        -------
-        Relit or None
-            For its duration; valid until the relight after the next.
         """
         if self._shown is None or rig is None:
             self._frame = self._frame_of = None

@@ -60,8 +60,6 @@ def read(
 
     Parameters
     ----------
-    image, camera, volume
-        The picture, and the camera and volume it was cast with.
     pixel : (x, y)
         Row 0 is the top.
     code : (R, G, B)
@@ -150,11 +148,9 @@ def value_at(volume: Volume, place: Array) -> float | None:
 def _place(
     image: CoefficientImage, camera: Camera, volume: Volume, pixel: tuple[int, int]
 ) -> Iterator[tuple[str, str]]:
-    place = place_mm(image, camera, pixel)
-    if place is None:
+    if (place := place_mm(image, camera, pixel)) is None:
         return
-    value = value_at(volume, place)
-    if value is not None:
+    if (value := value_at(volume, place)) is not None:
         yield "Value", f"{value:.6g}"
     yield "mm", _numbers(place)
 

@@ -61,28 +61,7 @@ Area = tuple[int, int, int, int]
 
 
 class Screen:
-    """Relights the last cast when something has changed.
-
-    Parameters
-    ----------
-    context : moderngl.Context
-        The window's.
-    wake : callable
-        Called from threads when there is something to take.
-
-    Attributes
-    ----------
-    image : CoefficientImage, optional
-        The last cast.
-    whole : bool
-        Whether it has the picture's full resolution.
-    fault : str
-        Why there is no picture; empty while one is there or awaited.
-    under_mouse : Reading, optional
-        Values of the pixel under the mouse.
-    shown_at : (left, top, right, bottom)
-        The picture's last place in the window.
-    """
+    """Relights the last cast when something has changed."""
 
     def __init__(
         self,
@@ -96,12 +75,12 @@ class Screen:
         self._tabling = TableWorker(wake, self.pictures.tables)
         self._tables: tuple[TableKey, ...] = ()  # those that the picture waits for
         self.slices = SlicePictures(context)
-        self.image: CoefficientImage | None = None
-        self.whole = False
-        self.fault = ""
+        self.image: CoefficientImage | None = None  # the last cast
+        self.whole = False  # whether it has the picture's full resolution
+        self.fault = ""  # why there is no picture; empty while one is there or awaited
         self.under_mouse: Reading | None = None
-        self.error_map: ErrorMapTexture | None = None
-        self.shown_at = 0.0, 0.0, 0.0, 0.0
+        self.error_map: ErrorMapTexture | None = None  # once it was asked for
+        self.shown_at = 0.0, 0.0, 0.0, 0.0  # left, top, right, bottom in the window
         self._meter, self._trace, self._notice = meter, trace, notice
         self._cast: CastDone | None = None
         self._shape = (0, 0)  # size of the cast whose picture is shown
@@ -159,17 +138,8 @@ class Screen:
         """Begin to draw the picture under the state's lights, unless it shows them.
 
         GL calls after this wait for the drawing: panels are best made meanwhile. A slow relight
-        draws one band a frame, unless the light before was not drawn to its end.
-
-        Parameters
-        ----------
-        held : bool
-            Whether a mouse button is down: few pixels are drawn then, if all take long.
-
-        Returns
-        -------
-        bool
-            Whether the next frame has something to show or to go on with.
+        draws one band a frame, unless the light before was not drawn to its end, and fewer pixels
+        while a mouse button is held. Return True if the next frame has something to show.
         """
         self._drawing = False
         if self._coarse and not held:
@@ -242,13 +212,12 @@ class Screen:
     def _read(
         self, state: ViewState, place: tuple[float, float] | None, held: bool
     ) -> Reading | None:
-        right = state.other is not None and place is not None and place[0] > state.divide
-        lights = state.other if right and state.other else state.lights
-        rig = rig_of(lights)
         image, cast = self.pictures.image, self._cast
-        if place is None or rig is None or image is None or cast is None:
+        if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
             return None
-        if held or not self.pictures.framebuffer:
+        lights = state.other if state.other and place[0] > state.divide else state.lights
+        rig = rig_of(lights)
+        if rig is None:
             return None
         if self._drawing:
             return self.under_mouse
@@ -280,8 +249,8 @@ class Screen:
         x, y, width, height = area
         if not self.pictures.framebuffer or self._cast is None or shown is None:
             return None
-        of, now = self._shape, shown.size
-        wide = width if of == now else height * of[0] / of[1]
+        columns, rows = self._shape
+        wide = width if self._shape == shown.size else height * columns / rows
         left = x + (width - wide) / 2
         to = self.shown_at = left, y, left + wide, y + height
         return Painted(self.pictures.framebuffer, self.pictures.size, to, area)

@@ -46,10 +46,9 @@ class Shot:
 
     def size(self, shown: tuple[int, int]) -> tuple[int, int]:
         """Return width and height in pixels; ``shown`` is the size in the window."""
-        if self.preset == SHOWN:
-            return shown
-        wanted = {TWICE: (2 * shown[0], 2 * shown[1]), UHD: _UHD}.get(self.preset, self.custom)
-        width, height = (min(max(int(side), 1), MAX_SIDE) for side in wanted)
+        twice = 2 * shown[0], 2 * shown[1]
+        sizes = {SHOWN: shown, TWICE: twice, UHD: _UHD, CUSTOM: self.custom}
+        width, height = (min(max(side, 1), MAX_SIDE) for side in sizes[self.preset])
         return width, height
 
     def path(self, title: str) -> Path:
@@ -91,10 +90,8 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
 
     Raises
     ------
-    CastCancelled
-        If it was cancelled.
     VolspecError, OSError
-        If no light is on, or it cannot be cast, relit or written.
+        If it was cancelled, no light is on, or it cannot be cast, relit or written.
     """
     path = shot.path(state.document.title)
     if not path.parent.is_dir():
@@ -106,13 +103,7 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
 
 
 def frame_of(state: ViewState, size: tuple[int, int], progress: Progress) -> NDArray[np.uint8]:
-    """Return the picture of a state at a size, (H, W, 3), with both sides of the divide.
-
-    Raises
-    ------
-    CastCancelled, VolspecError
-        As `save_picture`.
-    """
+    """Return the picture of a state at a size, (H, W, 3), with both sides of the divide."""
     rig = rig_of(state.lights)
     if rig is None:
         raise ViewingError("No light is on, so there is no picture to save")

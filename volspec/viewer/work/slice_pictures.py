@@ -31,6 +31,11 @@ class _Shown:
     codes: NDArray[np.uint32] | None = None
     texture: Any = None
 
+    def release(self) -> None:
+        """Release the texture."""
+        if self.texture is not None:
+            self.texture.release()
+
 
 class SlicePictures:
     """The slices' textures, in the window's context."""
@@ -42,15 +47,7 @@ class SlicePictures:
         self._colours = np.zeros(1, np.uint32)
 
     def texture(self, state: ViewState, name: str, layout: Layout, width_px: float) -> int:
-        """Return GL's name of a slice's picture.
-
-        Parameters
-        ----------
-        name : str
-            Of the plane.
-        width_px : float
-            Its width when drawn: no more voxels than this are looked up along a row.
-        """
+        """Return GL's name of a plane's picture, drawn at most ``width_px`` wide."""
         volume = state.document.volume
         shown = self._slices.setdefault(name, _Shown())
         number = number_of(volume, layout.normal, state.interface.slices.at[layout.normal])
@@ -64,7 +61,11 @@ class SlicePictures:
         self._relight(state, entries)
         if shown.of_colours != self._of_colours:
             assert shown.codes is not None
-            self._write(shown, self._colours[shown.codes])
+            pixels = self._colours[shown.codes]
+            if shown.texture is None or shown.texture.size != pixels.shape[::-1]:
+                shown.release()
+                shown.texture = self._context.texture(pixels.shape[::-1], 4)
+            shown.texture.write(np.ascontiguousarray(pixels))
             shown.of_colours = self._of_colours
         return int(shown.texture.glo)
 
@@ -85,19 +86,10 @@ class SlicePictures:
         red, green, blue = colours.astype(np.uint32).T
         self._colours = red | green << 8 | blue << 16 | _OPAQUE
 
-    def _write(self, shown: _Shown, pixels: NDArray[np.uint32]) -> None:
-        height, width = pixels.shape
-        if shown.texture is None or shown.texture.size != (width, height):
-            if shown.texture is not None:
-                shown.texture.release()
-            shown.texture = self._context.texture((width, height), 4)
-        shown.texture.write(np.ascontiguousarray(pixels))
-
     def close(self) -> None:
         """Release everything."""
         for shown in self._slices.values():
-            if shown.texture is not None:
-                shown.texture.release()
+            shown.release()
         self._slices.clear()
 
 
