@@ -149,15 +149,13 @@ class PictureDialog:
         shot = self.shot
         shot = replace(shot, preset=pick("Size", shot.preset, PRESETS) or shot.preset)
         ui.note("picture size")
-        width, height = shot.size(state.size)
         imgui.begin_disabled(shot.preset != CUSTOM)
-        changed, sides = imgui.input_int2("Pixels", [width, height])
+        changed, sides = imgui.input_int2("Pixels", list(shot.size(state.size)))
         imgui.end_disabled()
         if changed and shot.preset == CUSTOM:
             shot = replace(shot, custom=(sides[0], sides[1]))
-        width, height = shot.size(state.size)
         channels = state.transfer.basis.size * len(state.shading.groups)
-        room = megabytes((width, height), channels)
+        room = megabytes(shot.size(state.size), channels)
         imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
         _, name = imgui.input_text_with_hint("Name", "made of the title", shot.name)
         _, folder = imgui.input_text_with_hint("Folder", "where volspec was started", shot.folder)

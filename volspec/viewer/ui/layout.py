@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
 from imgui_bundle import imgui
 
@@ -15,17 +13,6 @@ from volspec.viewer.ui import palette_panel as palette
 from volspec.viewer.ui import transfer_panel as transfer
 from volspec.viewer.ui.context import UiContext
 
-Draw = Callable[[ViewState, UiContext], ViewState | None]
-
-
-class Panel(NamedTuple):
-    """A panel, and the dock in which it is first: "upper", "lower" or "left"."""
-
-    title: str
-    draw: Draw
-    place: str
-
-
 _RIGHT_WIDTH, _LEFT_WIDTH = 350, 260
 # The most of the window's width that all panels take.
 _MOST = 0.5
@@ -33,13 +20,14 @@ _MOST = 0.5
 _UPPER = 0.51
 # Frames until docked windows have their places.
 _LAG = 2
+# Title, function, and the dock in which it is at first.
 _PANELS = (
-    Panel("Lights", lights.draw, "upper"),
-    Panel("Viewing", viewing.draw, "lower"),
-    Panel("Transfer", transfer.draw, "lower"),
-    Panel("Cuts", cuts.draw, "lower"),
-    Panel("Slices", slices.draw, "left"),
-    Panel("Palette", palette.draw, "lower"),
+    ("Lights", lights.draw, "upper"),
+    ("Viewing", viewing.draw, "lower"),
+    ("Transfer", transfer.draw, "lower"),
+    ("Cuts", cuts.draw, "lower"),
+    ("Slices", slices.draw, "left"),
+    ("Palette", palette.draw, "lower"),
 )
 _OVERLAYS = (
     compare.draw_error_map,
@@ -92,19 +80,19 @@ class Docks:
     def panels(self, state: ViewState, ui: UiContext) -> ViewState:
         """Draw the open panels and the overlays; return the edited state."""
         self._open = set()
-        for panel in _PANELS:
-            if panel.title not in state.interface.panels:
+        for title, draw, place in _PANELS:
+            if title not in state.interface.panels:
                 continue
-            self._open.add("left" if panel.place == "left" else "right")
-            if ui.front == panel.title:
+            self._open.add("left" if place == "left" else "right")
+            if ui.front == title:
                 ui.front = ""
                 imgui.set_next_window_focus()
-            shown, kept = imgui.begin(panel.title, True, imgui.WindowFlags_.no_collapse)
+            shown, kept = imgui.begin(title, True, imgui.WindowFlags_.no_collapse)
             if shown:
-                state = panel.draw(state, ui) or state
+                state = draw(state, ui) or state
             imgui.end()
             if not kept:
-                rest = state.interface.panels - {panel.title}
+                rest = state.interface.panels - {title}
                 state = replace(state, interface=replace(state.interface, panels=rest))
         if self._frames == 1:
             imgui.set_window_focus("Viewing")  # in front of the other tabs
@@ -115,7 +103,7 @@ class Docks:
     @staticmethod
     def open_panels(state: ViewState) -> list[str]:
         """Return the titles of the open panels, in their order."""
-        return [panel.title for panel in _PANELS if panel.title in state.interface.panels]
+        return [title for title, _, _ in _PANELS if title in state.interface.panels]
 
     def _limit_width(self, ui: UiContext) -> None:
         """Leave the picture half of a window that became narrow; undo it in a wide one."""
@@ -154,6 +142,6 @@ class Docks:
         no_close = imgui.internal.DockNodeFlagsPrivate_.no_close_button
         for node in places.values():
             builder.dock_builder_get_node(node).local_flags |= no_close
-        for panel in _PANELS:
-            builder.dock_builder_dock_window(panel.title, places[panel.place])
+        for title, _, place in _PANELS:
+            builder.dock_builder_dock_window(title, places[place])
         builder.dock_builder_finish(space)

@@ -64,12 +64,7 @@ class Screen:
     """Relights the last cast when something has changed."""
 
     def __init__(
-        self,
-        context: Any,
-        wake: Callable[[], object],
-        meter: Meter,
-        trace: Trace,
-        notice: Notice,
+        self, context: Any, wake: Callable[[], object], meter: Meter, trace: Trace, notice: Notice
     ) -> None:
         self.pictures = Pictures(context)
         self._tabling = TableWorker(wake, self.pictures.tables)
