@@ -64,7 +64,7 @@ class Options:
 
     @property
     def resumes(self) -> bool:
-        """Whether the viewer goes on from a session."""
+        """True if the viewer goes on from a session."""
         return self.restore or (self.path or "").lower().endswith(SUFFIX)
 
 
@@ -134,7 +134,7 @@ class _App:
 
     @property
     def _moves(self) -> bool:
-        """Whether more changes are likely: a mouse button is down, or lights fade."""
+        """True if more changes are likely: a mouse button is down, or lights fade."""
         return self._mouse.held or self._fader.running
 
     def run(self) -> None:
@@ -227,17 +227,17 @@ class _App:
         self._ui.results = self._results()
         self._focus.frame()
         self._set_theme()
-        kept = self._present
-        state = shown = self._fader.shown(kept, started) if kept else None
+        present = self._present
+        state = shown = self._fader.shown(present, started) if present else None
         if state is not None:
             menus.draw_status(state, self._ui)
-            state = menus.draw_menu(state, self._ui) or state
+            state = menus.draw_menu(state, self._ui)
         area = self._docks.picture(self._ui, state is not None)
         if state is not None and self._history is not None:
             state = self._next(state, [*self._early, *inputs], area)
             self._early = []
-            assert kept is not None and shown is not None
-            state = self._fader.to_keep(kept, shown, state)
+            assert present is not None and shown is not None
+            state = self._fader.to_keep(present, shown, state)
             self._history = self._history.then(state, self._mouse.gesture)
             self._do_requests()
             if self._docks.settled:
@@ -303,7 +303,7 @@ class _App:
         return self._docks.panels(state, self._ui)
 
     def _do_requests(self) -> None:
-        """Do what was requested besides edits of the state."""
+        """Run the commands that are no edits of the state."""
         asked, self._ui.requests = self._ui.requests, []
         assert self._history is not None
         for name in asked:

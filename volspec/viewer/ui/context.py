@@ -1,4 +1,4 @@
-"""Context of the panels besides the state: results of services, rectangles, text under edit.
+"""Context of the panels: results of services, rectangles, text under edit; all but the state.
 
     app -> [context] -> panels -> app
 

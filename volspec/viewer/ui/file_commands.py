@@ -74,7 +74,7 @@ class FileCommands:
 
     @property
     def busy(self) -> bool:
-        """Whether files or pictures are being read, cast or written."""
+        """True while files or pictures are read, cast or written."""
         return self._tasks.busy
 
     def do(self, request: str, state: ViewState) -> None:
@@ -93,15 +93,10 @@ class FileCommands:
     def take(self, first: bool) -> tuple[bool, Opened | None]:
         """Take the threads' results; return whether there are any, and what was opened.
 
-        Parameters
-        ----------
-        first : bool
-            Whether nothing is open yet.
-
         Raises
         ------
         InputError
-            If nothing is open yet and nothing can be.
+            If this is the first file (nothing is open yet), and nothing can be opened.
         """
         if answer := self._dialogs.take():
             self._answered(*answer)

@@ -55,19 +55,13 @@ class Docks:
 
     @property
     def settled(self) -> bool:
-        """Whether the areas are valid: imgui's layout follows requests a frame later."""
+        """True if the areas are valid: imgui's layout follows requests a frame later."""
         return self._frames > _LAG
 
     def picture(self, ui: UiContext, panels: bool) -> tuple[int, int, int, int]:
-        """Lay out the docks; return x, y, width and height of what is left for the picture.
-
-        Parameters
-        ----------
-        panels : bool
-            Whether panels will be drawn; imgui gives up an empty dock.
-        """
+        """Lay out the docks; return x, y, width and height of what is left for the picture."""
         space = imgui.dock_space_over_viewport(imgui.get_id("dock"), flags=_DOCKED)
-        if panels:
+        if panels:  # imgui gives up a dock that stays empty
             if self._frames == 0:
                 self._dock(space, ui)
             self._frames += 1

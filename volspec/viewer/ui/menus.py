@@ -18,11 +18,10 @@ _PARTS = ("export-scene", "save-session", "screenshot", "quit", "copy-picture", 
 _ELSEWHERE = ("clear-recent", "cancel")
 
 
-def draw_menu(state: ViewState, ui: UiContext) -> ViewState | None:
+def draw_menu(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the menu bar; what is picked changes the state, or is requested from the app."""
-    new = state
     if not imgui.begin_main_menu_bar():
-        return None
+        return state
     for title in MENUS:
         if ui.menu:
             ui.menu = False
@@ -33,10 +32,10 @@ def draw_menu(state: ViewState, ui: UiContext) -> ViewState | None:
             continue
         for command in COMMANDS:
             if command.menu == title and command.name not in _ELSEWHERE:
-                new = _row(command, new, ui)
+                state = _row(command, state, ui)
         imgui.end_menu()
     imgui.end_main_menu_bar()
-    return None if new is state else new
+    return state
 
 
 def _row(command: Command, state: ViewState, ui: UiContext) -> ViewState:
@@ -96,7 +95,7 @@ def draw_status(state: ViewState, ui: UiContext) -> None:
 def fitting_texts(
     texts: tuple[str, str, str], room: float, apart: float, measure: Callable[[str], float]
 ) -> tuple[str, str, str]:
-    """Return what there is room for: the last goes first, then the second, then the first is cut.
+    """Return the texts for which there is room: the last goes first; the first is cut at the end.
 
     >>> fitting_texts(("engine", "9 × 9", "60 fps"), 14, 1, len)
     ('engine', '9 × 9', '')

@@ -113,13 +113,13 @@ class Window:
 
     @property
     def usable(self) -> bool:
-        """Whether there is room to draw: the window is neither minimised nor too small."""
+        """True if there is room to draw: the window is neither minimised nor too small."""
         shown = not glfw.get_window_attrib(self._window, glfw.ICONIFIED)
         return shown and min(glfw.get_framebuffer_size(self._window)) >= _LEAST_SIDE
 
     @property
     def closing(self) -> bool:
-        """Whether the window is to close."""
+        """True if the window is to close."""
         return bool(glfw.window_should_close(self._window))
 
     def wait(self, seconds: float) -> list[Input]:

@@ -36,7 +36,7 @@ class ErrorMapTexture:
 
     @property
     def busy(self) -> bool:
-        """Whether a map is in progress."""
+        """True while a map is in progress."""
         return self._tasks.busy
 
     def want(self, image: CoefficientImage, lights: Rows, spec: RelightSpec) -> None:

@@ -55,7 +55,7 @@ class Painted:
 
     @property
     def fills(self) -> bool:
-        """Whether it covers the visible part; panels cover the rest."""
+        """True if it covers the visible part; panels cover the rest."""
         x, y, width, height = self.within
         return self.to == (x, y, x + width, y + height)
 
@@ -101,7 +101,7 @@ class Pictures:
         return int(width), int(height)
 
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
-        """Take a picture, maybe packed by its thread; the last one stays until `relight`."""
+        """Take a picture, with its packed layers if any; the last one stays until `relight`."""
         self._shown, self.image = self._relighter_of(image, packed), image
         self._half, self.current = None, False
 

@@ -25,23 +25,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """Values of a pixel.
+    """Values of a pixel; its spectra are (bands,)."""
 
-    Parameters
-    ----------
-    rows : tuple of (name, value)
-    grid : SpectralGrid
-        Of the spectra.
-    light : (bands,) float64
-        The light on a surface that faces every source; 1 at its peak.
-    reflected : (bands,) float64
-        The light from the pixel to the eye, on the same scale.
-    """
-
-    rows: tuple[tuple[str, str], ...]
+    rows: tuple[tuple[str, str], ...]  # name and value
     grid: SpectralGrid
-    light: Array
-    reflected: Array
+    light: Array  # on a surface that faces every source; 1 at its peak
+    reflected: Array  # from the pixel to the eye, on the same scale
 
     def __str__(self) -> str:
         return "\n".join(f"{name}\t{value}" for name, value in self.rows)

@@ -88,12 +88,12 @@ class Screen:
 
     @property
     def busy(self) -> bool:
-        """Whether tables or an error map are being computed."""
+        """True while tables or an error map are computed."""
         return self._tabling.busy or self._error_map.busy
 
     @property
     def ready(self) -> bool:
-        """Whether the picture is drawn, as far as there is one."""
+        """True if the picture is drawn to its end, or there is none."""
         return self._relit or self.pictures.image is None
 
     def take(self, done: CastDone, state: ViewState | None) -> None:
@@ -124,7 +124,7 @@ class Screen:
         self._meter.ms["cast"] = done.ms
 
     def stale(self) -> None:
-        """Draw the picture again, as it no longer shows the state's light."""
+        """Mark the picture as stale: it no longer shows the state's light."""
         # If lights follow each other, as under a key held down, the last bands would never come.
         self._hurries |= self._band > 0
         self._relit, self._band = False, 0
