@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from tests.viewer._edits import MODULES, drawn
 from volspec.raycast import Camera
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import light_mixes, light_rows, lights, transfer_edits
-from volspec.viewer.model.commands import BY_KEY, COMMANDS
+from volspec.viewer.model import camera, light_mixes, light_rows, lights, transfer_edits
+from volspec.viewer.model.commands import BY_KEY, BY_NAME, COMMANDS
 from volspec.viewer.model.document import Document, plain_scene
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.state import ViewState
@@ -53,23 +53,26 @@ def test_a_camera_becomes_the_orbit_that_stands_there(
             assert again.height_mm == pytest.approx(given.height_mm)
 
 
-def test_a_point_follows_the_mouse_when_it_is_panned(document: Document) -> None:
+def test_a_point_follows_the_mouse_when_it_is_panned(state: ViewState) -> None:
     """The target moves by as much of the picture's height as the mouse, the other way."""
-    volume, view = document.volume, View(zoom=1.3)
+    start = replace(state, view=View(zoom=1.3))
 
     def height_of(camera: Camera) -> float:
         return 2 * camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
 
-    camera = view.camera(volume)
-    moved = view.panned(0.1, 0.2, volume).camera(volume)
-    right, up, _ = camera.frame()
-    step = np.subtract(moved.target_mm, camera.target_mm) / height_of(camera)
+    before, panned = (
+        each.view.camera(state.document.volume) for each in (start, camera.pan(start, 0.1, 0.2))
+    )
+    right, up, _ = before.frame()
+    step = np.subtract(panned.target_mm, before.target_mm) / height_of(before)
     np.testing.assert_allclose([step @ right, step @ up], [-0.1, 0.2], atol=1e-9)
 
 
-def test_front_right_and_top_look_along_the_axes(document: Document) -> None:
+def test_front_right_and_top_look_along_the_axes(state: ViewState) -> None:
     for side, towards in (("front", (0, 1, 0)), ("right", (-1, 0, 0)), ("top", (0, 0, -1))):
-        forward = View().from_side(side).camera(document.volume).frame()[2]
+        look = BY_NAME[f"view-{side}"].change
+        assert look is not None
+        forward = after(look, state).state.view.camera(state.document.volume).frame()[2]
         np.testing.assert_allclose(forward, towards, atol=1e-9)
 
 

@@ -15,11 +15,11 @@ from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, cuts, projection, slices, transfer_edits
 from volspec.viewer.model.camera import fitted, shown_mm
 from volspec.viewer.model.commands import BY_KEY, BY_NAME
-from volspec.viewer.model.cuts import drag_handle, handles_at, nearest_handle
+from volspec.viewer.model.cuts import drag_handle, handles_of, nearest_handle
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Command, after
 from volspec.viewer.model.projection import Projection
-from volspec.viewer.model.state import Aids, ViewState
+from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import View
 from volspec.viewer.ui import overlays
 from volspec.viewer.ui.mouse import DRAGS, WHEELS
@@ -85,10 +85,9 @@ def test_a_face_dragged_by_what_ten_voxels_cover_moves_by_ten(
     tilted: ViewState, view: View, face: int
 ) -> None:
     """Also in perspective, where pixels are not alike along the way."""
-    state = replace(tilted, view=view)
+    state = cuts.with_aids(replace(tilted, view=view), crop=True)
     seen, volume = seen_of(state), state.document.volume
-    aids = Aids(crop=True)
-    found = handles_at(state.shading, volume, seen, aids, 1.0)
+    found = handles_of(state, seen, 1.0)
     handle = next(each for each in found if each.index == face)
     axis, far = divmod(face, 2)
     middle = (np.array(volume.shape_xyz) - 1) / 2
@@ -110,7 +109,7 @@ def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
     state = done(BY_NAME["plane-x"], replace(tilted, view=view))
     seen, volume = seen_of(state), state.document.volume
     tilt_handle = None
-    for handle in handles_at(state.shading, volume, seen, Aids(), 1.0):
+    for handle in handles_of(state, seen, 1.0):
         plane = state.shading.clip_planes[0]
         if handle.name == "plane-shift":
             there = np.asarray(plane.point_mm) + 5.0 * np.asarray(plane.normal)
@@ -137,7 +136,7 @@ def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state: ViewSt
     for view in VIEWS:
         facing = done(BY_KEY["p"], replace(state, view=view))
         seen, volume = seen_of(facing), state.document.volume
-        shift, tilt = handles_at(facing.shading, volume, seen, Aids(), 1.0)
+        shift, tilt = handles_of(facing, seen, 1.0)
         assert math.dist(shift.place, tilt.place) > 20
         assert nearest_handle((shift, tilt), tilt.place, 1.0) is tilt
         to = shift.place[0], shift.place[1] - 30
@@ -226,18 +225,18 @@ def test_a_face_is_named_by_where_it_looks() -> None:
     assert [overlays.cube_label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
 
 
-def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(document: Document) -> None:
-    volume, view = document.volume, View(20.0, 10.0)
-    rolled = view.rolled(90.0)
-    right, up, forward = view.camera(volume).frame()
-    turned = rolled.camera(volume).frame()
+def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(state: ViewState) -> None:
+    volume, upright = state.document.volume, replace(state, view=View(20.0, 10.0))
+    rolled = camera.roll(upright, 90.0)
+    right, up, forward = upright.view.camera(volume).frame()
+    turned = rolled.view.camera(volume).frame()
     # What was on top is at the right now.
     np.testing.assert_allclose(turned, [up, -right, forward], atol=1e-12)
-    down, across = rolled.orbited(0.0, 0.1), view.orbited(0.1, 0.0)
+    down, across = camera.orbit(rolled, 0.0, 0.1).view, camera.orbit(upright, 0.1, 0.0).view
     assert (down.azimuth_deg, down.elevation_deg) == pytest.approx(
         (across.azimuth_deg, across.elevation_deg)
     )
-    assert view.rolled(270.0).roll_deg == -90.0
+    assert camera.roll(upright, 270.0).view.roll_deg == -90.0
 
 
 def test_the_field_of_view_changes_and_the_volume_keeps_its_size(state: ViewState) -> None:
@@ -290,7 +289,7 @@ def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str
             odd = edit(done(BY_KEY["p"], odd), *given)
         odd.shading.kept(volume)
         seen = seen_of(odd)
-        found = handles_at(odd.shading, volume, seen, Aids(crop=True), 1.0)
+        found = handles_of(cuts.with_aids(odd, crop=True), seen, 1.0)
         assert np.isfinite([each.place for each in found]).all()
         assert len(cuts.box_edges(cuts.crop_of(odd.shading, volume), volume, seen)) == 12
 

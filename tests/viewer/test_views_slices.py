@@ -26,7 +26,6 @@ from volspec.viewer.model.slices import (
     direction_letters,
     edge_letters,
     layout_of,
-    shares_pointed_at,
     slice_values,
     with_slices,
 )
@@ -113,7 +112,7 @@ def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
     assert slices.crossing_place(volume, layout, moved.interface.slices) == pytest.approx(
         (0.25, 0.9)
     )
-    assert shares_pointed_at(volume, layout, moved.interface.slices, 0.25, 0.9) == pytest.approx(at)
+    assert slices.point_at(moved, 0, 0.25, 0.9).interface.slices.at == pytest.approx(at)
     assert crossing_text(moved).startswith("244  at  -4.0  4.0  4.0")
 
 

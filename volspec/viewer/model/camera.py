@@ -1,119 +1,106 @@
 """Edits and commands of the view: orbit, pan, zoom, roll, sides, and a view that fits.
 
-    mouse, keys -> [camera_edits] -> View
+    mouse, keys -> [camera] -> View
 
-A fitted view shows what the transfer function leaves visible, and no more of the volume. Every n-th
-voxel will do for that: what is missed between them is a part of a percent of the picture.
+A fitted view shows what the transfer function leaves visible, and no more of the volume.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast import RaycastSpec
 from volspec.transfer import SurfaceTable, Transfer
-from volspec.viewer.model.cuts import crop_of, toggle_aid, world_mm
+from volspec.viewer.model.cuts import aid_command, bind, crop_of, world_mm
 from volspec.viewer.model.edit import Change, Command, edit
+from volspec.viewer.model.projection import face_normal
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import TURN_DEG, View, radius_mm, vector, zoom_within
+from volspec.viewer.model.view import ZOOMS, View, clamp, orbit_deg, radius_mm, vector
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
-# Voxels along each axis that are looked at.
+# Voxels sampled along each axis: what lies between them is a part of a percent of the picture.
 _MOST = 64
-# Of the greatest opacity: what is below it is haze.
+# Below this fraction of the greatest opacity is haze.
 _HAZE = 0.02
-# Of the picture's sides, for what is seen.
-FILLS = 0.85
-_ROUNDS = 4
+# Fraction of the picture's sides that a fitted view fills.
+_FILLS = 0.85
+_ITERATIONS = 4
 
 
 def fitted(
     view: View, volume: Volume, transfer: Transfer, shading: RaycastSpec, aspect: float
 ) -> View:
-    """A view from the same side that what is shown fills.
+    """Return a view from the same side that the visible part of the volume fills.
 
     Parameters
     ----------
-    view : View
-    volume, transfer, shading
-        What is shown, and what is cut away of it.
     aspect : float
         Width of the picture by its height.
     """
-    camera = view.camera(volume)
-    right, up, forward = camera.frame()
-    axes = np.stack([right, up, forward])
+    axes = np.stack(view.camera(volume).frame())
     points = shown_mm(volume, transfer, shading) @ axes.T
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     x, y, z = (points - middle).T
-    tall = FILLS * math.tan(math.radians(view.fov_deg) / 2)
+    tall = _FILLS * math.tan(math.radians(view.fov_deg) / 2)
     wide = tall * aspect
     if view.orthographic:
-        height = max(2 * float(y.max()), 2 * float(x.max()) / aspect) / FILLS
+        height = max(2 * float(y.max()), 2 * float(x.max()) / aspect) / _FILLS
         zoom = 2 * radius_mm(volume) / max(height, 1e-12)
-        return replace(view, zoom=zoom_within(zoom), target_mm=vector(middle @ axes))
+        return replace(view, zoom=clamp(zoom, *ZOOMS), target_mm=vector(middle @ axes))
     distance = max(_spanned(x, z, wide)[0], _spanned(y, z, tall)[0], 1e-12)
     shift = [_centred(along, z, distance, slope) for along, slope in ((x, wide), (y, tall))]
     sine = math.sin(math.radians(view.fov_deg) / 2)
-    zoom = zoom_within(radius_mm(volume) / (distance * sine))
+    zoom = clamp(radius_mm(volume) / (distance * sine), *ZOOMS)
     return replace(view, zoom=zoom, target_mm=vector((middle + [*shift, 0.0]) @ axes))
 
 
 def _spanned(along: Array, depth: Array, slope: float) -> tuple[float, float]:
-    """How far off points are seen within ± a slope, and the place that is then in the middle."""
+    """Return the distance at which points lie within ± a slope, and the place then centred."""
     high, low = float((along - slope * depth).max()), float((-along - slope * depth).max())
     return (high + low) / (2 * slope), (high - low) / 2
 
 
 def _centred(along: Array, depth: Array, distance: float, slope: float) -> float:
-    """The place that stands in the middle of what is seen from a distance."""
+    """Return the place that centres the points as seen from a distance."""
     place = 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         nearest, place = _spanned(along, depth, slope)
-        # Seen from further off than need be, it reaches less far.
+        # From further away than necessary, the points span a smaller slope.
         slope *= max(nearest / distance, 1e-3)
     return place
 
 
-def _thinned(volume: Volume) -> tuple[NDArray[Any], tuple[int, int, int]]:
-    """(z, y, x) every n-th voxel, and n along each axis."""
-    k, j, i = (-(-size // _MOST) for size in volume.values.shape)
-    return np.ascontiguousarray(volume.values[::k, ::j, ::i]), (k, j, i)
-
-
 def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
-    """(N, 3) places around what is shown; the volume's corners where nothing is."""
-    values, every = _thinned(volume)
-    visible = _seen(values, volume, transfer)
-    (x, y, z), (nk, nj, ni) = crop_of(shading, volume), values.shape
-    for axis, (bounds, count) in enumerate(((z, nk), (y, nj), (x, ni))):
-        at = np.arange(count) * every[axis]
-        outside = (at < bounds[0] - 1) | (at > bounds[1] + 1)
-        visible[(slice(None),) * axis + (outside,)] = False
+    """(N, 3) points around what is visible; the volume's corners if nothing is."""
+    steps = [-(-size // _MOST) for size in volume.values.shape]
+    k, j, i = steps
+    values = np.ascontiguousarray(volume.values[::k, ::j, ::i])
+    visible = _visible(values, volume, transfer)
+    crop = crop_of(shading, volume)
+    for axis, (low, high) in enumerate(reversed(crop)):
+        at = np.arange(values.shape[axis]) * steps[axis]
+        visible[(slice(None),) * axis + ((at < low - 1) | (at > high + 1),)] = False
     rows = visible.any(axis=2)
-    first, last = visible.argmax(axis=2)[rows], ni - 1 - visible[..., ::-1].argmax(axis=2)[rows]
-    k, j = np.nonzero(rows)
-    places = np.concatenate([np.stack([at, j, k], axis=1) for at in (first, last)])
-    index = places * np.array(every[::-1], dtype=np.float64)
-    # What is seen may reach half way to the next voxel that was looked at.
+    first = visible.argmax(axis=2)[rows]
+    last = values.shape[2] - 1 - visible[..., ::-1].argmax(axis=2)[rows]
+    k_rows, j_rows = np.nonzero(rows)
+    places = np.concatenate([np.stack([at, j_rows, k_rows], axis=1) for at in (first, last)])
+    # What is visible may reach half way to the next sampled voxel.
     halves = np.array(list(np.ndindex(2, 2, 2))) - 0.5
-    index = (index[:, None] + halves * every[::-1]).reshape(-1, 3)
-    lows, highs = (np.array([pair[end] for pair in (x, y, z)]) for end in (0, 1))
-    points = world_mm(volume, np.clip(index, lows, highs))
+    index = ((places[:, None] + halves) * [i, j, k]).reshape(-1, 3)
+    points = world_mm(volume, np.clip(index, *np.transpose(crop)))
     for plane in shading.clip_planes:
         points = points[(points - plane.point_mm) @ np.asarray(plane.normal) >= 0]
     return points if len(points) else volume.corners_mm
 
 
-def _seen(values: NDArray[Any], volume: Volume, transfer: Transfer) -> NDArray[np.bool_]:
-    """(z, y, x) whether each voxel is shown, or a surface passes beside it."""
+def _visible(values: NDArray[np.generic], volume: Volume, transfer: Transfer) -> NDArray[np.bool_]:
+    """(z, y, x) True if a voxel is visible, or a surface passes next to it."""
     table = transfer.bake(min(volume.spacing_mm))
     if isinstance(table, SurfaceTable):
         layer = np.searchsorted(np.sort(table.values), values)
@@ -134,78 +121,102 @@ def _seen(values: NDArray[Any], volume: Volume, transfer: Transfer) -> NDArray[n
     return shown[np.clip(at, 0, len(shown) - 1).astype(np.int32)]
 
 
-# Of one notch of the wheel, as a share of the picture's height, and in degrees of a roll.
-WHEEL, ROLL_DEG = 0.06, 5.0
-# Of one press of a key.
-STEP_DEG, STEP = 15.0, 0.05
-# Notches.
-WIDER = 3.0
+# A drag over the picture's height turns by this many degrees,
+_TURN_DEG = 180.0
+# and multiplies the zoom by e to this.
+_ZOOM_RATE = 2.0
+# A notch of the wheel zooms as a drag over this share of the picture's height, rolls by these
+# degrees, or multiplies the field of view by e to this.
+_NOTCH, _NOTCH_DEG, _NOTCH_FOV = 0.06, 5.0, 0.06
+# A key turns by these degrees, pans by this share of the picture's height, or changes the field of
+# view by so many notches.
+_KEY_DEG, _KEY_PAN, _KEY_FOV = 15.0, 0.05, 3.0
+_FOVS_DEG = (5.0, 120.0)
+_POLE_DEG = 89.9
+# A target may be panned this many radii from the volume's centre.
+_FURTHEST = 4.0
 
 
 @edit
 def orbit(state: ViewState, across: float, down: float) -> ViewState:
     """Turn the view by a drag, in shares of the picture's height."""
-    return replace(state, view=state.view.orbited(across, down))
+    view = state.view
+    # A rolled picture follows the mouse as well.
+    roll = math.radians(view.roll_deg)
+    right = math.cos(roll) * across + math.sin(roll) * down
+    down = math.cos(roll) * down - math.sin(roll) * across
+    azimuth = math.remainder(view.azimuth_deg - _TURN_DEG * right, 360.0)
+    elevation = clamp(view.elevation_deg + _TURN_DEG * down, -90.0, 90.0)
+    return replace(state, view=replace(view, azimuth_deg=azimuth, elevation_deg=elevation))
 
 
 @edit
 def pan(state: ViewState, across: float, down: float) -> ViewState:
     """Move the view by a drag, in shares of the picture's height."""
-    return replace(state, view=state.view.panned(across, down, state.document.volume))
+    volume = state.document.volume
+    camera = state.view.camera(volume)
+    right, up, _ = camera.frame()
+    half = camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
+    tall = camera.height_mm or 2 * half
+    centre = volume.corners_mm.mean(axis=0)
+    far = np.asarray(camera.target_mm) + tall * (down * up - across * right) - centre
+    most = _FURTHEST * radius_mm(volume)
+    far *= min(1.0, most / max(float(np.linalg.norm(far)), 1e-12))
+    return replace(state, view=replace(state.view, target_mm=vector(centre + far)))
 
 
 @edit
 def zoom(state: ViewState, _across: float, down: float) -> ViewState:
     """Zoom by a drag, in shares of the picture's height."""
-    return replace(state, view=state.view.zoomed(-down))
+    factor = math.exp(clamp(-_ZOOM_RATE * down, -10.0, 10.0))
+    return replace(state, view=replace(state.view, zoom=clamp(state.view.zoom * factor, *ZOOMS)))
 
 
 @edit
 def roll(state: ViewState, degrees: float) -> ViewState:
     """Roll the view clockwise."""
-    return replace(state, view=state.view.rolled(degrees))
+    roll_deg = math.remainder(state.view.roll_deg + degrees, 360.0)
+    return replace(state, view=replace(state.view, roll_deg=roll_deg))
 
 
 @edit
 def zoom_notches(state: ViewState, notches: float) -> ViewState:
     """Zoom by notches of the wheel."""
-    return replace(state, view=state.view.zoomed(WHEEL * notches))
+    return zoom(state, 0.0, -_NOTCH * notches)
 
 
 @edit
 def roll_notches(state: ViewState, notches: float) -> ViewState:
     """Roll the view by notches of the wheel."""
-    return replace(state, view=state.view.rolled(ROLL_DEG * notches))
+    return roll(state, _NOTCH_DEG * notches)
 
 
 @edit
 def widen_notches(state: ViewState, notches: float) -> ViewState:
-    """Widen the field of view by notches of the wheel."""
-    return replace(state, view=state.view.widened(-notches))
+    """Narrow the field of view by notches of the wheel, or widen it by negative ones."""
+    factor = math.exp(clamp(-_NOTCH_FOV * notches, -5.0, 5.0))
+    fov_deg = clamp(state.view.fov_deg * factor, *_FOVS_DEG)
+    return replace(state, view=replace(state.view, fov_deg=fov_deg))
 
 
 @edit
 def look_at_face(state: ViewState, face: int) -> ViewState:
-    """Look from where a face of the orientation cube looks."""
+    """Look at the target from the direction of a face of the orientation cube."""
     if not 0 <= face < 6:
         return state
-    axis, far = divmod(face, 2)
-    direction = [0.0, 0.0, 0.0]
-    direction[axis] = 1.0 if far else -1.0
-    x, y, z = direction
-    return replace(state, view=state.view.looking_from((x, y, z)))
+    azimuth, elevation = orbit_deg(face_normal(face), state.view.up)
+    # Straight from above or below any azimuth will do: the front stays at the bottom.
+    azimuth = 0.0 if abs(elevation) > _POLE_DEG else azimuth
+    return _look_from(state, azimuth, elevation)
 
 
-def _after(change: Callable[..., ViewState], *given: float) -> Change:
-    return lambda state: change(state, *given)
+def _look_from(state: ViewState, azimuth_deg: float, elevation_deg: float) -> ViewState:
+    view = replace(state.view, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, roll_deg=0.0)
+    return replace(state, view=view)
 
 
-def _turned(right_deg: float, down_deg: float) -> Change:
-    return _after(orbit, right_deg / TURN_DEG, down_deg / TURN_DEG)
-
-
-def _from_side(side: str) -> Change:
-    return lambda state: replace(state, view=state.view.from_side(side))
+def _turn(right_deg: float, down_deg: float) -> Change:
+    return bind(orbit, right_deg / _TURN_DEG, down_deg / _TURN_DEG)
 
 
 def _projection(state: ViewState) -> ViewState:
@@ -218,58 +229,52 @@ def _reset(state: ViewState) -> ViewState:
 
 def _fit(state: ViewState) -> ViewState:
     width, height = (max(side, 1) for side in state.size)
-    what = state.document.volume, state.transfer, state.shading
-    return replace(state, view=fitted(state.view, *what, width / height))
+    volume = state.document.volume
+    view = fitted(state.view, volume, state.transfer, state.shading, width / height)
+    return replace(state, view=view)
 
 
-# F3D's keys, and with Ctrl from the other side.
+# Name, title, F3D's key, with Ctrl for the other side; azimuth and elevation in degrees.
 _SIDES = (
-    ("front", "Front", "1"),
-    ("right", "Right", "3"),
-    ("top", "Top", "7"),
-    ("isometric", "Isometric", "9"),
-    ("back", "Back", "ctrl+1"),
-    ("left", "Left", "ctrl+3"),
-    ("bottom", "Bottom", "ctrl+7"),
+    ("front", "Front", "1", 0.0, 0.0),
+    ("right", "Right", "3", 90.0, 0.0),
+    ("top", "Top", "7", 0.0, 90.0),
+    ("isometric", "Isometric", "9", 45.0, 35.264),
+    ("back", "Back", "ctrl+1", 180.0, 0.0),
+    ("left", "Left", "ctrl+3", -90.0, 0.0),
+    ("bottom", "Bottom", "ctrl+7", 0.0, -90.0),
 )
-
-# Keys alone: a menu would only grow long.
-_STEPS = (
-    Command("orbit-left", "", "Orbit to the left", ("left",), _turned(STEP_DEG, 0.0)),
-    Command("orbit-right", "", "Orbit to the right", ("right",), _turned(-STEP_DEG, 0.0)),
-    Command("orbit-up", "", "Orbit upwards", ("up",), _turned(0.0, STEP_DEG)),
-    Command("orbit-down", "", "Orbit downwards", ("down",), _turned(0.0, -STEP_DEG)),
-    Command("pan-left", "", "Pan to the left", ("shift+left",), _after(pan, STEP, 0.0)),
-    Command("pan-right", "", "Pan to the right", ("shift+right",), _after(pan, -STEP, 0.0)),
-    Command("pan-up", "", "Pan upwards", ("shift+up",), _after(pan, 0.0, STEP)),
-    Command("pan-down", "", "Pan downwards", ("shift+down",), _after(pan, 0.0, -STEP)),
-    Command("zoom-in", "", "Zoom in", ("=", "+"), _after(zoom_notches, 1.0)),
-    Command("zoom-out", "", "Zoom out", ("-",), _after(zoom_notches, -1.0)),
-)
-
 COMMANDS = (
     *(
-        Command(f"view-{side}", "View", title, (key,), _from_side(side))
-        for side, title, key in _SIDES
+        Command(f"view-{side}", "View", title, (key,), bind(_look_from, azimuth_deg, elevation_deg))
+        for side, title, key, azimuth_deg, elevation_deg in _SIDES
     ),
     Command(
         "projection", "View", "Orthographic", ("5",), _projection, lambda s: s.view.orthographic
     ),
     Command("fit", "View", "Fit what is shown", ("f",), _fit),
     Command("reset-view", "View", "The scene's own view", ("enter",), _reset),
-    Command("roll-left", "View", "Roll 90° to the left", ("4",), _after(roll, -90.0)),
-    Command("roll-right", "View", "Roll 90° to the right", ("6",), _after(roll, 90.0)),
-    Command("turn-up", "View", "Turn 90° upwards", ("8",), _turned(0.0, 90.0)),
-    Command("turn-down", "View", "Turn 90° downwards", ("2",), _turned(0.0, -90.0)),
-    Command("fov-wider", "View", "Wider field of view", ("ctrl+-",), _after(widen_notches, -WIDER)),
+    Command("roll-left", "View", "Roll 90° to the left", ("4",), bind(roll, -90.0)),
+    Command("roll-right", "View", "Roll 90° to the right", ("6",), bind(roll, 90.0)),
+    Command("turn-up", "View", "Turn 90° upwards", ("8",), _turn(0.0, 90.0)),
+    Command("turn-down", "View", "Turn 90° downwards", ("2",), _turn(0.0, -90.0)),
     Command(
-        "fov-narrower", "View", "Narrower field of view", ("ctrl+=",), _after(widen_notches, WIDER)
+        "fov-wider", "View", "Wider field of view", ("ctrl+-",), bind(widen_notches, -_KEY_FOV)
     ),
     Command(
-        "cube", "View", "Orientation cube", (), toggle_aid("cube"), lambda s: s.interface.aids.cube
+        "fov-narrower", "View", "Narrower field of view", ("ctrl+=",), bind(widen_notches, _KEY_FOV)
     ),
-    Command(
-        "scale", "View", "Scale bar", (), toggle_aid("scale"), lambda s: s.interface.aids.scale
-    ),
-    *_STEPS,
+    aid_command("cube", "View", "Orientation cube"),
+    aid_command("scale", "View", "Scale bar"),
+    # In no menu, as it would only grow long.
+    Command("orbit-left", "", "Orbit to the left", ("left",), _turn(_KEY_DEG, 0.0)),
+    Command("orbit-right", "", "Orbit to the right", ("right",), _turn(-_KEY_DEG, 0.0)),
+    Command("orbit-up", "", "Orbit upwards", ("up",), _turn(0.0, _KEY_DEG)),
+    Command("orbit-down", "", "Orbit downwards", ("down",), _turn(0.0, -_KEY_DEG)),
+    Command("pan-left", "", "Pan to the left", ("shift+left",), bind(pan, _KEY_PAN, 0.0)),
+    Command("pan-right", "", "Pan to the right", ("shift+right",), bind(pan, -_KEY_PAN, 0.0)),
+    Command("pan-up", "", "Pan upwards", ("shift+up",), bind(pan, 0.0, _KEY_PAN)),
+    Command("pan-down", "", "Pan downwards", ("shift+down",), bind(pan, 0.0, -_KEY_PAN)),
+    Command("zoom-in", "", "Zoom in", ("=", "+"), bind(zoom_notches, 1.0)),
+    Command("zoom-out", "", "Zoom out", ("-",), bind(zoom_notches, -1.0)),
 )

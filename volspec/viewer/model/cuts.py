@@ -18,22 +18,22 @@ from numpy.typing import NDArray
 from volspec.errors import InputError
 from volspec.raycast import ClipPlane, RaycastSpec
 from volspec.raycast.spec import MAX_PLANES, Bounds
-from volspec.viewer.model.edit import Change, Command, edit, refusable
+from volspec.viewer.model.edit import Change, Command, Edited, edit, refusable
 from volspec.viewer.model.projection import Place, Projection
-from volspec.viewer.model.state import Aids, ViewState
-from volspec.viewer.model.view import Vector, radius_mm, vector
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import Vector, clamp, radius_mm, vector
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
 Crop = tuple[Bounds, Bounds, Bounds]
-# Planes that lie together to this share of the volume's radius cut alike.
+# Planes nearer to each other than this fraction of the volume's radius are the same.
 _SAME = 1e-3
 # Voxels that a crop leaves at least along each axis.
 LEAST = 1.0
 
 
 def crop_of(shading: RaycastSpec, volume: Volume) -> Crop:
-    """What stays along each axis, in voxels, also where nothing is cropped."""
+    """Return the crop's bounds along each axis, in voxels; the whole volume if there is none."""
     last = np.array(volume.shape_xyz) - 1.0
     given = shading.crop_voxels or tuple((0.0, float(end)) for end in last)
     # A scene's crop may reach beyond the volume, or miss it.
@@ -43,26 +43,8 @@ def crop_of(shading: RaycastSpec, volume: Volume) -> Crop:
     return x, y, z
 
 
-def with_crop_face(shading: RaycastSpec, volume: Volume, face: int, at: float) -> RaycastSpec:
-    """One face of the crop elsewhere; a voxel is left, and a whole volume is no crop."""
-    if not 0 <= face < 6:
-        return shading
-    axis, far = divmod(face, 2)
-    crop = list(crop_of(shading, volume))
-    low, high = crop[axis]
-    last = volume.shape_xyz[axis] - 1.0
-    if far:
-        high = min(max(at, low + LEAST), last)
-    else:
-        low = min(max(at, 0.0), high - LEAST)
-    crop[axis] = low, high
-    whole = all(pair == (0.0, n - 1.0) for pair, n in zip(crop, volume.shape_xyz, strict=True))
-    x, y, z = crop
-    return replace(shading, crop_voxels=None if whole else (x, y, z))
-
-
 def world_mm(volume: Volume, index: Array) -> Array:
-    """(…, 3) voxel indices (x, y, z) as places in the world."""
+    """(…, 3) points in the world of voxel indices (x, y, z)."""
     return np.asarray(index @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3])
 
 
@@ -85,7 +67,7 @@ _EDGES = [
 def box_edges(
     crop: Crop, volume: Volume, projection: Projection
 ) -> list[tuple[Place, Place, bool]]:
-    """The box's edges in the window, and whether its own faces hide each."""
+    """Return the box's edges in the window, with True if the box itself hides them."""
     corners = box_corners_mm(crop, volume).reshape(8, 3)
     facing = _facing(crop, volume, projection)
     starts, ends = (corners[[edge[k] for edge in _EDGES]] for k in (0, 1))
@@ -98,96 +80,32 @@ def box_edges(
 
 
 def _facing(crop: Crop, volume: Volume, projection: Projection) -> NDArray[np.bool_]:
-    """(6,) whether each face is seen from outside: whether the eye is beyond it, in voxels."""
+    """(6,) True for each face that is seen from outside; compared in voxel coordinates."""
     camera, index_from_world = projection.camera, volume.index_from_world
     if camera.height_mm is None:
         eye = index_from_world[:3, :3] @ camera.position_mm + index_from_world[:3, 3]
-        return np.array(
-            [[eye[k] < low, eye[k] > high] for k, (low, high) in enumerate(crop)]
-        ).ravel()
+        sides = [[at < low, at > high] for at, (low, high) in zip(eye, crop, strict=True)]
+        return np.array(sides).ravel()
     towards = index_from_world[:3, :3] @ camera.frame()[2]
     return np.array([[along > 0, along < 0] for along in towards]).ravel()
 
 
 def anchor_mm(plane: ClipPlane, volume: Volume) -> Array:
-    """Where a plane is held: its own point, or where that is far off, one near the middle."""
-    centre = volume.corners_mm.mean(axis=0)
-    point, normal = np.asarray(plane.point_mm), np.asarray(plane.normal)
+    """Return the point of a plane for its handles: its own, or if that is far off, a nearer one."""
+    centre, point = volume.corners_mm.mean(axis=0), np.asarray(plane.point_mm)
     if np.linalg.norm(point - centre) <= radius_mm(volume):
         return point
-    return np.asarray(centre + normal * ((point - centre) @ normal))
+    return np.asarray(centre + distance_mm(plane, volume) * np.asarray(plane.normal))
 
 
 def distance_mm(plane: ClipPlane, volume: Volume) -> float:
-    """From the volume's middle to a plane, along its normal."""
+    """Return the distance from the volume's middle to a plane, along its normal."""
     centre = volume.corners_mm.mean(axis=0)
     return float((np.asarray(plane.point_mm) - centre) @ np.asarray(plane.normal))
 
 
-def with_plane(shading: RaycastSpec, volume: Volume, normal: Vector) -> RaycastSpec:
-    """Add a clip plane through the volume's middle.
-
-    Raises
-    ------
-    InputError
-        If there is one already, no room for another, or the normal is 0.
-    """
-    new = ClipPlane(vector(volume.corners_mm.mean(axis=0)), normal)
-    for plane in shading.clip_planes:
-        near = abs(distance_mm(plane, volume)) <= _SAME * radius_mm(volume)
-        if near and math.dist(plane.normal, new.normal) <= _SAME:
-            raise InputError("A clip plane lies here already; move that one first")
-    if len(shading.clip_planes) >= MAX_PLANES:
-        raise InputError(f"{MAX_PLANES} clip planes are the most; remove one first")
-    return replace(shading, clip_planes=(*shading.clip_planes, new))
-
-
-def with_clip_plane(shading: RaycastSpec, index: int, plane: ClipPlane | None) -> RaycastSpec:
-    """One plane replaced, or removed; all as they are where there is no such plane."""
-    planes = shading.clip_planes
-    if not 0 <= index < len(planes):
-        return shading
-    new = () if plane is None else (plane,)
-    return replace(shading, clip_planes=(*planes[:index], *new, *planes[index + 1 :]))
-
-
-def with_plane_distance(
-    shading: RaycastSpec, volume: Volume, index: int, distance: float
-) -> RaycastSpec:
-    """A plane at another distance from the volume's middle, within what it can cut."""
-    if not 0 <= index < len(shading.clip_planes):
-        return shading
-    plane = shading.clip_planes[index]
-    reach = radius_mm(volume)
-    by = min(max(distance, -reach), reach) - distance_mm(plane, volume)
-    point = anchor_mm(plane, volume) + by * np.asarray(plane.normal)
-    return with_clip_plane(shading, index, replace(plane, point_mm=vector(point)))
-
-
-def with_plane_normal(
-    shading: RaycastSpec, volume: Volume, index: int, azimuth_deg: float, elevation_deg: float
-) -> RaycastSpec:
-    """A plane turned about where it is held; angles of its normal about the world's axes."""
-    if not 0 <= index < len(shading.clip_planes):
-        return shading
-    plane = shading.clip_planes[index]
-    azimuth, elevation = math.radians(math.fmod(azimuth_deg, 360.0)), math.radians(elevation_deg)
-    flat = math.cos(elevation)
-    normal = flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)
-    return with_clip_plane(shading, index, ClipPlane(vector(anchor_mm(plane, volume)), normal))
-
-
-def with_plane_flipped(shading: RaycastSpec, index: int) -> RaycastSpec:
-    """The other side of a plane stays."""
-    if not 0 <= index < len(shading.clip_planes):
-        return shading
-    plane = shading.clip_planes[index]
-    x, y, z = plane.normal
-    return with_clip_plane(shading, index, replace(plane, normal=(-x, -y, -z)))
-
-
 def outline_mm(point: Array, normal: Array, corners: Array) -> Array:
-    """(N, 3) the polygon that a plane cuts out of a box; empty where it misses."""
+    """(N, 3) corners of the polygon in which a plane cuts a box; empty if it does not."""
     flat = corners.reshape(8, 3)
     heights = (flat - point) @ normal
     cuts = []
@@ -204,13 +122,14 @@ def outline_mm(point: Array, normal: Array, corners: Array) -> Array:
     return np.asarray(ring[order])
 
 
-# From a plane's middle to the handle that tilts it, and what keeps the two apart; pixels at 96 dpi.
-ARM, APART = 64.0, 26.0
+# Pixels at 96 dpi: from a plane's middle to the handle that tilts it, the least distance between
+# the two, and how near to a handle the mouse grips it.
+ARM, APART, _GRIP = 64.0, 26.0, 11.0
 
 
 @dataclass(frozen=True, slots=True)
 class Handle:
-    """Something in the picture that can be dragged.
+    """A handle in the picture.
 
     Parameters
     ----------
@@ -219,11 +138,11 @@ class Handle:
     index : int
         Of the face (2 · axis, + 1 at the far end) or the plane.
     place : (x, y)
-        Where it is drawn.
+        Where it is drawn in the window.
     held : (x, y)
-        Where what it moves is seen; the same but where handles would cover one another.
+        Projection of what it moves; differs from ``place`` if handles would overlap.
     arm : float
-        Of one that tilts: pixels from the plane's middle to the end of its axis.
+        Pixels from the plane's middle to the end of its axis, for ``plane-tilt``.
     """
 
     name: str
@@ -233,20 +152,17 @@ class Handle:
     arm: float = 0.0
 
 
-def handles_at(
-    shading: RaycastSpec, volume: Volume, projection: Projection, aids: Aids, scale: float
-) -> tuple[Handle, ...]:
-    """What can be dragged in the picture; nothing that stands behind the camera.
+def handles_of(state: ViewState, projection: Projection, scale: float) -> tuple[Handle, ...]:
+    """Return the handles of the crop box and the clip planes in front of the camera.
+
+    Only the chosen plane can be tilted, and its handles come first.
 
     Parameters
     ----------
-    shading, volume : RaycastSpec, Volume
-    projection : Projection
-    aids : Aids
-        Which are shown; only the plane that stands out can be tilted, and it comes first.
     scale : float
         Pixels of the window for each at 96 dpi.
     """
+    aids, shading, volume = state.interface.aids, state.shading, state.document.volume
     found: list[Handle] = []
     if aids.planes:
         for i, plane in enumerate(shading.clip_planes):
@@ -255,28 +171,27 @@ def handles_at(
     if aids.crop:
         bounds = crop_of(shading, volume)
         for face in range(6):
-            x, y, depth = projection.placed(_face_mm(bounds, face, volume))
+            x, y, depth = (float(v) for v in projection.placed(_face_mm(bounds, face, volume)))
             if depth > 0:
-                found.append(Handle("crop", face, (float(x), float(y)), (float(x), float(y))))
+                found.append(Handle("crop", face, (x, y), (x, y)))
     return tuple(found)
 
 
 def drag_handle(
     shading: RaycastSpec, volume: Volume, handle: Handle, place: Place, projection: Projection
 ) -> tuple[float, float]:
-    """Place a handle so that what it moves is seen at a place.
+    """Return the numbers for `move_handle` at which a handle is seen at a place of the window.
 
     Parameters
     ----------
-    shading : RaycastSpec
-        As it was when the handle was taken hold of.
-    volume, handle, place, projection
+    shading, handle
+        At the start of the drag.
 
     Returns
     -------
     (x, y)
-        Of a face its voxel; of a plane that is shifted its distance from the volume's middle
-        in mm; of one that is tilted the azimuth and elevation of its normal in degrees.
+        ``crop``: voxel of the face. ``plane-shift``: distance from the volume's middle, mm.
+        ``plane-tilt``: azimuth and elevation of the normal, degrees.
     """
     if handle.name == "crop":
         bounds = crop_of(shading, volume)
@@ -292,17 +207,17 @@ def drag_handle(
     middle = projection.placed(anchor)
     x, y = (place[k] - float(middle[k]) for k in (0, 1))
     right, up, forward = projection.camera.frame()
-    # On a ball around the plane's middle; the end of its axis that faces the eye follows.
+    # An arcball around the plane's middle; the end of its axis that faces the eye follows.
     near = -math.copysign(1.0, float(normal @ forward))
     flat = math.hypot(x, y) / handle.arm
     depth = math.sqrt(max(1.0 - flat * flat, 0.0))
     tip = near * ((x * right - y * up) / (handle.arm * max(flat, 1.0)) - depth * forward)
     azimuth = math.degrees(math.atan2(float(tip[1]), float(tip[0])))
-    return azimuth, math.degrees(math.asin(min(max(float(tip[2]), -1.0), 1.0)))
+    return azimuth, math.degrees(math.asin(clamp(float(tip[2]), -1.0, 1.0)))
 
 
 def _face_mm(crop: Crop, face: int, volume: Volume) -> Array:
-    """The middle of one of the box's faces."""
+    """(3,) middle of a face of the box."""
     axis, far = divmod(face, 2)
     middle = np.array([(low + high) / 2 for low, high in crop])
     middle[axis] = crop[axis][far]
@@ -312,7 +227,7 @@ def _face_mm(crop: Crop, face: int, volume: Volume) -> Array:
 def _plane_handles(
     index: int, plane: ClipPlane, volume: Volume, projection: Projection, scale: float
 ) -> list[Handle]:
-    """One in its middle to shift it, one at the end of its axis that faces the eye to tilt it."""
+    """Return a handle at its middle to shift it, and one at the end of its axis to tilt it."""
     x, y, depth = (float(v) for v in projection.placed(anchor_mm(plane, volume)))
     if depth <= 0:
         return []
@@ -326,63 +241,85 @@ def _plane_handles(
     return [shift, Handle("plane-tilt", index, drawn, tip, arm)]
 
 
-# So near the mouse takes hold of a handle; pixels at 96 dpi.
-_GRIP = 11.0
-
-
-def handles_of(state: ViewState, projection: Projection, scale: float) -> tuple[Handle, ...]:
-    """Those in the picture; ``scale`` as `volspec.viewer.model.cuts.handles`."""
-    aids, shading = state.interface.aids, state.shading
-    if not (aids.crop or (aids.planes and shading.clip_planes)):
-        return ()
-    return handles_at(shading, state.document.volume, projection, aids, scale)
-
-
 def nearest_handle(found: tuple[Handle, ...], place: Place, scale: float) -> Handle | None:
-    """The handle that a press at a place of the window takes hold of."""
+    """Return the handle that a press at a place of the window grips."""
     handle = min(found, key=lambda each: math.dist(each.place, place), default=None)
     if handle is None or math.dist(handle.place, place) > _GRIP * scale:
         return None
     return handle
 
 
-# Beyond this no volume reaches, and float64 keeps its digits.
-_MOST = 1e9
-
-
 @edit
 def move_crop(state: ViewState, face: int, at: float) -> ViewState:
-    """Move a face of the crop box, in voxels."""
-    at = min(max(at, -_MOST), _MOST)
-    volume = state.document.volume
-    return replace(state, shading=with_crop_face(state.shading, volume, face, at))
+    """Move a face of the crop box to a voxel; a crop of the whole volume is none."""
+    if not 0 <= face < 6:
+        return state
+    volume, (axis, far) = state.document.volume, divmod(face, 2)
+    crop = list(crop_of(state.shading, volume))
+    low, high = crop[axis]
+    last = volume.shape_xyz[axis] - 1.0
+    crop[axis] = (
+        (low, clamp(at, low + LEAST, last)) if far else (clamp(at, 0.0, high - LEAST), high)
+    )
+    whole = all(pair == (0.0, n - 1.0) for pair, n in zip(crop, volume.shape_xyz, strict=True))
+    x, y, z = crop
+    return _with_cuts(state, crop_voxels=None if whole else (x, y, z))
+
+
+@refusable
+def add_plane(state: ViewState, normal: Vector) -> ViewState:
+    """Add a clip plane through the volume's middle, and choose it."""
+    volume, planes = state.document.volume, state.shading.clip_planes
+    new = ClipPlane(vector(volume.corners_mm.mean(axis=0)), normal)
+    for plane in planes:
+        near = abs(distance_mm(plane, volume)) <= _SAME * radius_mm(volume)
+        if near and math.dist(plane.normal, new.normal) <= _SAME:
+            raise InputError("A clip plane lies here already; move that one first")
+    if len(planes) >= MAX_PLANES:
+        raise InputError(f"{MAX_PLANES} clip planes are the most; remove one first")
+    chosen = with_aids(state, plane=len(planes), planes=True)
+    return _with_cuts(chosen, clip_planes=(*planes, new))
 
 
 @edit
 def shift_plane(state: ViewState, index: int, mm: float) -> ViewState:
-    """Move a clip plane along its normal."""
+    """Move a clip plane along its normal to a distance from the volume's middle."""
     volume = state.document.volume
-    return replace(state, shading=with_plane_distance(state.shading, volume, index, mm))
+
+    def change(plane: ClipPlane) -> ClipPlane:
+        reach = radius_mm(volume)
+        by = clamp(mm, -reach, reach) - distance_mm(plane, volume)
+        point = anchor_mm(plane, volume) + by * np.asarray(plane.normal)
+        return replace(plane, point_mm=vector(point))
+
+    return _with_plane(state, index, change)
 
 
 @edit
 def tilt_plane(state: ViewState, index: int, azimuth: float, elevation: float) -> ViewState:
-    """Turn a clip plane's normal to a direction, in degrees."""
-    volume, elevation = state.document.volume, min(max(elevation, -90.0), 90.0)
-    shading = with_plane_normal(state.shading, volume, index, azimuth, elevation)
-    return replace(state, shading=shading)
+    """Turn a clip plane's normal to a direction of the world, in degrees."""
+    around = math.radians(math.fmod(azimuth, 360.0))
+    upwards = math.radians(clamp(elevation, -90.0, 90.0))
+    flat = math.cos(upwards)
+    normal = flat * math.cos(around), flat * math.sin(around), math.sin(upwards)
+    volume = state.document.volume
+    return _with_plane(
+        state, index, lambda plane: ClipPlane(vector(anchor_mm(plane, volume)), normal)
+    )
 
 
 @edit
 def flip_plane(state: ViewState, index: int) -> ViewState:
     """Cut away the other side of a plane."""
-    return replace(state, shading=with_plane_flipped(state.shading, index))
+    return _with_plane(
+        state, index, lambda plane: replace(plane, normal=vector(-np.asarray(plane.normal)))
+    )
 
 
 @edit
 def remove_plane(state: ViewState, index: int) -> ViewState:
     """Remove a clip plane."""
-    return replace(state, shading=with_clip_plane(state.shading, index, None))
+    return _with_plane(state, index, lambda _: None)
 
 
 @edit
@@ -394,7 +331,7 @@ def choose_plane(state: ViewState, index: int) -> ViewState:
 
 
 def move_handle(state: ViewState, handle: Handle, x: float, y: float) -> ViewState:
-    """Move what a handle holds to where `cuts.drag_handle` has it."""
+    """Apply a handle's edit; ``x`` and ``y`` as `drag_handle` returns them."""
     match handle.name:
         case "crop":
             return move_crop(state, handle.index, x)
@@ -404,68 +341,68 @@ def move_handle(state: ViewState, handle: Handle, x: float, y: float) -> ViewSta
             return tilt_plane(state, handle.index, x, y)
 
 
+def _with_cuts(state: ViewState, **changes: Any) -> ViewState:
+    return replace(state, shading=replace(state.shading, **changes))
+
+
+def _with_plane(
+    state: ViewState, index: int, change: Callable[[ClipPlane], ClipPlane | None]
+) -> ViewState:
+    """Replace a clip plane, or remove it if ``change`` returns None."""
+    planes = state.shading.clip_planes
+    if not 0 <= index < len(planes):
+        return state
+    new = change(planes[index])
+    rows = (*planes[:index], *([] if new is None else [new]), *planes[index + 1 :])
+    return _with_cuts(state, clip_planes=rows)
+
+
 def with_aids(state: ViewState, **changes: Any) -> ViewState:
-    """Other things over the picture."""
+    """Return the state with fields of its `Aids` changed."""
     aids = replace(state.interface.aids, **changes)
     return replace(state, interface=replace(state.interface, aids=aids))
 
 
-def toggle_aid(name: str) -> Change:
-    """Shows or hides something over the picture."""
-    return lambda state: with_aids(state, **{name: not getattr(state.interface.aids, name)})
+def aid_command(aid: str, menu: str, title: str, keys: tuple[str, ...] = ()) -> Command:
+    """Return the command that shows or hides one of the `Aids`."""
+
+    def shown(state: ViewState) -> bool:
+        return bool(getattr(state.interface.aids, aid))
+
+    return Command(aid, menu, title, keys, lambda s: with_aids(s, **{aid: not shown(s)}), shown)
 
 
-@refusable
-def add_plane(state: ViewState, normal: Vector) -> ViewState:
-    """Add a clip plane through the volume's middle, and choose it."""
-    shading = with_plane(state.shading, state.document.volume, normal)
-    chosen = with_aids(state, plane=len(shading.clip_planes) - 1, planes=True)
-    return replace(chosen, shading=shading)
+def bind(change: Callable[..., ViewState | Edited], *given: Any, **named: Any) -> Change:
+    """Return an edit with all of its arguments but the state."""
+    return lambda state: change(state, *given, **named)
 
 
-def _normal_facing(state: ViewState) -> Vector:
-    """What is before the middle is cut away."""
-    return vector(state.view.camera(state.document.volume).frame()[2])
+def _add_facing(state: ViewState) -> Edited:
+    """Cut away what is between the eye and the volume's middle."""
+    return add_plane(state, vector(state.view.camera(state.document.volume).frame()[2]))
 
 
-def _along(axis: int) -> Callable[[ViewState], Vector]:
-    """Across an axis of the voxels, which are those of the slices."""
-    return lambda state: vector(state.document.volume.world_from_index[:3, axis])
+def _add_across(state: ViewState, axis: int) -> Edited:
+    """Add a plane across an axis of the voxels."""
+    return add_plane(state, vector(state.document.volume.world_from_index[:3, axis]))
 
 
-def _adding(
-    name: str, title: str, keys: tuple[str, ...], normal: Callable[[ViewState], Vector]
-) -> Command:
-    """A command that adds a plane with the normal that a state gives."""
-    return Command(name, "Cut", title, keys, lambda state: add_plane(state, normal(state)))
-
-
-def _uncropped(state: ViewState) -> ViewState:
-    return replace(state, shading=replace(state.shading, crop_voxels=None))
-
-
-def _planeless(state: ViewState) -> ViewState:
-    return replace(state, shading=replace(state.shading, clip_planes=()))
-
-
-def _of_chosen(change: Callable[[ViewState, int], ViewState]) -> Change:
-    """An edit of the plane that has handles."""
+def _on_chosen_plane(change: Callable[[ViewState, int], ViewState]) -> Change:
     return lambda state: change(state, state.interface.aids.plane)
 
 
 COMMANDS = (
-    Command("crop", "Cut", "Crop box", ("c",), toggle_aid("crop"), lambda s: s.interface.aids.crop),
-    Command("reset-crop", "Cut", "Undo the crop", ("ctrl+shift+x",), _uncropped),
-    _adding("plane-facing", "Add a clip plane facing you", ("p",), _normal_facing),
-    *(
-        _adding(f"plane-{axis}", f"Add a clip plane across {axis}", (), _along(i))
-        for i, axis in enumerate("xyz")
-    ),
-    Command("flip-plane", "Cut", "Flip the clip plane", (), _of_chosen(flip_plane)),
-    Command("remove-plane", "Cut", "Remove the clip plane", (), _of_chosen(remove_plane)),
-    Command("remove-planes", "Cut", "Remove all clip planes", (), _planeless),
+    aid_command("crop", "Cut", "Crop box", ("c",)),
     Command(
-        *("planes", "Cut", "Clip planes' handles", (), toggle_aid("planes")),
-        lambda s: s.interface.aids.planes,
+        "reset-crop", "Cut", "Undo the crop", ("ctrl+shift+x",), bind(_with_cuts, crop_voxels=None)
     ),
+    Command("plane-facing", "Cut", "Add a clip plane facing you", ("p",), _add_facing),
+    *(
+        Command(f"plane-{name}", "Cut", f"Add a clip plane across {name}", (), bind(_add_across, i))
+        for i, name in enumerate("xyz")
+    ),
+    Command("flip-plane", "Cut", "Flip the clip plane", (), _on_chosen_plane(flip_plane)),
+    Command("remove-plane", "Cut", "Remove the clip plane", (), _on_chosen_plane(remove_plane)),
+    Command("remove-planes", "Cut", "Remove all clip planes", (), bind(_with_cuts, clip_planes=())),
+    aid_command("planes", "Cut", "Clip planes' handles"),
 )

@@ -1,9 +1,6 @@
-"""Places of the world in the window and back; the orientation cube.
+"""Projection of points in the world to the window and back; the orientation cube.
 
-    Camera -> [projection] -> handles, cube, scale bar
-
-A handle is dragged by absolute places: the window's place gives a place on the handle's line, so
-that what was taken hold of stays under the mouse.
+Camera -> [projection] -> handles, cube, scale bar
 """
 
 from __future__ import annotations
@@ -18,28 +15,21 @@ from volspec.raycast import Camera
 
 Place = tuple[float, float]
 Area = tuple[float, float, float, float]
-# As a share of the target's distance: what is nearer is not drawn.
+# As a fraction of the target's distance: what is nearer is not drawn.
 NEAR = 1e-3
-# Of a line's length: one that is seen shorter points at the eye.
+# A line that the projection shortens to this fraction points at the eye.
 _END_ON = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projection:
-    """Between the world and the window: where a camera's picture shows things.
-
-    Parameters
-    ----------
-    camera : Camera
-    area : (x, y, width, height)
-        Of the picture in the window.
-    """
+    """Projection by a camera whose picture covers an area (x, y, width, height) of the window."""
 
     camera: Camera
     area: Area
     # Millimetres in the plane through the target that a pixel of the window covers.
     mm_per_px: float = field(init=False)
-    # Columns right, down and before the target, as pixels and as a share of its distance.
+    # Columns: right and down in pixels, forward as a fraction of the target's distance.
     _window_from_world: NDArray[np.float64] = field(init=False)
     _middle: NDArray[np.float64] = field(init=False)
 
@@ -55,15 +45,15 @@ class Projection:
         object.__setattr__(self, "_middle", np.array([x + width / 2, y + height / 2]))
 
     def _homogeneous(self, offsets: NDArray[np.float64], place: float) -> NDArray[np.float64]:
-        """(…, 3) right, down and divisor of offsets from the target; ``place`` 0 of directions."""
+        """(…, 3) right, down and divisor of offsets from the target; ``place`` 0: of directions."""
         at = np.asarray(offsets @ self._window_from_world)
         at[..., 2] += place
         return at
 
     def placed(self, points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(…, 3) x and y in the window, and what stands before the camera above 0.
+        """(…, 3) x and y in the window, and depth, which is above 0 in front of the camera.
 
-        The third number is the depth as a share of the target's; 1 in orthographic pictures.
+        The depth is a fraction of the target's; 1 in orthographic pictures.
         """
         points = np.asarray(points_mm, dtype=np.float64)
         at = self._homogeneous(points - self.camera.target_mm, 1.0)
@@ -73,16 +63,13 @@ class Projection:
     def segments(
         self, starts_mm: NDArray[np.float64], ends_mm: NDArray[np.float64]
     ) -> list[tuple[Place, Place] | None]:
-        """The ends of (N, 3) lines in the window, cut where they pass the camera.
-
-        None stands for a line that is behind it.
-        """
+        """Return the ends of (N, 3) lines in the window, clipped at the camera; None behind it."""
         ends = np.stack([starts_mm, ends_mm], axis=1)
         depth = self._homogeneous(ends - self.camera.target_mm, 1.0)[..., 2]
         for i in np.nonzero((depth.min(axis=1) < NEAR) & (depth.max(axis=1) > NEAR))[0]:
             back = int(depth[i].argmin())
             share = (NEAR - depth[i, back]) / (depth[i, 1 - back] - depth[i, back])
-            # A little beyond, so that rounding leaves it in front.
+            # Slightly further, so that rounding leaves it in front.
             ends[i, back] += min(share * 1.001, 1.0) * (ends[i, 1 - back] - ends[i, back])
         in_front = depth.max(axis=1) > NEAR
         drawn = self.placed(ends)[..., :2].tolist()
@@ -92,17 +79,14 @@ class Projection:
         ]
 
     def along(
-        self,
-        anchor_mm: NDArray[np.float64],
-        direction: NDArray[np.float64],
-        place: Place,
+        self, anchor_mm: NDArray[np.float64], direction: NDArray[np.float64], place: Place
     ) -> float:
-        """How far along a line the point stands that is seen nearest to a place of the window.
+        """Return the point of a line that is seen nearest to a place of the window.
 
         Parameters
         ----------
         anchor_mm : (3,)
-            Of the line, before the camera.
+            A point of the line in front of the camera.
         direction : (3,)
             Unit vector.
         place : (x, y)
@@ -120,33 +104,42 @@ class Projection:
         slope = (change[:2] - start[:2] / depth * change[2]) / depth
         length = float(np.linalg.norm(slope))
         if length * self.mm_per_px < _END_ON:
-            # The line points at the eye: upwards is away from it.
+            # The line points at the eye: up in the window is away from it.
             return float(-wanted[1] * self.mm_per_px * depth)
         shift = float(wanted @ slope) / length
-        # The line's picture runs to a point that it never reaches.
+        # The projected line ends at its vanishing point, which it never reaches.
         divisor = length - shift * float(change[2]) / depth
         return shift / max(divisor, 0.05 * length)
 
 
-# Half an edge, and the middle's distance from the picture's corner; pixels at 96 dpi.
+# Half an edge of the cube, and its centre's distance from the picture's sides; pixels at 96 dpi.
 HALF, CORNER = 21.0, 48.0
 
 
-def cube_faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
-    """Those seen of a cube with edges of 2: number, (4, 2) corners right and down, how they face.
+def face_normal(face: int) -> NDArray[np.float64]:
+    """(3,) outer normal of a cube's face: 2 · axis against an axis of the world, + 1 along it."""
+    axis, far = divmod(face, 2)
+    normal = np.zeros(3)
+    normal[axis] = 1.0 if far else -1.0
+    return normal
 
-    Face 2 · axis looks against an axis of the world, the next one along it.
+
+def cube_faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
+    """Return the visible faces of a cube with edges of 2.
+
+    Returns
+    -------
+    list of (face, corners, cosine)
+        (4, 2) corners right and down of the cube's centre; cosine of normal and view direction.
     """
     right, up, forward = camera.frame()
     found = []
     for face in range(6):
-        axis, far = divmod(face, 2)
-        normal = np.zeros(3)
-        normal[axis] = 1.0 if far else -1.0
+        normal = face_normal(face)
         towards = float(-normal @ forward)
         if towards < 1e-3:
             continue
-        first, second = (np.eye(3)[other] for other in range(3) if other != axis)
+        first, second = (np.eye(3)[other] for other in range(3) if other != face // 2)
         ring = [normal + a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         corners = np.array(ring)
         found.append((face, np.stack([corners @ right, -(corners @ up)], axis=1), towards))
@@ -154,13 +147,13 @@ def cube_faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
 
 
 def cube_middle(projection: Projection, scale: float) -> Place:
-    """Of the cube in the window."""
+    """Return the cube's centre in the window."""
     x, y, width, _ = projection.area
     return x + width - CORNER * scale, y + CORNER * scale
 
 
 def face_at(projection: Projection, place: Place, scale: float) -> int | None:
-    """The face at a place of the window; None where there is none."""
+    """Return the face at a place of the window, or None."""
     centre = cube_middle(projection, scale)
     at = np.subtract(place, centre) / (HALF * scale)
     if np.abs(at).max() > 2:

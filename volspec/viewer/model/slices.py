@@ -1,4 +1,4 @@
-"""Slices and what else is drawn over the picture: planes, layouts, the patient's directions.
+"""Slices: planes, layouts, the patient's directions, edits and commands.
 
 Volume, Slices -> [slices] -> panel, outlines
 """
@@ -14,31 +14,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.viewer.model.cuts import toggle_aid, with_aids
-from volspec.viewer.model.edit import Change, Command, edit
+from volspec.viewer.model.cuts import aid_command, bind, with_aids
+from volspec.viewer.model.edit import Command, edit
 from volspec.viewer.model.state import Slices, ViewState
+from volspec.viewer.model.view import clamp
 from volspec.volume import Volume
 
-# Shares of the voxels between which greys run unless they are set.
-_MOST = (0.005, 0.995)
+# Fractions of the voxels between which greys run unless they are set.
+_QUANTILES = (0.005, 0.995)
+# The least difference of black and white, as a fraction of the volume's range.
+_NARROWEST = 0.002
 # What the negative and the positive world axes point to in ITK's LPS frame (docs/conventions.md).
 PATIENT = (("R", "L"), ("A", "P"), ("I", "S"))
 AXES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
-# A second letter where a direction leans so much, about 15 degrees.
+# A direction gets a second letter from this component on, about 15 degrees.
 _LEANS = 0.26
 
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """One family of slices, by the world's axes.
+    """A family of slices, by the world's axes.
 
     Parameters
     ----------
-    name : str
     normal : int
-        The world's axis it is across.
+        The world's axis it is perpendicular to.
     across, down : (axis, sign)
-        Where its picture's columns and rows run to.
+        Directions of its picture to the right and down.
     """
 
     name: str
@@ -57,14 +59,12 @@ PLANES = (
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A plane among a volume's own axes, those nearest to the world's.
+    """A plane by the axes of a volume's voxels (0 is x), those nearest to the world's.
 
     Parameters
     ----------
-    normal, across, down : int
-        Axes of the voxels: 0 is x.
     flipped : (across, down)
-        Whether the picture runs against them.
+        True if the picture runs against the axis.
     """
 
     normal: int
@@ -74,11 +74,15 @@ class Layout:
 
 
 def layout_of(volume: Volume, plane: Plane) -> Layout:
-    """How a plane's slices lie in a volume."""
-    return _layout(tuple(volume.world_from_index[:3, :3].ravel().tolist()), plane)
+    """Return the layout of a plane's slices in a volume."""
+    return _layout(_directions(volume), plane)
 
 
-# By the matrix, as a cache of volumes would keep those that were closed.
+def _directions(volume: Volume) -> tuple[float, ...]:
+    """Return the matrix of the voxels' axes: a cache by volumes would keep closed ones alive."""
+    return tuple(volume.world_from_index[:3, :3].ravel().tolist())
+
+
 @lru_cache(maxsize=16)
 def _layout(matrix: tuple[float, ...], plane: Plane) -> Layout:
     columns = np.reshape(matrix, (3, 3))
@@ -98,12 +102,12 @@ def _layout(matrix: tuple[float, ...], plane: Plane) -> Layout:
 
 
 def number_of(volume: Volume, axis: int, share: float) -> int:
-    """The voxel at a share of an axis."""
-    return round(min(max(share, 0.0), 1.0) * (volume.shape_xyz[axis] - 1))
+    """Return the voxel at a fraction of an axis."""
+    return round(clamp(share, 0.0, 1.0) * (volume.shape_xyz[axis] - 1))
 
 
 def slice_values(volume: Volume, layout: Layout, number: int, step: int = 1) -> NDArray[np.generic]:
-    """(rows, columns) values of a slice as it is looked at, every ``step``-th: a view."""
+    """(rows, columns) values of a slice as displayed, every ``step``-th: a view of the array."""
     at: list[int | slice] = [slice(None, None, step)] * 3
     at[2 - layout.normal] = number
     values = volume.values[tuple(at)]
@@ -114,7 +118,7 @@ def slice_values(volume: Volume, layout: Layout, number: int, step: int = 1) -> 
 
 
 def size_mm(volume: Volume, layout: Layout) -> tuple[float, float]:
-    """Width and height of what a slice shows."""
+    """Return width and height of a slice."""
     width, height = (
         volume.shape_xyz[axis] * volume.spacing_mm[axis] for axis in (layout.across, layout.down)
     )
@@ -122,11 +126,16 @@ def size_mm(volume: Volume, layout: Layout) -> tuple[float, float]:
 
 
 def crossing_place(volume: Volume, layout: Layout, slices: Slices) -> tuple[float, float]:
-    """Where the other two slices cross this one's picture, 0 to 1 to the right and down."""
+    """Return where the other two slices cross this one's picture, 0 to 1 right and down."""
     x, y = (
         (number_of(volume, axis, slices.at[axis]) + 0.5) / volume.shape_xyz[axis]
         for axis in (layout.across, layout.down)
     )
+    return _unflipped(layout, x, y)
+
+
+def _unflipped(layout: Layout, x: float, y: float) -> tuple[float, float]:
+    """Convert a place along the voxels' axes to one in the picture, or back."""
     back, up = layout.flipped
     return 1 - x if back else x, 1 - y if up else y
 
@@ -134,10 +143,10 @@ def crossing_place(volume: Volume, layout: Layout, slices: Slices) -> tuple[floa
 def crop_extent(
     volume: Volume, layout: Layout, crop: Sequence[tuple[float, float]]
 ) -> tuple[float, float, float, float]:
-    """What a crop leaves of a slice's picture: left, top, right and bottom, 0 to 1."""
+    """Return the crop in a slice's picture: left, top, right and bottom, 0 to 1."""
     edges = []
     for axis, back in zip((layout.across, layout.down), layout.flipped, strict=True):
-        # From the outer sides of the first and the last voxel that are left.
+        # Between the outer sides of the first and the last voxel.
         low, high = crop[axis][0], crop[axis][1] + 1.0
         ends = low / volume.shape_xyz[axis], high / volume.shape_xyz[axis]
         edges.append((1 - ends[1], 1 - ends[0]) if back else ends)
@@ -145,23 +154,10 @@ def crop_extent(
     return left, top, right, bottom
 
 
-def shares_pointed_at(
-    volume: Volume, layout: Layout, slices: Slices, x: float, y: float
-) -> tuple[float, float, float]:
-    """`Slices.at` when the other two go where a slice's picture is pointed at."""
-    at = list(slices.at)
-    back, up = layout.flipped
-    for axis, share in ((layout.across, 1 - x if back else x), (layout.down, 1 - y if up else y)):
-        count = volume.shape_xyz[axis]
-        number = min(max(round(share * count - 0.5), 0), count - 1)
-        at[axis] = number / (count - 1)
-    return at[0], at[1], at[2]
-
-
 def is_patient(volume: Volume, said: bool | None) -> bool:
-    """Whether directions are a patient's: what was said, or whether a file gave an orientation.
+    """Return True if directions are a patient's: as set, or if the file gave an orientation.
 
-    Files without one have their first voxel at the origin and their axes along the world's.
+    Volumes without one have their first voxel at the origin and their axes along the world's.
     """
     if said is not None:
         return said
@@ -170,7 +166,7 @@ def is_patient(volume: Volume, said: bool | None) -> bool:
 
 
 def direction_letters(direction: NDArray[np.float64], patient: bool) -> str:
-    """Where a direction of the world points, by its greatest parts.
+    """Name a direction of the world by its greatest components.
 
     >>> [direction_letters(np.array(at), True) for at in ([-1.0, 0.0, 0.0], [0.0, 0.6, 0.8])]
     ['R', 'SP']
@@ -183,24 +179,25 @@ def direction_letters(direction: NDArray[np.float64], patient: bool) -> str:
 
 
 def edge_letters(volume: Volume, layout: Layout, patient: bool) -> tuple[str, str, str, str]:
-    """At the left, right, upper and lower edge of a slice."""
-    matrix = tuple(volume.world_from_index[:3, :3].ravel().tolist())
-    return _edge_letters(matrix, layout, patient)
+    """Return the letters at the left, right, upper and lower edge of a slice."""
+    return _edge_letters(_directions(volume), layout, patient)
 
 
 @lru_cache(maxsize=16)
 def _edge_letters(
     matrix: tuple[float, ...], layout: Layout, patient: bool
 ) -> tuple[str, str, str, str]:
-    columns, said = np.reshape(matrix, (3, 3)), []
-    for axis, back in zip((layout.across, layout.down), layout.flipped, strict=True):
-        toward = columns[:, axis] * (-1 if back else 1)
-        said += [direction_letters(-toward, patient), direction_letters(toward, patient)]
-    return said[0], said[1], said[2], said[3]
+    across, down = (
+        np.reshape(matrix, (3, 3))[:, axis] * (-1 if back else 1)
+        for axis, back in zip((layout.across, layout.down), layout.flipped, strict=True)
+    )
+    ends = (-across, across, -down, down)
+    left, right, top, bottom = (direction_letters(end, patient) for end in ends)
+    return left, right, top, bottom
 
 
 def outline_index(volume: Volume, axis: int, share: float) -> NDArray[np.float64]:
-    """(4, 3) corners of the slice across an axis of the voxels, in voxels."""
+    """(4, 3) corners of the slice perpendicular to an axis of the voxels, in voxels."""
     last = np.array(volume.shape_xyz) - 1.0
     first, second = (other for other in range(3) if other != axis)
     corners = np.zeros((4, 3))
@@ -210,36 +207,35 @@ def outline_index(volume: Volume, axis: int, share: float) -> NDArray[np.float64
 
 
 def window_of(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, float]:
-    """What is black and white, 0 to 1 of a volume's range: as set, or where most values lie."""
+    """Return the values shown black and white, 0 to 1 of a volume's range.
+
+    They are as set, or the quantiles between which most values lie.
+    """
     if slices.greys is not None:
         return slices.greys
-    # What surrounds things, mostly of the least value, would else be most.
+    # Without the background, which mostly has the least value and would outweigh the rest.
     counts = np.r_[0.0, histogram[1:]]
     if not counts.any():
         return 0.0, 1.0
     below = np.cumsum(counts) / counts.sum()
-    low, high = (int(np.searchsorted(below, share)) for share in _MOST)
+    low, high = (int(np.searchsorted(below, share)) for share in _QUANTILES)
     return low / len(counts), (high + 1) / len(counts)
 
 
-# The least part of the range between black and white.
-_NARROWEST = 0.002
-
-
 def with_slices(state: ViewState, **changes: Any) -> ViewState:
-    """Other slices."""
+    """Return the state with fields of its `Slices` changed."""
     slices = replace(state.interface.slices, **changes)
     return replace(state, interface=replace(state.interface, slices=slices))
 
 
 @edit
 def move_slice(state: ViewState, plane: int, share: float) -> ViewState:
-    """Move a plane to a share of its axis."""
+    """Move a plane to a fraction of its axis."""
     if not 0 <= plane < len(PLANES):
         return state
     axis = layout_of(state.document.volume, PLANES[plane]).normal
     at = list(state.interface.slices.at)
-    at[axis] = min(max(share, 0.0), 1.0)
+    at[axis] = clamp(share, 0.0, 1.0)
     return with_slices(state, at=tuple(at))
 
 
@@ -258,75 +254,66 @@ def step_slice(state: ViewState, plane: int, steps: float) -> ViewState:
 
 @edit
 def point_at(state: ViewState, plane: int, x: float, y: float) -> ViewState:
-    """Move the other two planes to a place in one's picture, in shares of its sides."""
+    """Move the other two planes to a place in one's picture, 0 to 1 right and down."""
     if not 0 <= plane < len(PLANES):
         return state
-    volume = state.document.volume
+    volume, at = state.document.volume, list(state.interface.slices.at)
     layout = layout_of(volume, PLANES[plane])
-    return with_slices(
-        state, at=shares_pointed_at(volume, layout, state.interface.slices, _share(x), _share(y))
-    )
+    place = _unflipped(layout, clamp(x, 0.0, 1.0), clamp(y, 0.0, 1.0))
+    for axis, share in zip((layout.across, layout.down), place, strict=True):
+        count = volume.shape_xyz[axis]
+        at[axis] = clamp(round(share * count - 0.5), 0, count - 1) / (count - 1)
+    return with_slices(state, at=tuple(at))
 
 
 @edit
 def set_greys(state: ViewState, black: float, white: float) -> ViewState:
-    """Set black and white, in shares of the volume's range."""
-    low = min(_share(black), 1.0 - _NARROWEST)
-    return with_slices(state, greys=(low, max(_share(white), low + _NARROWEST)))
+    """Set black and white, 0 to 1 of the volume's range."""
+    low = clamp(black, 0.0, 1.0 - _NARROWEST)
+    return with_slices(state, greys=(low, clamp(white, low + _NARROWEST, 1.0)))
 
 
-def _share(value: float) -> float:
-    return min(max(value, 0.0), 1.0)
+def _shows_lit(state: ViewState) -> bool:
+    return state.interface.slices.lit
 
 
-def _lit(state: ViewState) -> ViewState:
-    return with_slices(state, lit=not state.interface.slices.lit)
+def _toggle_lit(state: ViewState) -> ViewState:
+    return with_slices(state, lit=not _shows_lit(state))
 
 
-def _all_greys(state: ViewState) -> ViewState:
-    return with_slices(state, greys=None)
+def _shows_patient(state: ViewState) -> bool:
+    return is_patient(state.document.volume, state.interface.aids.patient)
 
 
-def _centred(state: ViewState) -> ViewState:
-    return with_slices(state, at=Slices().at)
+def _toggle_patient(state: ViewState) -> ViewState:
+    return with_aids(state, patient=not _shows_patient(state))
 
 
-def _patient(state: ViewState) -> ViewState:
-    now = is_patient(state.document.volume, state.interface.aids.patient)
-    return with_aids(state, patient=not now)
-
-
-def _stepping(plane: int, steps: float) -> Change:
-    return lambda state: step_slice(state, plane, steps)
-
-
-# Up or down a page, with these held; the plane's name, and what it then moves to.
+# By plane: its name, and for page down and page up the directions that they move it.
 _PAGES = (
-    ("", "Axial", ("down", "up")),
-    ("shift+", "Coronal", ("forward", "backward")),
-    ("ctrl+", "Sagittal", ("right", "left")),
+    ("Axial", (("down", "pagedown", -1.0), ("up", "pageup", 1.0))),
+    ("Coronal", (("forward", "shift+pagedown", -1.0), ("backward", "shift+pageup", 1.0))),
+    ("Sagittal", (("right", "ctrl+pagedown", -1.0), ("left", "ctrl+pageup", 1.0))),
 )
 COMMANDS = (
+    Command("slices-lit", "Window", "Slices under the lights", (), _toggle_lit, _shows_lit),
     Command(
-        *("slices-lit", "Window", "Slices under the lights", (), _lit),
-        lambda s: s.interface.slices.lit,
-    ),
-    Command("slices-middle", "Window", "Slices through the middle", (), _centred),
-    Command("slices-greys", "Window", "Slices' greys by the values", (), _all_greys),
-    Command(
-        *("outlines", "Window", "Slices' outlines in the picture", (), toggle_aid("outlines")),
-        lambda s: s.interface.aids.outlines,
+        "slices-middle",
+        "Window",
+        "Slices through the middle",
+        (),
+        bind(with_slices, at=(0.5, 0.5, 0.5)),
     ),
     Command(
-        *("patient", "Window", "Directions by the patient's body", (), _patient),
-        lambda s: is_patient(s.document.volume, s.interface.aids.patient),
+        "slices-greys", "Window", "Slices' greys by the values", (), bind(with_slices, greys=None)
+    ),
+    aid_command("outlines", "Window", "Slices' outlines in the picture"),
+    Command(
+        "patient", "Window", "Directions by the patient's body", (), _toggle_patient, _shows_patient
     ),
     *(
-        Command(
-            *(f"{plane.lower()}-{to}", "", f"{plane} slice {to}", (f"{held}page{key}",)),
-            _stepping(i, by),
-        )
-        for i, (held, plane, names) in enumerate(_PAGES)
-        for to, key, by in zip(names, ("down", "up"), (-1.0, 1.0), strict=True)
+        Command(f"{plane.lower()}-{to}", "", f"{plane} slice {to}", (key,), bind(step_slice, i, by))
+        for i, (plane, pages) in enumerate(_PAGES)
+        for to, key, by in pages
     ),
 )
