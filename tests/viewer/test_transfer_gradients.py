@@ -13,9 +13,8 @@ from volspec.transfer import MAX_SURFACES, Region, TransferFunction, TransferFun
 from volspec.viewer.model import transfer_edits
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_convert import Kind, conversion_losses, convert
-from volspec.viewer.model.transfer_parts import MOST_PARTS, parts_of
-from volspec.viewer.model.transfer_placing import MOST_FACTORS
+from volspec.viewer.model.transfer_convert import conversion_losses, convert
+from volspec.viewer.model.transfer_parts import MOST_PARTS, Kind, parts_of
 
 _SPAN = (0.0, 1.0)
 
@@ -78,9 +77,9 @@ def test_factors_are_added_where_there_is_room_and_two_stay(state: ViewState) ->
     assert factors_of(more)[2] == (0.7 * top, 0.3)
     assert transfer_edits.add_gradient_point(more, 0.7 * top, 0.9) is more
     assert transfer_edits.remove_gradient_point(more, 2).transfer is not more.transfer
-    for i in range(2 * MOST_FACTORS):
+    for i in range(2 * transfer_edits.MOST_FACTORS):
         more = transfer_edits.add_gradient_point(more, i / 31 * top, 0.5)
-    assert len(factors_of(more)) == MOST_FACTORS
+    assert len(factors_of(more)) == transfer_edits.MOST_FACTORS
     # As near as they can be, a table has rows for each of them: baking would warn.
     assert all(b - a >= top / 128 for (a, _), (b, _) in pairwise(factors_of(more)))
     curve_of(more).bake(1.0)

@@ -1,17 +1,16 @@
-"""One kind of transfer function made from another: points, regions, surfaces.
+"""Conversion of a transfer function to another kind: points, regions, surfaces.
 
     Transfer -> [transfer_convert] -> Transfer
 
-Between them are bands: ranges of values that look alike. From a curve a band is a run of points
-of one material whose opacities are near to each other.
+Between them are bands: ranges of values that look alike. A band of a curve is a run of points of
+one main material and of similar opacity.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -23,27 +22,21 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.transfer.mixes import Point, shares_of
-from volspec.viewer.model.transfer_parts import MOST_PARTS
+from volspec.transfer.mixes import Mix, Point, shares_of
+from volspec.viewer.model.transfer_parts import KINDS, MOST_PARTS, Kind
 
-Kind = Literal["points", "regions", "surfaces", "labels"]
-KINDS: dict[type, Kind] = {
-    TransferFunction: "points",
-    TransferFunction2D: "regions",
-    Isosurfaces: "surfaces",
-}
-# What bands are of a kind that is made into another.
+# Names of bands in messages, by the kind that is converted.
 _BANDS = {"points": "ranges of the curve", "regions": "regions", "surfaces": "surfaces"}
-# Points of one band differ by no more than this factor.
+# Opacities of one band differ by no more than this factor.
 _ALIKE = 4.0
-# Of the range: half a surface's band, and how far one that never ends reaches beyond it.
+# Fractions of the range: half a surface's band, and how far an endless band reaches beyond it.
 _THIN, _OVER = 0.01, 0.12
-# Of the range: over so much a hard side rises, as points of one value would only follow it.
+# Fraction of the range over which a hard side of a region rises.
 _EDGE = 1e-3
-# A surface is as opaque as so many steps of what lies behind it.
+# A surface is as opaque as this many steps of what lies behind it.
 _DEPTH = 8
 _SOFTEST = 0.02
-# Where opacity rises as gradients do, boundaries begin here.
+# The factor over gradients at which boundaries begin.
 _HALF = 0.5
 _ANY_GRADIENT = 0.0, math.inf
 
@@ -61,68 +54,58 @@ class Band:
 
 
 def kind_of(transfer: Transfer) -> Kind:
-    """What a transfer function is made of."""
-    return KINDS.get(type(transfer), "labels")
+    """Return the kind of a transfer function."""
+    return KINDS[type(transfer)]
 
 
 def convert(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Transfer:
-    """The transfer function of another kind that looks most like one.
+    """Return the transfer function of another kind that looks most like a given one.
+
+    It is returned itself if it is of this kind, or if either is of labels, which are no values.
 
     Parameters
     ----------
-    transfer : Transfer
-    kind : str
     span : (low, high)
         Of the volume's values.
-
-    Returns
-    -------
-    Transfer
-        Itself where it is of this kind already, or of labels, which are no values.
     """
-    if "labels" in (kind, kind_of(transfer)) or kind == kind_of(transfer):
+    if not _is_convertible(transfer, kind):
         return transfer
     bands = _bands(transfer, span)
     step_mm = getattr(transfer, "reference_step_mm", None)
     if kind == "regions":
-        shown = _most_seen(bands, MOST_PARTS[TransferFunction2D])
-        regions = [_region(band) for band in shown]
+        regions = [_region(band) for band in _most_visible(bands, MOST_PARTS[TransferFunction2D])]
         return TransferFunction2D(regions, transfer.materials, transfer.basis, step_mm)
     if kind == "surfaces":
         return Isosurfaces(_surfaces(bands), transfer.materials, transfer.basis)
-    points = _points(bands)
-    return TransferFunction(points, transfer.materials, transfer.basis, step_mm)
+    return TransferFunction(_points(bands), transfer.materials, transfer.basis, step_mm)
 
 
 def conversion_losses(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> str:
-    """What of a transfer function another kind has no room for, in words; empty where nothing.
-
-    Parameters
-    ----------
-    transfer : Transfer
-        As it is before it is `convert`.
-    kind : str
-    span : (low, high)
-    """
-    own = kind_of(transfer)
-    if "labels" in (kind, own) or kind == own:
+    """Return a message on what `convert` leaves out; empty if nothing."""
+    if not _is_convertible(transfer, kind):
         return ""
-    said = []
+    lost = []
     if isinstance(transfer, TransferFunction):
         if transfer.filters:
-            said.append(f"the filters of {', '.join(transfer.filters)}")
+            lost.append(f"the filters of {', '.join(transfer.filters)}")
         if transfer.gradient_opacity and kind == "surfaces":
-            said.append("opacity by gradient")
+            lost.append("opacity by gradient")
     regions = transfer.regions if isinstance(transfer, TransferFunction2D) else ()
     if any(region.gradients != _ANY_GRADIENT for region in regions):
-        said.append("the regions' gradients")
+        lost.append("the regions' gradients")
     if kind != "points":
         bands = _bands(transfer, span)
         room = MOST_PARTS[TransferFunction2D]
-        kept = min(len(bands), room) if kind == "regions" else len(_surfaces(bands))
-        if gone := len(bands) - kept:
-            said.append(f"{gone} of {len(bands)} {_BANDS[own]}, which show least")
-    return f"Left out: {'; '.join(said)}. Ctrl+Z brings all back" if said else ""
+        left = min(len(bands), room) if kind == "regions" else len(_surfaces(bands))
+        if gone := len(bands) - left:
+            what = _BANDS[kind_of(transfer)]
+            lost.append(f"{gone} of {len(bands)} {what}, which show least")
+    return f"Left out: {'; '.join(lost)}. Ctrl+Z brings all back" if lost else ""
+
+
+def _is_convertible(transfer: Transfer, kind: Kind) -> bool:
+    own = kind_of(transfer)
+    return kind != own and "labels" not in (kind, own)
 
 
 def _bands(transfer: Transfer, span: tuple[float, float]) -> list[Band]:
@@ -148,7 +131,7 @@ def _bands(transfer: Transfer, span: tuple[float, float]) -> list[Band]:
 
 def _bands_of_curve(curve: TransferFunction, span: tuple[float, float]) -> list[Band]:
     runs = _runs(curve.points)
-    if not runs:  # nothing is seen, and something must be there
+    if not runs:  # nothing is visible, but a transfer function needs a part
         runs = [range(len(curve.points))]
     reach = _OVER * (span[1] - span[0])
     # Beyond its ends a curve goes on as it is.
@@ -165,19 +148,19 @@ def _bands_of_curve(curve: TransferFunction, span: tuple[float, float]) -> list[
     return bands
 
 
-def _end(points: Sequence[Point], of: int, beside: int, beyond: float) -> float:
-    """Where a run that ends at one point ends: on the way to the one beside it.
+def _end(points: Sequence[Point], last: int, following: int, beyond: float) -> float:
+    """Return the value at which a run ends, between its last point and the one that follows.
 
-    It takes the whole of a slope to nothing, and half of one to another run.
+    It takes the whole of a slope to opacity 0, and half of one to another run.
     """
-    if not 0 <= beside < len(points):
+    if not 0 <= following < len(points):
         return beyond
-    value, opacity, _ = points[beside]
-    return value if opacity <= 0 else (points[of][0] + value) / 2
+    value, opacity, _ = points[following]
+    return value if opacity <= 0 else (points[last][0] + value) / 2
 
 
 def _runs(points: Sequence[Point]) -> list[range]:
-    """Runs of visible points of one main material and of like opacity."""
+    """Return runs of visible points of one main material and of similar opacity."""
     runs: list[range] = []
     for i, (_, opacity, mix) in enumerate(points):
         if opacity <= 0:
@@ -192,24 +175,27 @@ def _runs(points: Sequence[Point]) -> list[range]:
     return runs
 
 
-def _main(mix: Mapping[str, float] | str) -> str:
+def _main(mix: Mix) -> str:
     shares = shares_of(mix)
     return max(shares, key=lambda name: shares[name])
 
 
 def _mean(points: Sequence[Point]) -> tuple[float, dict[str, float]]:
-    """Mean opacity, and the mix weighted by it."""
+    """Return the mean opacity, and the mix weighted by opacity."""
     opacities = np.array([opacity for _, opacity, _ in points])
-    weights = opacities / opacities.sum() if opacities.any() else np.ones(len(points)) / len(points)
+    weights = (
+        opacities / opacities.sum() if opacities.any() else np.full(len(points), 1 / len(points))
+    )
+    mixes = [mix for _, _, mix in points]
+    return float(opacities.mean()), _weighted_mix(zip(weights.tolist(), mixes, strict=True))
+
+
+def _weighted_mix(weighted: Iterable[tuple[float, Mix]]) -> dict[str, float]:
+    """Return the sum of mixes by weights; its shares are limited to 1, whatever rounding did."""
     mix: dict[str, float] = {}
-    for weight, (_, _, own) in zip(weights, points, strict=True):
+    for weight, own in weighted:
         for name, share in shares_of(own).items():
-            mix[name] = mix.get(name, 0.0) + float(weight) * share
-    return float(opacities.mean()), _whole(mix)
-
-
-def _whole(mix: dict[str, float]) -> dict[str, float]:
-    """Shares that sum to no more than 1, whatever rounding did."""
+            mix[name] = mix.get(name, 0.0) + weight * share
     total = max(sum(mix.values()), 1.0)
     return {name: share / total for name, share in mix.items()}
 
@@ -231,34 +217,30 @@ def _region(band: Band) -> Region:
 
 def _surfaces(bands: Sequence[Band]) -> list[Point]:
     found: dict[float, Point] = {}
-    for band in _most_seen(bands, MAX_SURFACES):
+    for band in _most_visible(bands, MAX_SURFACES):
         at = min(band.low + band.ramp / 2, band.high)
         found.setdefault(at, (at, 1 - (1 - band.opacity) ** _DEPTH, dict(band.mix)))
     return list(found.values())
 
 
-def _most_seen(bands: Sequence[Band], most: int) -> list[Band]:
-    """Those that show most, in their order, where there are too many."""
+def _most_visible(bands: Sequence[Band], most: int) -> list[Band]:
+    """Return the bands of greatest opacity times width, in their order."""
 
-    def shown(i: int) -> float:
+    def area(i: int) -> float:
         return bands[i].opacity * (bands[i].high - bands[i].low)
 
-    return [bands[i] for i in sorted(sorted(range(len(bands)), key=shown, reverse=True)[:most])]
+    return [bands[i] for i in sorted(sorted(range(len(bands)), key=area, reverse=True)[:most])]
 
 
 def _points(bands: Sequence[Band]) -> list[Point]:
-    """A curve through the bands' corners; where bands overlap they add up as regions do."""
+    """Return a curve through the bands' corners; overlapping bands add up as regions do."""
     corners = sorted({at for b in bands for at in (b.low, b.low + b.ramp, b.high - b.ramp, b.high)})
     points: list[Point] = []
     for at in corners:
-        heights = [(band, _height(band, at)) for band in bands]
-        total = sum(height for _, height in heights)
-        if total > 0:
-            mix: dict[str, float] = {}
-            for band, height in heights:
-                for name, share in band.mix.items():
-                    mix[name] = mix.get(name, 0.0) + share * height / total
-            points.append((at, float(1 - np.prod([1 - h for _, h in heights])), _whole(mix)))
+        heights = [_height(band, at) for band in bands]
+        if total := sum(heights):
+            mix = _weighted_mix((h / total, b.mix) for h, b in zip(heights, bands, strict=True))
+            points.append((at, float(1 - np.prod([1 - height for height in heights])), mix))
         else:
             nearest = min(bands, key=lambda b: max(b.low - at, at - b.high, 0.0))
             points.append((at, 0.0, dict(nearest.mix)))
@@ -266,7 +248,7 @@ def _points(bands: Sequence[Band]) -> list[Point]:
 
 
 def _simplified(points: list[Point], most: int) -> list[Point]:
-    """So many points that leave the curve most like it was; its ends stay.
+    """Reduce a curve to so many points, with the least change; its ends stay.
 
     References
     ----------
@@ -276,7 +258,7 @@ def _simplified(points: list[Point], most: int) -> list[Point]:
     points = list(points)
 
     def area(i: int) -> float:
-        """Of the triangle that goes with a point, by its opacity: faint bands count as well."""
+        """Return the area that a point adds, by its opacity: faint bands count as well."""
         (x0, y0, _), (x1, y1, _), (x2, y2, _) = points[i - 1 : i + 2]
         return abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / (max(y0, y1, y2) or 1.0)
 

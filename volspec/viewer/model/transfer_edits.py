@@ -1,4 +1,4 @@
-"""Edits and commands of the transfer function, of whatever kind: its parts, its values.
+"""Edits and commands of the transfer function, of any kind: its parts, its values.
 
 mouse, panels -> [transfer_edits] -> Transfer
 """
@@ -8,58 +8,73 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer import TransferFunction2D as Regions
-from volspec.viewer.model import (
-    presets,
-    transfer_convert,
-    transfer_parts,
-    transfer_placing,
-)
+from volspec.viewer.model import presets, transfer_convert, transfer_parts
 from volspec.viewer.model.edit import Change, Command, Edited, edit
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer_parts import Kind, parts_of, rows_of, with_parts
+from volspec.viewer.model.transfer_placing import (
+    add_label,
+    add_region,
+    add_row,
+    gradient_top,
+    limit_between,
+    value_gap,
+)
 
 THICKNESSES = (0.02, 50.0)
-# What a drag over the picture's height in the picture does: values move by the volume's range,
-# widths and thicknesses are multiplied by e to these.
+# A drag over the picture's height shifts values by the volume's range, and multiplies widths and
+# thicknesses by e to these.
 _WIDER, _THICKER = 2.0, 3.0
+# The narrowest region, as a fraction of either axis.
+_NARROWEST = 0.01
+# Of a curve's factors over gradients: the most, and their least distance as a fraction of the axis;
+# a table has too few rows for nearer ones.
+MOST_FACTORS = 16
+_FACTOR_GAP = 1 / 128
+# New factors rise from 0 to 1 between these fractions of the axis, so that boundaries stay.
+_RISE = 0.05, 0.4
 
 
 def _with_transfer(state: ViewState, transfer: Transfer) -> ViewState:
-    """The state with another one; itself where it is the same."""
     return state if transfer is state.transfer else replace(state, transfer=transfer)
 
 
 @edit
 def move_point(state: ViewState, index: int, value: float, opacity: float) -> ViewState:
-    """Move a point of a curve, or a surface."""
-    transfer, value = state.transfer, _within(state, value)
-    if isinstance(transfer, TransferFunction):
-        return _with_transfer(state, transfer_placing.move_point(transfer, index, value, opacity))
-    if isinstance(transfer, Isosurfaces):
-        return _with_transfer(state, transfer_placing.move_surface(transfer, index, value, opacity))
-    return state
+    """Move a point of a curve, or a surface, between its neighbours."""
+    transfer = state.transfer
+    if not isinstance(transfer, TransferFunction | Isosurfaces):
+        return state
+    rows = list(rows_of(transfer))
+    if not 0 <= index < len(rows):
+        return state
+    places = [place for place, _, _ in rows]
+    value = limit_between(places, index, _within(state, value), value_gap(rows))
+    rows[index] = value, _fraction(opacity), rows[index][2]
+    return replace(state, transfer=with_parts(transfer, rows))
 
 
 @edit
 def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
-    """Add a point, a surface, a label, or a region at (value, gradient)."""
+    """Add a point, a surface, a label, or a region at (value, gradient), and choose it."""
     transfer = state.transfer
     if isinstance(transfer, Regions):
-        place = _within(state, value), max(opacity, 0.0)
         top = state.document.joint.top
-        new: Transfer = transfer_placing.add_region(transfer, *place, _span(state), top)
+        new = add_region(transfer, _within(state, value), max(opacity, 0.0), _span(state), top)
     elif isinstance(transfer, LabelFunction):
-        new = transfer_placing.add_part(transfer, value, opacity)
+        new = add_label(transfer, value, _fraction(opacity))
     else:
-        new = transfer_placing.add_part(transfer, _within(state, value), opacity)
-    added = _with_transfer(state, new)
-    if added is state:
+        new = add_row(transfer, _within(state, value), _fraction(opacity))
+    if new is transfer:
         return state
-    old = {part.values for part in transfer_parts.parts_of(transfer)}
-    found = [i for i, part in enumerate(transfer_parts.parts_of(new)) if part.values not in old]
-    return _chosen(added, found[0]) if found else added
+    old = {part.values for part in parts_of(transfer)}
+    found = [i for i, part in enumerate(parts_of(new)) if part.values not in old]
+    added = replace(state, transfer=new)
+    return _with_chosen(added, found[0]) if found else added
 
 
 @edit
@@ -71,11 +86,11 @@ def remove_point(state: ViewState, index: int) -> ViewState:
 @edit
 def choose_part(state: ViewState, index: int) -> ViewState:
     """Choose the part whose details are shown."""
-    known = 0 <= index < len(transfer_parts.parts_of(state.transfer))
-    return _chosen(state, index) if known else state
+    known = 0 <= index < len(parts_of(state.transfer))
+    return _with_chosen(state, index) if known else state
 
 
-def _chosen(state: ViewState, index: int) -> ViewState:
+def _with_chosen(state: ViewState, index: int) -> ViewState:
     return replace(state, interface=replace(state.interface, part=index))
 
 
@@ -102,38 +117,37 @@ def set_material_weight(state: ViewState, index: int, name: str, weight: float) 
 
 @edit
 def set_region_values(state: ViewState, index: int, low: float, high: float) -> ViewState:
-    """Set the values of a region."""
-    return _placed(state, index, (low, high), None)
+    """Set the values of a region, no narrower than can be seen."""
+    start, end = _span(state)
+    room = end - start
+    low, high = (min(max(v, start - room), end + room) for v in sorted((low, high)))
+    return _with_region(state, index, values=(low, max(high, low + _NARROWEST * room)))
 
 
 @edit
 def set_region_gradients(state: ViewState, index: int, low: float, high: float) -> ViewState:
-    """Set the gradients of a region."""
-    return _placed(state, index, None, (low, high))
-
-
-def _placed(
-    state: ViewState,
-    index: int,
-    values: tuple[float, float] | None,
-    gradients: tuple[float, float] | None,
-) -> ViewState:
-    if not isinstance(state.transfer, Regions):
-        return state
-    axes = _span(state), state.document.joint.top
-    return _with_transfer(
-        state, transfer_placing.place_region(state.transfer, index, values, gradients, *axes)
-    )
+    """Set the gradients of a region; an upper one at the end of the axis becomes infinite."""
+    top = state.document.joint.top
+    least = _NARROWEST * top
+    low, high = sorted((low, high))
+    low = min(max(low, 0.0), top - least)
+    high = max(high, low + least)
+    return _with_region(state, index, gradients=(low, high if high < top else math.inf))
 
 
 @edit
 def set_softness(state: ViewState, index: int, softness: float) -> ViewState:
     """Set how softly a region ends."""
-    if not isinstance(state.transfer, Regions):
+    return _with_region(state, index, softness=_fraction(softness))
+
+
+def _with_region(state: ViewState, index: int, **changes: Any) -> ViewState:
+    transfer = state.transfer
+    if not isinstance(transfer, Regions) or not 0 <= index < len(transfer.regions):
         return state
-    return _with_transfer(
-        state, transfer_placing.set_region_softness(state.transfer, index, softness)
-    )
+    regions = list(transfer.regions)
+    regions[index] = replace(regions[index], **changes)
+    return replace(state, transfer=with_parts(transfer, regions))
 
 
 @edit
@@ -143,59 +157,78 @@ def toggle_gradient_opacity(state: ViewState) -> ViewState:
     if not isinstance(curve, TransferFunction) or curve.filters:  # these do not go together
         return state
     if curve.gradient_opacity:
-        return replace(state, transfer=replace(curve, gradient_opacity=None))
-    if isinstance(own, TransferFunction) and own.gradient_opacity:
-        return replace(state, transfer=replace(curve, gradient_opacity=own.gradient_opacity))
-    return replace(
-        state, transfer=transfer_placing.with_gradient_factors(curve, state.document.joint.top)
-    )
+        factors = None
+    elif isinstance(own, TransferFunction) and own.gradient_opacity:
+        factors = own.gradient_opacity
+    else:
+        top = state.document.joint.top
+        factors = ((_RISE[0] * top, 0.0), (_RISE[1] * top, 1.0))
+    return replace(state, transfer=replace(curve, gradient_opacity=factors))
 
 
 @edit
 def move_gradient_point(state: ViewState, index: int, gradient: float, factor: float) -> ViewState:
-    """Move a point of a curve's factors over gradients."""
-    return _factored(state, transfer_placing.move_factor, index, gradient, factor, _top(state))
+    """Move a point of a curve's factors over gradients, between its neighbours."""
+    factors, end = _factors(state)
+    if not 0 <= index < len(factors):
+        return state
+    gap = _FACTOR_GAP * end
+    # The last is above 0, or there would be no axis.
+    least = gap if index == len(factors) - 1 else 0.0
+    places = [place for place, _ in factors]
+    gradient = limit_between(places, index, min(max(gradient, least), end), gap)
+    factors[index] = gradient, _fraction(factor)
+    return _with_factors(state, factors)
 
 
 @edit
 def add_gradient_point(state: ViewState, gradient: float, factor: float) -> ViewState:
-    """Add a point to a curve's factors over gradients."""
-    return _factored(state, transfer_placing.add_factor, gradient, factor, _top(state))
+    """Add a point to a curve's factors over gradients, if others leave room."""
+    factors, end = _factors(state)
+    if not 0 < len(factors) < MOST_FACTORS:
+        return state
+    gradient = min(max(gradient, 0.0), end)
+    if min(abs(place - gradient) for place, _ in factors) < _FACTOR_GAP * end:
+        return state
+    return _with_factors(state, sorted([*factors, (gradient, _fraction(factor))]))
 
 
 @edit
 def remove_gradient_point(state: ViewState, index: int) -> ViewState:
-    """Remove a point of a curve's factors over gradients."""
-    return _factored(state, transfer_placing.remove_factor, index)
+    """Remove a point of a curve's factors over gradients; two stay."""
+    factors, _ = _factors(state)
+    if len(factors) <= 2 or not 0 <= index < len(factors):
+        return state
+    del factors[index]
+    return _with_factors(state, factors)
 
 
-def _factored(
-    state: ViewState, change: Callable[..., TransferFunction], *given: float
-) -> ViewState:
+def _factors(state: ViewState) -> tuple[list[tuple[float, float]], float]:
+    """Return the (gradient, factor) points of a curve that has some, and the end of their axis."""
     curve = state.transfer
     if not isinstance(curve, TransferFunction) or not curve.gradient_opacity:
-        return state
-    return _with_transfer(state, change(curve, *given))
+        return [], 0.0
+    return list(curve.gradient_opacity), gradient_top(curve, state.document.joint.top)
 
 
-def _top(state: ViewState) -> float:
-    """The volume's greatest gradient."""
-    return state.document.joint.top
+def _with_factors(state: ViewState, factors: list[tuple[float, float]]) -> ViewState:
+    changes: dict[str, Any] = {"gradient_opacity": factors}
+    return replace(state, transfer=replace(state.transfer, **changes))
 
 
 @edit
 def shift(state: ViewState, shift: float) -> ViewState:
-    """Shift all values, by what is given from the start."""
+    """Set the shift of all values from where they were at first."""
     low, high = _span(state)
     shift = min(max(shift, low - high), high - low)
     by = shift - state.shift
-    moved = _remapped(state, lambda old: transfer_parts.shift_values(old, by, (low, high)))
-    return state if moved is state else replace(moved, shift=shift)
+    shifted = _with_values(state, lambda old: transfer_parts.shift_values(old, by, (low, high)))
+    return state if shifted is state else replace(shifted, shift=shift)
 
 
 @edit
 def thicken(state: ViewState, thickness: float) -> ViewState:
-    """Multiply what opacities absorb, from the start."""
+    """Set the factor of all densities from what they were at first."""
     thickness = min(max(thickness, THICKNESSES[0]), THICKNESSES[1])
     thin, own = _thin(state)
     thicker = transfer_parts.thicken_opacities(thin, thickness / own)
@@ -203,7 +236,7 @@ def thicken(state: ViewState, thickness: float) -> ViewState:
 
 
 def _thin(state: ViewState) -> tuple[Transfer, float]:
-    """What is thickened, and how thick that is."""
+    """Return the transfer function before it was thickened, and its own thickness."""
     transfer = state.transfer
     if state.unthickened is None or type(state.unthickened[2]) is not type(transfer):
         return transfer, state.thickness
@@ -213,8 +246,8 @@ def _thin(state: ViewState) -> tuple[Transfer, float]:
     return transfer_parts.undo_thickening(transfer, thick, thin, state.thickness / own), own
 
 
-def _remapped(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
-    """With other values, those of what it was thickened from as well."""
+def _with_values(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
+    """Change the values, also in what the transfer function was thickened from."""
     (thin, own), new = _thin(state), change(state.transfer)
     if new is state.transfer:
         return state
@@ -225,9 +258,11 @@ def _remapped(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewS
 def window(state: ViewState, across: float, down: float) -> ViewState:
     """Shift the values by a drag across, and spread them by one upwards."""
     low, high = _span(state)
-    moved = shift(state, state.shift + across * (high - low))
+    shifted = shift(state, state.shift + across * (high - low))
     factor = math.exp(min(max(-_WIDER * down, -10.0), 10.0))
-    return _remapped(moved, lambda old: transfer_parts.stretch_values(old, factor, (low, high)))
+    return _with_values(
+        shifted, lambda old: transfer_parts.stretch_values(old, factor, (low, high))
+    )
 
 
 @edit
@@ -246,14 +281,18 @@ def _within(state: ViewState, value: float) -> float:
     return min(max(value, low), high)
 
 
-def _fresh(state: ViewState, transfer: Transfer) -> ViewState:
-    """With another transfer function altogether."""
+def _fraction(value: float) -> float:
+    return min(max(value, 0.0), 1.0)
+
+
+def _with_new(state: ViewState, transfer: Transfer) -> ViewState:
+    """Replace the transfer function by one that is neither shifted nor thickened."""
     new = replace(state, transfer=transfer, shift=0.0, thickness=1.0, unthickened=None)
-    return _chosen(new, 0)
+    return _with_chosen(new, 0)
 
 
 def _reset(state: ViewState) -> ViewState:
-    return _fresh(state, state.document.transfer)
+    return _with_new(state, state.document.transfer)
 
 
 _LABELLED = "Labels are names, no values: neither presets nor other kinds fit them"
@@ -266,29 +305,28 @@ def _preset(preset: presets.Preset) -> Change:
         document = state.document
         basis = document.transfer.basis
         fitted = presets.transfer_of(preset, document.volume, document.histogram, basis)
-        return Edited(_fresh(state, fitted))
+        return Edited(_with_new(state, fitted))
 
     return change
 
 
-def _into(kind: transfer_convert.Kind) -> Change:
+def _convert_to(kind: Kind) -> Change:
     def change(state: ViewState) -> Edited:
         new = transfer_convert.convert(state.transfer, kind, _span(state))
         if new is state.transfer:
             labelled = isinstance(state.transfer, LabelFunction)
             return Edited(state, _LABELLED if labelled else "")
         lost = transfer_convert.conversion_losses(state.transfer, kind, _span(state))
-        return Edited(_chosen(_with_transfer(state, new), 0), lost)
+        return Edited(_with_chosen(replace(state, transfer=new), 0), lost)
 
     return change
 
 
-def _is(kind: transfer_convert.Kind) -> Callable[[ViewState], bool]:
+def _is_kind(kind: Kind) -> Callable[[ViewState], bool]:
     return lambda state: transfer_convert.kind_of(state.transfer) == kind
 
 
-# By kind: how it is called.
-KIND_TITLES: dict[transfer_convert.Kind, str] = {
+KIND_TITLES: dict[Kind, str] = {
     "points": "Curve (1-D)",
     "regions": "Regions (2-D)",
     "surfaces": "Surfaces",
@@ -299,7 +337,9 @@ COMMANDS = (
         for preset in presets.PRESETS
     ),
     *(
-        Command(f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _into(kind), _is(kind))
+        Command(
+            f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _convert_to(kind), _is_kind(kind)
+        )
         for kind, title in KIND_TITLES.items()
     ),
     Command("reset-transfer", "Transfer", "The scene's own transfer function", (), _reset),

@@ -1,16 +1,14 @@
-"""Changes that every kind of transfer function knows: of points, regions, surfaces or labels.
+"""Parts of a transfer function, whatever its kind: points, regions, surfaces or labels.
 
-    transfer_edits -> [transfer_parts] -> Transfer -> raycast
-
-A part has an opacity and a mix of materials, whatever it is a part of.
+transfer_edits -> [transfer_parts] -> Transfer -> raycast
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 from volspec.transfer import (
     MAX_SURFACES,
@@ -20,29 +18,36 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.transfer.mixes import Mix, shares_of
+from volspec.transfer.mixes import Mix, Point, shares_of
 
-# Of an opacity that is made thinner: what is wholly opaque would never let anything through.
-_MOST_OPAQUE = 0.999
-# Of a mix, what one material can take.
-_PUREST = 0.999
-# Beyond its range a volume has no values; so many ranges further nothing may be moved.
-_BEYOND = 1.0
-# What values may be squeezed or stretched to, as a share of the range.
-_WIDTHS = (1e-3, 4.0)
+Kind = Literal["points", "regions", "surfaces", "labels"]
+# By type: its kind, which is also the field that holds its parts.
+KINDS: dict[type, Kind] = {
+    TransferFunction: "points",
+    TransferFunction2D: "regions",
+    Isosurfaces: "surfaces",
+    LabelFunction: "labels",
+}
 MOST_PARTS = {TransferFunction: 64, TransferFunction2D: 24, Isosurfaces: MAX_SURFACES}
+# The greatest opacity before thinning: 1 would let nothing through at any density.
+_MOST_OPAQUE = 0.999
+# The greatest fraction of a mix that one material can take.
+_PUREST = 0.999
+# Values may be moved this many ranges of the volume beyond its range.
+_BEYOND = 1.0
+# The least and greatest width that values may be stretched to, as a fraction of the range.
+_WIDTHS = (1e-3, 4.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One of the parts of a transfer function.
+    """A point, region, surface or label.
 
     Parameters
     ----------
     values : tuple of float
-        The point's or the surface's, the two ends of a region, a label.
-    opacity : float
-    mix : {name: share}
+        The value of a point or a surface, both ends of a region, or a label.
+    mix : {material: share}
     """
 
     values: tuple[float, ...]
@@ -51,34 +56,48 @@ class Part:
 
 
 def parts_of(transfer: Transfer) -> tuple[Part, ...]:
-    """All of them, in their order."""
+    """Return all parts, in their order."""
     if isinstance(transfer, TransferFunction2D):
         regions = transfer.regions
         return tuple(Part(r.values, r.opacity, shares_of(r.material)) for r in regions)
     if isinstance(transfer, LabelFunction):
         labels = transfer.labels.items()
         return tuple(Part((label,), opacity, shares_of(mix)) for label, (opacity, mix) in labels)
-    points = transfer.points if isinstance(transfer, TransferFunction) else transfer.surfaces
-    return tuple(Part((value,), opacity, shares_of(mix)) for value, opacity, mix in points)
+    rows = rows_of(transfer)
+    return tuple(Part((value,), opacity, shares_of(mix)) for value, opacity, mix in rows)
+
+
+def rows_of(transfer: TransferFunction | Isosurfaces) -> Sequence[Point]:
+    """Return the points of a curve, or the surfaces."""
+    return transfer.points if isinstance(transfer, TransferFunction) else transfer.surfaces
+
+
+def with_parts(transfer: Transfer, parts: Any) -> Transfer:
+    """Return a transfer function with other points, regions, surfaces or labels."""
+    changes: dict[str, Any] = {KINDS[type(transfer)]: parts}
+    return replace(transfer, **changes)
 
 
 def with_opacity(transfer: Transfer, index: int, opacity: float) -> Transfer:
-    """One part with another opacity, kept within 0 to 1."""
-    if not 0 <= index < len(parts_of(transfer)):
-        return transfer
-    opacity = min(max(opacity, 0.0), 1.0)
-    return _changed(transfer, lambda i, own, mix: (opacity if i == index else own, mix))
+    """Set the opacity of a part, limited to 0 to 1."""
+    return _with_look(transfer, index, lambda _, mix: (min(max(opacity, 0.0), 1.0), mix))
 
 
 def with_mix(transfer: Transfer, index: int, mix: Mix) -> Transfer:
-    """One part of another material or mix."""
+    """Set the material or the mix of a part."""
+    return _with_look(transfer, index, lambda opacity, _: (opacity, mix))
+
+
+def _with_look(
+    transfer: Transfer, index: int, change: Callable[[float, Mix], tuple[float, Mix]]
+) -> Transfer:
     if not 0 <= index < len(parts_of(transfer)):
         return transfer
-    return _changed(transfer, lambda i, opacity, own: (opacity, mix if i == index else own))
+    return _with_looks(transfer, lambda i, *look: change(*look) if i == index else look)
 
 
 def with_share(transfer: Transfer, index: int, material: str, share: float) -> Transfer:
-    """One part with another share of a material; the others make room or fill up."""
+    """Set the share of a material in a part's mix; the others make room or fill up."""
     parts = parts_of(transfer)
     if not 0 <= index < len(parts) or material not in transfer.materials:
         return transfer
@@ -94,11 +113,10 @@ def with_share(transfer: Transfer, index: int, material: str, share: float) -> T
 
 
 def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
-    """All opacities as if the matter were denser by a factor: 1 - (1 - opacity)^factor.
+    """Return all opacities as of matter denser by a factor: 1 - (1 - opacity)^factor.
 
-    Small ones are multiplied by it, great ones near 1. What is rounded to 1 has no way back: to
-    slide to and fro, start from the same transfer function each time. A factor of 1 returns it as
-    it is.
+    Opacities rounded to 1 cannot be thinned again: a slider starts from the same transfer function
+    each time. A factor of 1 returns it itself.
     """
     if math.isclose(factor, 1.0):
         return transfer
@@ -107,21 +125,21 @@ def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
     def denser(_: int, opacity: float, mix: Mix) -> tuple[float, Mix]:
         return 1 - (1 - min(opacity, most)) ** factor, mix
 
-    return _changed(transfer, denser)
+    return _with_looks(transfer, denser)
 
 
 def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor: float) -> Transfer:
-    """A transfer function that was edited while it was thick, as it is without that.
+    """Undo the thickening of a transfer function that was edited since.
 
-    Parts whose opacity the edit has left alone get back that which they had, also where thickening
-    has rounded it to 1; others are thinned by the factor.
+    Parts whose opacity the edit left alone get that of ``thin`` back, even if thickening has
+    rounded it to 1; others are thinned by the factor.
 
     Parameters
     ----------
-    transfer, thick, thin : Transfer
-        As edited, as it was before, and what that was thickened from.
-    factor : float
-        By which ``thin`` was thickened.
+    thick : Transfer
+        As it was before it was edited.
+    thin : Transfer
+        What that was thickened from, by ``factor``.
     """
     before, after = parts_of(thick), parts_of(transfer)
     same = {i: i for i in range(len(after))}
@@ -136,32 +154,29 @@ def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor:
             return opacities[old], mix
         return 1 - (1 - min(opacity, _MOST_OPAQUE)) ** (1 / factor), mix
 
-    return _changed(transfer, thinner)
+    return _with_looks(transfer, thinner)
 
 
 def without_part(transfer: Transfer, index: int) -> Transfer:
-    """Without one part; of a curve two stay, of others one."""
+    """Remove a part; a curve keeps at least two, others one."""
     count = len(parts_of(transfer))
     least = 2 if isinstance(transfer, TransferFunction) else 1
     if count <= least or not 0 <= index < count:
         return transfer
+    parts = getattr(transfer, KINDS[type(transfer)])
     if isinstance(transfer, LabelFunction):
-        gone = list(transfer.labels)[index]
-        return replace(transfer, labels={k: v for k, v in transfer.labels.items() if k != gone})
-    name = _FIELDS[type(transfer)]
-    kept = list(getattr(transfer, name))
-    del kept[index]
-    changes: dict[str, Any] = {name: kept}
-    return replace(transfer, **changes)
+        parts = list(parts.items())
+    left = [part for i, part in enumerate(parts) if i != index]
+    return with_parts(transfer, dict(left) if isinstance(transfer, LabelFunction) else left)
 
 
 def shift_values(transfer: Transfer, by: float, span: tuple[float, float]) -> Transfer:
-    """All values moved; as they are where some would end far beyond a volume's range."""
-    return _mapped(transfer, lambda value: value + by, span)
+    """Shift all values, unless some would end far beyond the volume's range ``span``."""
+    return _with_values(transfer, lambda value: value + by, span)
 
 
 def stretch_values(transfer: Transfer, factor: float, span: tuple[float, float]) -> Transfer:
-    """All values further from their middle, or nearer to it."""
+    """Multiply the distance of all values from their middle."""
     values = [value for part in parts_of(transfer) for value in part.values]
     low, high = min(values), max(values)
     least, most = (share * (span[1] - span[0]) for share in _WIDTHS)
@@ -169,10 +184,10 @@ def stretch_values(transfer: Transfer, factor: float, span: tuple[float, float])
     if not width > 0 or not min(least, width) <= width * factor <= max(most, width):
         return transfer
     middle = (low + high) / 2
-    return _mapped(transfer, lambda value: middle + factor * (value - middle), span)
+    return _with_values(transfer, lambda value: middle + factor * (value - middle), span)
 
 
-def _mapped(
+def _with_values(
     transfer: Transfer, to: Callable[[float], float], span: tuple[float, float]
 ) -> Transfer:
     if isinstance(transfer, LabelFunction):
@@ -184,36 +199,23 @@ def _mapped(
         return transfer
     if isinstance(transfer, TransferFunction2D):
         regions = [replace(r, values=(to(r.values[0]), to(r.values[1]))) for r in transfer.regions]
-        return replace(transfer, regions=regions)
-    points = transfer.points if isinstance(transfer, TransferFunction) else transfer.surfaces
-    changes: dict[str, Any] = {
-        _FIELDS[type(transfer)]: [(to(value), opacity, mix) for value, opacity, mix in points]
-    }
-    return replace(transfer, **changes)
+        return with_parts(transfer, regions)
+    rows = rows_of(transfer)
+    return with_parts(transfer, [(to(value), opacity, mix) for value, opacity, mix in rows])
 
 
-_FIELDS: dict[type, str] = {
-    TransferFunction: "points",
-    TransferFunction2D: "regions",
-    Isosurfaces: "surfaces",
-}
-
-
-def _changed(
+def _with_looks(
     transfer: Transfer, change: Callable[[int, float, Mix], tuple[float, Mix]]
 ) -> Transfer:
-    """Every part with the opacity and the mix that are made of its number and its own."""
+    """Replace opacity and mix of every part by ``change(index, opacity, mix)``."""
     if isinstance(transfer, TransferFunction2D):
         regions = []
         for i, region in enumerate(transfer.regions):
             opacity, mix = change(i, region.opacity, region.material)
             regions.append(replace(region, opacity=opacity, material=mix))
-        return replace(transfer, regions=regions)
+        return with_parts(transfer, regions)
     if isinstance(transfer, LabelFunction):
         looks = enumerate(transfer.labels.items())
-        labels = {label: change(i, opacity, mix) for i, (label, (opacity, mix)) in looks}
-        return replace(transfer, labels=labels)
-    points = transfer.points if isinstance(transfer, TransferFunction) else transfer.surfaces
-    rows = [(value, *change(i, own, mix)) for i, (value, own, mix) in enumerate(points)]
-    changes: dict[str, Any] = {_FIELDS[type(transfer)]: rows}
-    return replace(transfer, **changes)
+        return with_parts(transfer, {label: change(i, *look) for i, (label, look) in looks})
+    rows = enumerate(rows_of(transfer))
+    return with_parts(transfer, [(value, *change(i, own, mix)) for i, (value, own, mix) in rows])
