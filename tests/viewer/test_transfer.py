@@ -27,7 +27,7 @@ from volspec.viewer.model.commands import COMMANDS
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import parts_of, with_share
+from volspec.viewer.model.transfer_parts import parts_of
 
 KINDS = ("points", "regions", "surfaces", "labels")
 
@@ -200,13 +200,14 @@ def test_a_share_makes_the_others_room_and_their_proportions_come_back(state: Vi
     function = replace(
         state.transfer, points=[(0.0, 0.1, gold), (1.0, 0.2, "gold")], materials=materials
     )
-    more = with_share(function, 0, "gold", 0.75)
-    assert parts_of(more)[0].mix == pytest.approx({"gold": 0.75, "copper": 0.15, "steel": 0.1})
-    all_gold = with_share(function, 0, "gold", 1.0)
-    back = with_share(all_gold, 0, "gold", 0.5)
-    assert parts_of(back)[0].mix == pytest.approx(gold)
+    given, set_weight = replace(state, transfer=function), transfer_edits.set_material_weight
+    more = parts_of(set_weight(given, 0, "gold", 0.75).transfer)
+    assert more[0].mix == pytest.approx({"gold": 0.75, "copper": 0.15, "steel": 0.1})
+    all_gold = set_weight(given, 0, "gold", 1.0)
+    back = set_weight(all_gold, 0, "gold", 0.5)
+    assert parts_of(back.transfer)[0].mix == pytest.approx(gold)
     # What one material alone left would be black.
-    assert with_share(function, 1, "gold", 0.5) is function
+    assert set_weight(given, 1, "gold", 0.5) is given
 
 
 def test_a_region_follows_its_sides_and_has_no_end_above_the_axis(state: ViewState) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +36,7 @@ _ITERATIONS = 4
 def fitted(
     view: View, volume: Volume, transfer: Transfer, shading: RaycastSpec, aspect: float
 ) -> View:
-    """Return a view from the same side that the visible part of the volume fills.
-
-    Parameters
-    ----------
-    aspect : float
-        Width of the picture by its height.
-    """
+    """Fit a view to the visible part of a volume; the aspect is the picture's width by height."""
     axes = np.stack(view.camera(volume).frame())
     points = shown_mm(volume, transfer, shading) @ axes.T
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -121,10 +116,8 @@ def _visible(values: NDArray[np.generic], volume: Volume, transfer: Transfer) ->
     return shown[np.clip(at, 0, len(shown) - 1).astype(np.int32)]
 
 
-# A drag over the picture's height turns by this many degrees,
-_TURN_DEG = 180.0
-# and multiplies the zoom by e to this.
-_ZOOM_RATE = 2.0
+# A drag over the picture's height turns by these degrees, and multiplies the zoom by e to this.
+_TURN_DEG, _ZOOM_RATE = 180.0, 2.0
 # A notch of the wheel zooms as a drag over this share of the picture's height, rolls by these
 # degrees, or multiplies the field of view by e to this.
 _NOTCH, _NOTCH_DEG, _NOTCH_FOV = 0.06, 5.0, 0.06
@@ -147,7 +140,7 @@ def orbit(state: ViewState, across: float, down: float) -> ViewState:
     down = math.cos(roll) * down - math.sin(roll) * across
     azimuth = math.remainder(view.azimuth_deg - _TURN_DEG * right, 360.0)
     elevation = clamp(view.elevation_deg + _TURN_DEG * down, -90.0, 90.0)
-    return replace(state, view=replace(view, azimuth_deg=azimuth, elevation_deg=elevation))
+    return _with_view(state, azimuth_deg=azimuth, elevation_deg=elevation)
 
 
 @edit
@@ -162,21 +155,20 @@ def pan(state: ViewState, across: float, down: float) -> ViewState:
     far = np.asarray(camera.target_mm) + tall * (down * up - across * right) - centre
     most = _FURTHEST * radius_mm(volume)
     far *= min(1.0, most / max(float(np.linalg.norm(far)), 1e-12))
-    return replace(state, view=replace(state.view, target_mm=vector(centre + far)))
+    return _with_view(state, target_mm=vector(centre + far))
 
 
 @edit
 def zoom(state: ViewState, _across: float, down: float) -> ViewState:
     """Zoom by a drag, in shares of the picture's height."""
     factor = math.exp(clamp(-_ZOOM_RATE * down, -10.0, 10.0))
-    return replace(state, view=replace(state.view, zoom=clamp(state.view.zoom * factor, *ZOOMS)))
+    return _with_view(state, zoom=clamp(state.view.zoom * factor, *ZOOMS))
 
 
 @edit
 def roll(state: ViewState, degrees: float) -> ViewState:
     """Roll the view clockwise."""
-    roll_deg = math.remainder(state.view.roll_deg + degrees, 360.0)
-    return replace(state, view=replace(state.view, roll_deg=roll_deg))
+    return _with_view(state, roll_deg=math.remainder(state.view.roll_deg + degrees, 360.0))
 
 
 @edit
@@ -195,8 +187,7 @@ def roll_notches(state: ViewState, notches: float) -> ViewState:
 def widen_notches(state: ViewState, notches: float) -> ViewState:
     """Narrow the field of view by notches of the wheel, or widen it by negative ones."""
     factor = math.exp(clamp(-_NOTCH_FOV * notches, -5.0, 5.0))
-    fov_deg = clamp(state.view.fov_deg * factor, *_FOVS_DEG)
-    return replace(state, view=replace(state.view, fov_deg=fov_deg))
+    return _with_view(state, fov_deg=clamp(state.view.fov_deg * factor, *_FOVS_DEG))
 
 
 @edit
@@ -207,20 +198,23 @@ def look_at_face(state: ViewState, face: int) -> ViewState:
     azimuth, elevation = orbit_deg(face_normal(face), state.view.up)
     # Straight from above or below any azimuth will do: the front stays at the bottom.
     azimuth = 0.0 if abs(elevation) > _POLE_DEG else azimuth
-    return _look_from(state, azimuth, elevation)
+    return _with_view(state, azimuth_deg=azimuth, elevation_deg=elevation, roll_deg=0.0)
 
 
-def _look_from(state: ViewState, azimuth_deg: float, elevation_deg: float) -> ViewState:
-    view = replace(state.view, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, roll_deg=0.0)
-    return replace(state, view=view)
+def _with_view(state: ViewState, **changes: Any) -> ViewState:
+    return replace(state, view=replace(state.view, **changes))
 
 
 def _turn(right_deg: float, down_deg: float) -> Change:
     return bind(orbit, right_deg / _TURN_DEG, down_deg / _TURN_DEG)
 
 
+def _look_from(azimuth_deg: float, elevation_deg: float) -> Change:
+    return bind(_with_view, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, roll_deg=0.0)
+
+
 def _projection(state: ViewState) -> ViewState:
-    return replace(state, view=replace(state.view, orthographic=not state.view.orthographic))
+    return _with_view(state, orthographic=not state.view.orthographic)
 
 
 def _reset(state: ViewState) -> ViewState:
@@ -234,20 +228,20 @@ def _fit(state: ViewState) -> ViewState:
     return replace(state, view=view)
 
 
-# Name, title, F3D's key, with Ctrl for the other side; azimuth and elevation in degrees.
+# Title, F3D's key, with Ctrl for the other side; azimuth and elevation in degrees.
 _SIDES = (
-    ("front", "Front", "1", 0.0, 0.0),
-    ("right", "Right", "3", 90.0, 0.0),
-    ("top", "Top", "7", 0.0, 90.0),
-    ("isometric", "Isometric", "9", 45.0, 35.264),
-    ("back", "Back", "ctrl+1", 180.0, 0.0),
-    ("left", "Left", "ctrl+3", -90.0, 0.0),
-    ("bottom", "Bottom", "ctrl+7", 0.0, -90.0),
+    ("Front", "1", 0.0, 0.0),
+    ("Right", "3", 90.0, 0.0),
+    ("Top", "7", 0.0, 90.0),
+    ("Isometric", "9", 45.0, 35.264),
+    ("Back", "ctrl+1", 180.0, 0.0),
+    ("Left", "ctrl+3", -90.0, 0.0),
+    ("Bottom", "ctrl+7", 0.0, -90.0),
 )
 COMMANDS = (
     *(
-        Command(f"view-{side}", "View", title, (key,), bind(_look_from, azimuth_deg, elevation_deg))
-        for side, title, key, azimuth_deg, elevation_deg in _SIDES
+        Command(f"view-{title.lower()}", "View", title, (key,), _look_from(azimuth, elevation))
+        for title, key, azimuth, elevation in _SIDES
     ),
     Command(
         "projection", "View", "Orthographic", ("5",), _projection, lambda s: s.view.orthographic

@@ -35,11 +35,11 @@ LEAST = 1.0
 def crop_of(shading: RaycastSpec, volume: Volume) -> Crop:
     """Return the crop's bounds along each axis, in voxels; the whole volume if there is none."""
     last = np.array(volume.shape_xyz) - 1.0
-    given = shading.crop_voxels or tuple((0.0, float(end)) for end in last)
+    low, high = np.transpose(shading.crop_voxels or [(0.0, end) for end in last])
     # A scene's crop may reach beyond the volume, or miss it.
-    low = np.clip([pair[0] for pair in given], 0.0, last - LEAST)
-    high = np.clip([pair[1] for pair in given], low + LEAST, last)
-    x, y, z = ((float(a), float(b)) for a, b in zip(low, high, strict=True))
+    low = np.clip(low, 0.0, last - LEAST)
+    high = np.clip(high, low + LEAST, last)
+    x, y, z = zip(low.tolist(), high.tolist(), strict=True)
     return x, y, z
 
 
@@ -129,24 +129,14 @@ ARM, APART, _GRIP = 64.0, 26.0, 11.0
 
 @dataclass(frozen=True, slots=True)
 class Handle:
-    """A handle in the picture.
+    """A handle of the crop box or of a clip plane, in the window.
 
-    Parameters
-    ----------
-    name : str
-        ``crop``, ``plane-shift`` or ``plane-tilt``.
-    index : int
-        Of the face (2 · axis, + 1 at the far end) or the plane.
-    place : (x, y)
-        Where it is drawn in the window.
-    held : (x, y)
-        Projection of what it moves; differs from ``place`` if handles would overlap.
-    arm : float
-        Pixels from the plane's middle to the end of its axis, for ``plane-tilt``.
+    ``held`` is the projection of what it moves; it differs from ``place`` if handles would overlap.
+    ``arm`` is the distance of a tilting handle's end from the plane's middle, in pixels.
     """
 
-    name: str
-    index: int
+    name: str  # crop, plane-shift or plane-tilt
+    index: int  # of the face (2 · axis, + 1 at the far end) or the plane
     place: Place
     held: Place
     arm: float = 0.0
@@ -155,12 +145,8 @@ class Handle:
 def handles_of(state: ViewState, projection: Projection, scale: float) -> tuple[Handle, ...]:
     """Return the handles of the crop box and the clip planes in front of the camera.
 
-    Only the chosen plane can be tilted, and its handles come first.
-
-    Parameters
-    ----------
-    scale : float
-        Pixels of the window for each at 96 dpi.
+    Only the chosen plane can be tilted, and its handles come first. ``scale`` is the number of the
+    window's pixels for each at 96 dpi.
     """
     aids, shading, volume = state.interface.aids, state.shading, state.document.volume
     found: list[Handle] = []
@@ -180,18 +166,10 @@ def handles_of(state: ViewState, projection: Projection, scale: float) -> tuple[
 def drag_handle(
     shading: RaycastSpec, volume: Volume, handle: Handle, place: Place, projection: Projection
 ) -> tuple[float, float]:
-    """Return the numbers for `move_handle` at which a handle is seen at a place of the window.
+    """Return the numbers for `move_handle` that bring a handle to a place of the window.
 
-    Parameters
-    ----------
-    shading, handle
-        At the start of the drag.
-
-    Returns
-    -------
-    (x, y)
-        ``crop``: voxel of the face. ``plane-shift``: distance from the volume's middle, mm.
-        ``plane-tilt``: azimuth and elevation of the normal, degrees.
+    They are the voxel of a face; a plane's distance from the volume's middle in mm; or azimuth and
+    elevation of its normal in degrees. ``shading`` and ``handle`` are those at the drag's start.
     """
     if handle.name == "crop":
         bounds = crop_of(shading, volume)
@@ -258,9 +236,11 @@ def move_crop(state: ViewState, face: int, at: float) -> ViewState:
     crop = list(crop_of(state.shading, volume))
     low, high = crop[axis]
     last = volume.shape_xyz[axis] - 1.0
-    crop[axis] = (
-        (low, clamp(at, low + LEAST, last)) if far else (clamp(at, 0.0, high - LEAST), high)
-    )
+    if far:
+        high = clamp(at, low + LEAST, last)
+    else:
+        low = clamp(at, 0.0, high - LEAST)
+    crop[axis] = low, high
     whole = all(pair == (0.0, n - 1.0) for pair, n in zip(crop, volume.shape_xyz, strict=True))
     x, y, z = crop
     return _with_cuts(state, crop_voxels=None if whole else (x, y, z))
@@ -298,22 +278,25 @@ def shift_plane(state: ViewState, index: int, mm: float) -> ViewState:
 @edit
 def tilt_plane(state: ViewState, index: int, azimuth: float, elevation: float) -> ViewState:
     """Turn a clip plane's normal to a direction of the world, in degrees."""
-    around = math.radians(math.fmod(azimuth, 360.0))
-    upwards = math.radians(clamp(elevation, -90.0, 90.0))
-    flat = math.cos(upwards)
-    normal = flat * math.cos(around), flat * math.sin(around), math.sin(upwards)
-    volume = state.document.volume
-    return _with_plane(
-        state, index, lambda plane: ClipPlane(vector(anchor_mm(plane, volume)), normal)
-    )
+    azimuth = math.radians(math.fmod(azimuth, 360.0))
+    elevation = math.radians(clamp(elevation, -90.0, 90.0))
+    flat = math.cos(elevation)
+    normal = flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)
+
+    def change(plane: ClipPlane) -> ClipPlane:
+        return ClipPlane(vector(anchor_mm(plane, state.document.volume)), normal)
+
+    return _with_plane(state, index, change)
 
 
 @edit
 def flip_plane(state: ViewState, index: int) -> ViewState:
     """Cut away the other side of a plane."""
-    return _with_plane(
-        state, index, lambda plane: replace(plane, normal=vector(-np.asarray(plane.normal)))
-    )
+
+    def change(plane: ClipPlane) -> ClipPlane:
+        return replace(plane, normal=vector(-np.asarray(plane.normal)))
+
+    return _with_plane(state, index, change)
 
 
 @edit
@@ -378,12 +361,10 @@ def bind(change: Callable[..., ViewState | Edited], *given: Any, **named: Any) -
 
 
 def _add_facing(state: ViewState) -> Edited:
-    """Cut away what is between the eye and the volume's middle."""
     return add_plane(state, vector(state.view.camera(state.document.volume).frame()[2]))
 
 
 def _add_across(state: ViewState, axis: int) -> Edited:
-    """Add a plane across an axis of the voxels."""
     return add_plane(state, vector(state.document.volume.world_from_index[:3, axis]))
 
 

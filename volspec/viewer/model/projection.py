@@ -51,10 +51,7 @@ class Projection:
         return at
 
     def placed(self, points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(…, 3) x and y in the window, and depth, which is above 0 in front of the camera.
-
-        The depth is a fraction of the target's; 1 in orthographic pictures.
-        """
+        """(…, 3) x and y in the window, and depth, by the target's; 1 in orthographic pictures."""
         points = np.asarray(points_mm, dtype=np.float64)
         at = self._homogeneous(points - self.camera.target_mm, 1.0)
         divisor = np.where(np.abs(at[..., 2:]) < NEAR, NEAR, at[..., 2:])
@@ -81,21 +78,9 @@ class Projection:
     def along(
         self, anchor_mm: NDArray[np.float64], direction: NDArray[np.float64], place: Place
     ) -> float:
-        """Return the point of a line that is seen nearest to a place of the window.
+        """Return the point of a line that is seen nearest to a place, in mm from an anchor.
 
-        Parameters
-        ----------
-        anchor_mm : (3,)
-            A point of the line in front of the camera.
-        direction : (3,)
-            Unit vector.
-        place : (x, y)
-            In the window.
-
-        Returns
-        -------
-        float
-            Millimetres from the anchor.
+        The anchor is in front of the camera, and the direction a unit vector; (3,) each.
         """
         start = self._homogeneous(anchor_mm - np.asarray(self.camera.target_mm), 1.0)
         change = self._homogeneous(np.asarray(direction), 0.0)
@@ -125,12 +110,9 @@ def face_normal(face: int) -> NDArray[np.float64]:
 
 
 def cube_faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
-    """Return the visible faces of a cube with edges of 2.
+    """Return the visible faces of a cube with edges of 2: (number, corners, cosine to the eye).
 
-    Returns
-    -------
-    list of (face, corners, cosine)
-        (4, 2) corners right and down of the cube's centre; cosine of normal and view direction.
+    The (4, 2) corners are right and down of the cube's centre.
     """
     right, up, forward = camera.frame()
     found = []

@@ -1,10 +1,9 @@
-"""The colours of all values that a volume has: what slices are lit by.
+"""The coefficient image of all values of a volume, by which slices are lit.
 
     volume, transfer -> [slice_table] -> CoefficientImage -> Relighter -> slice_pictures
 
-What a slice shows depends on the voxels' values alone. So a light is not put on pixels but on the
-table of all values, a coefficient image of some thousand pixels: a swap takes the same few
-milliseconds however large the slices are.
+A slice's colours depend on its voxels' values alone: to relight a table of all values takes
+the same few milliseconds however large the slices are.
 """
 
 from __future__ import annotations
@@ -18,26 +17,19 @@ from volspec.raycast import CoefficientImage, RaycastSpec
 from volspec.transfer import MAX_LABEL, LabelFunction, SurfaceTable, Transfer, TransferTable
 from volspec.volume import Volume
 
-# Entries of a table of values that are no small integers.
+# Entries of a table of values other than small integers.
 ENTRIES = 4096
-# A voxel shows its material as a slab of so many reference steps would; the rest stays grey.
+# A voxel is as opaque as a slab of this many reference steps; the rest stays grey.
 SLAB_STEPS = 16
-# Greys of a display stand for reflectances by about this power.
+# Exponent from a display's greys to reflectances, about.
 _GAMMA = 2.2
 
 
 @dataclass(frozen=True, slots=True)
 class Entries:
-    """The values that a table of colours has: whole numbers one by one, then others evenly.
+    """Values of a table: ``whole`` integers from ``first`` on, then ``rest`` others up to ``last``.
 
-    Parameters
-    ----------
-    first : float
-    whole : int
-        How many whole numbers from there on.
-    last : float
-    rest : int
-        How many values from the whole ones on to the last.
+    The others are evenly spaced.
     """
 
     first: float
@@ -47,18 +39,18 @@ class Entries:
 
     @property
     def count(self) -> int:
-        """How many."""
+        """Number of entries."""
         return self.whole + self.rest
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """(count,) rising."""
+        """(count,) ascending values."""
         after = self.first + self.whole
         evenly = np.linspace(min(after, self.last), self.last, self.rest)
         return np.r_[self.first + np.arange(self.whole), evenly]
 
     def codes(self, values: NDArray[np.generic]) -> NDArray[np.uint32]:
-        """Where values stand: the nearest entry."""
+        """Return the indices of the nearest entries."""
         at = values.astype(np.float64) - self.first
         if self.rest:
             span = self.last - self.first - self.whole
@@ -68,9 +60,9 @@ class Entries:
 
 
 def entries_of(volume: Volume, labels: bool) -> Entries:
-    """A volume's: one a value where these are few whole numbers, or labels that can be named.
+    """Return a volume's entries: every value if these are few integers, or every label.
 
-    Labels of volumes of floats are whole numbers too.
+    Labels in volumes of floats are integers too.
     """
     low, high = volume.range
     count = int(high - low) + 1
@@ -78,7 +70,7 @@ def entries_of(volume: Volume, labels: bool) -> Entries:
         return Entries(low, count, high, 0)
     if not labels:
         return Entries(low, 0, high, ENTRIES)
-    first = max(low, -1.0)  # what is less is as transparent
+    first = max(low, -1.0)  # lower ones are transparent as well
     named = max(int(min(high, MAX_LABEL) - first) + 1, 0)
     return Entries(first, named, high, ENTRIES if high > MAX_LABEL else 0)
 
@@ -86,7 +78,7 @@ def entries_of(volume: Volume, labels: bool) -> Entries:
 def greys(
     entries: Entries, span: tuple[float, float], window: tuple[float, float]
 ) -> NDArray[np.float64]:
-    """(count,) 0 to 1 for a table's entries; a window of no width is a step."""
+    """(count,) greys of a table's entries, 0 to 1; a window of width 0 is a step."""
     low, high = window
     width = span[1] - span[0]
     at = (entries.values - span[0]) / width if width > 0 else np.zeros(entries.count)
@@ -96,35 +88,33 @@ def greys(
 def table_image(
     volume: Volume, transfer: Transfer, shading: RaycastSpec, window: tuple[float, float]
 ) -> CoefficientImage:
-    """All values of a volume as a coefficient image of one row, in each of a cast's light groups.
+    """Return a coefficient image of one row: all values of a volume, in each light group of a cast.
 
     Values that the transfer function shows have their materials' reflectance, others a grey.
     """
     entries = entries_of(volume, isinstance(transfer, LabelFunction))
-    values, count = entries.values, entries.count
     table = transfer.bake(min(volume.spacing_mm))
-    opacity, shares = _looked_up(table, values)
-    share = (1 - (1 - opacity) ** SLAB_STEPS)[:, None]
+    opacity, shares = _look_up(table, entries.values)
+    alpha = (1 - (1 - opacity) ** SLAB_STEPS)[:, None]
     grey = greys(entries, volume.range, window)[:, None] ** _GAMMA * table.white
-    channels = share * (shares @ table.channels) + (1 - share) * grey
+    channels = alpha * (shares @ table.channels) + (1 - alpha) * grey
     groups = shading.shares()
     # A slice faces every source.
     layers = np.concatenate([channels * part for part in groups.values()], axis=1)
-    ones = np.ones((1, count), np.float32)
-    return CoefficientImage(
-        layers[None].astype(np.float32), ones, ones, transfer.basis, groups=groups
-    )
+    ones = np.ones((1, entries.count), np.float32)
+    pixels = layers[None].astype(np.float32)
+    return CoefficientImage(pixels, ones, ones, transfer.basis, groups=groups)
 
 
-def _looked_up(
+def _look_up(
     table: TransferTable | SurfaceTable, values: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(N,) opacity and (N, K) shares of values."""
-    if isinstance(table, SurfaceTable):  # what is inside a surface is made of it
+    """Return (N,) opacities and (N, K) material weights of values."""
+    if isinstance(table, SurfaceTable):  # the inside of a surface is made of it
         inside = np.searchsorted(table.values, values, side="right") - 1
         return np.where(inside < 0, 0.0, table.opacity[inside]), table.shares[inside]
     opacity, shares = table.opacity, table.shares
-    if opacity.ndim == 2:  # over gradients, which a slice does not tell: their mean
+    if opacity.ndim == 2:  # over gradients, of which a slice shows the mean
         weights = np.maximum(opacity, 1e-9)[..., None]
         shares = (shares * weights).sum(axis=0) / weights.sum(axis=0)
         opacity = opacity.max(axis=0)

@@ -33,15 +33,7 @@ _LEANS = 0.26
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """A family of slices, by the world's axes.
-
-    Parameters
-    ----------
-    normal : int
-        The world's axis it is perpendicular to.
-    across, down : (axis, sign)
-        Directions of its picture to the right and down.
-    """
+    """A family of slices, by axes of the world; its picture's directions are (axis, sign)."""
 
     name: str
     normal: int
@@ -59,13 +51,7 @@ PLANES = (
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A plane by the axes of a volume's voxels (0 is x), those nearest to the world's.
-
-    Parameters
-    ----------
-    flipped : (across, down)
-        True if the picture runs against the axis.
-    """
+    """A plane by the nearest axes of the voxels; ``flipped`` if its picture runs against them."""
 
     normal: int
     across: int
@@ -144,23 +130,20 @@ def crop_extent(
     volume: Volume, layout: Layout, crop: Sequence[tuple[float, float]]
 ) -> tuple[float, float, float, float]:
     """Return the crop in a slice's picture: left, top, right and bottom, 0 to 1."""
-    edges = []
-    for axis, back in zip((layout.across, layout.down), layout.flipped, strict=True):
-        # Between the outer sides of the first and the last voxel.
-        low, high = crop[axis][0], crop[axis][1] + 1.0
-        ends = low / volume.shape_xyz[axis], high / volume.shape_xyz[axis]
-        edges.append((1 - ends[1], 1 - ends[0]) if back else ends)
-    (left, right), (top, bottom) = edges
-    return left, top, right, bottom
+    axes = layout.across, layout.down
+    # Between the outer sides of the first and the last voxel.
+    starts, ends = (
+        [(crop[axis][end] + end) / volume.shape_xyz[axis] for axis in axes] for end in (0, 1)
+    )
+    (x0, y0), (x1, y1) = _unflipped(layout, *starts), _unflipped(layout, *ends)
+    return min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)
 
 
 def is_patient(volume: Volume, said: bool | None) -> bool:
-    """Return True if directions are a patient's: as set, or if the file gave an orientation.
-
-    Volumes without one have their first voxel at the origin and their axes along the world's.
-    """
+    """Return True if directions are a patient's: as set, or if the file gave an orientation."""
     if said is not None:
         return said
+    # Without one the first voxel is at the origin, and the axes are along the world's.
     matrix = volume.world_from_index
     return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
 
@@ -207,10 +190,7 @@ def outline_index(volume: Volume, axis: int, share: float) -> NDArray[np.float64
 
 
 def window_of(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the values shown black and white, 0 to 1 of a volume's range.
-
-    They are as set, or the quantiles between which most values lie.
-    """
+    """Return the values shown black and white, 0 to 1 of a volume's range, as set or by default."""
     if slices.greys is not None:
         return slices.greys
     # Without the background, which mostly has the least value and would outweigh the rest.
@@ -289,6 +269,7 @@ def _toggle_patient(state: ViewState) -> ViewState:
     return with_aids(state, patient=not _shows_patient(state))
 
 
+_CENTRE = Slices().at
 # By plane: its name, and for page down and page up the directions that they move it.
 _PAGES = (
     ("Axial", (("down", "pagedown", -1.0), ("up", "pageup", 1.0))),
@@ -298,11 +279,7 @@ _PAGES = (
 COMMANDS = (
     Command("slices-lit", "Window", "Slices under the lights", (), _toggle_lit, _shows_lit),
     Command(
-        "slices-middle",
-        "Window",
-        "Slices through the middle",
-        (),
-        bind(with_slices, at=(0.5, 0.5, 0.5)),
+        "slices-middle", "Window", "Slices through the middle", (), bind(with_slices, at=_CENTRE)
     ),
     Command(
         "slices-greys", "Window", "Slices' greys by the values", (), bind(with_slices, greys=None)

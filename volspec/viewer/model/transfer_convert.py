@@ -59,14 +59,9 @@ def kind_of(transfer: Transfer) -> Kind:
 
 
 def convert(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Transfer:
-    """Return the transfer function of another kind that looks most like a given one.
+    """Return the most similar transfer function of another kind, for values of a span.
 
     It is returned itself if it is of this kind, or if either is of labels, which are no values.
-
-    Parameters
-    ----------
-    span : (low, high)
-        Of the volume's values.
     """
     if not _is_convertible(transfer, kind):
         return transfer
@@ -143,8 +138,10 @@ def _bands_of_curve(curve: TransferFunction, span: tuple[float, float]) -> list[
         right = _end(curve.points, run[-1], run[-1] + 1, after)
         right = max(right, left + _THIN * (span[1] - span[0]))
         ramp = values[run[0]] - left if run[0] else 0.0
-        opacity, mix = _mean([curve.points[i] for i in run])
-        bands.append(Band(left, right, ramp, opacity, mix, _gradients(curve)))
+        opacities = [curve.points[i][1] for i in run]
+        weights = opacities if any(opacities) else [1.0] * len(run)
+        mix = _mean_mix(weights, [curve.points[i][2] for i in run])
+        bands.append(Band(left, right, ramp, float(np.mean(opacities)), mix, _gradients(curve)))
     return bands
 
 
@@ -180,23 +177,13 @@ def _main(mix: Mix) -> str:
     return max(shares, key=lambda name: shares[name])
 
 
-def _mean(points: Sequence[Point]) -> tuple[float, dict[str, float]]:
-    """Return the mean opacity, and the mix weighted by opacity."""
-    opacities = np.array([opacity for _, opacity, _ in points])
-    weights = (
-        opacities / opacities.sum() if opacities.any() else np.full(len(points), 1 / len(points))
-    )
-    mixes = [mix for _, _, mix in points]
-    return float(opacities.mean()), _weighted_mix(zip(weights.tolist(), mixes, strict=True))
-
-
-def _weighted_mix(weighted: Iterable[tuple[float, Mix]]) -> dict[str, float]:
-    """Return the sum of mixes by weights; its shares are limited to 1, whatever rounding did."""
+def _mean_mix(weights: Sequence[float], mixes: Iterable[Mix]) -> dict[str, float]:
+    """Return the weighted mean of mixes; its shares sum to at most 1, whatever rounding did."""
     mix: dict[str, float] = {}
-    for weight, own in weighted:
+    for weight, own in zip(weights, mixes, strict=True):
         for name, share in shares_of(own).items():
             mix[name] = mix.get(name, 0.0) + weight * share
-    total = max(sum(mix.values()), 1.0)
+    total = max(sum(mix.values()), sum(weights))
     return {name: share / total for name, share in mix.items()}
 
 
@@ -238,8 +225,8 @@ def _points(bands: Sequence[Band]) -> list[Point]:
     points: list[Point] = []
     for at in corners:
         heights = [_height(band, at) for band in bands]
-        if total := sum(heights):
-            mix = _weighted_mix((h / total, b.mix) for h, b in zip(heights, bands, strict=True))
+        if any(heights):
+            mix = _mean_mix(heights, [band.mix for band in bands])
             points.append((at, float(1 - np.prod([1 - height for height in heights])), mix))
         else:
             nearest = min(bands, key=lambda b: max(b.low - at, at - b.high, 0.0))
@@ -255,7 +242,6 @@ def _simplified(points: list[Point], most: int) -> list[Point]:
     Visvalingam & Whyatt (1993), "Line generalisation by repeated elimination of points",
     The Cartographic Journal 30(1), 46-51.
     """
-    points = list(points)
 
     def area(i: int) -> float:
         """Return the area that a point adds, by its opacity: faint bands count as well."""

@@ -12,10 +12,22 @@ from typing import Any
 
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer import TransferFunction2D as Regions
-from volspec.viewer.model import presets, transfer_convert, transfer_parts
+from volspec.viewer.model import presets, transfer_convert
 from volspec.viewer.model.edit import Change, Command, Edited, edit
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import Kind, parts_of, rows_of, with_parts
+from volspec.viewer.model.transfer_parts import (
+    KINDS,
+    Kind,
+    map_values,
+    parts_of,
+    rows_of,
+    stretch_values,
+    thicken_opacities,
+    undo_thickening,
+    with_look,
+    with_mix,
+    with_parts,
+)
 from volspec.viewer.model.transfer_placing import (
     add_label,
     add_region,
@@ -31,6 +43,8 @@ THICKNESSES = (0.02, 50.0)
 _WIDER, _THICKER = 2.0, 3.0
 # The narrowest region, as a fraction of either axis.
 _NARROWEST = 0.01
+# The greatest fraction of a mix that one material can take.
+_PUREST = 0.999
 # Of a curve's factors over gradients: the most, and their least distance as a fraction of the axis;
 # a table has too few rows for nearer ones.
 MOST_FACTORS = 16
@@ -63,8 +77,8 @@ def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
     """Add a point, a surface, a label, or a region at (value, gradient), and choose it."""
     transfer = state.transfer
     if isinstance(transfer, Regions):
-        top = state.document.joint.top
-        new = add_region(transfer, _within(state, value), max(opacity, 0.0), _span(state), top)
+        place = _within(state, value), max(opacity, 0.0)
+        new = add_region(transfer, place, _span(state), state.document.joint.top)
     elif isinstance(transfer, LabelFunction):
         new = add_label(transfer, value, _fraction(opacity))
     else:
@@ -79,8 +93,18 @@ def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
 
 @edit
 def remove_point(state: ViewState, index: int) -> ViewState:
-    """Remove a part."""
-    return _with_transfer(state, transfer_parts.without_part(state.transfer, index))
+    """Remove a part; a curve keeps at least two, others one."""
+    transfer = state.transfer
+    parts = getattr(transfer, KINDS[type(transfer)])
+    least = 2 if isinstance(transfer, TransferFunction) else 1
+    if len(parts) <= least or not 0 <= index < len(parts):
+        return state
+    if isinstance(transfer, LabelFunction):
+        label = list(parts)[index]
+        left: Any = {each: look for each, look in parts.items() if each != label}
+    else:
+        left = [*parts[:index], *parts[index + 1 :]]
+    return replace(state, transfer=with_parts(transfer, left))
 
 
 @edit
@@ -97,7 +121,8 @@ def _with_chosen(state: ViewState, index: int) -> ViewState:
 @edit
 def set_opacity(state: ViewState, index: int, opacity: float) -> ViewState:
     """Set a part's opacity."""
-    return _with_transfer(state, transfer_parts.with_opacity(state.transfer, index, opacity))
+    transfer = with_look(state.transfer, index, lambda _, mix: (_fraction(opacity), mix))
+    return _with_transfer(state, transfer)
 
 
 @edit
@@ -105,14 +130,26 @@ def set_material(state: ViewState, index: int, name: str) -> ViewState:
     """Make a part of one material."""
     if name not in state.transfer.materials:
         return state
-    return _with_transfer(state, transfer_parts.with_mix(state.transfer, index, name))
+    return _with_transfer(state, with_mix(state.transfer, index, name))
 
 
 @edit
 def set_material_weight(state: ViewState, index: int, name: str, weight: float) -> ViewState:
-    """Set the weight of a material in a part's mix."""
-    transfer = transfer_parts.with_share(state.transfer, index, name, weight)
-    return _with_transfer(state, transfer)
+    """Set the weight of a material in a part's mix; the others make room or fill up."""
+    parts = parts_of(state.transfer)
+    if not 0 <= index < len(parts) or name not in state.transfer.materials:
+        return state
+    old = parts[index].mix
+    rest = {each: share for each, share in old.items() if each != name and share > 0}
+    if not rest:  # what is left would be black
+        return state
+    others, total = sum(rest.values()), sum(old.values())
+    # A trace of the others stays, so that their proportions come back.
+    weight = min(max(weight, 0.0), _PUREST * total)
+    mix = {each: share * (total - weight) / others for each, share in rest.items()}
+    if weight > 0:
+        mix[name] = weight
+    return _with_transfer(state, with_mix(state.transfer, index, mix))
 
 
 @edit
@@ -222,7 +259,7 @@ def shift(state: ViewState, shift: float) -> ViewState:
     low, high = _span(state)
     shift = min(max(shift, low - high), high - low)
     by = shift - state.shift
-    shifted = _with_values(state, lambda old: transfer_parts.shift_values(old, by, (low, high)))
+    shifted = _with_values(state, lambda old: map_values(old, lambda v: v + by, (low, high)))
     return state if shifted is state else replace(shifted, shift=shift)
 
 
@@ -230,12 +267,12 @@ def shift(state: ViewState, shift: float) -> ViewState:
 def thicken(state: ViewState, thickness: float) -> ViewState:
     """Set the factor of all densities from what they were at first."""
     thickness = min(max(thickness, THICKNESSES[0]), THICKNESSES[1])
-    thin, own = _thin(state)
-    thicker = transfer_parts.thicken_opacities(thin, thickness / own)
+    thin, own = _unthickened(state)
+    thicker = thicken_opacities(thin, thickness / own)
     return replace(state, transfer=thicker, thickness=thickness, unthickened=(thin, own, thicker))
 
 
-def _thin(state: ViewState) -> tuple[Transfer, float]:
+def _unthickened(state: ViewState) -> tuple[Transfer, float]:
     """Return the transfer function before it was thickened, and its own thickness."""
     transfer = state.transfer
     if state.unthickened is None or type(state.unthickened[2]) is not type(transfer):
@@ -243,12 +280,12 @@ def _thin(state: ViewState) -> tuple[Transfer, float]:
     thin, own, thick = state.unthickened
     if thick is transfer:
         return thin, own
-    return transfer_parts.undo_thickening(transfer, thick, thin, state.thickness / own), own
+    return undo_thickening(transfer, thick, thin, state.thickness / own), own
 
 
 def _with_values(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
     """Change the values, also in what the transfer function was thickened from."""
-    (thin, own), new = _thin(state), change(state.transfer)
+    (thin, own), new = _unthickened(state), change(state.transfer)
     if new is state.transfer:
         return state
     return replace(state, transfer=new, unthickened=(change(thin), own, new))
@@ -260,9 +297,7 @@ def window(state: ViewState, across: float, down: float) -> ViewState:
     low, high = _span(state)
     shifted = shift(state, state.shift + across * (high - low))
     factor = math.exp(min(max(-_WIDER * down, -10.0), 10.0))
-    return _with_values(
-        shifted, lambda old: transfer_parts.stretch_values(old, factor, (low, high))
-    )
+    return _with_values(shifted, lambda old: stretch_values(old, factor, (low, high)))
 
 
 @edit

@@ -31,8 +31,6 @@ KINDS: dict[type, Kind] = {
 MOST_PARTS = {TransferFunction: 64, TransferFunction2D: 24, Isosurfaces: MAX_SURFACES}
 # The greatest opacity before thinning: 1 would let nothing through at any density.
 _MOST_OPAQUE = 0.999
-# The greatest fraction of a mix that one material can take.
-_PUREST = 0.999
 # Values may be moved this many ranges of the volume beyond its range.
 _BEYOND = 1.0
 # The least and greatest width that values may be stretched to, as a fraction of the range.
@@ -41,14 +39,7 @@ _WIDTHS = (1e-3, 4.0)
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A point, region, surface or label.
-
-    Parameters
-    ----------
-    values : tuple of float
-        The value of a point or a surface, both ends of a region, or a label.
-    mix : {material: share}
-    """
+    """A point or surface at a value, a region with two ends, or a label; mix: {material: share}."""
 
     values: tuple[float, ...]
     opacity: float
@@ -78,38 +69,18 @@ def with_parts(transfer: Transfer, parts: Any) -> Transfer:
     return replace(transfer, **changes)
 
 
-def with_opacity(transfer: Transfer, index: int, opacity: float) -> Transfer:
-    """Set the opacity of a part, limited to 0 to 1."""
-    return _with_look(transfer, index, lambda _, mix: (min(max(opacity, 0.0), 1.0), mix))
-
-
 def with_mix(transfer: Transfer, index: int, mix: Mix) -> Transfer:
     """Set the material or the mix of a part."""
-    return _with_look(transfer, index, lambda opacity, _: (opacity, mix))
+    return with_look(transfer, index, lambda opacity, _: (opacity, mix))
 
 
-def _with_look(
+def with_look(
     transfer: Transfer, index: int, change: Callable[[float, Mix], tuple[float, Mix]]
 ) -> Transfer:
+    """Replace opacity and mix of a part by ``change(opacity, mix)``."""
     if not 0 <= index < len(parts_of(transfer)):
         return transfer
     return _with_looks(transfer, lambda i, *look: change(*look) if i == index else look)
-
-
-def with_share(transfer: Transfer, index: int, material: str, share: float) -> Transfer:
-    """Set the share of a material in a part's mix; the others make room or fill up."""
-    parts = parts_of(transfer)
-    if not 0 <= index < len(parts) or material not in transfer.materials:
-        return transfer
-    old = parts[index].mix
-    rest = {name: own for name, own in old.items() if name != material and own > 0}
-    others, total = sum(rest.values()), sum(old.values())
-    if not rest:  # what it left would be black
-        return transfer
-    # A trace of the others stays, so that their proportions are known on the way back.
-    share = min(max(share, 0.0), _PUREST * total)
-    mix = {name: own * (total - share) / others for name, own in rest.items()}
-    return with_mix(transfer, index, {**mix, material: share} if share > 0 else mix)
 
 
 def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
@@ -129,17 +100,10 @@ def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
 
 
 def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor: float) -> Transfer:
-    """Undo the thickening of a transfer function that was edited since.
+    """Undo the thickening from ``thin`` to ``thick`` of a transfer function that was edited since.
 
     Parts whose opacity the edit left alone get that of ``thin`` back, even if thickening has
     rounded it to 1; others are thinned by the factor.
-
-    Parameters
-    ----------
-    thick : Transfer
-        As it was before it was edited.
-    thin : Transfer
-        What that was thickened from, by ``factor``.
     """
     before, after = parts_of(thick), parts_of(transfer)
     same = {i: i for i in range(len(after))}
@@ -157,24 +121,6 @@ def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor:
     return _with_looks(transfer, thinner)
 
 
-def without_part(transfer: Transfer, index: int) -> Transfer:
-    """Remove a part; a curve keeps at least two, others one."""
-    count = len(parts_of(transfer))
-    least = 2 if isinstance(transfer, TransferFunction) else 1
-    if count <= least or not 0 <= index < count:
-        return transfer
-    parts = getattr(transfer, KINDS[type(transfer)])
-    if isinstance(transfer, LabelFunction):
-        parts = list(parts.items())
-    left = [part for i, part in enumerate(parts) if i != index]
-    return with_parts(transfer, dict(left) if isinstance(transfer, LabelFunction) else left)
-
-
-def shift_values(transfer: Transfer, by: float, span: tuple[float, float]) -> Transfer:
-    """Shift all values, unless some would end far beyond the volume's range ``span``."""
-    return _with_values(transfer, lambda value: value + by, span)
-
-
 def stretch_values(transfer: Transfer, factor: float, span: tuple[float, float]) -> Transfer:
     """Multiply the distance of all values from their middle."""
     values = [value for part in parts_of(transfer) for value in part.values]
@@ -184,12 +130,13 @@ def stretch_values(transfer: Transfer, factor: float, span: tuple[float, float])
     if not width > 0 or not min(least, width) <= width * factor <= max(most, width):
         return transfer
     middle = (low + high) / 2
-    return _with_values(transfer, lambda value: middle + factor * (value - middle), span)
+    return map_values(transfer, lambda value: middle + factor * (value - middle), span)
 
 
-def _with_values(
+def map_values(
     transfer: Transfer, to: Callable[[float], float], span: tuple[float, float]
 ) -> Transfer:
+    """Convert all values, unless some would end far beyond the volume's range ``span``."""
     if isinstance(transfer, LabelFunction):
         return transfer
     old = [value for part in parts_of(transfer) for value in part.values]

@@ -69,23 +69,15 @@ def add_row(transfer: TransferFunction | Isosurfaces, value: float, opacity: flo
 
 
 def add_region(
-    transfer: TransferFunction2D,
-    value: float,
-    gradient: float,
-    span: tuple[float, float],
-    top: float,
+    transfer: TransferFunction2D, place: tuple[float, float], span: tuple[float, float], top: float
 ) -> Transfer:
-    """Add a region around a place, of the opacity and material of the last.
+    """Add a region around a (value, gradient), of the opacity and material of the last.
 
-    Parameters
-    ----------
-    span : (low, high)
-        Of the volume's values.
-    top : float
-        End of the axis of gradients.
+    ``span`` is the range of the volume's values, ``top`` its greatest gradient.
     """
     if len(transfer.regions) >= MOST_PARTS[TransferFunction2D]:
         return transfer
+    value, gradient = place
     width, height = _NEW * (span[1] - span[0]), _NEW * top
     bottom = max(gradient - height, 0.0)
     like = transfer.regions[-1]

@@ -6,7 +6,8 @@ View -> [view] -> Camera -> raycast
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ ZOOMS = (0.05, 200.0)
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """An orbit around a target, as `Camera.orbit` takes it.
+    """An orbit around a target: the arguments of `Camera.orbit`.
 
     Parameters
     ----------
@@ -63,17 +64,8 @@ class View:
 
     def camera(self, volume: Volume) -> Camera:
         """Return the view's camera."""
-        return Camera.orbit(
-            volume,
-            azimuth_deg=self.azimuth_deg,
-            elevation_deg=self.elevation_deg,
-            zoom=self.zoom,
-            fov_deg=self.fov_deg,
-            up=self.up,
-            target_mm=self.target_mm,
-            orthographic=self.orthographic,
-            roll_deg=self.roll_deg,
-        )
+        given: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
+        return Camera.orbit(volume, **given)
 
 
 def orbit_deg(away: NDArray[np.float64], up: Vector) -> tuple[float, float]:
@@ -94,7 +86,7 @@ def radius_mm(volume: Volume) -> float:
 
 
 def vector(values: NDArray[np.float64]) -> Vector:
-    """Return three numbers as a tuple."""
+    """Return an array of three numbers as a tuple."""
     x, y, z = (float(value) for value in values)
     return x, y, z
 
