@@ -36,7 +36,7 @@ _MENU = "state menu"
 
 
 def draw_states(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw the tab."""
+    """Draw the tab of saved states."""
     new = state
     if imgui.button("Save state"):
         new = ui.run(new, BY_NAME["save-state"])
@@ -61,34 +61,39 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
 
 def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     saved = state.saved_lights[i]
-    if ui.lights.naming == i:
-        return _rename(new, ui, i)
-    x, y = imgui.get_cursor_screen_pos()
-    height, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
-    here = (
-        saved.relight == state.relight and recalled_rows(state.lights, saved.lights) == state.lights
-    )
-    button = height
-    pressed, _ = imgui.selectable("##recall", here, size=(width - button - ui.px(6), height))
+    panel = ui.lights
+    if panel.naming == i:
+        entered, ended = name_field("##name", panel)
+        ui.note("state name")
+        if entered:
+            new = light_states.rename(new, i, panel.name)
+        if ended:
+            panel.naming, panel.name = -1, ""
+        return new
+    at = imgui.get_cursor_screen_pos()
+    side, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
+    same_lights = recalled_rows(state.lights, saved.lights) == state.lights
+    current = same_lights and saved.relight == state.relight
+    pressed, _ = imgui.selectable("##recall", current, size=(width - side - ui.px(6), side))
     ui.note(f"state {i}")
     tip(f"Fade to {as_one_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
     if pressed:
         new = light_states.recall(new, i)
-    _look(state, ui, i, (x, y))
-    imgui.same_line(width - button)
-    if imgui.button("…", (button, 0)):
+    _contents(state, ui, i, (at.x, at.y))
+    imgui.same_line(width - side)
+    if imgui.button("…", (side, 0)):
         imgui.open_popup(_MENU)
     ui.note(f"more {i}")
     return _menu(new, state, ui, i)
 
 
-def _look(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) -> None:
-    """Number, colour, spectrum, name."""
+def _contents(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) -> None:
+    """Draw a saved state's number, colour, spectrum and name."""
     (x, y), saved, grid = at, state.saved_lights[i], state.document.grid
     height, inset = imgui.get_frame_height(), ui.px(3)
     draw_list = imgui.get_window_draw_list()
-    dim, text = (imgui.get_color_u32(c) for c in (imgui.Col_.text_disabled, imgui.Col_.text))
     top = y + (height - imgui.get_font_size()) / 2
+    dim = imgui.get_color_u32(imgui.Col_.text_disabled)
     draw_list.add_text((x + ui.px(4), top), dim, f"{i + 1}")
     left = x + ui.px(22)
     rig = saved_rig(saved.lights)
@@ -99,32 +104,22 @@ def _look(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) -> N
         spark(draw_list, rect, rig, grid)
     left += ui.px(_SWATCH + _SPARK + 14)
     room = x + imgui.get_content_region_avail().x - height - ui.px(12) - left
+    text = imgui.get_color_u32(imgui.Col_.text)
     draw_list.add_text((left, top), text, shorten(saved.name, room))
 
 
 @lru_cache(maxsize=128)
 def saved_rig(rows: Rows) -> LightRig | None:
-    """What a saved state shines with; the same one each time, by which colours are kept."""
+    """Return a saved state's light; the same rig each time, as caches of colours need it."""
     return rig_of(rows)
-
-
-def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
-    panel = ui.lights
-    entered, ended = name_field("##name", panel)
-    ui.note("state name")
-    if entered:
-        new = light_states.rename(new, i, panel.name)
-    if ended:
-        panel.naming, panel.name = -1, ""
-    return new
 
 
 def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     if not imgui.begin_popup(_MENU):
         return new
     if imgui.menu_item("Rename", "", False)[0]:
-        ui.lights.naming, ui.lights.name = i, state.saved_lights[i].name
-        ui.lights.focus = True
+        panel = ui.lights
+        panel.naming, panel.name, panel.focus = i, state.saved_lights[i].name, True
     ui.note("rename state")
     if imgui.menu_item("Save the present lights here", "", False)[0]:
         new = light_states.save_over(new, i)
@@ -134,15 +129,11 @@ def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     return new
 
 
-# Of what is under the rows, tabs included; and of the buttons.
-_LEAST_TABS, _BUTTONS = 134.0, 34.0
+# Least heights of the tabs and the buttons; the tabs' fraction of the panel with a long list.
+_LEAST_TABS, _BUTTONS, _TABS_FRACTION = 134.0, 34.0, 0.4
 _LEAST_ROWS = 3
-# Of the panel's height, where the list is long.
-_TABS_SHARE = 0.4
-# Of the spectrum beside the dial.
-_LEAST_MIX = 84.0
-# With so much room the dial stands over its spectrum.
-_TALL = 300.0
+# Least width of the spectrum next to the dial; from the height on, it is below the dial.
+_LEAST_MIX, _TALL = 84.0, 300.0
 TABS = ("Dial", "Light", "Spectrum", "States")
 
 
@@ -150,9 +141,9 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
     whole = imgui.get_content_region_avail().y
-    room = whole - max(ui.px(_LEAST_TABS), _TABS_SHARE * whole) - ui.px(_BUTTONS)
-    height = whole_rows(len(state.lights), room / line) * line + ui.px(2)
-    new = lights_rows.draw(state, ui, height)
+    room = whole - max(ui.px(_LEAST_TABS), _TABS_FRACTION * whole) - ui.px(_BUTTONS)
+    rows = min(len(state.lights), max(int(room / line), _LEAST_ROWS))
+    new = lights_rows.draw(state, ui, rows * line + ui.px(2))
     new = _buttons(new, ui)
     if imgui.begin_tab_bar("light tabs"):
         for name in TABS:
@@ -168,15 +159,6 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
                 imgui.end_tab_item()
         imgui.end_tab_bar()
     return None if new is state else new
-
-
-def whole_rows(count: int, room: float) -> int:
-    """How many of the rows are seen at once where so many fit; none of them in part.
-
-    >>> whole_rows(5, 4.6), whole_rows(5, 8.0), whole_rows(5, 1.2)
-    (4, 5, 3)
-    """
-    return min(count, max(int(room), _LEAST_ROWS))
 
 
 def _tab(name: str, state: ViewState, ui: UiContext) -> ViewState:
@@ -200,12 +182,11 @@ def _dial(state: ViewState, ui: UiContext, height: float) -> ViewState:
         new = lights_dial.draw(state, ui, width, height * 0.62)
         lights_spectrum.draw_mix(new, ui, width, height * 0.38 - gap)
         return new
-    share = min(
-        max(lights_dial.width_for(state, ui, height), width * 0.6), width - ui.px(_LEAST_MIX)
-    )
-    new = lights_dial.draw(state, ui, share, height)
+    dial = max(lights_dial.width_for(state, ui, height), width * 0.6)
+    dial = min(dial, width - ui.px(_LEAST_MIX))
+    new = lights_dial.draw(state, ui, dial, height)
     imgui.same_line()
-    lights_spectrum.draw_mix(new, ui, width - share - gap, height)
+    lights_spectrum.draw_mix(new, ui, width - dial - gap, height)
     return new
 
 
@@ -216,26 +197,26 @@ def _buttons(state: ViewState, ui: UiContext) -> ViewState:
     tip("A light from the library, from a file, or a mix")
     new = lights_library.draw(state, ui)
     one = len(state.lights) < 2
-    new = _action(new, ui, "remove-light", "Remove", "Takes the chosen light off the list", one)
+    new = _button(new, ui, "remove-light", "Remove", "Takes the chosen light off the list", one)
     dark = rig_of(state.lights) is None
-    new = _action(new, ui, "keep-mix", "Keep mix", "The present mix as a light of its own", dark)
-    new = _action(new, ui, "compare", "A | B", "These lights beside others, with a divide")
+    new = _button(new, ui, "keep-mix", "Keep mix", "The present mix as a light of its own", dark)
+    new = _button(new, ui, "compare", "A | B", "These lights beside others, with a divide")
     if state.other is not None:
-        new = _action(new, ui, "swap", "Swap", "The lights of both sides change places")
+        new = _button(new, ui, "swap", "Swap", "The lights of both sides change places")
     return new
 
 
-def _action(
-    state: ViewState, ui: UiContext, name: str, title: str, what: str, disabled: bool = False
+def _button(
+    state: ViewState, ui: UiContext, name: str, title: str, text: str, disabled: bool = False
 ) -> ViewState:
-    """A button for an action, beside the last one; lit where it is on."""
-    action = BY_NAME[name]
+    """Draw a command's button next to the last one; lit if it is on."""
+    command = BY_NAME[name]
     imgui.same_line(0, ui.px(6))
-    on = action.on is not None and action.on(state)
+    on = command.on is not None and command.on(state)
     imgui.begin_disabled(disabled)
     pressed = lit_button(title, on, state.interface.dark)
     imgui.end_disabled()
     ui.note(f"button {name}")
-    key = key_text(action)
-    tip(f"{what} ({key})" if key else what)
-    return ui.run(state, action) if pressed else state
+    key = key_text(command)
+    tip(f"{text} ({key})" if key else text)
+    return ui.run(state, command) if pressed else state

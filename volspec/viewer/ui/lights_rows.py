@@ -1,4 +1,4 @@
-"""The rows of the lights: swatch, spectrum, name, weight, solo, mute; a list that scrolls."""
+"""The scrolling list of lights: swatch, spectrum, name, weight, solo, mute."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _FLAGS = (
     | imgui.TableFlags_.no_pad_outer_x
     | imgui.TableFlags_.scroll_y
 )
-# What a right click on a row offers, beside what its buttons do.
+# Commands of a right click on a row.
 _MENU = ("alone", "solo", "mute", "rename-light", "reset-spectrum", "remove-light")
 
 
 def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
-    """Draw them within a height."""
+    """Draw the list within a height."""
     if not imgui.begin_table("lights", 5, _FLAGS, (0, height)):
         return state
     fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
@@ -39,7 +39,7 @@ def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
     imgui.table_setup_column("name", stretch, 1.0)
     imgui.table_setup_column("weight", stretch, 0.95)
     imgui.table_setup_column("solo", fixed, ui.px(_BOTH))
-    shining = light_rows.effective_weights(state.lights)
+    weights = light_rows.effective_weights(state.lights)
     new = state
     _scroll(state, ui, height)
     clipper = imgui.ListClipper()
@@ -48,7 +48,7 @@ def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
         for i in range(clipper.display_start, clipper.display_end):
             imgui.push_id(i)
             imgui.table_next_row()
-            new = _row(new, state, ui, i, shining[i] > 0)
+            new = _row(new, state, ui, i, weights[i] > 0)
             imgui.pop_id()
     clipper.end()
     imgui.end_table()
@@ -56,22 +56,14 @@ def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
 
 
 def _scroll(state: ViewState, ui: UiContext, height: float) -> None:
-    """Bring a light into view that has been chosen since the last frame."""
+    """Scroll to a light that was chosen since the last frame."""
     chosen = state.interface.light
     if chosen == ui.lights.row:
         return
     ui.lights.row = chosen
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
-    imgui.set_scroll_y(scroll_to(imgui.get_scroll_y(), chosen * line, line, height))
-
-
-def scroll_to(scroll: float, top: float, line: float, height: float) -> float:
-    """Where a list is to be scrolled to so that a line of it is seen.
-
-    >>> scroll_to(0.0, 250.0, 25.0, 100.0), scroll_to(60.0, 25.0, 25.0, 100.0)
-    (175.0, 25.0)
-    """
-    return min(max(scroll, top + line - height), top)
+    top = chosen * line
+    imgui.set_scroll_y(min(max(imgui.get_scroll_y(), top + line - height), top))
 
 
 def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> ViewState:
@@ -89,32 +81,37 @@ def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> 
     moved, weight = imgui.slider_float("##weight", row.weight, 0.0, 1.0, "%.2f")
     ui.note(f"weight {i}")
     if moved:
-        new = lights.set_weight(new, i, weight)
-        new = lights.choose(new, i)
+        new = lights.choose(lights.set_weight(new, i, weight), i)
     imgui.table_next_column()
-    if _toggle("S", row.solo, state, "Solo: only lights with S shine"):
+    dark = state.interface.dark
+    if _toggle("S", row.solo, dark, "Solo: only lights with S shine"):
         new = lights.toggle_solo(new, i)
     ui.note(f"solo {i}")
     imgui.same_line(0, ui.px(3))
-    if _toggle("M", row.muted, state, "Mute"):
+    if _toggle("M", row.muted, dark, "Mute"):
         new = lights.toggle_mute(new, i)
     ui.note(f"mute {i}")
     return new
 
 
 def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> ViewState:
-    row = state.lights[i]
-    if ui.lights.renaming == i:
-        return _rename(new, ui, i)
+    row, panel = state.lights[i], ui.lights
+    if panel.renaming == i:
+        entered, ended = name_field("##rename", panel)
+        ui.note(f"rename {i}")
+        if entered:
+            new = lights.rename(new, i, panel.name)
+        if ended:
+            panel.renaming, panel.name = -1, ""
+        return new
     colour = imgui.Col_.text if lit else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
     imgui.align_text_to_frame_padding()
-    room = imgui.get_content_region_avail().x
-    label = f"{shorten(row.name, room)}##name"
+    label = f"{shorten(row.name, imgui.get_content_region_avail().x)}##name"
     if imgui.selectable(label, state.interface.light == i)[0]:
         new = lights.choose(new, i)
-        if ui.lights.tab != "Spectrum":
-            ui.lights.to_tab = "Light"
+        if panel.tab != "Spectrum":
+            panel.to_tab = "Light"
     imgui.pop_style_color()
     ui.note(f"name {i}")
     lux = row.rig.total_lux
@@ -122,83 +119,67 @@ def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) ->
     tip(f"{row_tip(row)}{level}\nDouble-click: this light alone; F2: another name")
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
         new = lights.only(new, i)
-    return _context(new, ui, i)
+    return _context_menu(new, ui, i)
 
 
 def row_tip(row: light_rows.LightRow) -> str:
-    """What a light is, in lines: its name, and what it was made from."""
+    """Return a light's name and what it was made from, in lines."""
     name = as_one_line(row.name)
-    if row.before is not None:
-        was = row.before
-        whole = " + ".join(text or was.name for text in dict.fromkeys(was.texts))
-        return f"{name}\nDrawn by hand, from {as_one_line(whole)}"
+    if (before := row.before) is not None:
+        texts = " + ".join(text or before.name for text in dict.fromkeys(before.texts))
+        return f"{name}\nDrawn by hand, from {as_one_line(texts)}"
     return "\n".join(dict.fromkeys((name, as_one_line(row.label))))
 
 
-def _rename(new: ViewState, ui: UiContext, i: int) -> ViewState:
-    """The name's field, in its place."""
-    panel = ui.lights
-    entered, ended = name_field("##rename", panel)
-    ui.note(f"rename {i}")
-    if entered:
-        new = lights.rename(new, i, panel.name)
-    if ended:
-        panel.renaming, panel.name = -1, ""
-    return new
-
-
-def _context(new: ViewState, ui: UiContext, i: int) -> ViewState:
-    """What a right click offers: actions of the chosen light, for this one."""
+def _context_menu(new: ViewState, ui: UiContext, i: int) -> ViewState:
+    """Draw the menu of a right click: commands of the chosen light, for this one."""
     if not imgui.begin_popup_context_item("row"):
         return new
     for name in _MENU:
-        action = BY_NAME[name]
-        title = action.title.replace("the chosen ", "the ").replace("The chosen ", "This ")
-        if imgui.menu_item(title, key_text(action), False)[0]:
-            new = ui.run(lights.choose(new, i), action)
+        command = BY_NAME[name]
+        title = command.title.replace("the chosen ", "the ").replace("The chosen ", "This ")
+        if imgui.menu_item(title, key_text(command), False)[0]:
+            new = ui.run(lights.choose(new, i), command)
         ui.note(f"row {name}")
     imgui.end_popup()
     return new
 
 
 def _swatch(state: ViewState, ui: UiContext, index: int) -> None:
-    """Left as the light is, right as an adapted eye sees it."""
+    """Draw the light's colour: left unadapted, right adapted."""
     rig = state.lights[index].rig
     raw, adapted = raw_colour(rig), adapted_colour(rig, state.relight)
     x, y = imgui.get_cursor_screen_pos()
     width, height = ui.px(_SWATCH), imgui.get_frame_height()
     imgui.dummy((width, height))
-    draw_list, round_by = imgui.get_window_draw_list(), ui.px(3)
-    half, inset = x + width / 2, ui.px(2)
-    for left, right, colour, corners in (
-        (x, half, raw, imgui.ImDrawFlags_.round_left),
-        (half, x + width, adapted, imgui.ImDrawFlags_.round_right),
-    ):
-        ends = (left, y + inset), (right, y + height - inset)
-        draw_list.add_rect_filled(*ends, pack_colour(colour), round_by, corners)
+    draw_list, rounding = imgui.get_window_draw_list(), ui.px(3)
+    top, bottom, half = y + ui.px(2), y + height - ui.px(2), x + width / 2
+    left, right = imgui.ImDrawFlags_.round_left, imgui.ImDrawFlags_.round_right
+    draw_list.add_rect_filled((x, top), (half, bottom), pack_colour(raw), rounding, left)
+    end = x + width, bottom
+    draw_list.add_rect_filled((half, top), end, pack_colour(adapted), rounding, right)
     border = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7)
-    draw_list.add_rect((x, y + inset), (x + width, y + height - inset), border, round_by)
+    draw_list.add_rect((x, top), end, border, rounding)
     tip("White paper under this light\nleft: as it is, right: to an eye adapted to it")
 
 
 def _spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
-    """The spectrum in small; whether it was clicked."""
+    """Draw the small spectrum; return True if it was clicked."""
     x, y = imgui.get_cursor_screen_pos()
     width, height = ui.px(_SPARK), imgui.get_frame_height()
     clicked: bool = imgui.invisible_button("spark", (width, height))
     ui.note(f"spark {index}")
-    inset = ui.px(2)
-    rect = x, y + inset, width, height - 2 * inset
-    draw_list, grid = imgui.get_window_draw_list(), state.document.grid
+    inset, draw_list = ui.px(2), imgui.get_window_draw_list()
     ends = (x, y + inset), (x + width, y + height - inset)
     draw_list.add_rect_filled(*ends, imgui.get_color_u32(imgui.Col_.frame_bg, 0.55))
-    spark(draw_list, rect, state.lights[index].rig, grid, 1.0 if lit else 0.4)
+    rect = x, y + inset, width, height - 2 * inset
+    spark(draw_list, rect, state.lights[index].rig, state.document.grid, 1.0 if lit else 0.4)
     tip("Its spectrum; a click opens it to be drawn")
     return clicked
 
 
-def _toggle(label: str, on: bool, state: ViewState, what: str) -> bool:
+def _toggle(label: str, on: bool, dark: bool, text: str) -> bool:
     side = imgui.get_frame_height()
-    pressed = lit_button(label, on, state.interface.dark, (side, side))
-    tip(what)
+    pressed = lit_button(label, on, dark, (side, side))
+    tip(text)
     return pressed
