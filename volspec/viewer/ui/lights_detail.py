@@ -1,4 +1,4 @@
-"""The chosen light: knob, spectrum by notation, illuminance, temperature, and its light groups."""
+"""The chosen light: weight, spectrum by notation, illuminance, temperature, light groups."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from volspec.viewer.ui.widgets import (
 )
 
 _KNOB, _LABELS, _COMPLAINT = 52.0, 84.0, 320.0
-# Of the knob: weight for each pixel that the mouse is dragged.
+# Weight for each pixel that the mouse drags the knob.
 _SPEED = 0.006
 _ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
 _LOG = imgui.SliderFlags_.logarithmic
@@ -38,7 +38,7 @@ _LUX_TIP = (
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw it."""
+    """Draw the tab of the chosen light."""
     index = state.interface.light
     row = light_parts.row_at(state.lights, index)
     if row is None:
@@ -88,46 +88,37 @@ def _knob(state: ViewState, ui: UiContext, index: int) -> ViewState:
     ui.note("knob")
     tip("Weight: drag up or down")
     text = f"{weight:.2f}"
-    x = imgui.get_cursor_pos_x()
-    imgui.set_cursor_pos((x, imgui.get_cursor_pos_y() - ui.px(8)))
-    imgui.set_cursor_pos_x(x + (ui.px(_KNOB) - text_width(text)) / 2)
+    x, y = imgui.get_cursor_pos()
+    imgui.set_cursor_pos((x + (ui.px(_KNOB) - text_width(text)) / 2, y - ui.px(8)))
     imgui.text(text)
     imgui.end_group()
     return lights.set_weight(state, index, value) if moved else state
 
 
 def _paint_knob(dark: bool) -> None:
-    """The window's greys, and its accent for what is on."""
-
-    def same(*colour: float) -> imgui_knobs.color_set:
-        return imgui_knobs.color_set(imgui.ImColor(*colour))
-
+    """Set the knob's colours to the window's greys and its accent."""
     grey = imgui.get_style_color_vec4
     body, track = grey(imgui.Col_.button_active), grey(imgui.Col_.frame_bg)
-    imgui_knobs.set_knob_colors(
-        imgui_knobs.KnobColors(
-            primary=same(*ACCENT[dark]),
-            secondary=same(body.x, body.y, body.z, 1.0),
-            track=same(track.x, track.y, track.z, 1.0),
-        )
-    )
+    colours = ACCENT[dark], (body.x, body.y, body.z, 1.0), (track.x, track.y, track.z, 1.0)
+    sets = (imgui_knobs.color_set(imgui.ImColor(*colour)) for colour in colours)
+    imgui_knobs.set_knob_colors(imgui_knobs.KnobColors(*sets))
 
 
 def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
-    """Illuminance; not given, or of each spectrum where there are several."""
+    """Draw the illuminance: a slider, or the sum of several spectra."""
     rig, viewing = state.lights[index].rig, state.relight.viewing
     given = rig.illuminance_lux is not None
     pressed, on = imgui.checkbox("##given", given)
     ui.note("lux given")
     tip(_LUX_TIP)
     if pressed:
-        lux = viewing.illuminance_lux if on else 0.0
-        return lights.set_lux(state, index, lux)
+        return lights.set_lux(state, index, viewing.illuminance_lux if on else 0.0)
     imgui.same_line(0, ui.px(4))
     if not plain:
         facing = facing_lux(rig, state.shading.shares())
-        text = f"{facing:.4g} lx where it all faces" if facing else "Illuminance not given"
-        imgui.text_disabled(text)
+        imgui.text_disabled(
+            f"{facing:.4g} lx where it all faces" if facing else "Illuminance not given"
+        )
         return state
     imgui.set_next_item_width(-ui.px(_LABELS))
     imgui.begin_disabled(not given)
@@ -140,17 +131,15 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
 
 
 def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) -> ViewState:
-    """The notation of a spectrum, to be typed anew."""
-    panel, row = ui.lights, state.lights[index]
-    own = row.texts[part]
+    """Draw the field with a spectrum's notation."""
+    panel, row, name = ui.lights, state.lights[index], f"text {part}"
     typing = panel.text_of == (row.name, part)
+    shown = panel.text if typing else row.texts[part] or ""
     imgui.set_next_item_width(width)
-    entered, text = imgui.input_text_with_hint(
-        f"##text {part}", "drawn", panel.text if typing else own or "", _ENTER
-    )
-    ui.note(f"text {part}")
-    if said := panel.complaint_at((index, part), state.lights):
-        _complaint(said, ui, f"text {part}")
+    entered, text = imgui.input_text_with_hint(f"##{name}", "drawn", shown, _ENTER)
+    ui.note(name)
+    if complaint := panel.complaint_at((index, part), state.lights):
+        _complaint(complaint, ui, name)
     else:
         tip(
             "D65, planck:3200, daylight:6500, lamp:candle-1900,\n"
@@ -171,10 +160,10 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
     return new
 
 
-def _complaint(said: str, ui: UiContext, name: str) -> None:
-    """What is wrong with a notation, whole under its field and over what is below, until a click.
+def _complaint(text: str, ui: UiContext, name: str) -> None:
+    """Draw what is wrong with a notation, over what is below its field, until a click.
 
-    The tab has too little room for it where the window is small.
+    In a small window the tab has too little room for it.
     """
     if imgui.is_mouse_clicked(0):
         ui.lights.complaint = ""
@@ -182,19 +171,17 @@ def _complaint(said: str, ui: UiContext, name: str) -> None:
     x, y, _, height = ui.areas[name]
     wide, edge = ui.px(_COMPLAINT), imgui.get_main_viewport().size.x - ui.px(8)
     padding = 2 * imgui.get_style().window_padding.x
-    at = min(float(x), edge - wide - padding), y + height + ui.px(4)
-    imgui.set_next_window_pos(at)
+    imgui.set_next_window_pos((min(float(x), edge - wide - padding), y + height + ui.px(4)))
     if imgui.begin_tooltip():
         imgui.push_text_wrap_pos(wide)
-        imgui.text(said)
+        imgui.text(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
 
 
 def _parts(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) -> ViewState:
-    """A line for each spectrum: group, colour, notation, weight."""
-    rig = state.lights[index].rig
-    new = state
+    """Draw a line for each spectrum: group, colour, notation, weight."""
+    rig, new = state.lights[index].rig, state
     flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
     fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
     if imgui.begin_table("parts", 6 if rig.illuminance_lux else 5, flags):
@@ -211,7 +198,7 @@ def _parts(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...])
             new = _part(new, state, ui, index, j, groups)
             imgui.pop_id()
         imgui.end_table()
-    return _more(new, ui, index, groups)
+    return _part_buttons(new, ui, index, groups)
 
 
 def _part(
@@ -228,11 +215,11 @@ def _part(
         new = lights.regroup(new, index, j, names[at])
     imgui.table_next_column()
     x, y = imgui.get_cursor_screen_pos()
-    side, inset = imgui.get_frame_height(), ui.px(3)
-    imgui.dummy((ui.px(14), side))
-    colour = pack_colour(raw_colour(_alone(rig.lights[j])))
-    ends = (x, y + inset), (x + ui.px(14), y + side - inset)
-    imgui.get_window_draw_list().add_rect_filled(*ends, colour, ui.px(3))
+    wide, tall, inset = ui.px(14), imgui.get_frame_height(), ui.px(3)
+    imgui.dummy((wide, tall))
+    colour = pack_colour(raw_colour(_single_rig(rig.lights[j])))
+    ends = (x, y + inset), (x + wide, y + tall - inset)
+    imgui.get_window_draw_list().add_rect_filled(*ends, colour, inset)
     imgui.table_next_column()
     new = _text(new, ui, index, j, -1)
     imgui.table_next_column()
@@ -258,16 +245,17 @@ def _part(
     return new
 
 
-def _more(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) -> ViewState:
-    """Groups that are dark can be lit; one spectrum for all can be parted."""
+def _part_buttons(
+    state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]
+) -> ViewState:
+    """Draw buttons that light a dark group, or give each group a spectrum of its own."""
     rig, new = state.lights[index].rig, state
     if "" in rig.groups:
         if imgui.button("A spectrum for each group"):
             new = lights.split_part(new, index)
         ui.note("part groups")
         return new
-    dark = [name for name in groups if name not in rig.groups]
-    for i, name in enumerate(dark):
+    for i, name in enumerate(name for name in groups if name not in rig.groups):
         if i:
             imgui.same_line()
         if imgui.button(f"Light {name}"):
@@ -277,6 +265,6 @@ def _more(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) 
 
 
 @lru_cache(maxsize=128)
-def _alone(light: Spectrum) -> LightRig:
-    """A light by itself; the same rig each time, by which its colour is kept."""
+def _single_rig(light: Spectrum) -> LightRig:
+    """Return a spectrum's rig; the same one each time, as the cache of colours needs it."""
     return LightRig((light,))

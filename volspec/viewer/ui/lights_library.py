@@ -1,4 +1,4 @@
-"""The library of lights: a search over names, what was found with its colour, and temperatures."""
+"""The library of lights: a search, the names found with their colours, and temperatures."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from volspec.spectra import SpectralGrid, light, light_names
 from volspec.spectra.files import split_address
 from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.viewer.model import lights
+from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
@@ -29,7 +30,7 @@ _ENTER = imgui.InputTextFlags_.enter_returns_true
 _HINT = "D50, FL, candle, D65*0.7+A*0.3, FILE.csv"
 _DAYLIGHT = (4000.0, 25000.0)
 _LONG = 4
-# By how a name begins; measured lamps have names of their own.
+# Classes by the beginning of a name; measured lamps have names of their own.
 _CLASSES = (
     ("FL", "CIE fluorescent"),
     ("HP1", "CIE sodium"),
@@ -43,35 +44,37 @@ _CIE = frozenset(["A", "B", "C", "E", "D50", "D55", "D60", "D65", "D75"])
 
 
 def open_popup(ui: UiContext) -> None:
-    """Open it with nothing searched for."""
+    """Open the library with an empty search."""
     ui.library.search, ui.library.complaint = "", ""
     imgui.open_popup(_POPUP)
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw it while it is open."""
+    """Draw the library while it is open."""
     imgui.set_next_window_size((ui.px(340), 0))
     if not imgui.begin_popup(_POPUP):
         return state
     if imgui.is_window_appearing():
         imgui.set_keyboard_focus_here()
-    # Not the field alone, to which the first Esc would belong.
+    # The field alone would take the first Esc.
     if imgui.is_key_pressed(imgui.Key.escape):
         imgui.close_current_popup()
+    panel, new = ui.library, state
     imgui.set_next_item_width(-1)
-    panel = ui.library
     entered, text = imgui.input_text_with_hint("##search", _HINT, panel.search, _ENTER)
     if text != panel.search:
         panel.search, panel.complaint = text, ""
-    found = matching(panel.search)
-    grid, folder = state.document.grid, state.document.folder
-    wanted = _found(found, ui, grid, folder)
-    typed = panel.search.strip()
+    found, typed = matching(panel.search), panel.search.strip()
+    wanted = _found(found, typed, ui, state.document)
     if entered and typed:
-        wanted = found[0] if found and not _is_notation(typed) else typed
+        is_notation = split_address(typed) is not None or set("*+") & set(typed)
+        wanted = found[0] if found and not is_notation else typed
     imgui.separator()
     wanted = _temperatures(ui) or wanted
-    new = _added(state, ui, wanted) if wanted else state
+    if wanted:
+        new, panel.complaint = lights.add(state, wanted)
+        if new is not state:
+            imgui.close_current_popup()
     if panel.complaint:
         imgui.text_wrapped(panel.complaint)
     imgui.end_popup()
@@ -79,29 +82,29 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def matching(search: str) -> list[str]:
-    """Names of the library that hold every word of a search, those that start with it first.
+    """Return the names that contain every word of a search, those that begin with it first.
 
-    Words of four letters and more are also looked for in what a light is.
+    Words of four letters and more may also be in a light's class.
     """
-    words, start = search.casefold().split(), search.casefold()
+    start = search.casefold()
 
-    def holds(name: str, word: str) -> bool:
+    def contains(name: str, word: str) -> bool:
         long = len(word) >= _LONG
         return word in name.casefold() or (long and word in class_of(name).casefold())
 
-    found = [name for name in library_names() if all(holds(name, word) for word in words)]
+    found = [name for name in library_names() if all(contains(name, w) for w in start.split())]
     return sorted(found, key=lambda name: not name.casefold().startswith(start))
 
 
 @lru_cache(maxsize=1)
 def library_names() -> tuple[str, ...]:
-    """All that can be picked: illuminants and measured lamps, then lamps by their temperature."""
+    """Return illuminants and measured lamps, then lamps by their temperature."""
     return (*light_names(), *(f"{PREFIX}:{name}" for name in LAMPS))
 
 
 @lru_cache(maxsize=512)
 def class_of(name: str) -> str:
-    """What kind of light a name of the library stands for, in words.
+    """Return the kind of light that a name of the library is, in words.
 
     >>> class_of("FL2"), class_of("D65"), class_of("lamp:candle-1900")
     ('CIE fluorescent', 'CIE illuminant', 'candle flame')
@@ -116,7 +119,7 @@ def class_of(name: str) -> str:
 
 @lru_cache(maxsize=64)
 def verdict(text: str, grid: SpectralGrid, folder: str) -> tuple[LightRig | None, str]:
-    """The light that a typed notation is, or what is wrong with it; files are read on Enter."""
+    """Return the light of a notation, or what is wrong with it; files are read on Enter."""
     if not text or split_address(text) is not None:
         return None, "Enter reads the file" if text else ""
     try:
@@ -125,23 +128,18 @@ def verdict(text: str, grid: SpectralGrid, folder: str) -> tuple[LightRig | None
         return None, one_line(error)
 
 
-def _is_notation(text: str) -> bool:
-    return split_address(text) is not None or bool(set("*+") & set(text))
-
-
-def _found(found: list[str], ui: UiContext, grid: SpectralGrid, folder: str) -> str:
-    """The list; what was clicked in it, or nothing."""
-    wanted = ""
+def _found(found: list[str], typed: str, ui: UiContext, document: Document) -> str:
+    """Draw the list; return the name that was clicked, or nothing."""
+    wanted, grid, folder = "", document.grid, document.folder
     if imgui.begin_child("found", (0, ui.px(208))):
-        typed = ui.library.search.strip()
-        rig, wrong = verdict(typed, grid, folder) if typed else (None, "")
+        rig, wrong = verdict(typed, grid, folder)
         if rig is not None and typed.casefold() not in {n.casefold() for n in found}:
             found = [typed, *found]
         clipper = imgui.ListClipper()
         clipper.begin(len(found))
         while clipper.step():
             for i in range(clipper.display_start, clipper.display_end):
-                if _entry(found[i], ui, grid, folder):
+                if _entry(found[i], ui, verdict(found[i], grid, folder)[0]):
                     wanted = found[i]
                 ui.note(f"found {i}")
         clipper.end()
@@ -151,32 +149,30 @@ def _found(found: list[str], ui: UiContext, grid: SpectralGrid, folder: str) -> 
     return wanted
 
 
-def _entry(name: str, ui: UiContext, grid: SpectralGrid, folder: str) -> bool:
-    """Colour, name, class; whether it was clicked."""
+def _entry(name: str, ui: UiContext, rig: LightRig | None) -> bool:
+    """Draw colour, name and class; return True if it was clicked."""
     x, y = imgui.get_cursor_screen_pos()
     width, line = imgui.get_content_region_avail().x, imgui.get_text_line_height()
     clicked, _ = imgui.selectable(f"##{name}", False, size=(width, line))
-    draw_list = imgui.get_window_draw_list()
-    rig, _ = verdict(name, grid, folder)
-    side = ui.px(13)
+    draw_list, side = imgui.get_window_draw_list(), ui.px(13)
     if rig is not None:
         top = y + (line - side) / 2
         ends = (x, top), (x + side, top + side)
         draw_list.add_rect_filled(*ends, pack_colour(raw_colour(rig)), ui.px(3))
-    left = x + side + ui.px(8)
-    what = class_of(name) if name in library_names() else "as typed"
-    own = min(text_width(name), width - side - ui.px(16))
-    room = width - side - ui.px(20) - own
-    text, dim = (imgui.get_color_u32(c) for c in (imgui.Col_.text, imgui.Col_.text_disabled))
-    draw_list.add_text((left, y), text, shorten(name, width - side - ui.px(16)))
-    kind = shorten(what, room) if room > ui.px(40) else ""
-    draw_list.add_text((x + width - text_width(kind), y), dim, kind)
-    tip(f"{name}\n{what}")
+    most = width - side - ui.px(16)
+    text = imgui.get_color_u32(imgui.Col_.text)
+    draw_list.add_text((x + side + ui.px(8), y), text, shorten(name, most))
+    kind = class_of(name) if name in library_names() else "as typed"
+    room = width - side - ui.px(20) - min(text_width(name), most)
+    short = shorten(kind, room) if room > ui.px(40) else ""
+    dim = imgui.get_color_u32(imgui.Col_.text_disabled)
+    draw_list.add_text((x + width - text_width(short), y), dim, short)
+    tip(f"{name}\n{kind}")
     return bool(clicked)
 
 
 def _temperatures(ui: UiContext) -> str:
-    """A radiator or a daylight of any temperature; its notation where it was asked for."""
+    """Draw lights by temperature; return the notation of one that was clicked, or nothing."""
     wanted, panel = "", ui.library
     imgui.set_next_item_width(-ui.px(150))
     _, panel.kelvin = kelvin_slider("##planck", panel.kelvin)
@@ -193,10 +189,3 @@ def _temperatures(ui: UiContext) -> str:
     imgui.end_disabled()
     tip(f"CIE daylight of this temperature, {low:.0f} to {high:.0f} K")
     return wanted
-
-
-def _added(state: ViewState, ui: UiContext, wanted: str) -> ViewState:
-    new, ui.library.complaint = lights.add(state, wanted)
-    if new is not state:
-        imgui.close_current_popup()
-    return new

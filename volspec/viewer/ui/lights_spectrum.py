@@ -1,4 +1,4 @@
-"""Spectra in large: of what shines, and of the chosen light, which the mouse can draw."""
+"""Large spectra: the mix of all lights, and the chosen light, which the mouse can draw."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from volspec.spectra import SpectralGrid
 from volspec.viewer.model import lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_parts import row_at
-from volspec.viewer.model.light_rows import rig_of
+from volspec.viewer.model.light_rows import LightRow, rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Rect, fill, mixed_values, outline
 from volspec.viewer.ui.widgets import as_one_line, shorten, text_width, tip
 
-# Free above the peak; more where the pen is to go there.
+# The upper edge over the peak: of a mix, and of a spectrum that the pen may make higher.
 _MIX_TOP, _PEN_TOP = 1.08, 1.35
-# Type beside the panel's.
+# Letters of the axis, as a fraction of the panel's.
 _SMALL = 0.87
 _TICKS = (400, 450, 500, 550, 600, 650, 700, 750)
 
 
 def draw_mix(state: ViewState, ui: UiContext, width: float, height: float) -> None:
-    """What shines, filled; the chosen light alone as a line."""
-    rect = _frame(ui, state.document.grid, width, height, "mix")
-    grid, draw_list = state.document.grid, imgui.get_window_draw_list()
-    rig = rig_of(state.lights)
+    """Draw the mix, filled, and the chosen light as a line."""
+    grid = state.document.grid
+    rect = _frame(ui, grid, width, height, "mix")
+    draw_list, rig = imgui.get_window_draw_list(), rig_of(state.lights)
     if rig is not None:
         values = mixed_values(rig, grid)
         fill(draw_list, rect, values, float(values.max()) * _MIX_TOP, grid)
@@ -40,17 +40,16 @@ def draw_mix(state: ViewState, ui: UiContext, width: float, height: float) -> No
 
 
 def draw_pen(state: ViewState, ui: UiContext, height: float) -> ViewState:
-    """The chosen light's spectrum; the mouse draws on it."""
+    """Draw the chosen light's spectrum, which the mouse can change."""
     index, grid = state.interface.light, state.document.grid
     row = row_at(state.lights, index)
     if row is None:
         return state
-    panel, new = ui.lights, _heading(state, ui)
+    panel, new = ui.lights, _heading(state, row, ui)
     panel.part = min(panel.part, len(row.rig.lights) - 1)
     values = row.rig.lights[panel.part].values
-    taken = imgui.get_frame_height_with_spacing()
     width = imgui.get_content_region_avail().x
-    rect = _frame(ui, grid, width, height - taken, "pen")
+    rect = _frame(ui, grid, width, height - imgui.get_frame_height_with_spacing(), "pen")
     ui.areas["spectrum"] = int(rect[0]), int(rect[1]), int(rect[2]), int(rect[3])
     held = imgui.is_item_active()
     if not held:
@@ -66,14 +65,14 @@ def draw_pen(state: ViewState, ui: UiContext, height: float) -> ViewState:
     if held:
         start, panel.pen = panel.pen or place, place
         new = lights.draw(new, index, panel.part, start, place)
-    _cross(ui, rect, (mouse.x, mouse.y), place, grid)
+    _crosshair(ui, rect, mouse.x, place, grid)
     return new
 
 
 def pen_place(
     mouse: tuple[float, float], rect: Rect, bands: int, top: float
 ) -> tuple[float, float]:
-    """Where the pen is: share of the way from the first band's middle to the last one's, power.
+    """Return the pen's place: 0 at the first band's middle to 1 at the last one's, and power.
 
     >>> pen_place((105.0, 20.0), (100.0, 10.0, 50.0, 20.0), 5, 2.0)
     (0.0, 1.0)
@@ -83,9 +82,8 @@ def pen_place(
     return band / (bands - 1), max(top * (1 - (mouse[1] - y) / height), 0.0)
 
 
-def _heading(state: ViewState, ui: UiContext) -> ViewState:
-    """Which spectrum it is, and the way back."""
-    row = state.lights[state.interface.light]
+def _heading(state: ViewState, row: LightRow, ui: UiContext) -> ViewState:
+    """Draw the light's name, a choice of its spectra, and a button to reset it."""
     groups, new = row.rig.groups, state
     room = imgui.get_content_region_avail().x
     imgui.align_text_to_frame_padding()
@@ -100,10 +98,8 @@ def _heading(state: ViewState, ui: UiContext) -> ViewState:
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Draw with the mouse")
         return new
-    label = "Reset"
-    button = text_width(label) + 2 * imgui.get_style().frame_padding.x
-    imgui.same_line(room - button)
-    if imgui.button(label):
+    imgui.same_line(room - text_width("Reset") - 2 * imgui.get_style().frame_padding.x)
+    if imgui.button("Reset"):
         new = ui.run(new, BY_NAME["reset-spectrum"])
     ui.note("reset spectrum")
     tip(f"Back to {as_one_line(row.before.name)}")
@@ -111,54 +107,47 @@ def _heading(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _frame(ui: UiContext, grid: SpectralGrid, width: float, height: float, name: str) -> Rect:
-    """The plot's ground with its wavelengths beneath; an item of the panel."""
+    """Draw a plot's background and its wavelengths; return the plot's rectangle."""
     x, y = imgui.get_cursor_screen_pos()
     imgui.invisible_button(name, (width, height))
     ui.note(name)
     draw_list, small = imgui.get_window_draw_list(), imgui.get_font_size() * _SMALL
     rect = x, y + ui.px(2), width, height - small - ui.px(8)
     bottom = rect[1] + rect[3]
-    draw_list.add_rect_filled(
-        (x, rect[1]), (x + width, bottom), imgui.get_color_u32(imgui.Col_.frame_bg, 0.45)
-    )
+    background = imgui.get_color_u32(imgui.Col_.frame_bg, 0.45)
+    draw_list.add_rect_filled((x, rect[1]), (x + width, bottom), background)
     dim = imgui.get_color_u32(imgui.Col_.text_disabled)
     every = 1 if width > ui.px(260) else 2 if width > ui.px(100) else 3
     for nm in _TICKS[::every]:
         at = x + wavelength_share(nm, grid) * width
-        text = f"{nm} nm" if nm == _TICKS[0] and every == 1 else f"{nm}"
-        font = imgui.get_font()
-        wide = text_width(text) * _SMALL
         if not x <= at <= x + width:
             continue
+        text = f"{nm} nm" if nm == _TICKS[0] and every == 1 else f"{nm}"
+        wide = text_width(text) * _SMALL
         draw_list.add_line((at, bottom), (at, bottom + ui.px(3)), dim)
         left = min(max(at - wide / 2, x), x + width - wide)
-        draw_list.add_text(font, small, (left, bottom + ui.px(4)), dim, text)
+        draw_list.add_text(imgui.get_font(), small, (left, bottom + ui.px(4)), dim, text)
     return rect
 
 
 def wavelength_share(nm: float, grid: SpectralGrid) -> float:
-    """Where a wavelength stands in a plot whose bands have equal parts of the width."""
+    """Return a wavelength's place, 0 to 1, in a plot with bands of equal width."""
     at: NDArray[np.float64] = grid.wavelengths_nm
     step = float(at[1] - at[0])
     return float((nm - at[0]) / step + 0.5) / len(at)
 
 
-def _cross(
-    ui: UiContext,
-    rect: Rect,
-    mouse: tuple[float, float],
-    place: tuple[float, float],
-    grid: SpectralGrid,
+def _crosshair(
+    ui: UiContext, rect: Rect, mouse_x: float, place: tuple[float, float], grid: SpectralGrid
 ) -> None:
-    """A hair line under the mouse, with its wavelength and power."""
+    """Draw a line under the mouse, with its wavelength and power."""
     x, y, width, height = rect
-    share = min(max(place[0], 0.0), 1.0)
-    at = min(max(mouse[0], x), x + width)
+    at = min(max(mouse_x, x), x + width)
     draw_list = imgui.get_window_draw_list()
-    hair = imgui.get_color_u32(imgui.Col_.text, 0.35)
-    draw_list.add_line((at, y), (at, y + height), hair)
+    draw_list.add_line((at, y), (at, y + height), imgui.get_color_u32(imgui.Col_.text, 0.35))
     first, last = grid.wavelengths_nm[[0, -1]]
-    text = f"{first + share * (last - first):.0f} nm  {place[1]:.2f}"
+    nm = first + min(max(place[0], 0.0), 1.0) * (last - first)
+    text = f"{nm:.0f} nm  {place[1]:.2f}"
     wide = text_width(text)
     left = at + ui.px(6) if at + wide + ui.px(8) < x + width else at - wide - ui.px(6)
     draw_list.add_text((left, y + ui.px(3)), imgui.get_color_u32(imgui.Col_.text), text)
