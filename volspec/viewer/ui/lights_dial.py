@@ -33,23 +33,12 @@ _RADII = 8
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """The dial's place in an area that names may not leave, and the size of its letters.
-
-    Parameters
-    ----------
-    within : (x, y, width, height)
-    middle : (x, y)
-    radius : float
-    reach : float
-        From the middle to the names.
-    line_height : float
-    measure : callable
-    """
+    """The dial's place in an area that names may not leave, and the size of its letters."""
 
     within: Box
     middle: Point
     radius: float
-    reach: float
+    reach: float  # from the middle to the names
     line_height: float
     measure: Measure
 
@@ -74,16 +63,7 @@ def ring_for(
 ) -> Ring:
     """Fit the dial into an area: smaller, and off its middle, as far as its names need.
 
-    Parameters
-    ----------
-    names : sequence of str
-        In the order of the lights.
-    within : (x, y, width, height)
-    radii : (least, most)
-    out : float
-        From the rim to the names.
-    line_height : float
-    measure : callable
+    ``radii`` are the least and the greatest; ``out`` is from the rim to the names.
     """
     x, y, width, height = within
     least, most = radii[0], max(radii)
@@ -138,12 +118,12 @@ def labels_of(names: Sequence[str], ranks: Sequence[float], ring: Ring) -> list[
         name = names[label.index]
         if label.lines == (as_one_line(name),):
             continue
-        lines = in_two(name, ring.measure)
+        two = in_two(name, ring.measure)
         taken = [disc, *(other.box for other in labels if other is not label)]
-        boxes = (_box(lines, places[label.index], ring, away) for away in (1.0, 0.0))
+        boxes = (_box(two, places[label.index], ring, away) for away in (1.0, 0.0))
         box = next((box for box in boxes if _is_free(box, ring.within, taken)), None)
         if box is not None:
-            labels[at] = replace(label, box=box, lines=lines)
+            labels[at] = replace(label, box=box, lines=two)
     return labels
 
 

@@ -6,10 +6,9 @@ from functools import lru_cache
 
 from imgui_bundle import imgui
 
-from volspec.relight import LightRig
 from volspec.viewer.model import light_states
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.light_rows import Rows, rig_of
+from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.light_states import MOST_SECONDS, recalled_rows
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import (
@@ -33,6 +32,8 @@ from volspec.viewer.ui.widgets import (
 
 _SWATCH, _SPARK = 16.0, 46.0
 _MENU = "state menu"
+# The same rig each time, as the caches of its colours need it.
+_rig_of_saved = lru_cache(maxsize=128)(rig_of)
 
 
 def draw_states(state: ViewState, ui: UiContext) -> ViewState:
@@ -60,8 +61,7 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
-    saved = state.saved_lights[i]
-    panel = ui.lights
+    saved, panel = state.saved_lights[i], ui.lights
     if panel.naming == i:
         entered, ended = name_field("##name", panel)
         ui.note("state name")
@@ -72,8 +72,9 @@ def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
         return new
     at = imgui.get_cursor_screen_pos()
     side, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
-    same_lights = recalled_rows(state.lights, saved.lights) == state.lights
-    current = same_lights and saved.relight == state.relight
+    current = (
+        saved.relight == state.relight and recalled_rows(state.lights, saved.lights) == state.lights
+    )
     pressed, _ = imgui.selectable("##recall", current, size=(width - side - ui.px(6), side))
     ui.note(f"state {i}")
     tip(f"Fade to {as_one_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
@@ -89,29 +90,22 @@ def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
 
 def _contents(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) -> None:
     """Draw a saved state's number, colour, spectrum and name."""
-    (x, y), saved, grid = at, state.saved_lights[i], state.document.grid
+    (x, y), saved, draw_list = at, state.saved_lights[i], imgui.get_window_draw_list()
     height, inset = imgui.get_frame_height(), ui.px(3)
-    draw_list = imgui.get_window_draw_list()
     top = y + (height - imgui.get_font_size()) / 2
     dim = imgui.get_color_u32(imgui.Col_.text_disabled)
     draw_list.add_text((x + ui.px(4), top), dim, f"{i + 1}")
     left = x + ui.px(22)
-    rig = saved_rig(saved.lights)
+    rig = _rig_of_saved(saved.lights)
     if rig is not None:
         ends = (left, y + inset), (left + ui.px(_SWATCH), y + height - inset)
         draw_list.add_rect_filled(*ends, pack_colour(raw_colour(rig)), ui.px(3))
         rect = left + ui.px(_SWATCH + 6), y + inset, ui.px(_SPARK), height - 2 * inset
-        spark(draw_list, rect, rig, grid)
+        spark(draw_list, rect, rig, state.document.grid)
     left += ui.px(_SWATCH + _SPARK + 14)
     room = x + imgui.get_content_region_avail().x - height - ui.px(12) - left
     text = imgui.get_color_u32(imgui.Col_.text)
     draw_list.add_text((left, top), text, shorten(saved.name, room))
-
-
-@lru_cache(maxsize=128)
-def saved_rig(rows: Rows) -> LightRig | None:
-    """Return a saved state's light; the same rig each time, as caches of colours need it."""
-    return rig_of(rows)
 
 
 def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:

@@ -17,7 +17,7 @@ from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clipped, stays
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import fill, outline
+from volspec.viewer.ui.light_look import Rect, fill, outline
 from volspec.viewer.ui.widgets import (
     ACCENT,
     BLACK,
@@ -37,10 +37,9 @@ _SEVERAL = "Several lights in one are not designed; the Lights panel has each of
 def draw_spectrum(
     state: ViewState, table: Table, ui: UiContext, which: Member, index: int, wide: float
 ) -> ViewState:
-    """A spectrum at the margin: whether it may change, its name, its curve."""
+    """Draw a spectrum at the margin: its name, whether it may change, its curve."""
     kind, name = which
     new, is_light = state, kind == LIGHT
-    opened = which in state.palette.targets.open
     imgui.begin_group()
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (0, 0))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(5), ui.px(2)))
@@ -51,12 +50,12 @@ def draw_spectrum(
     imgui.pop_style_color()
     clicked = imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
     shown = f"{as_one_line(name)}{', shown in the picture' if lit else ''}"
-    about = column_note(state.lights[index]) if is_light else ""
-    words = "\n".join(filter(None, (shown, about, "Click for more")))
+    note = column_note(state.lights[index]) if is_light else ""
+    words = "\n".join(filter(None, (shown, note, "Click for more")))
     tip(words, WAITING_GREYED)
     single = not is_light or len(state.lights[index].rig.lights) == 1
     imgui.begin_disabled(not single)
-    pressed, _ = imgui.checkbox("##open", opened)
+    pressed, _ = imgui.checkbox("##open", which in state.palette.targets.open)
     imgui.end_disabled()
     ui.note(f"open {kind} {index}")
     tip(_MAY_CHANGE if single else _SEVERAL, WAITING_GREYED)
@@ -69,7 +68,7 @@ def draw_spectrum(
     clicked = clicked or imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
     ui.note(f"{kind} {index}")
     tip(words, WAITING_GREYED)
-    _curve(table.spectra[which], (x, y), size, is_light, ui)
+    _draw_curve(table.spectra[which], (x, y, *size), is_light, ui)
     imgui.pop_style_var(2)
     imgui.end_group()
     if clicked:
@@ -78,20 +77,13 @@ def draw_spectrum(
     return new
 
 
-def _curve(
-    spectrum: Spectrum,
-    place: tuple[float, float],
-    size: tuple[float, float],
-    is_light: bool,
-    ui: UiContext,
-) -> None:
-    """A light filled with the colours of its wavelengths; a reflectance as a line from 0 to 1."""
-    heights = levels(spectrum, is_light)
-    (x, y), (wide, tall) = place, size
-    draw_list, rect = imgui.get_window_draw_list(), (x, y, wide, tall)
+def _draw_curve(spectrum: Spectrum, rect: Rect, is_light: bool, ui: UiContext) -> None:
+    """Draw a light filled with the colours of its wavelengths, a reflectance as a line."""
+    heights, draw_list = levels(spectrum, is_light), imgui.get_window_draw_list()
     if is_light:
         fill(draw_list, rect, heights, 1.0, spectrum.grid)
         return
+    x, y, wide, tall = rect
     base = imgui.get_color_u32(imgui.Col_.button_active)
     draw_list.add_line((x, y + tall), (x + wide, y + tall), base)
     line = imgui.get_color_u32(imgui.Col_.text_disabled)
@@ -100,25 +92,24 @@ def _curve(
 
 @lru_cache(maxsize=256)
 def levels(spectrum: Spectrum, is_light: bool) -> NDArray[np.float64]:
-    """Heights 0 to 1: a light's of its largest value, a reflectance's of 1."""
+    """Return heights 0 to 1: a light's relative to its largest value, a reflectance's as it is."""
     values = spectrum.values
     most = max(float(values.max()), 1e-12) if is_light else 1.0
     return np.asarray(np.clip(values / most, 0.0, 1.0))
 
 
 def column_note(row: LightRow) -> str:
-    """What a column is whose light is several, or of one light group alone; empty for others.
+    """Return what a column shows of a light with several spectra or of one light group.
 
-    A cell is one colour, and a light of several groups has another wherever one is shadowed: the
-    table shows what is out of every shadow.
+    Each shadow of a group gives another colour: a cell's is the one out of every shadow.
     """
     if len(row.rig.lights) == 1:
         return f"From {row.rig.groups[0]} alone" if row.rig.groups[0] else ""
-    parts = []
-    for text, group, weight in zip(row.texts, row.rig.groups, row.rig.weights, strict=True):
-        if weight > 0:
-            what = as_one_line(text or "drawn by hand")
-            parts.append(f"{what} from {group}" if group else what)
+    parts = [
+        as_one_line(text or "drawn by hand") + (f" from {group}" if group else "")
+        for text, group, weight in zip(row.texts, row.rig.groups, row.rig.weights, strict=True)
+        if weight > 0
+    ]
     return f"{' + '.join(parts)}\nThe cells are what all of it shows together, out of shadow"
 
 
@@ -138,15 +129,14 @@ _FLAGS = (
 
 
 def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
-    """Draw it; a click on a cell chooses it and opens the editor."""
-    room = imgui.get_content_region_avail()
-    count = len(table.columns)
+    """Draw the table; a click on a cell chooses it and opens the editor."""
+    count, style = len(table.columns), imgui.get_style()
     low, high = (ui.px(width) for width in _WIDTHS)
-    padding = 2 * imgui.get_style().cell_padding.x
-    wide = min(max((room.x - ui.px(_ROW) - padding) / count - padding, low), high)
-    overflows = (wide + padding) * count + ui.px(_ROW) + padding > room.x + 1
-    bar = imgui.get_style().scrollbar_size if overflows else 0.0
-    row = ui.px(_CELL) + 2 * imgui.get_style().cell_padding.y
+    padding = 2 * style.cell_padding.x
+    room = imgui.get_content_region_avail().x - ui.px(_ROW) - padding
+    wide = min(max(room / count - padding, low), high)
+    bar = style.scrollbar_size if (wide + padding) * count > room + 1 else 0.0
+    row = ui.px(_CELL) + 2 * style.cell_padding.y
     tall = row * min(len(table.rows), _MOST_ROWS) + ui.px(_HEADER) + ui.px(4) + bar
     if not imgui.begin_table("palette", count + 1, _FLAGS, (0, tall)):
         return state
@@ -164,7 +154,8 @@ def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
 def _header(state: ViewState, table: Table, ui: UiContext, wide: float) -> ViewState:
     new = state
     imgui.table_next_row(imgui.TableRowFlags_.headers, ui.px(_HEADER))
-    imgui.table_set_bg_color(imgui.TableBgTarget_.row_bg0, _window_colour())
+    background = imgui.get_color_u32(imgui.Col_.window_bg)
+    imgui.table_set_bg_color(imgui.TableBgTarget_.row_bg0, background)
     imgui.table_next_column()
     imgui.text_disabled("may change")
     tip("Ticked spectra are designed; the others stay as they are", WAITING_GREYED)
@@ -187,14 +178,13 @@ def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> 
     for j, column in enumerate(table.columns):
         if not imgui.table_next_column():
             continue
-        report = table.cells[name, column]
-        number = i * len(table.columns) + j
+        place, number = (name, column), i * len(table.columns) + j
         imgui.push_id(number)
         pressed = imgui.invisible_button("cell", (wide, ui.px(_CELL)))
         ui.note(f"cell {number}")
-        target = state.palette.targets.cells.get((name, column))
-        picked = state.interface.pick.place == (name, column)
-        _cell(report, target, picked, state.interface.dark, ui)
+        report, target = table.cells[place], state.palette.targets.cells.get(place)
+        picked = state.interface.pick.place == place
+        _draw_cell(report, target, picked, state.interface.dark, ui)
         tip(cell_lines(report, target))
         imgui.pop_id()
         if pressed:
@@ -203,41 +193,41 @@ def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> 
     return new
 
 
-def _cell(report: CellReport, target: Cell | None, picked: bool, dark: bool, ui: UiContext) -> None:
+def _draw_cell(
+    report: CellReport, target: Cell | None, picked: bool, dark: bool, ui: UiContext
+) -> None:
     (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-    draw_list = imgui.get_window_draw_list()
+    draw_list, rounding = imgui.get_window_draw_list(), ui.px(3)
     obtained = clipped(report.obtained)
-    on = pack_colour(contrast(obtained), 0.85)
-    rounding = ui.px(3)
+    ink = contrast(obtained)
+    on = pack_colour(ink, 0.85)
     draw_list.add_rect_filled((x, y), (right, bottom), pack_colour(obtained), rounding)
-    middle = (x + right) / 2, (y + bottom) / 2
     if target is not None:
+        middle = (x + right) / 2, (y + bottom) / 2
         half = importance(target) * min(right - x, bottom - y) / 2
         ends = (middle[0] - half, middle[1] - half), (middle[0] + half, middle[1] + half)
-        faint = pack_colour(contrast(obtained), 0.45)
         if report.wanted is not None:
             draw_list.add_rect_filled(*ends, pack_colour(clipped(report.wanted)))
-        draw_list.add_rect(*ends, faint, 0.0, ui.px(2 if np.isinf(target.weight) else 1))
+        thickness = ui.px(2 if np.isinf(target.weight) else 1)
+        draw_list.add_rect(*ends, pack_colour(ink, 0.45), 0.0, thickness)
         if target.kind in _MARKS:
             _write(_MARKS[target.kind], middle, on, ui.px(14), (0.5, 0.5))
     if report.error is not None and report.error > VISIBLE:
         text = f"{report.error:.{1 if report.error < 9.95 else 0}f}"
         _write(text, (right - ui.px(3), bottom - ui.px(1)), on, ui.px(11), (1.0, 1.0))
         if target is not None and not stays(target):
-            draw_list.add_rect(
-                (x, y), (right, bottom), pack_colour(ACCENT[dark]), rounding, ui.px(2)
-            )
+            frame = pack_colour(ACCENT[dark])
+            draw_list.add_rect((x, y), (right, bottom), frame, rounding, ui.px(2))
     if not report.in_gamut:
         _write("!", (right - ui.px(4), y + ui.px(1)), on, ui.px(11), (1.0, 0.0))
     if picked:
-        out = ui.px(1.5)
-        line = imgui.get_color_u32(imgui.Col_.text)
+        out, line = ui.px(1.5), imgui.get_color_u32(imgui.Col_.text)
         ends = (x - out, y - out), (right + out, bottom + out)
         draw_list.add_rect(*ends, line, rounding + out, ui.px(1))
 
 
 def importance(cell: Cell) -> float:
-    """The side of the wanted colour's square, as a share of the cell's: heavier is larger.
+    """Return the side of the wanted colour's square, as a fraction of the cell's: by weight.
 
     >>> importance(Cell("black")), importance(Cell("black", weight=float("inf")))
     (0.44, 0.62)
@@ -246,7 +236,7 @@ def importance(cell: Cell) -> float:
 
 
 def cell_lines(report: CellReport, target: Cell | None) -> str:
-    """A cell in words."""
+    """Return a cell in words."""
     where = f"{report.reflectance} under {report.light}"
     if target is None:
         return f"{where}\nNothing is wanted here; click to wish for a colour"
@@ -265,7 +255,7 @@ def cell_lines(report: CellReport, target: Cell | None) -> str:
 
 
 def contrast(codes: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Black or white, whichever is read better on a colour."""
+    """Return black or white, whichever is easier to read on a colour."""
     luma = float(np.dot(codes, (0.299, 0.587, 0.114)))
     return BLACK if luma > _LIGHT else WHITE
 
@@ -273,12 +263,9 @@ def contrast(codes: tuple[float, float, float]) -> tuple[float, float, float]:
 def _write(
     text: str, place: tuple[float, float], colour: int, size: float, pivot: tuple[float, float]
 ) -> None:
+    """Write a text whose pivot, (0, 0) its upper left and (1, 1) its lower right, is at a place."""
     font = imgui.get_font()
     whole, full = imgui.calc_text_size(text), imgui.get_font_size()
     left = place[0] - pivot[0] * whole.x * size / full
     top = place[1] - pivot[1] * whole.y * size / full
     imgui.get_window_draw_list().add_text(font, size, (left, top), colour, text)
-
-
-def _window_colour() -> int:
-    return int(imgui.get_color_u32(imgui.Col_.window_bg))

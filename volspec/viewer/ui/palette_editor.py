@@ -8,7 +8,6 @@ from imgui_bundle import imgui
 
 from volspec.palette import Cell
 from volspec.palette.colours import hexadecimal
-from volspec.palette.model import Place
 from volspec.spectra import light_names
 from volspec.viewer.model import lights, palette_edits
 from volspec.viewer.model.palette_table import Table
@@ -18,23 +17,19 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP, column_note
 from volspec.viewer.ui.widgets import AT_ONCE, pick, tip
 
-KINDS = {
-    "": "Nothing in particular",
-    "colour": "This colour",
-    "free": "One colour with others",
-    "black": "Nothing: black",
-    "same": "The colour of another cell",
-    "distinct": "Apart from another cell",
+# Kinds of targets in words: the kind, and the tip.
+_KINDS = {
+    "Nothing in particular": ("", "The colour comes as it comes"),
+    "This colour": ("colour", "Picked below"),
+    "One colour with others": (
+        "free",
+        "All cells of a group come to one colour, which is found (metamers)",
+    ),
+    "Nothing: black": ("black", "Reflects nothing of this light: a metameric black"),
+    "The colour of another cell": ("same", "Alike, whatever that colour is"),
+    "Apart from another cell": ("distinct", "At least so far away"),
 }
-_OF_WORDS = {words: kind for kind, words in KINDS.items()}
-_TIPS = {
-    KINDS[""]: "The colour comes as it comes",
-    KINDS["colour"]: "Picked below",
-    KINDS["free"]: "All cells of a group come to one colour, which is found (metamers)",
-    KINDS["black"]: "Reflects nothing of this light: a metameric black",
-    KINDS["same"]: "Alike, whatever that colour is",
-    KINDS["distinct"]: "At least so far away",
-}
+_WORDS = {kind: words for words, (kind, _) in _KINDS.items()}
 _LOG = imgui.SliderFlags_.logarithmic
 _WIDTH = 232.0
 _ENTER = imgui.InputTextFlags_.enter_returns_true
@@ -47,42 +42,38 @@ _PICKER = (
 
 
 def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
-    """Draw what is open, if anything is."""
+    """Draw the popup that is open, if any."""
     if ui.popup:
         imgui.open_popup(ui.popup)
         ui.popup = ""
     new = state
     if imgui.is_popup_open(CELL_POPUP):
-        # Beside the table, which shows what comes of it.
+        # Next to the table, which shows the result.
         at = imgui.get_window_pos()
         corner = at.x - ui.px(8), at.y + imgui.get_window_height() - ui.px(8)
         imgui.set_next_window_pos(corner, imgui.Cond_.always, (1.0, 1.0))
-    if imgui.begin_popup(CELL_POPUP):
-        place = state.interface.pick.place
-        if place is not None and place in table.cells:
-            new = _cell(new, table, ui, place)
-        imgui.end_popup()
-    if imgui.begin_popup(COLUMN_POPUP):
-        new = _light(new, table, ui)
-        imgui.end_popup()
-    if imgui.begin_popup(ROW_POPUP):
-        new = _material(new, table, ui)
-        imgui.end_popup()
+    for name, contents in ((CELL_POPUP, _cell), (COLUMN_POPUP, _light), (ROW_POPUP, _material)):
+        if imgui.begin_popup(name):
+            new = contents(new, table, ui)
+            imgui.end_popup()
     return new
 
 
-def _cell(state: ViewState, table: Table, ui: UiContext, place: Place) -> ViewState:
+def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+    place, new = state.interface.pick.place, state
+    if place is None or place not in table.cells:
+        return state
     report, own = table.cells[place], state.palette.targets.cells.get(place)
-    number, new = table.index(place), state
+    number = table.index(place)
     imgui.text(f"{place[0]} under {place[1]}")
     imgui.push_item_width(ui.px(_WIDTH))
     kind = own.kind if own else ""
-    chosen = pick("##kind", KINDS[kind], _OF_WORDS, lambda each: tip(_TIPS[each], AT_ONCE))
+    chosen = pick("##kind", _WORDS[kind], _KINDS, lambda each: tip(_KINDS[each][1], AT_ONCE))
     ui.note("wish kind")
     if chosen is not None:
-        new = palette_edits.set_target_kind(new, number, _OF_WORDS[chosen])
+        new = palette_edits.set_target_kind(new, number, _KINDS[chosen][0])
     if kind in ("", "colour"):
-        # Where nothing is wanted yet, picking a colour targets for it.
+        # With no target yet, picking a colour makes one.
         codes = own.colour if own and own.colour else clipped(report.obtained)
         moved, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
         ui.note("picker")
@@ -102,7 +93,7 @@ def _cell(state: ViewState, table: Table, ui: UiContext, place: Place) -> ViewSt
 
 
 def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext) -> ViewState:
-    """What a target that is no colour is about: a group, or another cell."""
+    """Draw the settings of a target that is no colour: a group, or another cell."""
     if own.kind == "free":
         entered, name = imgui.input_text("##group", own.group, _ENTER)
         tip("Cells of one name come to one colour", AT_ONCE)
@@ -147,8 +138,8 @@ def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     name, new = table.columns[index], state
     imgui.text(name)
     imgui.text_disabled(state.lights[index].label or "light")
-    if about := column_note(state.lights[index]):
-        imgui.text_disabled(about)
+    if note := column_note(state.lights[index]):
+        imgui.text_disabled(note)
     imgui.separator()
     if imgui.menu_item("Show in the picture", "", False)[0]:
         new = lights.show_alone(new, index)

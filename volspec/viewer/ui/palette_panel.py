@@ -1,4 +1,4 @@
-"""The palette's panel: its table, wizards, materials of values, criteria."""
+"""The panel of the palette: table, wizards, materials of values, criteria."""
 
 from __future__ import annotations
 
@@ -38,25 +38,7 @@ from volspec.viewer.ui.widgets import (
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
 _SURROUNDINGS, _BLACK = "what surrounds it", "nothing: black"
 _NO_LIGHT = "none: the light stays as it is"
-_METRICS = dict(zip(METRICS, ("as the eye does (CIELAB)", "as numbers (RGB)"), strict=True))
-
-
-def draw_tools(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw those that are open."""
-    new = state
-    opened = imgui.collapsing_header("Hide, reveal, keep, merge")
-    ui.note("wizards")
-    if opened:
-        new = _wizards(new, ui)
-    opened = imgui.collapsing_header("Materials of values")
-    ui.note("values")
-    if opened:
-        new = _values(new, ui)
-    opened = imgui.collapsing_header("Criteria")
-    ui.note("criteria")
-    if opened:
-        new = _criteria(new, ui)
-    return new
+_METRICS = dict(zip(("as the eye does (CIELAB)", "as numbers (RGB)"), METRICS, strict=True))
 
 
 def _wizards(state: ViewState, ui: UiContext) -> ViewState:
@@ -75,36 +57,36 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     tip("Designs a light along, under which the other materials look as under this one")
     new = _picked(new, palette_edits.pick_like, "" if chosen == _NO_LIGHT else chosen)
     imgui.spacing()
-    _ask("hide", "Hide", "Make it look like its surroundings under this light", ui)
+    _wizard_button("hide", "Make it look like its surroundings under this light", ui)
     others = tuple(name for name in rows if name != material)
-    # One that was taken out is none to hide in.
+    # A material may have been taken out since it was picked.
     within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
     chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), ui)
     if chosen == _BLACK:
         new = palette_edits.pick_black(new)
     else:
         new = _picked(new, palette_edits.pick_within, "" if chosen == _SURROUNDINGS else chosen)
-    _ask("reveal", "Reveal", "Make it stand out from all others under this light", ui)
+    _wizard_button("reveal", "Make it stand out from all others under this light", ui)
     imgui.set_next_item_width(-1)
     moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
     if moved:
         new = palette_edits.pick_distance(new, distance)
-    _ask("keep", "Keep", "Give it one colour under all lights", ui)
+    _wizard_button("keep", "Give it one colour under all lights", ui)
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("its colour, under all lights")
-    _ask("merge", "Merge", "Give materials one colour under this light", ui)
+    _wizard_button("merge", "Give materials one colour under this light", ui)
     return _merged(new, rows)
 
 
 def _picked(
     state: ViewState, change: Callable[[ViewState, str], ViewState], name: str | None
 ) -> ViewState:
-    """Return the state after an edit with what was picked from a list, if anything was."""
+    """Return the state after an edit with the name that was picked, if any."""
     return state if name is None else change(state, name)
 
 
 def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
-    """A list of materials to tick."""
+    """Draw a list of materials to tick."""
     ticked, new = state.interface.pick.materials, state
     several = [name for name in rows if name in ticked]
     words = ", ".join(several) if len(several) > 1 else "all materials"
@@ -117,17 +99,17 @@ def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
     return new
 
 
-def _ask(name: str, title: str, what: str, ui: UiContext) -> None:
-    """A button of a wizard; what it is about follows in the line."""
-    if imgui.button(title, (ui.px(_BUTTON), 0)):
+def _wizard_button(name: str, text: str, ui: UiContext) -> None:
+    """Draw a wizard's button; its settings follow in the line."""
+    if imgui.button(name.capitalize(), (ui.px(_BUTTON), 0)):
         ui.requests.append(name)
     ui.note(f"wizard {name}")
-    tip(what)
+    tip(text)
     imgui.same_line()
 
 
 def _values(state: ViewState, ui: UiContext) -> ViewState:
-    """The ranges of the transfer function, and a tool that makes another."""
+    """Draw the ranges of the transfer function, and a tool that makes another."""
     curve, new = state.transfer, state
     if not isinstance(curve, TransferFunction):
         has = f"This transfer function has {kind_of(curve)}, not a curve's ranges."
@@ -144,14 +126,12 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
             new = palette_edits.recast_range(new, number, chosen)
         imgui.pop_id()
     imgui.separator()
-    told = state.interface.pick
-    low, high = state.document.volume.range
-    first, last = told.values or (low, high)
-    use = told.use if told.use in names else names[0]
+    picked, (low, high) = state.interface.pick, state.document.volume.range
+    first, last = picked.values or (low, high)
+    use = picked.use if picked.use in names else names[0]
     imgui.set_next_item_width(ui.px(118))
-    speed = (high - low) / 300
     moved, first, last = imgui.drag_float_range2(
-        "##range", first, last, speed, low, high, "%.4g", "%.4g"
+        "##range", first, last, (high - low) / 300, low, high, "%.4g", "%.4g"
     )
     ui.note("range")
     if moved:
@@ -169,10 +149,8 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
 def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     criteria, new = state.palette.targets.criteria, state
     imgui.push_item_width(-ui.px(_LABEL))
-    low, high = SMOOTHNESS
-    moved, smoothness = imgui.slider_float(
-        "Smooth", criteria.smoothness, low, high, "%.4f", imgui.SliderFlags_.logarithmic
-    )
+    smoothness, log = criteria.smoothness, imgui.SliderFlags_.logarithmic
+    moved, smoothness = imgui.slider_float("Smooth", smoothness, *SMOOTHNESS, "%.4f", log)
     ui.note("smooth")
     tip("How much smooth spectra count; much of it misses colours")
     if moved:
@@ -182,10 +160,10 @@ def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     if moved:
         new = palette_edits.set_iterations(new, float(rounds))
     imgui.pop_item_width()
-    chosen = _combo("Compare", _METRICS[criteria.metric], _METRICS.values(), ui)
+    now = next(words for words, metric in _METRICS.items() if metric == criteria.metric)
+    chosen = _combo("Compare", now, _METRICS, ui)
     if chosen is not None:
-        key = next(name for name, words in _METRICS.items() if words == chosen)
-        new = palette_edits.set_metric(new, key)
+        new = palette_edits.set_metric(new, _METRICS[chosen])
     wrap_text("No spectrum goes below 0, no reflectance above 1.", imgui.Col_.text_disabled)
     return new
 
@@ -193,9 +171,8 @@ def _criteria(state: ViewState, ui: UiContext) -> ViewState:
 def _combo(
     label: str, now: str, names: Iterable[str], ui: UiContext, width: float | None = None
 ) -> str | None:
-    """As `pick`, as wide as the panel leaves."""
-    plain = label.startswith("##")
-    imgui.set_next_item_width(width or (-1 if plain else -ui.px(_LABEL)))
+    """Draw a list to pick from, as wide as the panel allows."""
+    imgui.set_next_item_width(width or (-1 if label.startswith("##") else -ui.px(_LABEL)))
     chosen = pick(label, now, names)
     ui.note(f"pick {label.strip('#')}")
     return chosen
@@ -215,11 +192,18 @@ _MARKS = (
     "~ one colour with others   = as another cell   ≠ apart from another   ! outside the display"
 )
 _MISSED = "Below 1 nobody sees it. No spectrum that may change shows all that is wanted."
-_MOST_SAID = 3
-# Actions of the menu, in three parts.
+_MOST_LINES = 3
+# Commands of the menu, in three parts.
 _MENU = (
-    *("palette-light", "palette-anew", "", "palette-load", "palette-save", ""),
-    *("palette-forget", "palette-own"),
+    ("palette-light", "palette-anew"),
+    ("palette-load", "palette-save"),
+    ("palette-forget", "palette-own"),
+)
+# Title, name that is noted, and contents of a section.
+_SECTIONS = (
+    ("Hide, reveal, keep, merge", "wizards", _wizards),
+    ("Materials of values", "values", _values),
+    ("Criteria", "criteria", _criteria),
 )
 
 
@@ -234,16 +218,19 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
         new = palette_editor.draw(new, table, ui)
         _legend(state, ui)
     _status(ui)
-    new = draw_tools(new, ui)
+    for title, name, section in _SECTIONS:
+        opened = imgui.collapsing_header(title)
+        ui.note(name)
+        if opened:
+            new = section(new, ui)
     return None if new is state else new
 
 
 def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
-    """How near the targets are, and what can be done about all of them."""
+    """Draw how close the targets are, and the menu of commands for all of them."""
     new = state
     imgui.align_text_to_frame_padding()
-    busy = ui.results.design.busy
-    imgui.text(busy or summary(table))
+    imgui.text(ui.results.design.busy or summary(table))
     right = imgui.get_window_width() - imgui.get_style().window_padding.x
     imgui.same_line(right - ui.px(56))
     if imgui.button("…", (ui.px(26), 0)):
@@ -257,26 +244,24 @@ def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
             imgui.text_wrapped(_HELP if can_be_exact(state.transfer) else f"{_HELP}\n\n{_FILTERED}")
             imgui.end_tooltip()
     if imgui.begin_popup("palette menu"):
-        for name in _MENU:
-            if not name:
+        for i, names in enumerate(_MENU):
+            if i:
                 imgui.separator()
-                continue
-            action = BY_NAME[name]
-            if imgui.menu_item(action.title, "", False)[0]:
-                new = ui.run(new, action)
-            ui.note(f"palette {name}")
+            for name in names:
+                if imgui.menu_item(BY_NAME[name].title, "", False)[0]:
+                    new = ui.run(new, BY_NAME[name])
+                ui.note(f"palette {name}")
         imgui.end_popup()
     return new
 
 
 def summary(table: Table) -> str:
-    """How near the targets are, in a line."""
+    """Return how close the targets are, in a line."""
     errors = table.errors
     if not errors:
         return "Click a cell to wish for a colour"
     worst = max(errors)
-    missed = sum(error > VISIBLE for error in errors)
-    if missed:
+    if missed := sum(error > VISIBLE for error in errors):
         return f"{missed} of {len(errors)} missed: ΔE up to {worst:.1f}"
     drift = max(table.drifts, default=0.0)
     others = f", others drift by {drift:.0f}" if drift > VISIBLE else ""
@@ -284,16 +269,13 @@ def summary(table: Table) -> str:
 
 
 def _legend(state: ViewState, ui: UiContext) -> None:
-    """What the marks mean: a cell drawn small, and words."""
+    """Draw what the marks mean: a small cell, and words."""
     side = imgui.get_text_line_height()
     x, y = imgui.get_cursor_screen_pos()
     draw_list = imgui.get_window_draw_list()
-    outer, inner = (
-        imgui.get_color_u32(imgui.Col_.button_active),
-        imgui.get_color_u32(imgui.Col_.text_disabled),
-    )
+    outer = imgui.get_color_u32(imgui.Col_.button_active)
     draw_list.add_rect_filled((x, y), (x + side, y + side), outer, ui.px(2))
-    inset = side * 0.3
+    inner, inset = imgui.get_color_u32(imgui.Col_.text_disabled), side * 0.3
     draw_list.add_rect_filled((x + inset, y + inset), (x + side - inset, y + side - inset), inner)
     imgui.dummy((side, side))
     imgui.same_line(0, ui.px(6))
@@ -310,14 +292,14 @@ def _legend(state: ViewState, ui: UiContext) -> None:
 
 
 def _status(ui: UiContext) -> None:
-    """Why something was refused, what would help, what a wizard reached."""
+    """Draw why something was refused, what would help, what a wizard reached."""
     news = ui.results.design
     if news.complaint:
         wrap_text(news.complaint, imgui.Col_.check_mark)
         ui.note("palette complaint")
-    for line in (*news.reached, *news.advice)[:_MOST_SAID]:
+    lines = (*news.reached, *news.advice)
+    for line in lines[:_MOST_LINES]:
         imgui.text_wrapped(line)
-    rest = (*news.reached, *news.advice)[_MOST_SAID:]
-    if rest:
+    if rest := lines[_MOST_LINES:]:
         imgui.text_disabled(f"and {len(rest)} more")
         tip("\n".join(rest), AT_ONCE)

@@ -1,4 +1,4 @@
-"""The viewing's panel: the eye in the scene, the display, and how the picture is made."""
+"""The panel of the viewing: the eye in the scene, the display, the making of the picture."""
 
 from __future__ import annotations
 
@@ -14,37 +14,17 @@ from volspec.appearance.spec import ADAPTING, MODELS, PER_PIXEL, SURROUNDS
 from volspec.basis import MODES
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
+from volspec.viewer.model import viewing as edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import Rows, rig_of
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.viewing import (
-    EXPOSURE_RANGE,
-    LEAST_LUX,
-    luminance,
-    set_adaptation,
-    set_adapting,
-    set_backdrop,
-    set_background,
-    set_display_surround,
-    set_exposure,
-    set_gamut,
-    set_illuminance,
-    set_level,
-    set_luminance,
-    set_mode,
-    set_model,
-    set_room,
-    set_space,
-    set_surround,
-    set_white,
-    toggle_discount,
-    toggle_own_luminance,
-)
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import white_of
 from volspec.viewer.ui.widgets import pick, tip
 
-_LUX = (LEAST_LUX, 100_000.0)
+SetText = Callable[[ViewState, str], ViewState]
+SetNumber = Callable[[ViewState, float], ViewState]
+_LUX = (edits.LEAST_LUX, 100_000.0)
 _LUMINANCE = (0.01, 20_000.0)
 _WHITE = (1.0, 4000.0)
 _LABELS = 92
@@ -54,7 +34,7 @@ SETTINGS = (
     *("Illuminance", "Background", "Surround", "Adaptation", "Room", "Space", "White", "Gamut"),
     *("Exposure", "Backdrop"),
 )
-"""Labels of what takes the keyboard by `UiContext.item`."""
+"""Labels of the items that `UiContext.item` can focus."""
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
@@ -76,7 +56,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
 
 
 def preset_of(display: Display) -> str:
-    """The preset whose conditions a display stands in; none where it has its own."""
+    """Return the name of the preset that has a display's conditions."""
     for name, each in PRESETS.items():
         if each.display(display.space, display.gamut) == replace(display, mark=False):
             return name
@@ -84,7 +64,7 @@ def preset_of(display: Display) -> str:
 
 
 def white_text(lights: Rows) -> str:
-    """The adopted white in words.
+    """Return the adopted white in words.
 
     >>> white_text(())
     'Adopted white: none'
@@ -98,120 +78,106 @@ def white_text(lights: Rows) -> str:
 
 
 def _eye(state: ViewState, ui: UiContext) -> ViewState:
-    viewing = state.relight.viewing
-    new = _picked(state, set_model, "Model", viewing.model, MODELS)
+    new = _combo(state, ui, edits.set_model, "Model", state.relight.viewing.model, MODELS)
     ui.note("model")
     viewing = new.relight.viewing
     measurable = ADAPTING if viewing.model in PER_PIXEL else ADAPTING[:2]
-    new = _picked(new, set_adapting, "Adapting", viewing.adapting, measurable)
+    new = _combo(new, ui, edits.set_adapting, "Adapting", viewing.adapting, measurable)
     tip("given: the numbers below; picture, pixel: measured in what is seen")
     return new
 
 
 def _level(state: ViewState, ui: UiContext) -> ViewState:
-    """L_A, from the light or by itself, background and surround."""
-    viewing, rig, new = state.relight.viewing, rig_of(state.lights), state
-    lux = rig.total_lux if rig is not None else None
-    _reach("Illuminance", ui)
-    imgui.begin_disabled(lux is not None or viewing.L_A is not None)
-    moved, given = imgui.slider_float(
-        "Illuminance", lux or viewing.illuminance_lux, *_LUX, "%.4g lx", _LOG
+    """Draw L_A, from the light or by itself, background and surround."""
+    viewing, rig = state.relight.viewing, rig_of(state.lights)
+    lux, own = rig.total_lux if rig is not None else None, viewing.L_A is not None
+    now, greyed = lux or viewing.illuminance_lux, lux is not None or own
+    new = _slider(
+        state, ui, edits.set_illuminance, "Illuminance", now, _LUX, "%.4g lx", _LOG, greyed
     )
     ui.note("illuminance")
-    imgui.end_disabled()
     tip("The lights' own lux count" if lux else "What lights without lux of their own give")
-    if moved:
-        new = set_illuminance(new, given)
-    own = viewing.L_A is not None
-    imgui.begin_disabled(not own)
-    moved, L_A = imgui.slider_float(
-        "##L_A", luminance(rig, new.relight.viewing), *_LUMINANCE, "L_A %.4g cd/m²", _LOG
-    )
-    imgui.end_disabled()
-    if moved:
-        new = set_luminance(new, L_A)
+    now, text = edits.luminance(rig, new.relight.viewing), "L_A %.4g cd/m²"
+    new = _slider(new, ui, edits.set_luminance, "##L_A", now, _LUMINANCE, text, _LOG, not own)
     imgui.same_line()
     pressed, _ = imgui.checkbox("own L_A", own)
     tip("Luminance that the eye adapts to; else it follows from light and background")
     if pressed:
-        new = toggle_own_luminance(new)
-    _reach("Background", ui)
-    moved, Y_b = imgui.slider_float("Background", viewing.Y_b, 1.0, 100.0, "Y_b %.0f %%")
-    if moved:
-        new = set_background(new, Y_b)
-    _reach("Surround", ui)
-    return _picked(new, set_surround, "Surround", _surround_text(viewing.surround), SURROUNDS)
+        new = edits.toggle_own_luminance(new)
+    limits = 1.0, 100.0
+    new = _slider(new, ui, edits.set_background, "Background", viewing.Y_b, limits, "Y_b %.0f %%")
+    surround = _surround_text(viewing.surround)
+    return _combo(new, ui, edits.set_surround, "Surround", surround, SURROUNDS)
 
 
 def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
-    viewing, new = state.relight.viewing, state
-    imgui.begin_disabled(viewing.discount)
-    share = 1.0 if viewing.discount else viewing.D
-    _reach("Adaptation", ui)
-    text = "model's D" if viewing.D is None and not viewing.discount else "D %.2f"
-    moved, D = imgui.slider_float("Adaptation", -0.01 if share is None else share, -0.01, 1.0, text)
-    imgui.end_disabled()
-    if moved:
-        new = set_adaptation(new, D)
+    viewing = state.relight.viewing
+    D, limits = 1.0 if viewing.discount else viewing.D, (-0.01, 1.0)
+    now, text = (-0.01, "model's D") if D is None else (D, "D %.2f")
+    new = _slider(
+        state, ui, edits.set_adaptation, "Adaptation", now, limits, text, disabled=viewing.discount
+    )
     pressed, _ = imgui.checkbox("Discount the light's colour", viewing.discount)
-    return toggle_discount(new) if pressed else new
+    return edits.toggle_discount(new) if pressed else new
 
 
 def _display(state: ViewState, ui: UiContext) -> ViewState:
     display = state.relight.viewing.display
-    _reach("Room", ui)
-    new = _picked(state, set_room, "Room", preset_of(display), PRESETS)
+    new = _combo(state, ui, edits.set_room, "Room", preset_of(display), PRESETS)
     ui.note("room")
     space = display.space.name if isinstance(display.space, ColourSpace) else str(display.space)
-    _reach("Space", ui)
-    new = _picked(new, set_space, "Space", space, SPACES)
-    _reach("White", ui)
-    moved, white = imgui.slider_float("White", display.white_cd_m2, *_WHITE, "%.4g cd/m²", _LOG)
-    if moved:
-        new = set_white(new, white)
+    new = _combo(new, ui, edits.set_space, "Space", space, SPACES)
+    white = display.white_cd_m2
+    new = _slider(new, ui, edits.set_white, "White", white, _WHITE, "%.4g cd/m²", _LOG)
     surround = _surround_text(display.surround)
-    new = _picked(new, set_display_surround, "Surround##display", surround, SURROUNDS)
-    _reach("Gamut", ui)
-    new = _picked(new, set_gamut, "Gamut", display.gamut, GAMUTS)
+    new = _combo(new, ui, edits.set_display_surround, "Surround##display", surround, SURROUNDS)
+    new = _combo(new, ui, edits.set_gamut, "Gamut", display.gamut, GAMUTS)
     pressed, _ = imgui.checkbox("Mark what it cannot show", display.mark)
     return ui.run(new, BY_NAME["mark"]) if pressed else new
 
 
 def _picture(state: ViewState, ui: UiContext) -> ViewState:
-    spec, new = state.relight, state
-    _reach("Exposure", ui)
-    moved, exposure = imgui.slider_float(
-        "Exposure", spec.viewing.exposure, *EXPOSURE_RANGE, "× %.2f", _LOG
-    )
+    spec, limits = state.relight, edits.EXPOSURE_RANGE
+    exposure = spec.viewing.exposure
+    new = _slider(state, ui, edits.set_exposure, "Exposure", exposure, limits, "× %.2f", _LOG)
     ui.note("exposure")
-    if moved:
-        new = set_exposure(new, exposure)
     if not isinstance(spec.backdrop, Spectrum):
-        _reach("Backdrop", ui)
-        moved, backdrop = imgui.slider_float("Backdrop", spec.backdrop, 0.0, 1.0, "%.2f")
-        if moved:
-            new = set_backdrop(new, backdrop)
-    new = _picked(new, set_mode, "Mode", spec.mode, MODES)
+        new = _slider(new, ui, edits.set_backdrop, "Backdrop", spec.backdrop, (0.0, 1.0), "%.2f")
+    new = _combo(new, ui, edits.set_mode, "Mode", spec.mode, MODES)
     tip("componentwise: channel by channel; exact: the light matrix. E shows the difference")
-    new = _picked(new, set_level, "Level", spec.level, LEVELS)
+    new = _combo(new, ui, edits.set_level, "Level", spec.level, LEVELS)
     tip("relative: white stays white; absolute: by the lights' lux")
     return new
 
 
-def _picked(
-    state: ViewState,
-    change: Callable[[ViewState, str], ViewState],
-    label: str,
-    now: str,
-    names: Iterable[str],
+def _combo(
+    state: ViewState, ui: UiContext, change: SetText, label: str, now: str, names: Iterable[str]
 ) -> ViewState:
-    """A list of settings; the state after what was picked."""
+    _focus_if_wanted(label, ui)
     key = pick(label, now, names)
     return state if key is None else change(state, key)
 
 
-def _reach(name: str, ui: UiContext) -> None:
-    """The next item takes the keyboard where it was asked for, and is scrolled to."""
+def _slider(
+    state: ViewState,
+    ui: UiContext,
+    change: SetNumber,
+    label: str,
+    now: float,
+    limits: tuple[float, float],
+    text: str,
+    flags: int = 0,
+    disabled: bool = False,
+) -> ViewState:
+    _focus_if_wanted(label, ui)
+    imgui.begin_disabled(disabled)
+    moved, value = imgui.slider_float(label, now, *limits, text, flags)
+    imgui.end_disabled()
+    return change(state, value) if moved else state
+
+
+def _focus_if_wanted(name: str, ui: UiContext) -> None:
+    """Give the next item the keyboard, and scroll to it, if it was asked for."""
     if ui.item == name:
         ui.item = ""
         imgui.set_keyboard_focus_here()
