@@ -18,24 +18,24 @@ from volspec.viewer.ui.widgets import WAITING_GREYED, as_one_line, shorten, tip
 _CLAMP = imgui.SliderFlags_.always_clamp
 # Opacities are small: the slider is finer there.
 _FINE = imgui.SliderFlags_.logarithmic | _CLAMP
-# The widths of what takes a part away, and of a material's name.
+# The widths of a button that removes, and of a material's name; pixels at 96 dpi.
 _REMOVE, _NAME = 24, 110
 
 
-def chosen(state: ViewState) -> int:
-    """The part whose details are shown."""
+def chosen_part(state: ViewState) -> int:
+    """Return the index of the part whose details are shown."""
     return min(max(state.interface.part, 0), len(parts_of(state.transfer)) - 1)
 
 
 def height_above(lines: int, ui: UiContext, least: float = 115, below: float = 0.0) -> float:
-    """What is left of the panel above so many lines of details and so many pixels."""
+    """Return the panel's height above some lines of details and ``below`` pixels."""
     room = imgui.get_content_region_avail().y - lines * imgui.get_frame_height_with_spacing()
     return max(room - below, ui.px(least))
 
 
-def value_and_opacity(state: ViewState, ui: UiContext, what: str) -> ViewState:
-    """A line with both, and what takes the part away."""
-    index = chosen(state)
+def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
+    """Draw the chosen part's value and opacity and the button that removes it in one line."""
+    index = chosen_part(state)
     part = parts_of(state.transfer)[index]
     low, high = presets.value_span(state.document.volume)
     new = state
@@ -49,13 +49,13 @@ def value_and_opacity(state: ViewState, ui: UiContext, what: str) -> ViewState:
     if moved:
         new = transfer_edits.move_point(new, index, value, part.opacity)
     imgui.same_line()
-    new = opacity(new, ui, index, wide)
+    new = draw_opacity(new, ui, index, wide)
     imgui.same_line()
-    return remove(new, ui, index, f"Remove the {what.lower()}")
+    return draw_remove(new, ui, index, f"Remove the {what.lower()}")
 
 
-def opacity(state: ViewState, ui: UiContext, index: int, wide: float) -> ViewState:
-    """A slider of a part's opacity."""
+def draw_opacity(state: ViewState, ui: UiContext, index: int, wide: float) -> ViewState:
+    """Draw the slider of a part's opacity."""
     now = parts_of(state.transfer)[index].opacity
     imgui.set_next_item_width(wide)
     moved, given = imgui.slider_float("##opacity", now, 0.0, 1.0, "opacity %.3f", _FINE)
@@ -64,11 +64,11 @@ def opacity(state: ViewState, ui: UiContext, index: int, wide: float) -> ViewSta
     return transfer_edits.set_opacity(state, index, given) if moved else state
 
 
-def remove(state: ViewState, ui: UiContext, index: int, what: str) -> ViewState:
-    """A small button at the end of the line."""
+def draw_remove(state: ViewState, ui: UiContext, index: int, text: str) -> ViewState:
+    """Draw the small button that removes a part."""
     pressed = _cross(ui)
     ui.note("remove part")
-    tip(what)
+    tip(text)
     return transfer_edits.remove_point(state, index) if pressed else state
 
 
@@ -79,70 +79,66 @@ def _cross(ui: UiContext) -> bool:
     return bool(pressed)
 
 
-def material(state: ViewState, ui: UiContext, index: int, wide: float = -1.0) -> ViewState:
-    """A list of the materials: a click takes one alone, its slider mixes it in; and a search.
-
-    What nothing is made of can be taken out of it.
-    """
-    part, colours = parts_of(state.transfer)[index], material_colours(state)
+def draw_material(state: ViewState, ui: UiContext, index: int) -> ViewState:
+    """Draw the search for a material, and the list: a click takes one alone, sliders mix."""
+    mix = parts_of(state.transfer)[index].mix
     swatch(ui, part_colours(state)[index])
     imgui.same_line(0, ui.px(4))
-    imgui.set_next_item_width(wide)
+    imgui.set_next_item_width(-1.0)
     imgui.set_next_window_size_constraints((ui.px(300), 0), (ui.px(420), ui.px(420)))
-    opened = imgui.begin_combo("##material", in_words(part.mix), imgui.ComboFlags_.height_largest)
-    if not opened:
+    if not imgui.begin_combo("##material", mix_text(mix), imgui.ComboFlags_.height_largest):
         ui.note("material")
         tip("What it is made of: one material, a mix, or another one of the library")
         return state
     new = transfer_library.draw(state, ui, index)
-    if ui.library.search.strip():
-        imgui.end_combo()
-        return new
-    lone = sum(share > 0 for share in part.mix.values()) < 2
-    for name, colour in colours.items():
-        imgui.push_id(name)
-        swatch(ui, colour)
-        imgui.same_line(0, ui.px(6))
-        imgui.align_text_to_frame_padding()
-        share = part.mix.get(name, 0.0)
-        flags = imgui.SelectableFlags_.no_auto_close_popups
-        label = f"{shorten(name, ui.px(_NAME))}###{name}"
-        if imgui.selectable(label, share > 0, flags, (ui.px(_NAME), 0))[0]:
-            new = transfer_edits.set_material(new, index, name)
-        ui.note(f"material {name}")
-        tip(f"Only {name}")
-        imgui.same_line()
-        imgui.set_next_item_width(-ui.px(_REMOVE) - imgui.get_style().item_spacing.x)
-        # A material that is alone has none to make room for.
-        imgui.begin_disabled(lone and share > 0)
-        moved, share = imgui.slider_float("##share", share, 0.0, 1.0, "%.2f", _CLAMP)
-        imgui.end_disabled()
-        ui.note(f"share {name}")
-        if moved:
-            new = transfer_edits.set_material_weight(new, index, name, share)
-        imgui.same_line()
-        new = _take_out(new, ui, name)
-        imgui.pop_id()
+    if not ui.library.search.strip():
+        lone = sum(weight > 0 for weight in mix.values()) < 2
+        for name, colour in material_colours(state).items():
+            imgui.push_id(name)
+            swatch(ui, colour)
+            new = _material_row(new, ui, index, name, mix.get(name, 0.0), lone)
+            imgui.pop_id()
     imgui.end_combo()
     return new
 
 
-def _take_out(state: ViewState, ui: UiContext, name: str) -> ViewState:
-    """What takes a material off the list; greyed out where parts are made of it."""
-    why = uses_of_material(state.transfer, name)
+def _material_row(
+    state: ViewState, ui: UiContext, index: int, name: str, weight: float, lone: bool
+) -> ViewState:
+    """Draw a material's name, its weight in a part's mix, and the button that removes it."""
+    new = state
+    imgui.same_line(0, ui.px(6))
+    imgui.align_text_to_frame_padding()
+    flags = imgui.SelectableFlags_.no_auto_close_popups
+    label = f"{shorten(name, ui.px(_NAME))}###{name}"
+    if imgui.selectable(label, weight > 0, flags, (ui.px(_NAME), 0))[0]:
+        new = transfer_edits.set_material(new, index, name)
+    ui.note(f"material {name}")
+    tip(f"Only {name}")
+    imgui.same_line()
+    imgui.set_next_item_width(-ui.px(_REMOVE) - imgui.get_style().item_spacing.x)
+    # A material that is alone has none to make room for.
+    imgui.begin_disabled(lone and weight > 0)
+    moved, weight = imgui.slider_float("##share", weight, 0.0, 1.0, "%.2f", _CLAMP)
+    imgui.end_disabled()
+    ui.note(f"share {name}")
+    if moved:
+        new = transfer_edits.set_material_weight(new, index, name, weight)
+    imgui.same_line()
+    why = uses_of_material(new.transfer, name)
     imgui.begin_disabled(bool(why))
     pressed = _cross(ui)
     imgui.end_disabled()
     ui.note(f"take out {name}")
     free = f"Take {as_one_line(name)} off the list: nothing is made of it"
     tip(why[:1].upper() + why[1:] or free, WAITING_GREYED)
-    return materials.remove_material(state, name) if pressed else state
+    return materials.remove_material(new, name) if pressed else new
 
 
-def in_words(mix: Mapping[str, float]) -> str:
-    """A mix as people write it.
+def mix_text(mix: Mapping[str, float]) -> str:
+    """Return a mix as text.
 
-    >>> in_words({"steel": 0.7, "gold": 0.3, "iron": 0.0}), in_words({"steel": 1.0})
+    >>> mix_text({"steel": 0.7, "gold": 0.3, "iron": 0.0}), mix_text({"steel": 1.0})
     ('70 % steel, 30 % gold', 'steel')
     """
     parts = sorted(((share, name) for name, share in mix.items() if share > 0), reverse=True)

@@ -5,12 +5,7 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.transfer import MAX_LABEL, LabelFunction, TransferFunction2D
-from volspec.viewer.model import (
-    commands,
-    presets,
-    transfer_convert,
-    transfer_edits,
-)
+from volspec.viewer.model import commands, presets, transfer_convert, transfer_edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
@@ -18,49 +13,8 @@ from volspec.viewer.ui import transfer_detail, transfer_points, transfer_regions
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import ACCENT, AT_ONCE, pick, tip
 
-# The list's height.
+# The least height of the list of labels; pixels at 96 dpi.
 _LEAST = 100
-
-
-def draw_labels(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw the list, and what adds to it."""
-    function = state.transfer
-    assert isinstance(function, LabelFunction)
-    new = state
-    flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
-    if imgui.begin_table("labels", 4, flags, (0, transfer_detail.height_above(1, ui, _LEAST))):
-        imgui.table_setup_column("label", imgui.TableColumnFlags_.width_fixed, ui.px(34))
-        imgui.table_setup_column("opacity", imgui.TableColumnFlags_.width_stretch, 0.45)
-        imgui.table_setup_column("material", imgui.TableColumnFlags_.width_stretch, 0.55)
-        imgui.table_setup_column("remove", imgui.TableColumnFlags_.width_fixed, ui.px(24))
-        for index, label in enumerate(function.labels):
-            imgui.push_id(label)
-            imgui.table_next_row()
-            imgui.table_next_column()
-            imgui.align_text_to_frame_padding()
-            imgui.text(str(label))
-            imgui.table_next_column()
-            new = transfer_detail.opacity(new, ui, index, -1)
-            ui.note(f"label {label}")
-            imgui.table_next_column()
-            if new.transfer is function:  # else the numbers of the rows may have changed
-                new = transfer_detail.material(new, ui, index)
-            imgui.table_next_column()
-            if new.transfer is function:
-                new = transfer_detail.remove(new, ui, index, "Remove the label: it is not seen")
-            imgui.pop_id()
-        imgui.end_table()
-    if imgui.button("Add label"):
-        new = transfer_edits.add_point(new, next_label(function), 0.5)
-    tip("The least number that is not listed")
-    return new
-
-
-def next_label(function: LabelFunction) -> int:
-    """The least label from 1 that is not listed."""
-    return next(label for label in range(1, MAX_LABEL + 2) if label not in function.labels)
-
-
 _HELP: dict[transfer_convert.Kind, str] = {
     "points": "Drag the points. Double-click adds one, a right click removes it.\n"
     "The upright axis is opacity per step; it is drawn as its square root.",
@@ -78,36 +32,35 @@ _KIND_TIP = (
 _LOG = imgui.SliderFlags_.logarithmic
 
 
-def draw(state: ViewState, ui: UiContext) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the panel."""
-    new = state
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(6), ui.px(5)))
-    if not isinstance(new.transfer, LabelFunction):
-        new = _kinds(new, ui)
+    new = state if isinstance(state.transfer, LabelFunction) else _kinds(state, ui)
     new = _sliders(new, ui)
     if isinstance(new.transfer, LabelFunction):
-        new = draw_labels(new, ui)
+        new = _labels(new, ui)
     elif isinstance(new.transfer, TransferFunction2D):
         new = transfer_regions.draw(new, ui)
     else:
         new = transfer_points.draw(new, ui)
     imgui.pop_style_var()
-    return None if new is state else new
+    return new
 
 
 def _kinds(state: ViewState, ui: UiContext) -> ViewState:
-    """Presets, what is edited, and the histogram's scale."""
+    """Draw the lists of presets and kinds, and the button of the histogram's scale."""
     room = imgui.get_content_region_avail().x - ui.px(70)
     imgui.set_next_item_width(room * 0.5)
-    new = _presets(state, ui)
+    offered = presets.sorted_presets(state.document.volume)
+    title = presets.preset_title(state.transfer) or "Presets"
+    new = _pick(state, ui, "preset", title, {each.title: f"preset-{each.name}" for each in offered})
+    ui.note("presets")
     tip("Begin anew with a named look and its materials; Ctrl+Z brings yours back")
     imgui.same_line()
     imgui.set_next_item_width(room * 0.5 - ui.px(6))
     kind = transfer_convert.kind_of(state.transfer)
-    kinds = {title: other for other, title in KIND_TITLES.items()}
-    chosen = pick("##kind", KIND_TITLES[kind], kinds, lambda each: ui.note(f"kind {kinds[each]}"))
-    if chosen is not None:
-        new = ui.run(new, BY_NAME[f"transfer-{kinds[chosen]}"])
+    kinds = {title: f"transfer-{each}" for each, title in KIND_TITLES.items()}
+    new = _pick(new, ui, "kind", KIND_TITLES[kind], kinds)
     ui.note("kind")
     tip(_KIND_TIP)
     imgui.same_line()
@@ -127,18 +80,18 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     return new
 
 
-def _presets(state: ViewState, ui: UiContext) -> ViewState:
-    """A list of named looks; the present one, picked again, is as it was at first."""
-    offered = {
-        preset.title: preset.name for preset in presets.sorted_presets(state.document.volume)
-    }
-    title = presets.preset_title(state.transfer) or "Presets"
-    chosen = pick("##preset", title, offered, lambda each: ui.note(f"preset {offered[each]}"))
-    ui.note("presets")
-    return state if chosen is None else ui.run(state, BY_NAME[f"preset-{offered[chosen]}"])
+def _pick(state: ViewState, ui: UiContext, what: str, now: str, names: dict[str, str]) -> ViewState:
+    """Draw a list of commands, given as {title: name}, and run the one that is picked."""
+
+    def note(title: str) -> None:
+        ui.note(f"{what} {names[title].partition('-')[2]}")
+
+    chosen = pick(f"##{what}", now, names, note)
+    return state if chosen is None else ui.run(state, BY_NAME[names[chosen]])
 
 
 def _sliders(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the sliders of shift and thickness; labels have no values to shift."""
     new = state
     wide = imgui.get_content_region_avail().x
     if not isinstance(state.transfer, LabelFunction):
@@ -153,9 +106,47 @@ def _sliders(state: ViewState, ui: UiContext) -> ViewState:
             new = transfer_edits.shift(new, shift)
         imgui.same_line()
     imgui.set_next_item_width(wide)
+    logarithmic = imgui.SliderFlags_.logarithmic
     moved, factor = imgui.slider_float(
-        "##thickness", state.thickness, *THICKNESSES, "opacity × %.3g", _LOG
+        "##thickness", state.thickness, *THICKNESSES, "opacity × %.3g", logarithmic
     )
     ui.note("thickness")
     tip("Multiplies all opacities, great ones near 1. In the picture: Ctrl+right drag")
     return transfer_edits.thicken(new, factor) if moved else new
+
+
+def _labels(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the list of labels, and the button that adds one."""
+    function = state.transfer
+    assert isinstance(function, LabelFunction)
+    new = state
+    flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
+    if imgui.begin_table("labels", 4, flags, (0, transfer_detail.height_above(1, ui, _LEAST))):
+        imgui.table_setup_column("label", imgui.TableColumnFlags_.width_fixed, ui.px(34))
+        imgui.table_setup_column("opacity", imgui.TableColumnFlags_.width_stretch, 0.45)
+        imgui.table_setup_column("material", imgui.TableColumnFlags_.width_stretch, 0.55)
+        imgui.table_setup_column("remove", imgui.TableColumnFlags_.width_fixed, ui.px(24))
+        for index, label in enumerate(function.labels):
+            imgui.push_id(label)
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.align_text_to_frame_padding()
+            imgui.text(str(label))
+            imgui.table_next_column()
+            new = transfer_detail.draw_opacity(new, ui, index, -1)
+            ui.note(f"label {label}")
+            imgui.table_next_column()
+            if new.transfer is function:  # else the numbers of the rows may have changed
+                new = transfer_detail.draw_material(new, ui, index)
+            imgui.table_next_column()
+            if new.transfer is function:
+                new = transfer_detail.draw_remove(
+                    new, ui, index, "Remove the label: it is not seen"
+                )
+            imgui.pop_id()
+        imgui.end_table()
+    if imgui.button("Add label"):
+        unlisted = (label for label in range(1, MAX_LABEL + 2) if label not in function.labels)
+        new = transfer_edits.add_point(new, next(unlisted), 0.5)
+    tip("The least number that is not listed")
+    return new

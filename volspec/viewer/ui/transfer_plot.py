@@ -1,13 +1,11 @@
-"""Plots of a transfer function: axes, handles, colours of its parts, swatches."""
+"""Plots of a transfer function: axes, histogram, handles, colours of its parts, swatches."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from imgui_bundle import imgui, implot
@@ -26,9 +24,14 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Colour, adapted_to, as_colour
 from volspec.viewer.ui.widgets import ACCENT, pack_colour, tip
 
+Array = NDArray[np.float64]
+FLAGS = implot.Flags_.canvas_only
+# Left and right of a plot, above and below it.
+_PADDING = 10, 4
+
 
 def swatch(ui: UiContext, colour: Colour) -> None:
-    """A colour, as high as a line."""
+    """Draw a square in a colour, as high as a line."""
     x, y = imgui.get_cursor_screen_pos()
     side = imgui.get_frame_height()
     imgui.dummy((side, side))
@@ -40,21 +43,18 @@ def swatch(ui: UiContext, colour: Colour) -> None:
     tip("Under the lights that are on, to an eye adapted to them")
 
 
-Array = NDArray[np.float64]
-
-
 def part_colours(state: ViewState) -> tuple[Colour, ...]:
-    """Of every part's mix; sRGB codes, 0 to 1."""
-    return _part_colours(state.transfer, state.lights, state.relight)
+    """Return the colour of every part's mix under the lights."""
+    return _colours(state.transfer, state.lights, state.relight)[0]
 
 
 def material_colours(state: ViewState) -> dict[str, Colour]:
-    """Of every material by name."""
-    return _material_colours(state.transfer, state.lights, state.relight)
+    """Return the colour of every material under the lights, by name."""
+    return _colours(state.transfer, state.lights, state.relight)[1]
 
 
 def spectrum_colour(state: ViewState, spectrum: Spectrum) -> Colour:
-    """Of a reflectance that is no material yet."""
+    """Return the colour of a reflectance that is not a material yet."""
     basis = state.transfer.basis
     return _spectrum_colour(spectrum, basis.grid, basis.observer_deg, state.lights, state.relight)
 
@@ -63,43 +63,33 @@ def spectrum_colour(state: ViewState, spectrum: Spectrum) -> Colour:
 def _spectrum_colour(
     spectrum: Spectrum, grid: SpectralGrid, observer_deg: int, lights: Rows, spec: RelightSpec
 ) -> Colour:
-    light, shown = _adapted(lights, spec, grid, observer_deg)
-    XYZ = np.zeros((1, 3)) if light is None else XYZ_of(light, [spectrum], observer_deg)
-    return as_colour(shown(XYZ)[0])
+    light, codes = _adapted(lights, spec, grid, observer_deg)
+    return as_colour(codes(_XYZ_under(light, [spectrum], observer_deg))[0])
 
 
 @lru_cache(maxsize=64)
-def _part_colours(transfer: Transfer, lights: Rows, spec: RelightSpec) -> tuple[Colour, ...]:
-    names = list(transfer.materials)
-    shares = share_matrix([part.mix for part in parts_of(transfer)], names)
-    return _coloured(transfer, lights, spec, shares)
+def _colours(
+    transfer: Transfer, lights: Rows, spec: RelightSpec
+) -> tuple[tuple[Colour, ...], dict[str, Colour]]:
+    """Return the colours of the parts and of the materials."""
+    basis, names = transfer.basis, list(transfer.materials)
+    light, codes = _adapted(lights, spec, basis.grid, basis.observer_deg)
+    XYZ = _XYZ_under(light, list(transfer.materials.values()), basis.observer_deg)
+    weights = share_matrix([part.mix for part in parts_of(transfer)], names)
+    parts = tuple(as_colour(each) for each in codes(weights @ XYZ))
+    return parts, dict(zip(names, map(as_colour, codes(XYZ)), strict=True))
 
 
-@lru_cache(maxsize=64)
-def _material_colours(transfer: Transfer, lights: Rows, spec: RelightSpec) -> dict[str, Colour]:
-    names = list(transfer.materials)
-    shown = _coloured(transfer, lights, spec, np.eye(len(names)))
-    return dict(zip(names, shown, strict=True))
-
-
-def _coloured(
-    transfer: Transfer, lights: Rows, spec: RelightSpec, shares: Array
-) -> tuple[Colour, ...]:
-    """Of mixes, (P, K) shares; of dark where no light is on."""
-    basis = transfer.basis
-    light, shown = _adapted(lights, spec, basis.grid, basis.observer_deg)
-    XYZ = np.zeros((shares.shape[1], 3))
-    if light is not None:
-        XYZ = XYZ_of(light, list(transfer.materials.values()), basis.observer_deg)
-    codes = shown(shares @ XYZ)
-    return tuple(as_colour(each) for each in codes)
+def _XYZ_under(light: Spectrum | None, spectra: list[Spectrum], observer_deg: int) -> Array:
+    """Return (N, 3) XYZ of reflectances; black without a light."""
+    return np.zeros((len(spectra), 3)) if light is None else XYZ_of(light, spectra, observer_deg)
 
 
 @lru_cache(maxsize=64)
 def _adapted(
     lights: Rows, spec: RelightSpec, grid: SpectralGrid, observer_deg: int
 ) -> tuple[Spectrum | None, Callable[[Array], Array]]:
-    """The light, and what makes of (P, 3) XYZ under it the (P, 3) codes that look alike."""
+    """Return the light, and a function from (P, 3) XYZ under it to sRGB codes for the display."""
 
     def codes(XYZ: Array) -> Array:
         return encode(linear_from_XYZ(XYZ))
@@ -112,32 +102,8 @@ def _adapted(
     return light, codes if passage is None else lambda XYZ: codes(passage.apply(XYZ))
 
 
-# Opacities of a step are small: their root shows them apart, and its axis says so.
-_TICKS = (0.0, 0.01, 0.1, 0.3, 0.6, 1.0)
-FLAGS = implot.Flags_.canvas_only
-_MARGIN = 0.02
-# Left and right of a plot, above and below it.
-_PADDING = 10, 4
-
-
-def height_of(opacity: float) -> float:
-    """Where an opacity stands on its axis, 0 to 1.
-
-    >>> height_of(0.25)
-    0.5
-    """
-    return math.sqrt(min(max(opacity, 0.0), 1.0))
-
-
-def opacity_at(height: float) -> float:
-    """`height_of` undone."""
-    return max(height, 0.0) ** 2
-
-
-def bars(
-    counts: NDArray[np.float64], logarithmic: bool, share: float = 0.98
-) -> NDArray[np.float64]:
-    """Heights 0 to 1 of a histogram.
+def bars(counts: Array, logarithmic: bool, share: float = 0.98) -> Array:
+    """Return the heights of a histogram, 0 to 1.
 
     Linear ones are cut above what this share of them reaches, as air would dwarf the rest.
     """
@@ -148,20 +114,18 @@ def bars(
     return np.asarray(np.minimum(counts / max(top, 1.0), 1.0))
 
 
-@contextmanager
-def opacity_plot(state: ViewState, ui: UiContext, height: float) -> Iterator[bool]:
-    """A plot of opacity over value, with the histogram; whether anything is to be drawn."""
-    with low_plot("##transfer", height, ui) as shown:
-        if shown:
-            _set_axes(state)
-            note_area(ui, "transfer")
-            _histogram(state)
-        yield shown
+def draw_histogram(counts: Array, low: float, high: float, logarithmic: bool) -> None:
+    """Shade a histogram of equal bins from low to high."""
+    edges = np.linspace(low, high, len(counts) + 1)
+    dim = imgui.get_style_color_vec4(imgui.Col_.text_disabled)
+    shade = implot.Spec(fill_color=dim, fill_alpha=0.5)
+    middles = (edges[:-1] + edges[1:]) / 2
+    implot.plot_shaded("voxels", middles, bars(counts, logarithmic), spec=shade)
 
 
 @contextmanager
 def low_plot(label: str, height: float, ui: UiContext) -> Iterator[bool]:
-    """A plot with less around it, as its panel has little room; whether it is to be drawn."""
+    """Begin a plot with little padding; yields False if nothing of it is to be drawn."""
     implot.push_style_var(implot.StyleVar_.plot_padding, (ui.px(_PADDING[0]), ui.px(_PADDING[1])))
     shown = bool(implot.begin_plot(label, (-1, height), FLAGS))
     yield shown
@@ -170,22 +134,19 @@ def low_plot(label: str, height: float, ui: UiContext) -> Iterator[bool]:
     implot.pop_style_var()
 
 
-def _set_axes(state: ViewState) -> None:
-    set_values_axis(state, _MARGIN)
-    implot.setup_axis(implot.ImAxis_.y1, "", implot.AxisFlags_.no_tick_marks)
-    implot.setup_axis_limits(implot.ImAxis_.y1, -0.04, 1.06, imgui.Cond_.always)
-    labels = [f"{tick:g}".removeprefix("0") or "0" for tick in _TICKS]
-    implot.setup_axis_ticks(implot.ImAxis_.y1, [height_of(tick) for tick in _TICKS], labels)
-    implot.setup_finish()
+def set_axis(
+    axis: int, low: float, high: float, flags: int, when: int = imgui.Cond_.always
+) -> None:
+    """Set up an axis without a title."""
+    implot.setup_axis(axis, "", flags)
+    implot.setup_axis_limits(axis, low, high, when)
 
 
 def set_values_axis(state: ViewState, margin: float) -> None:
-    """The axis of values, a little wider than the volume's."""
+    """Set up the axis of values, wider than the volume's range by a share of it at both ends."""
     low, high = presets.value_span(state.document.volume)
     room = margin * (high - low)
-    flags = implot.AxisFlags_.no_grid_lines
-    implot.setup_axis(implot.ImAxis_.x1, "", flags)
-    implot.setup_axis_limits(implot.ImAxis_.x1, low - room, high + room, imgui.Cond_.always)
+    set_axis(implot.ImAxis_.x1, low - room, high + room, implot.AxisFlags_.no_grid_lines)
     unit = " HU" if presets.in_hounsfield(state.document.volume) else ""
     implot.setup_axis_format(implot.ImAxis_.x1, f"%g{unit}")
 
@@ -196,28 +157,18 @@ def note_area(ui: UiContext, name: str) -> None:
     ui.areas[name] = int(x), int(y), int(width), int(height)
 
 
-def _histogram(state: ViewState) -> None:
-    low, high = presets.value_span(state.document.volume)
-    counts = state.document.histogram
-    edges = np.linspace(low, high, len(counts) + 1)
-    middles = (edges[:-1] + edges[1:]) / 2
-    dim = imgui.get_style_color_vec4(imgui.Col_.text_disabled)
-    shade = implot.Spec(fill_color=dim, fill_alpha=0.5)
-    implot.plot_shaded("voxels", middles, bars(counts, state.interface.logarithmic), spec=shade)
-
-
 @dataclass(frozen=True, slots=True)
 class Handle:
-    """One of them.
+    """A point of a plot that can be dragged.
 
     Parameters
     ----------
     place : (x, y)
         In the plot's units.
     words : str
-        Shown at the mouse.
+        Tooltip.
     colour : (3,) float, optional
-        sRGB codes, 0 to 1; the ink's where left out.
+        sRGB codes, 0 to 1; None is the ink's.
     """
 
     place: tuple[float, float]
@@ -226,59 +177,62 @@ class Handle:
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
-    """What the mouse does to one.
+class HandleEdits:
+    """Edits by the mouse: a drag, a double-click between handles, a right click, a press.
 
-    Parameters
-    ----------
-    what : {"move", "remove", "choose", "add"}
-    x, y : float
-        Where it is moved or added, in the plot's units.
-    index : int
-        Of the handle; of none that is added.
+    Handles are given by their index, places in the plot's units.
     """
 
-    what: Literal["move", "remove", "choose", "add"]
-    x: float = 0.0
-    y: float = 0.0
-    index: int = 0
+    move: Callable[[ViewState, int, float, float], ViewState]
+    add: Callable[[ViewState, float, float], ViewState]
+    remove: Callable[[ViewState, int], ViewState]
+    choose: Callable[[ViewState, int], ViewState] | None = None
 
 
 def draw_handles(
-    handles: Sequence[Handle], chosen: int, ui: UiContext, dark: bool
-) -> Iterator[Touch]:
-    """Draw them in the plot that was begun, the chosen one ringed; what the mouse does."""
-    held = False
+    state: ViewState, ui: UiContext, handles: Sequence[Handle], edits: HandleEdits, chosen: int = -1
+) -> ViewState:
+    """Draw handles in the current plot, the chosen one with a ring; return the edited state."""
+    new, held, accent = state, False, pack_colour(ACCENT[state.interface.dark])
     for i, handle in enumerate(handles):
-        # The last three ask for what it tells of the mouse; `_mark` is what is seen.
+        # Transparent, and asked only for the mouse: `_draw_handle` draws it.
         moved, x, y, clicked, hovered, down = implot.drag_point(
             i, *handle.place, (0, 0, 0, 0), ui.px(5), 0, False, False, False
         )
         held = held or bool(down) or bool(hovered)
         if hovered and imgui.is_mouse_clicked(1):
-            yield Touch("remove", index=i)
+            new = edits.remove(new, i)
         elif moved:
-            yield Touch("move", x, y, i)
-        if clicked or down:
-            yield Touch("choose", index=i)
+            new = edits.move(new, i, x, y)
+        if edits.choose and (clicked or down):
+            new = edits.choose(new, i)
         if hovered or down:
             imgui.set_tooltip(handle.words)
-        _mark(ui, handle, pack_colour(ACCENT[dark]) if i == chosen else ink(), i == chosen)
-    if implot.is_plot_hovered() and not held and imgui.is_mouse_double_clicked(0):
-        mouse = implot.get_plot_mouse_pos()
-        yield Touch("add", mouse.x, mouse.y)
+        ring = (accent, 5.5) if i == chosen else (ink(), 4.5)
+        _draw_handle(ui, handle, *ring)
+    return add_on_double_click(new, edits.add, held)
+
+
+def add_on_double_click(
+    state: ViewState, add: Callable[[ViewState, float, float], ViewState], held: bool
+) -> ViewState:
+    """Add a part at a double-click in the plot, unless the mouse is on a handle."""
+    if held or not (implot.is_plot_hovered() and imgui.is_mouse_double_clicked(0)):
+        return state
+    mouse = implot.get_plot_mouse_pos()
+    return add(state, mouse.x, mouse.y)
 
 
 def ink() -> int:
-    """The text's colour, packed."""
+    """Return the text's colour, packed."""
     return int(imgui.get_color_u32(imgui.Col_.text))
 
 
-def _mark(ui: UiContext, handle: Handle, ring: int, chosen: bool) -> None:
-    """A handle in its colour, ringed so that it is seen on any ground."""
+def _draw_handle(ui: UiContext, handle: Handle, ring: int, radius: float) -> None:
+    """Draw a handle in its colour, with a ring that is visible on any background."""
     implot.push_plot_clip_rect(ui.px(6))
     draw_list, place = implot.get_plot_draw_list(), implot.plot_to_pixels(*handle.place)
-    draw_list.add_circle_filled(place, ui.px(5.5 if chosen else 4.5), ring)
+    draw_list.add_circle_filled(place, ui.px(radius), ring)
     if handle.colour is not None:
         draw_list.add_circle_filled(place, ui.px(3.5), pack_colour(handle.colour))
     implot.pop_plot_clip_rect()

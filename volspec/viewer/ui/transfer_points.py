@@ -2,154 +2,94 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from imgui_bundle import imgui, implot
 
 from volspec.transfer import Isosurfaces, TransferFunction
-from volspec.viewer.model import transfer_edits
+from volspec.viewer.model import presets, transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import Part, parts_of
 from volspec.viewer.model.transfer_placing import gradient_top
-from volspec.viewer.ui import transfer_detail
+from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.transfer_plot import (
-    Handle,
-    bars,
-    draw_handles,
-    height_of,
-    ink,
-    low_plot,
-    note_area,
-    opacity_at,
-    opacity_plot,
-    part_colours,
-)
+from volspec.viewer.ui.transfer_plot import Handle, HandleEdits, ink, set_axis
 from volspec.viewer.ui.widgets import WAITING_GREYED, pack_colour, tip
 
-_HEIGHT = 70
 # Beyond either end of the axes.
 _MARGIN, _ABOVE = 0.02, 0.12
-_TIP = (
+# Opacities of a step are small: their square root is drawn, and the axis says so.
+_TICKS = (0.0, 0.01, 0.1, 0.3, 0.6, 1.0)
+_STRIP_PX = 3.0
+# The least height of the plot of opacities, alone and with the gradients' below, and of that one.
+_LEAST, _LEAST_OF_TWO, _GRADIENTS_HEIGHT = 115, 82, 70
+_GRADIENTS_TIP = (
     "Multiplies opacity by how steeply values change, so that boundaries stand out.\n"
     "Drag the points; a double-click adds one, a right click removes it"
 )
 _FILTERED = "Not together with filters of materials, which this curve has"
-
-
-def gradients_height(curve: TransferFunction, ui: UiContext) -> float:
-    """Of all that is drawn here, with the gap below it."""
-    gap = imgui.get_style().item_spacing.y
-    plot = ui.px(_HEIGHT) + gap if curve.gradient_opacity else 0.0
-    return plot + imgui.get_frame_height_with_spacing()
-
-
-def draw_gradients(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState:
-    """Draw what turns it on and off, and the plot while it is on."""
-    new, on = state, bool(curve.gradient_opacity)
-    imgui.begin_disabled(bool(curve.filters))
-    pressed, _ = imgui.checkbox("Opacity by gradient", on)
-    imgui.end_disabled()
-    ui.note("by gradient")
-    tip(_FILTERED if curve.filters else _TIP, WAITING_GREYED)
-    if pressed:
-        new = transfer_edits.toggle_gradient_opacity(new)
-    if not on:
-        return new
-    imgui.same_line()
-    imgui.text_disabled("factor over value per mm")
-    with low_plot("##gradients", ui.px(_HEIGHT), ui) as shown:
-        if shown:
-            new = _plot(new, curve, ui)
-    return new
-
-
-def _plot(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState:
-    joint, new = state.document.joint, state
-    end = gradient_top(curve, joint.top)
-    implot.setup_axis(implot.ImAxis_.x1, "", implot.AxisFlags_.no_grid_lines)
-    # While the mouse is down an axis that follows the last point would run away from it.
-    when = imgui.Cond_.once if imgui.is_mouse_down(0) else imgui.Cond_.always
-    implot.setup_axis_limits(implot.ImAxis_.x1, -_MARGIN * end, (1 + _MARGIN) * end, when)
-    implot.setup_axis(implot.ImAxis_.y1, "", implot.AxisFlags_.no_tick_marks)
-    implot.setup_axis_limits(implot.ImAxis_.y1, -_ABOVE, 1 + _ABOVE, imgui.Cond_.always)
-    implot.setup_axis_ticks(implot.ImAxis_.y1, [0.0, 1.0], ["0", "1"])
-    implot.setup_finish()
-    note_area(ui, "gradients")
-    _histogram(state)
-    factors = curve.gradient_opacity or ()
-    _line(factors, end, ui)
-    handles = [
-        Handle(place, f"gradient {place[0]:.4g} per mm\nopacity × {place[1]:.3g}")
-        for place in factors
-    ]
-    for i, handle in enumerate(handles):
-        x, y = implot.plot_to_pixels(*handle.place)
-        ui.areas[f"gradient {i}"] = int(x), int(y), 0, 0
-    for touch in draw_handles(handles, -1, ui, state.interface.dark):
-        match touch.what:
-            case "move":
-                new = transfer_edits.move_gradient_point(new, touch.index, touch.x, touch.y)
-            case "add":
-                new = transfer_edits.add_gradient_point(new, touch.x, touch.y)
-            case "remove":
-                new = transfer_edits.remove_gradient_point(new, touch.index)
-    return new
-
-
-def _histogram(state: ViewState) -> None:
-    """Voxels by gradient, of whatever value."""
-    joint = state.document.joint
-    counts = joint.counts.sum(axis=1)
-    edges = np.linspace(0.0, joint.top, len(counts) + 1)
-    dim = imgui.get_style_color_vec4(imgui.Col_.text_disabled)
-    shade = implot.Spec(fill_color=dim, fill_alpha=0.5)
-    heights = bars(counts, state.interface.logarithmic)
-    implot.plot_shaded("voxels", (edges[:-1] + edges[1:]) / 2, heights, spec=shade)
-
-
-def _line(factors: Sequence[tuple[float, float]], end: float, ui: UiContext) -> None:
-    """The factors; before the first and beyond the last they stay."""
-    at, heights = np.array(factors).T
-    places = [0.0, *at.tolist(), max(end, float(at[-1]))]
-    levels = [float(heights[0]), *heights.tolist(), float(heights[-1])]
-    line: list[imgui.ImVec2Like] = [
-        implot.plot_to_pixels(x, y) for x, y in zip(places, levels, strict=True)
-    ]
-    implot.push_plot_clip_rect(ui.px(1))
-    implot.get_plot_draw_list().add_polyline(line, ink(), ui.px(1.4), 0)
-    implot.pop_plot_clip_rect()
-
-
-_STRIP_PX = 3.0
-# The plot's height, alone and with another one below.
-_LEAST, _LEAST_OF_TWO = 115, 82
+_EDITS = HandleEdits(
+    move=lambda state, i, x, y: transfer_edits.move_point(state, i, x, _opacity_at(y)),
+    add=lambda state, x, y: transfer_edits.add_point(state, x, _opacity_at(y)),
+    remove=transfer_edits.remove_point,
+    choose=transfer_edits.choose_part,
+)
+_GRADIENT_EDITS = HandleEdits(
+    move=transfer_edits.move_gradient_point,
+    add=transfer_edits.add_gradient_point,
+    remove=transfer_edits.remove_gradient_point,
+)
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw the plot, and the chosen point or surface below."""
+    """Draw the plots, and the chosen point or surface below."""
     new, what = state, "Surface" if isinstance(state.transfer, Isosurfaces) else "Point"
     curve = state.transfer if isinstance(state.transfer, TransferFunction) else None
-    below = gradients_height(curve, ui) if curve else 0.0
-    least = _LEAST_OF_TWO if curve and curve.gradient_opacity else _LEAST
-    with opacity_plot(state, ui, transfer_detail.height_above(2, ui, least, below)) as shown:
-        if shown:
-            implot.push_plot_clip_rect()
-            if curve:
-                _fill(state, curve, ui)
-            else:
-                _stems(state, ui)
-            implot.pop_plot_clip_rect()
-            new = _handles(state, ui)
+    below, least = 0.0, _LEAST
     if curve:
-        new = draw_gradients(new, curve, ui)
-    new = transfer_detail.value_and_opacity(new, ui, what)
-    return transfer_detail.material(new, ui, transfer_detail.chosen(new))
+        below = imgui.get_frame_height_with_spacing()
+        if curve.gradient_opacity:
+            below += ui.px(_GRADIENTS_HEIGHT) + imgui.get_style().item_spacing.y
+            least = _LEAST_OF_TWO
+    height = transfer_detail.height_above(2, ui, least, below)
+    with transfer_plot.low_plot("##transfer", height, ui) as shown:
+        if shown:
+            new = _opacities(new, curve, ui)
+    if curve:
+        new = _gradients(new, curve, ui)
+    new = transfer_detail.draw_value(new, ui, what)
+    return transfer_detail.draw_material(new, ui, transfer_detail.chosen_part(new))
+
+
+def _opacities(state: ViewState, curve: TransferFunction | None, ui: UiContext) -> ViewState:
+    transfer_plot.set_values_axis(state, _MARGIN)
+    set_axis(implot.ImAxis_.y1, -0.04, 1.06, implot.AxisFlags_.no_tick_marks)
+    labels = [f"{tick:g}".removeprefix("0") or "0" for tick in _TICKS]
+    implot.setup_axis_ticks(implot.ImAxis_.y1, [_height_of(tick) for tick in _TICKS], labels)
+    implot.setup_finish()
+    transfer_plot.note_area(ui, "transfer")
+    span = presets.value_span(state.document.volume)
+    logarithmic = state.interface.logarithmic
+    transfer_plot.draw_histogram(state.document.histogram, *span, logarithmic)
+    implot.push_plot_clip_rect()
+    if curve:
+        _fill(state, curve, ui)
+    else:
+        _stems(state, ui)
+    implot.pop_plot_clip_rect()
+    parts, colours = parts_of(state.transfer), transfer_plot.part_colours(state)
+    handles = [
+        Handle(_place(part), _words(part), colour)
+        for part, colour in zip(parts, colours, strict=True)
+    ]
+    chosen = transfer_detail.chosen_part(state)
+    return transfer_plot.draw_handles(state, ui, handles, _EDITS, chosen)
 
 
 def _fill(state: ViewState, curve: TransferFunction, ui: UiContext) -> None:
-    """What is below the curve, in the colours of what is seen there; the curve itself."""
+    """Draw a curve, and fill the area below it with the colours of its materials."""
     draw_list = implot.get_plot_draw_list()
     left, width = implot.get_plot_pos().x, implot.get_plot_size().x
     places = np.array([implot.plot_to_pixels(value, 0.0).x for value, _, _ in curve.points])
@@ -159,7 +99,7 @@ def _fill(state: ViewState, curve: TransferFunction, ui: UiContext) -> None:
     # At whole pixels, or stripes would blend where they meet.
     at = np.unique(at.clip(left, left + width).round())
     opacity = np.interp(at, places, [opacity for _, opacity, _ in curve.points])
-    codes = np.array(part_colours(state))
+    codes = np.array(transfer_plot.part_colours(state))
     mixed = np.stack([np.interp(at, places, column) for column in codes.T], axis=1)
     zero, one = (implot.plot_to_pixels(0.0, height).y for height in (0.0, 1.0))
     tops = zero + (one - zero) * np.sqrt(opacity)
@@ -173,40 +113,86 @@ def _fill(state: ViewState, curve: TransferFunction, ui: UiContext) -> None:
 
 
 def _stems(state: ViewState, ui: UiContext) -> None:
-    """An upright line for each surface, as high as it is opaque."""
+    """Draw an upright line for each surface, as high as it is opaque."""
     draw_list = implot.get_plot_draw_list()
-    for part, colour in zip(parts_of(state.transfer), part_colours(state), strict=True):
+    colours = transfer_plot.part_colours(state)
+    for part, colour in zip(parts_of(state.transfer), colours, strict=True):
         foot = implot.plot_to_pixels(part.values[0], 0.0)
         head = implot.plot_to_pixels(*_place(part))
         draw_list.add_line(foot, head, ink(), ui.px(5))
         draw_list.add_line(foot, head, pack_colour(colour), ui.px(3))
 
 
-def _handles(state: ViewState, ui: UiContext) -> ViewState:
-    """What is dragged, clicked away, or added where there is none."""
-    new, parts = state, parts_of(state.transfer)
-    handles = [
-        Handle(_place(part), _words(part), colour)
-        for part, colour in zip(parts, part_colours(state), strict=True)
-    ]
-    for touch in draw_handles(handles, transfer_detail.chosen(state), ui, state.interface.dark):
-        match touch.what:
-            case "move":
-                place = touch.x, opacity_at(touch.y)
-                new = transfer_edits.move_point(new, touch.index, *place)
-            case "add":
-                new = transfer_edits.add_point(new, touch.x, opacity_at(touch.y))
-            case "remove":
-                new = transfer_edits.remove_point(new, touch.index)
-            case _:
-                new = transfer_edits.choose_part(new, touch.index)
-    return new
-
-
 def _words(part: Part) -> str:
-    value, mix = part.values[0], transfer_detail.in_words(part.mix)
+    value, mix = part.values[0], transfer_detail.mix_text(part.mix)
     return f"value {value:.5g}\nopacity {part.opacity:.3g}\n{mix}"
 
 
 def _place(part: Part) -> tuple[float, float]:
-    return part.values[0], height_of(part.opacity)
+    return part.values[0], _height_of(part.opacity)
+
+
+def _height_of(opacity: float) -> float:
+    """Return the place of an opacity on its axis, 0 to 1.
+
+    >>> _height_of(0.25)
+    0.5
+    """
+    return math.sqrt(min(max(opacity, 0.0), 1.0))
+
+
+def _opacity_at(height: float) -> float:
+    return max(height, 0.0) ** 2
+
+
+def _gradients(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState:
+    """Draw the checkbox of opacity by gradient, and its plot while it is on."""
+    new, on = state, bool(curve.gradient_opacity)
+    imgui.begin_disabled(bool(curve.filters))
+    pressed, _ = imgui.checkbox("Opacity by gradient", on)
+    imgui.end_disabled()
+    ui.note("by gradient")
+    tip(_FILTERED if curve.filters else _GRADIENTS_TIP, WAITING_GREYED)
+    if pressed:
+        new = transfer_edits.toggle_gradient_opacity(new)
+    if not on:
+        return new
+    imgui.same_line()
+    imgui.text_disabled("factor over value per mm")
+    with transfer_plot.low_plot("##gradients", ui.px(_GRADIENTS_HEIGHT), ui) as shown:
+        if shown:
+            new = _factors(new, curve, ui)
+    return new
+
+
+def _factors(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState:
+    joint, factors = state.document.joint, curve.gradient_opacity or ()
+    end = gradient_top(curve, joint.top)
+    # While the mouse is down an axis that follows the last point would run away from it.
+    when = imgui.Cond_.once if imgui.is_mouse_down(0) else imgui.Cond_.always
+    ends = -_MARGIN * end, (1 + _MARGIN) * end
+    set_axis(implot.ImAxis_.x1, *ends, implot.AxisFlags_.no_grid_lines, when)
+    set_axis(implot.ImAxis_.y1, -_ABOVE, 1 + _ABOVE, implot.AxisFlags_.no_tick_marks)
+    implot.setup_axis_ticks(implot.ImAxis_.y1, [0.0, 1.0], ["0", "1"])
+    implot.setup_finish()
+    transfer_plot.note_area(ui, "gradients")
+    counts, logarithmic = joint.counts.sum(axis=1), state.interface.logarithmic
+    transfer_plot.draw_histogram(counts, 0.0, joint.top, logarithmic)
+    _draw_line(factors, end, ui)
+    handles = []
+    for i, (gradient, factor) in enumerate(factors):
+        x, y = implot.plot_to_pixels(gradient, factor)
+        ui.areas[f"gradient {i}"] = int(x), int(y), 0, 0
+        words = f"gradient {gradient:.4g} per mm\nopacity × {factor:.3g}"
+        handles.append(Handle((gradient, factor), words))
+    return transfer_plot.draw_handles(state, ui, handles, _GRADIENT_EDITS)
+
+
+def _draw_line(factors: Sequence[tuple[float, float]], end: float, ui: UiContext) -> None:
+    """Draw the factors, which are constant before the first and beyond the last."""
+    first, last = factors[0], factors[-1]
+    points = [(0.0, first[1]), *factors, (max(end, last[0]), last[1])]
+    line: list[imgui.ImVec2Like] = [implot.plot_to_pixels(x, y) for x, y in points]
+    implot.push_plot_clip_rect(ui.px(1))
+    implot.get_plot_draw_list().add_polyline(line, ink(), ui.px(1.4), 0)
+    implot.pop_plot_clip_rect()
