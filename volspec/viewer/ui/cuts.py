@@ -9,7 +9,6 @@ from volspec.raycast import ClipPlane
 from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer.model import cuts
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.cuts import handles_of, nearest_handle
 from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.slices import outline_index
 from volspec.viewer.model.state import ViewState
@@ -17,18 +16,19 @@ from volspec.viewer.model.view import radius_mm
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, pack_colour, tip
 
+Colour = tuple[float, float, float, float]
 # A handle's radius; pixels at 96 dpi.
 _SIZE = 5.5
+# Of two handles in one place a press takes the first, which is drawn last.
 _ORDER = ("crop", "plane-shift", "plane-tilt")
 _WHITE, _DIM = (*WHITE, 0.85), (*WHITE, 0.3)
 # Of the slices across x, y and z.
 SLICE_COLOURS = ((0.86, 0.42, 0.40), (0.45, 0.75, 0.45), (0.45, 0.62, 0.92))
 
 
-def draw(state: ViewState, ui: UiContext) -> ViewState | None:
+def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the panel."""
-    new = _planes(_crop(state, ui), ui)
-    return None if new is state else new
+    return _planes(_crop(state, ui), ui)
 
 
 def _crop(state: ViewState, ui: UiContext) -> ViewState:
@@ -82,7 +82,7 @@ def _planes(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewState:
-    """One plane of the list: its place along its normal, flip and remove."""
+    """Draw one plane of the list: its distance, and the buttons that flip and remove it."""
     volume = state.document.volume
     imgui.push_id(index)
     if imgui.radio_button(f"{index + 1}", state.interface.aids.plane == index):
@@ -110,13 +110,13 @@ def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewS
     return state
 
 
-def draw_handles(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw the box, the planes and the slices' outlines over the picture."""
+def draw_handles(state: ViewState, ui: UiContext) -> None:
+    """Draw the box, the planes and the slices' outlines with their handles over the picture."""
     volume, aids = state.document.volume, state.interface.aids
     planes = aids.planes and bool(state.shading.clip_planes)
     outlines = aids.outlines and "Slices" in state.interface.panels
     if not (aids.crop or planes or outlines):
-        return None
+        return
     projection = ui.projection(state)
     crop = cuts.crop_of(state.shading, volume)
     with over_picture(ui):
@@ -134,52 +134,38 @@ def draw_handles(state: ViewState, ui: UiContext) -> ViewState | None:
                 colour = ACCENT[True] if i == aids.plane else _WHITE
                 _polygon(cuts.outline_mm(point, normal, corners), projection, colour, ui)
         _draw_handles(state, projection, ui)
-    return None
 
 
 def _draw_handles(state: ViewState, projection: Projection, ui: UiContext) -> None:
-    found, over = handles_of(state, projection, ui.scale), None
+    found, hovered = cuts.handles_of(state, projection, ui.scale), None
     if not imgui.get_io().want_capture_mouse:
         mouse = imgui.get_mouse_pos()
-        over = nearest_handle(found, (mouse.x, mouse.y), ui.scale)
+        hovered = cuts.nearest_handle(found, (mouse.x, mouse.y), ui.scale)
     draw_list = imgui.get_background_draw_list()
     shade = pack_colour(BLACK, 0.6)
-    middles: dict[int, Place] = {}
-    # Of two in one place the first is taken hold of: it is drawn last.
+    middles = {handle.index: handle.place for handle in found if handle.name == "plane-shift"}
     for handle in (h for name in _ORDER for h in reversed(found) if h.name == name):
-        chosen = handle == over
-        lit = ACCENT[True] if chosen else (*WHITE, 0.95)
-        size = ui.px(_SIZE * (1.25 if chosen else 1.0))
+        colour = pack_colour(ACCENT[True] if handle == hovered else (*WHITE, 0.95))
+        size = ui.px(_SIZE * (1.25 if handle == hovered else 1.0))
         x, y = handle.place
-        if handle.name == "plane-shift":
-            middles[handle.index] = handle.place
-        elif handle.name == "plane-tilt":
+        if handle.name == "plane-tilt":
             _line(middles[handle.index], handle.place, _WHITE, ui)
-            draw_list.add_circle_filled((x, y), size + ui.px(1.5), shade)
-            draw_list.add_circle((x, y), size - ui.px(1), pack_colour(lit), 0, ui.px(2))
-        if handle.name != "plane-tilt":
-            draw_list.add_circle_filled((x, y), size + ui.px(1.5), shade)
-            draw_list.add_circle_filled((x, y), size, pack_colour(lit))
+        draw_list.add_circle_filled((x, y), size + ui.px(1.5), shade)
+        if handle.name == "plane-tilt":
+            draw_list.add_circle((x, y), size - ui.px(1), colour, 0, ui.px(2))
+        else:
+            draw_list.add_circle_filled((x, y), size, colour)
         ui.areas[f"{handle.name} {handle.index}"] = int(x) - 2, int(y) - 2, 4, 4
 
 
-def _polygon(
-    corners: cuts.Array,
-    projection: Projection,
-    colour: tuple[float, float, float, float],
-    ui: UiContext,
-) -> None:
-    if not len(corners):
-        return
+def _polygon(corners: cuts.Array, projection: Projection, colour: Colour, ui: UiContext) -> None:
     for drawn in projection.segments(corners, np.roll(corners, -1, axis=0)):
         if drawn is not None:
             _line(*drawn, colour, ui)
 
 
-def _line(
-    start: Place, end: Place, colour: tuple[float, float, float, float], ui: UiContext
-) -> None:
-    """Shaded, so that it is seen on any picture."""
+def _line(start: Place, end: Place, colour: Colour, ui: UiContext) -> None:
+    """Draw a line with a shade, so that it is visible on any picture."""
     draw_list = imgui.get_background_draw_list()
     draw_list.add_line(start, end, pack_colour(BLACK, 0.45 * colour[3]), ui.px(3.0))
     draw_list.add_line(start, end, pack_colour(colour), ui.px(1.4))

@@ -1,4 +1,4 @@
-"""The library of materials: a search, and what was found with its colour."""
+"""The library of materials: a search, and the list of its results with their colours."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ from volspec.viewer.ui.transfer_plot import spectrum_colour, swatch
 from volspec.viewer.ui.widgets import shorten, text_width, tip, wrap_text
 from volspec.viewer.work import css_colours
 
-_ENTER = imgui.InputTextFlags_.enter_returns_true
 _HINT = "Another: gold, skin, steelblue, #c08040, FILE.csv"
 _ROWS = 8
 _WAITS = "Colours are being made ready …"
-# By what a name begins with; metals have names alone.
+# Classes by the part of a name before its slash; metals have none.
 _SETS = {
     "ACES": "camera patch",
     "CES": "CIE 224 sample",
@@ -42,11 +41,10 @@ _SETS = {
     "VS": "CQS sample",
     "VS 7.4": "CQS sample",
 }
-_FLAT = frozenset(["white", "black"])
 
 
 def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
-    """Draw the search, and while something is searched for what is found; for one part."""
+    """Draw the search for a part's material, and its results while there is a search."""
     panel = ui.library
     if imgui.is_window_appearing():
         panel.search, panel.complaint = "", ""
@@ -55,7 +53,8 @@ def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
     if imgui.is_key_pressed(imgui.Key.escape):
         imgui.close_current_popup()
     imgui.set_next_item_width(-1)
-    entered, text = imgui.input_text_with_hint("##library", _HINT, panel.search, _ENTER)
+    enter = imgui.InputTextFlags_.enter_returns_true
+    entered, text = imgui.input_text_with_hint("##library", _HINT, panel.search, enter)
     ui.note("library")
     if text != panel.search:
         panel.search, panel.complaint = text, ""
@@ -67,7 +66,7 @@ def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
     waits = _waits(state.transfer.basis, first)
     if entered and not waits:  # Enter has taken the keyboard from the field
         imgui.set_keyboard_focus_here(-1)
-    wanted = _listed(state, rows, ui)
+    wanted = _draw_results(state, rows, ui)
     if entered or (panel.complaint == _WAITS and not waits):
         wanted = first
     if panel.complaint:
@@ -75,8 +74,10 @@ def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
     return add_material_of(state, ui, index, wanted) if wanted else state
 
 
+# Every frame asks for them while something is searched for.
+@lru_cache(maxsize=8)
 def matching_entries(search: str) -> list[str]:
-    """Reflectances and colours that a search means, those that it begins first.
+    """Return the reflectances and colours that match a search, those that begin with it first.
 
     >>> matching_entries("gold")[0], matching_entries("steelb")[:2], matching_entries("xyzzy")
     ('gold', ['steelblue', 'lightsteelblue'], [])
@@ -90,14 +91,14 @@ def matching_entries(search: str) -> list[str]:
 
 @lru_cache(maxsize=1)
 def library_names() -> tuple[str, ...]:
-    """All that can be picked; of a colour that is a measured reflectance's name, that."""
+    """Return all names that can be picked; a measured reflectance hides a colour of its name."""
     measured = reflectance_names()
     return (*measured, *(name for name in colour_names() if name not in measured))
 
 
 @lru_cache(maxsize=1024)
 def class_of(name: str) -> str:
-    """What a name of the library stands for, in words.
+    """Return the class of a name of the library as text.
 
     >>> class_of("gold"), class_of("PMC/Banana"), class_of("steelblue"), class_of("white")
     ('metal', 'memory colour', 'CSS colour', 'flat')
@@ -105,26 +106,20 @@ def class_of(name: str) -> str:
     start, mark, _ = name.partition("/")
     if mark:
         return _SETS.get(start, "sample")
-    if name in _FLAT:
+    if name in ("white", "black"):
         return "flat"
     return "metal" if name in reflectance_names() else "CSS colour"
 
 
 def _rows(state: ViewState, typed: str) -> list[str]:
-    """What is found, after what was typed itself where that is a reflectance of its own."""
-    rows = _searched(typed)
+    """Return the matches of a search, after itself if that is a reflectance not among them."""
+    rows = matching_entries(typed)
     listed = bool(rows) and rows[0].casefold() == typed.casefold()
     return rows if listed or _spectrum(state, typed) is None else [typed, *rows]
 
 
-@lru_cache(maxsize=8)
-def _searched(typed: str) -> list[str]:
-    """Looked up when something is typed, not in every frame."""
-    return matching_entries(typed)
-
-
 def _spectrum(state: ViewState, name: str) -> Spectrum | None:
-    """What a name or a colour stands for; None where it is neither, or not made yet."""
+    """Return the reflectance of a name or colour; None if it is neither, or not made yet."""
     basis = state.transfer.basis
     if _waits(basis, name):
         return None
@@ -138,7 +133,7 @@ def _is_colour(name: str) -> bool:
 
 
 def _waits(basis: Basis, name: str) -> bool:
-    """Whether a name is a colour's, and colours are still made ready beside the window."""
+    """Return True if a name is a colour's, and colours are still computed in the background."""
     return _is_colour(name) and css_colours.colours(basis.grid, basis.observer_deg).spectra is None
 
 
@@ -152,8 +147,8 @@ def _looked_up(name: str, grid: SpectralGrid, observer_deg: int) -> Spectrum | N
         return None
 
 
-def _listed(state: ViewState, rows: list[str], ui: UiContext) -> str:
-    """The list; what was clicked in it, or nothing."""
+def _draw_results(state: ViewState, rows: list[str], ui: UiContext) -> str:
+    """Draw the list; return the name that was clicked, or an empty one."""
     wanted = ""
     line = imgui.get_frame_height_with_spacing()
     if imgui.begin_child("found", (0, _ROWS * line)):
@@ -161,20 +156,20 @@ def _listed(state: ViewState, rows: list[str], ui: UiContext) -> str:
         clipper.begin(len(rows), line)
         while clipper.step():
             for i in range(clipper.display_start, clipper.display_end):
-                if _entry(state, rows[i], ui):
+                if _draw_result(state, rows[i], ui):
                     wanted = rows[i]
                 ui.note(f"found {i}")
         clipper.end()
         if not rows:
             file = split_address(ui.library.search.strip()) is not None
-            said = "Enter reads the file" if file else "There is nothing of that name"
-            wrap_text(said, imgui.Col_.text_disabled)
+            text = "Enter reads the file" if file else "There is nothing of that name"
+            wrap_text(text, imgui.Col_.text_disabled)
     imgui.end_child()
     return wanted
 
 
-def _entry(state: ViewState, name: str, ui: UiContext) -> bool:
-    """Look, name, class; whether it was clicked."""
+def _draw_result(state: ViewState, name: str, ui: UiContext) -> bool:
+    """Draw a row of colour, name and class; return True if it was clicked."""
     spectrum = _spectrum(state, name)
     if spectrum is not None:
         swatch(ui, spectrum_colour(state, spectrum))
@@ -194,16 +189,15 @@ def _entry(state: ViewState, name: str, ui: UiContext) -> bool:
 
 
 def add_material_of(state: ViewState, ui: UiContext, index: int, wanted: str) -> ViewState:
-    """The part of what was picked; why not, where it cannot be."""
+    """Make a part of the material that was picked, or set the complaint."""
     panel = ui.library
     if _waits(state.transfer.basis, wanted):
-        # It is added as soon as it is made; the window goes on drawing while a notice stands.
+        # It is added as soon as it is made; the window goes on drawing while a notice is shown.
         panel.search, panel.complaint = wanted, _WAITS
-        ui.requests.append(f"say {_WAITS}")
+        ui.say(_WAITS)
         return state
     new, panel.complaint = add_material(state, index, wanted)
     if not panel.complaint:
         panel.search = ""
-    if said := material_message(state.transfer, new.transfer):
-        ui.requests.append(f"say {said}")
+    ui.say(material_message(state.transfer, new.transfer))
     return new
