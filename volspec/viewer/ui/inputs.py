@@ -13,19 +13,14 @@ import glfw
 from imgui_bundle import imgui
 
 BUTTONS = {0: "left", 1: "right", 2: "middle"}
+# glfw's bit, its two keys, and imgui's key; a system without Ctrl has it on another key, as glfw
+# counts them.
 _MODIFIERS = (
-    (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL, imgui.Key.mod_ctrl),
-    (glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT, imgui.Key.mod_shift),
-    (glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT, imgui.Key.mod_alt),
-    (glfw.KEY_LEFT_SUPER, glfw.KEY_RIGHT_SUPER, imgui.Key.mod_super),
+    (glfw.MOD_CONTROL, glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL, imgui.Key.mod_ctrl),
+    (glfw.MOD_SHIFT, glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT, imgui.Key.mod_shift),
+    (glfw.MOD_ALT, glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT, imgui.Key.mod_alt),
+    (glfw.MOD_SUPER, glfw.KEY_LEFT_SUPER, glfw.KEY_RIGHT_SUPER, imgui.Key.mod_super),
 )
-# As a system without Ctrl has it on another key, as glfw counts them.
-_KEYS_OF_MODIFIERS = {
-    glfw.MOD_CONTROL: (glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL),
-    glfw.MOD_SHIFT: (glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT),
-    glfw.MOD_ALT: (glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT),
-    glfw.MOD_SUPER: (glfw.KEY_LEFT_SUPER, glfw.KEY_RIGHT_SUPER),
-}
 _ARROWS = {
     glfw.KEY_LEFT: "left",
     glfw.KEY_RIGHT: "right",
@@ -34,7 +29,14 @@ _ARROWS = {
     glfw.KEY_PAGE_UP: "pageup",
     glfw.KEY_PAGE_DOWN: "pagedown",
 }
-# What goes on step by step while it is held down.
+_KEYS: dict[int, str] = {
+    glfw.KEY_ENTER: "enter",
+    glfw.KEY_KP_ENTER: "enter",
+    glfw.KEY_SPACE: "space",
+    glfw.KEY_ESCAPE: "escape",
+    **_ARROWS,
+}
+# Keys that repeat while they are held down.
 STEPPING = frozenset({*_ARROWS.values(), "+", "=", "-"})
 
 
@@ -46,17 +48,14 @@ class Input:
     ----------
     name : {"press", "release", "move", "wheel", "key", "typed", "drop", "resize"}
     x, y : float
-        Where the mouse is in the window; of the wheel its notches.
-    button : str
+        The mouse's place in the window; of the wheel its notches.
     key : str
-        What is written on it, as ``a``, ``1``, ``enter``; with ``ctrl+``, ``alt+`` or
-        ``ctrl+shift+`` in front.
-    paths : tuple of str
-        What was dropped.
+        As written on it, as ``a``, ``1``, ``enter``; with ``ctrl+``, ``alt+`` or ``ctrl+shift+``
+        in front.
     modifiers : str
         Keys held with the mouse: ``ctrl``, ``shift``, ``alt``, or several as ``ctrl+shift``.
     repeated : bool
-        Whether a key comes again as it is held down.
+        True for a key that is held down.
     """
 
     name: str
@@ -70,22 +69,17 @@ class Input:
 
 
 class Inputs:
-    """Listens to a window.
+    """Queue of a window's inputs.
 
-    imgui hears of a gesture when it is taken: what it makes of Enter, say, a dialog that closes,
-    must not come before the key is known to be the dialog's.
-
-    Parameters
-    ----------
-    window : glfw window
-    to_imgui : callable
-        imgui's own listener for keys.
+    imgui gets a gesture when it is taken from the queue: what it makes of Enter, say, a dialog that
+    closes, must not come before the key is known to be the dialog's. ``to_imgui`` is imgui's own
+    listener for keys.
     """
 
     def __init__(self, window: Any, to_imgui: Callable[..., None]) -> None:
         self._window, self._to_imgui = window, to_imgui
-        # What has happened, and what tells imgui of it.
-        self._heard: list[tuple[Input, Callable[[], object]]] = []
+        # Inputs, each with the call that passes it to imgui.
+        self._queue: list[tuple[Input, Callable[[], object]]] = []
         self._at: tuple[float, float] | None = None
         listeners: tuple[tuple[Callable[..., Any], Callable[..., None]], ...] = (
             (glfw.set_mouse_button_callback, self._on_button),
@@ -103,69 +97,65 @@ class Inputs:
 
     @property
     def waiting(self) -> bool:
-        """Whether something has happened that has not been taken."""
-        return bool(self._heard)
+        """True while there are inputs that have not been taken."""
+        return bool(self._queue)
 
     def take(self) -> list[Input]:
-        """What has happened since the last call, but no more than one gesture of it."""
-        inputs = [given for given, _ in self._heard]
-        end = _gesture_end(inputs)
-        for _, tell in self._heard[:end]:
-            tell()
-        self._heard = self._heard[end:]
-        return inputs[:end]
+        """Take the inputs since the last call, but no more than one gesture; pass them to imgui."""
+        end = _gesture_end([given for given, _ in self._queue])
+        taken = self._queue[:end]
+        for _, pass_on in taken:
+            pass_on()
+        del self._queue[:end]
+        return [given for given, _ in taken]
 
     def drop(self, paths: Sequence[str]) -> None:
-        """Files have been dropped."""
-        self._hear(Input("drop", paths=tuple(paths)))
+        """Add files that were dropped."""
+        self._add(Input("drop", paths=tuple(paths)))
 
-    def _hear(self, given: Input, tell: Callable[[], object] = lambda: None) -> None:
-        self._heard.append((given, tell))
+    def _add(self, given: Input, pass_on: Callable[[], object] = lambda: None) -> None:
+        self._queue.append((given, pass_on))
 
     def _on_button(self, _: Any, button: int, action: int, modifiers: int) -> None:
         down = action == glfw.PRESS
         if button in BUTTONS:
-            # Where it was then: glfw knows only where it is by now, which may be farther.
+            # The place at that time: glfw knows only the present one, which may be farther.
             x, y = self._at or glfw.get_cursor_pos(self._window)
-            name, held = "press" if down else "release", _held(modifiers)
-            self._hear(
+            name, held = "press" if down else "release", _modifier_text(modifiers)
+            self._add(
                 Input(name, x, y, button=BUTTONS[button], modifiers=held),
                 lambda: imgui.get_io().add_mouse_button_event(button, down),
             )
 
     def _on_move(self, _: Any, x: float, y: float) -> None:
         self._at = x, y
-        self._hear(Input("move", x, y), lambda: imgui.get_io().add_mouse_pos_event(x, y))
+        self._add(Input("move", x, y), lambda: imgui.get_io().add_mouse_pos_event(x, y))
 
     def _on_enter(self, _: Any, entered: int) -> None:
         if not entered:
             away = -3.4e38, -3.4e38
-            self._hear(Input("move", -1.0, -1.0), lambda: imgui.get_io().add_mouse_pos_event(*away))
+            self._add(Input("move", -1.0, -1.0), lambda: imgui.get_io().add_mouse_pos_event(*away))
 
     def _on_wheel(self, _: Any, x: float, y: float) -> None:
-        bits = sum(
-            bit
-            for bit, keys in _KEYS_OF_MODIFIERS.items()
-            if any(glfw.get_key(self._window, key) == glfw.PRESS for key in keys)
-        )
-        self._hear(
-            Input("wheel", x, y, modifiers=_held(bits)),
+        bits = sum(bit for bit, left, right, _ in _MODIFIERS if self._is_down(left, right))
+        self._add(
+            Input("wheel", x, y, modifiers=_modifier_text(bits)),
             lambda: imgui.get_io().add_mouse_wheel_event(x, y),
         )
 
+    def _is_down(self, left: int, right: int) -> bool:
+        return glfw.PRESS in (glfw.get_key(self._window, key) for key in (left, right))
+
     def _on_char(self, _: Any, char: int) -> None:
-        self._hear(Input("typed"), lambda: imgui.get_io().add_input_character(char))
+        self._add(Input("typed"), lambda: imgui.get_io().add_input_character(char))
 
     def _on_change(self, *_: Any) -> None:
-        self._hear(Input("resize"))
+        self._add(Input("resize"))
 
     def _on_key(self, window: Any, key: int, code: int, action: int, modifiers: int) -> None:
-        down = [
-            (modifier, glfw.PRESS in (glfw.get_key(window, left), glfw.get_key(window, right)))
-            for left, right, modifier in _MODIFIERS
-        ]
+        down = [(modifier, self._is_down(left, right)) for _, left, right, modifier in _MODIFIERS]
 
-        def tell() -> None:
+        def pass_on() -> None:
             # Before the key, which imgui takes in order; an event's own bits lag behind on X11.
             for each in down:
                 imgui.get_io().add_key_event(*each)
@@ -179,16 +169,16 @@ class Inputs:
             shift = "shift+" if (ctrl or key in _ARROWS) and modifiers & glfw.MOD_SHIFT else ""
             alt = "alt+" if modifiers & glfw.MOD_ALT else ""
             whole = f"{'ctrl+' if ctrl else ''}{alt}{shift}{name}"
-            self._hear(Input("key", key=whole, repeated=repeated), tell)
-        else:  # imgui's: Tab, what is held or let go
-            self._hear(Input("typed"), tell)
+            self._add(Input("key", key=whole, repeated=repeated), pass_on)
+        else:  # for imgui alone: Tab, keys that are held or released
+            self._add(Input("typed"), pass_on)
 
 
 def _gesture_end(inputs: Sequence[Input]) -> int:
-    """How many inputs there are before a second gesture begins."""
+    """Return the number of inputs before a second gesture begins."""
     before = next(iter(inputs), None)
     for i, given in enumerate(inputs):
-        if before is not None and _parts(before, given):
+        if before is not None and _begins_gesture(before, given):
             return i
         # A hand that turns the wheel moves the mouse, too.
         if given.name != "move":
@@ -196,14 +186,14 @@ def _gesture_end(inputs: Sequence[Input]) -> int:
     return len(inputs)
 
 
-def _parts(before: Input, given: Input) -> bool:
-    """Whether an input begins something else than the one before it belongs to."""
+def _begins_gesture(before: Input, given: Input) -> bool:
+    """Return True unless an input belongs to the same gesture as the one before it."""
     runs = replace(given, x=before.x, y=before.y, repeated=before.repeated) == before
     return given.name in ("press", "wheel", "key") and not runs
 
 
-def _held(bits: int) -> str:
-    """Modifier keys as `Input.modifiers`; the Mac's Command counts as Ctrl."""
+def _modifier_text(bits: int) -> str:
+    """Return modifier keys as `Input.modifiers`; the Mac's Command counts as Ctrl."""
     names = (
         ("ctrl", glfw.MOD_CONTROL | glfw.MOD_SUPER),
         ("shift", glfw.MOD_SHIFT),
@@ -213,16 +203,9 @@ def _held(bits: int) -> str:
 
 
 def _key_name(key: int, code: int) -> str:
-    """``a``, ``1``, ``enter``, …; by what is written on the key, in any layout."""
-    named: dict[int, str] = {
-        glfw.KEY_ENTER: "enter",
-        glfw.KEY_KP_ENTER: "enter",
-        glfw.KEY_SPACE: "space",
-        glfw.KEY_ESCAPE: "escape",
-        **_ARROWS,
-    }
-    if key in named:
-        return named[key]
+    """Return ``a``, ``1``, ``enter``, …, as written on the key in any layout."""
+    if key in _KEYS:
+        return _KEYS[key]
     if glfw.KEY_F1 <= key <= glfw.KEY_F12:
         return f"f{key - glfw.KEY_F1 + 1}"
     if glfw.KEY_KP_0 <= key <= glfw.KEY_KP_9:

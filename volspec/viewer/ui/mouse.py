@@ -1,9 +1,9 @@
-"""The mouse over the picture, gestures that undo takes back whole, and the keyboard's focus.
+"""The mouse over the picture, gestures that are one step of undo, and the keyboard's focus.
 
     Input -> [mouse] -> state, number of the gesture
 
 A drag is one gesture, from the press to the release; so is a key, and a run of the wheel's notches
-or of a key that steps.
+or of a key that repeats.
 """
 
 from __future__ import annotations
@@ -15,57 +15,22 @@ from typing import Literal, TypeAlias
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import camera, cuts, lights, projection, transfer_edits
-from volspec.viewer.model.cuts import Handle, drag_handle, handles_of, nearest_handle
-from volspec.viewer.model.projection import Place, Projection
+from volspec.viewer.model import camera, cuts, lights, transfer_edits
+from volspec.viewer.model.projection import Place, Projection, face_at
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.inputs import STEPPING, Input
-
-# Notches and steps that come sooner after each other belong together.
-RUN_S = 0.5
-
-
-class Gestures:
-    """Numbers them.
-
-    Attributes
-    ----------
-    number : int
-        Of the gesture that is under way, or was last.
-    """
-
-    def __init__(self) -> None:
-        self.number = 0
-        self._run: tuple[str, str] | None = None
-        self._last_s = 0.0
-
-    def take(self, given: Input, now: float) -> None:
-        """Follow an input at a time, seconds."""
-        if given.name not in ("press", "wheel", "key"):
-            return
-        run = _run_of(given)
-        goes_on = run is not None and run == self._run and now - self._last_s < RUN_S
-        if not (goes_on or given.repeated):
-            self.number += 1
-        self._run, self._last_s = run, now
-
-
-def _run_of(given: Input) -> tuple[str, str] | None:
-    """What runs on with others of its kind; None where each is a gesture of its own."""
-    if given.name == "wheel":
-        return "wheel", given.modifiers
-    steps = given.name == "key" and given.key.rpartition("+")[2] in STEPPING
-    return ("key", given.key) if steps or given.key in STEPPING else None
-
 
 Area = tuple[int, int, int, int]
 # An edit by a drag across and down, in shares of the picture's height; or one that takes places.
 Drag: TypeAlias = Callable[[ViewState, float, float], ViewState] | Literal["roll", "divide"]
-# So near to the divide the mouse takes hold of it; pixels at 96 dpi, as the next.
+# Notches and steps that come sooner after each other belong together.
+RUN_S = 0.5
+# The reach of the divide to either side; pixels at 96 dpi, as the next.
 GRIP = 8
 # A press that moves less is a click.
 STILL = 4.0
-# What drags and the wheel do, by modifier keys and button; without an entry as without the keys.
+# Drags by modifier keys and button, and the wheel by modifier keys; without an entry as without
+# the keys.
 DRAGS: dict[tuple[str, str], Drag] = {
     ("", "left"): camera.orbit,
     ("", "middle"): camera.pan,
@@ -81,55 +46,72 @@ WHEELS: dict[str, Callable[[ViewState, float], ViewState]] = {
     "shift": camera.roll_notches,
     "ctrl": camera.widen_notches,
 }
+# Frames until imgui has found the first item of a panel.
+_LAG = 4
+
+
+class Gestures:
+    """Counter of gestures; its ``number`` is that of the present or last one."""
+
+    def __init__(self) -> None:
+        self.number = 0
+        self._run: tuple[str, str] | None = None
+        self._last_s = 0.0
+
+    def take(self, given: Input, now: float) -> None:
+        """Count an input at a time in seconds."""
+        if given.name not in ("press", "wheel", "key"):
+            return
+        run = _run_of(given)
+        goes_on = run is not None and run == self._run and now - self._last_s < RUN_S
+        if not (goes_on or given.repeated):
+            self.number += 1
+        self._run, self._last_s = run, now
+
+
+def _run_of(given: Input) -> tuple[str, str] | None:
+    """Return a name that inputs of one run share; None if each is a gesture of its own."""
+    if given.name == "wheel":
+        return "wheel", given.modifiers
+    steps = given.name == "key" and given.key.rpartition("+")[2] in STEPPING
+    return ("key", given.key) if steps or given.key in STEPPING else None
 
 
 class Mouse:
-    """Knows which drag is under way, and which gesture.
-
-    Attributes
-    ----------
-    scale : float
-        Pixels of the window for each at 96 dpi; another where the window changes the monitor.
-    """
+    """The mouse's drag in progress, and the gesture."""
 
     def __init__(self) -> None:
         self._gestures = Gestures()
+        # The mouse's place in shares of the picture; None unless it is over it, and over no panel.
         self.over_picture: Place | None = None
+        # Pixels of the window for each at 96 dpi; it differs between monitors.
         self.scale = 1.0
         self._down: set[str] = set()
         self._drag = ""
         self._edit: Drag = camera.orbit
-        self._handle: Handle | None = None
+        # A handle that is dragged, and the state in which that began; or the cube's face.
+        self._handle: tuple[cuts.Handle, ViewState] | None = None
         self._face: int | None = None
         self._pressed: Place = (-1.0, -1.0)
-        self._start: ViewState | None = None  # of a handle's drag
         self._at: Place = (-1.0, -1.0)  # unknown, and not over the picture
 
     @property
     def gesture(self) -> int:
-        """The number of the gesture that is under way, or was last."""
+        """The number of the present or last gesture."""
         return self._gestures.number
 
     @property
     def held(self) -> bool:
-        """Whether a button is down."""
+        """True while a button is down."""
         return bool(self._down)
 
     def take(self, inputs: list[Input]) -> None:
-        """Follow the buttons where there is nothing to change."""
+        """Follow inputs while there is no state to change."""
         for given in inputs:
             self._follow(given)
 
     def applied(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
-        """What inputs make of a state.
-
-        Parameters
-        ----------
-        state : ViewState
-        inputs : list of Input
-        area : (x, y, width, height)
-            Of the picture in the window.
-        """
+        """Return the state after inputs; ``area`` is the picture's in the window."""
         io = imgui.get_io()
         for given in inputs:
             before = self._at
@@ -148,63 +130,57 @@ class Mouse:
                 turn = WHEELS.get(given.modifiers, WHEELS[""])
                 state = turn(state, given.y or given.x)
         x, y, width, height = area
-        inside = _inside(self._at, area) and not io.want_capture_mouse
-        place = (self._at[0] - x) / max(width, 1), (self._at[1] - y) / max(height, 1)
-        self.over_picture = place if inside else None
+        self.over_picture = None
+        if _inside(self._at, area) and not io.want_capture_mouse:
+            self.over_picture = (self._at[0] - x) / width, (self._at[1] - y) / height
         return state
 
     def _begin(self, state: ViewState, given: Input, area: Area) -> ViewState:
-        """Take hold of what a press is on."""
+        """Begin the drag of what a press is on."""
         self._drag, self._pressed = given.button, self._at
         self._edit = DRAGS.get((given.modifiers, given.button)) or DRAGS["", given.button]
         self._handle = self._face = None
         if given.button != "left" or given.modifiers:
             return state
         projected = Projection(state.view.camera(state.document.volume), area)
-        self._handle = nearest_handle(
-            handles_of(state, projected, self.scale), self._at, self.scale
-        )
-        if self._handle is not None:
-            if self._handle.name != "crop":
-                state = cuts.choose_plane(state, self._handle.index)
-            self._start = state
+        handles = cuts.handles_of(state, projected, self.scale)
+        handle = cuts.nearest_handle(handles, self._at, self.scale)
+        if handle is not None:
+            if handle.name != "crop":
+                state = cuts.choose_plane(state, handle.index)
+            self._handle = handle, state
         elif state.interface.aids.cube:
-            self._face = projection.face_at(projected, self._at, self.scale)
-        x, _, width, _ = area
-        over = self._handle is not None or self._face is not None
-        if state.other is not None and not over:
-            near = abs(given.x - (x + state.divide * width)) < GRIP * self.scale
-            self._edit = "divide" if near else self._edit
+            self._face = face_at(projected, self._at, self.scale)
+        if state.other is not None and self._handle is None and self._face is None:
+            x, _, width, _ = area
+            if abs(given.x - (x + state.divide * width)) < GRIP * self.scale:
+                self._edit = "divide"
         return state
 
     def _dragged(self, state: ViewState, before: Place, area: Area) -> ViewState:
-        """What the drag under way makes of a state."""
+        """Return the state after a move of the drag in progress."""
         x, y, width, height = area
-        tall = max(height, 1)
         if self._face is not None:
             if math.dist(self._at, self._pressed) < STILL * self.scale:
                 return state
             self._face, before = None, self._pressed
-        if self._handle is not None and self._start is not None:
-            return self._handled(state, self._start, self._handle, area)
+        if self._handle is not None:
+            handle, start = self._handle
+            volume = start.document.volume
+            projected = Projection(start.view.camera(volume), area)
+            place = (
+                handle.held[0] + self._at[0] - self._pressed[0],
+                handle.held[1] + self._at[1] - self._pressed[1],
+            )
+            to = cuts.drag_handle(start.shading, volume, handle, place, projected)
+            return cuts.move_handle(state, handle, *to)
         if self._edit == "divide":
             return lights.set_divide(state, (self._at[0] - x) / max(width, 1))
         if self._edit == "roll":
             middle = x + width / 2, y + height / 2
             return camera.roll(state, _turned_deg(middle, before, self._at))
         across, down = self._at[0] - before[0], self._at[1] - before[1]
-        return self._edit(state, across / tall, down / tall)
-
-    def _handled(self, state: ViewState, start: ViewState, handle: Handle, area: Area) -> ViewState:
-        """What a handle's drag makes of a state, by what it was at its start."""
-        volume = start.document.volume
-        projected = Projection(start.view.camera(volume), area)
-        place = (
-            handle.held[0] + self._at[0] - self._pressed[0],
-            handle.held[1] + self._at[1] - self._pressed[1],
-        )
-        x, y = drag_handle(start.shading, volume, handle, place, projected)
-        return cuts.move_handle(state, handle, x, y)
+        return self._edit(state, across / max(height, 1), down / max(height, 1))
 
     def _follow(self, given: Input) -> None:
         if given.name == "press":
@@ -217,7 +193,7 @@ class Mouse:
 
 
 def _turned_deg(middle: Place, before: Place, after: Place) -> float:
-    """By how much a place has gone clockwise around another."""
+    """Return the clockwise angle of a move around a place."""
     first, last = (math.atan2(at[1] - middle[1], at[0] - middle[0]) for at in (before, after))
     return math.degrees(math.remainder(last - first, 2 * math.pi))
 
@@ -227,18 +203,8 @@ def _inside(place: Place, area: Area) -> bool:
     return x <= place[0] < x + width and y <= place[1] < y + height
 
 
-_FLAG = imgui.ConfigFlags_.nav_enable_keyboard
-# Frames until imgui has found the first item.
-_LAG = 4
-
-
 class Focus:
-    """Whether the keyboard is in a panel, and in which.
-
-    Attributes
-    ----------
-    on : bool
-    """
+    """The keyboard's focus: ``on`` while it is in a panel or a menu."""
 
     def __init__(self) -> None:
         self.on = False
@@ -247,7 +213,7 @@ class Focus:
         self._frames = 0
 
     def next(self, panels: list[str]) -> None:
-        """To the panel after the one that has it; after the last, back to the picture."""
+        """Move on to the next panel; after the last, back to the picture."""
         at = panels.index(self._panel) + 1 if self.on and self._panel in panels else 0
         if at >= len(panels):
             self.leave()
@@ -256,19 +222,19 @@ class Focus:
         self.enter()
 
     def enter(self, menu: bool = False) -> None:
-        """Let imgui have the keyboard; for a menu until that is closed."""
+        """Give imgui the keyboard; for a menu until that is closed."""
         _navigate(True)
         imgui.set_nav_cursor_visible(True)
         self.on, self._menu, self._frames = True, menu, 0
 
     def leave(self) -> None:
-        """Take it back."""
+        """Take the keyboard back from imgui."""
         _navigate(False)
         imgui.set_nav_cursor_visible(False)
         self.on, self._panel = False, ""
 
     def frame(self) -> None:
-        """At the start of each frame: begin what was asked for; Esc or a click ends it."""
+        """Begin a frame: enter the panel that was asked for, or leave on Esc or a click."""
         if not self.on:
             # Menus and dialogs take arrows and Esc however they were opened.
             _navigate(_popup())
@@ -291,14 +257,14 @@ class Focus:
             self.leave()
 
     def takes(self, key: str) -> bool:
-        """Whether a key is imgui's; while a menu or a dialog is open, all are."""
+        """Return True if a key is imgui's; while a menu or a dialog is open, all are."""
         plain = not key.startswith("ctrl+") and not (key[0] == "f" and key[1:].isdigit())
         return _popup() or (self.on and plain)
 
 
 def _navigate(on: bool) -> None:
-    io = imgui.get_io()
-    io.config_flags = io.config_flags | _FLAG if on else io.config_flags & ~_FLAG
+    io, flag = imgui.get_io(), imgui.ConfigFlags_.nav_enable_keyboard
+    io.config_flags = io.config_flags | flag if on else io.config_flags & ~flag
 
 
 def _popup() -> bool:

@@ -17,14 +17,25 @@ from volspec.viewer.work.probe import Reading
 _FLAGS = (
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.no_inputs
     | imgui.WindowFlags_.always_auto_resize
     | imgui.WindowFlags_.no_saved_settings
     | imgui.WindowFlags_.no_focus_on_appearing
 )
+# The scale bar in pixels at 96 dpi; a narrower picture has none.
+_LONGEST, _MARGIN, _TICK, _NARROW = 130.0, 16.0, 4.0, 90.0
+# The probe's spectra: width and height in pixels at 96 dpi, and room above the peak.
+_SIZE = (196.0, 74.0)
+_HEADROOM = 1.06
+# A face of the cube at a smaller cosine to the eye has no letters.
+_ASKEW = 0.3
+# The grey of a face: of any, and by its cosine.
+_SHADE = 0.30, 0.34
+_EDGE, _LETTER = (0.08, 0.08, 0.08), (0.02, 0.02, 0.02)
 
 
 def message(text: str, ui: UiContext) -> None:
-    """A line or two at the picture's top, below what stands there; within the window."""
+    """Show a line or two at the picture's top, below its titles and within the window."""
     x, y, width, _ = ui.areas["picture"]
     viewport = imgui.get_main_viewport()
     left, room = viewport.work_pos.x, viewport.work_size.x
@@ -36,7 +47,7 @@ def message(text: str, ui: UiContext) -> None:
     imgui.set_next_window_bg_alpha(0.92)
     imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(16), ui.px(10)))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(6))
-    imgui.begin("##message", None, _FLAGS | imgui.WindowFlags_.no_inputs)
+    imgui.begin("##message", None, _FLAGS)
     imgui.push_text_wrap_pos(max(most, ui.px(60)))
     imgui.text(text)
     imgui.pop_text_wrap_pos()
@@ -45,7 +56,7 @@ def message(text: str, ui: UiContext) -> None:
 
 
 def in_place(text: str, ui: UiContext) -> None:
-    """Write in the middle of where the picture will be, in lines as long as that is wide."""
+    """Write in the middle of the picture's area while it is empty."""
     x, y, width, height = ui.areas["picture"]
     wrap = 0.9 * width
     size = imgui.calc_text_size(text, wrap_width=wrap)
@@ -55,29 +66,20 @@ def in_place(text: str, ui: UiContext) -> None:
     draw_list.add_text(font, font_size, place, grey, text, wrap_width=wrap)
 
 
-# Pixels at 96 dpi; a narrower picture has no bar.
-_LONGEST, _MARGIN, _TICK, _NARROW = 130.0, 16.0, 4.0, 90.0
-
-
 def length_mm(mm_per_px: float, longest_px: float) -> float:
-    """The greatest of 1, 2, 5, 10, … that is no longer than so many pixels.
+    """Return the greatest of 1, 2, 5, 10, … mm that is no longer than so many pixels.
 
     >>> length_mm(0.5, 130), length_mm(0.001, 130)
     (50.0, 0.1)
     """
     most = mm_per_px * longest_px
     decade = math.floor(math.log10(most))
-    # Tenths of a power of ten are no exact numbers: whole ones are divided.
-    lengths = [
-        step * 10.0**power if power >= 0 else step / 10.0**-power
-        for power in (decade - 1, decade)
-        for step in (1, 2, 5)
-    ]
+    lengths = [float(f"{step}e{power}") for power in (decade - 1, decade) for step in (1, 2, 5)]
     return max(length for length in lengths if length <= most * (1 + 1e-9))
 
 
 def length_text(mm: float) -> str:
-    """A length with its unit.
+    """Return a length with its unit.
 
     >>> [length_text(mm) for mm in (0.02, 5.0, 50.0, 2000.0, 2e-5)]
     ['20 µm', '5 mm', '5 cm', '2 m', '0.02 µm']
@@ -87,13 +89,11 @@ def length_text(mm: float) -> str:
     return f"{mm / size:.6g} {unit}"
 
 
-def draw_scale(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw it."""
-    if not state.interface.aids.scale:
-        return None
+def draw_scale(state: ViewState, ui: UiContext) -> None:
+    """Draw the scale bar."""
     x, y, width, height = ui.areas["picture"]
-    if width < ui.px(_NARROW):
-        return None
+    if not state.interface.aids.scale or width < ui.px(_NARROW):
+        return
     projection = ui.projection(state)
     mm = length_mm(projection.mm_per_px, min(ui.px(_LONGEST), width / 3))
     long = mm / projection.mm_per_px
@@ -115,33 +115,20 @@ def draw_scale(state: ViewState, ui: UiContext) -> ViewState | None:
             place = (left + right - size.x) / 2 + shift, low - size.y - tick + shift
             draw_list.add_text(place, colour, text)
     ui.areas["scale"] = int(left), int(low - tick), int(long), int(2 * tick)
-    return None
 
 
-_PROBE_FLAGS = (
-    imgui.WindowFlags_.no_decoration
-    | imgui.WindowFlags_.no_inputs
-    | imgui.WindowFlags_.no_docking
-    | imgui.WindowFlags_.always_auto_resize
-    | imgui.WindowFlags_.no_focus_on_appearing
-    | imgui.WindowFlags_.no_nav
-)
-_SIZE = (196.0, 74.0)
-_HEADROOM = 1.06
-
-
-def draw_probe(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw it over the picture's lower left corner."""
+def draw_probe(state: ViewState, ui: UiContext) -> None:
+    """Draw the probe's reading over the picture's lower left corner."""
     reading = ui.results.under_mouse
     if reading is None or not state.interface.probe:
-        return None
+        return
     x, y, _, height = ui.areas["picture"]
     corner = x + ui.px(12), y + height - ui.px(12)
     imgui.set_next_window_pos(corner, imgui.Cond_.always, (0.0, 1.0))
     imgui.set_next_window_bg_alpha(0.82)
     imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(5))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(3)))
-    if imgui.begin("##probe", None, _PROBE_FLAGS)[0]:
+    if imgui.begin("##probe", None, _FLAGS)[0]:
         widest = max(text_width(name) for name, _ in reading.rows)
         label = widest + ui.px(14) + imgui.get_style().window_padding.x
         for name, value in reading.rows:
@@ -151,11 +138,10 @@ def draw_probe(state: ViewState, ui: UiContext) -> ViewState | None:
         _spectra(reading, ui)
     imgui.end()
     imgui.pop_style_var(2)
-    return None
 
 
 def _spectra(reading: Reading, ui: UiContext) -> None:
-    """The light as a line, what comes back filled with its colours."""
+    """Draw the light as a line, and the reflected spectrum filled with its colours."""
     x, y = imgui.get_cursor_screen_pos()
     width, height = (ui.px(side) for side in _SIZE)
     imgui.dummy((width, height))
@@ -166,44 +152,34 @@ def _spectra(reading: Reading, ui: UiContext) -> None:
     outline(draw_list, rect, reading.light, _HEADROOM, text, ui.px(1.2))
 
 
-# A face that is seen more askew has no letters.
-_ASKEW = 0.3
-# What a face is lit with: from everywhere, and by how it faces the eye.
-_SHADE = 0.30, 0.34
-_EDGE, _LETTER = (0.08, 0.08, 0.08), (0.02, 0.02, 0.02)
-
-
 def cube_label(face: int, patient: bool) -> str:
-    """What is written on a face."""
+    """Return the direction that is written on a face."""
     return (PATIENT if patient else AXES)[face // 2][face % 2]
 
 
-def draw_cube(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw it."""
+def draw_cube(state: ViewState, ui: UiContext) -> None:
+    """Draw the orientation cube."""
     if not state.interface.aids.cube:
-        return None
+        return
     projection = ui.projection(state)
     x, y = cube_middle(projection, ui.scale)
     half = HALF * ui.scale
-    mouse = imgui.get_mouse_pos()
-    over = None
+    mouse, hovered = imgui.get_mouse_pos(), None
     if not imgui.get_io().want_capture_mouse:
-        over = face_at(projection, (mouse.x, mouse.y), ui.scale)
+        hovered = face_at(projection, (mouse.x, mouse.y), ui.scale)
     patient = is_patient(state.document.volume, state.interface.aids.patient)
     with over_picture(ui) as draw_list:
         for face, corners, towards in cube_faces(projection.camera):
             a, b, c, d = ((x + half * px, y + half * py) for px, py in corners.tolist())
             grey = _SHADE[0] + _SHADE[1] * towards
-            lit = ACCENT[True] if face == over else (grey, grey, grey)
+            lit = ACCENT[True] if face == hovered else (grey, grey, grey)
             draw_list.add_quad_filled(a, b, c, d, pack_colour(lit, 0.88))
             draw_list.add_quad(a, b, c, d, pack_colour(_EDGE, 0.8), ui.px(1.2))
             if towards < _ASKEW:
                 continue
             text = cube_label(face, patient)
             size = imgui.calc_text_size(text)
-            at = (a[0] + c[0]) / 2, (a[1] + c[1]) / 2
-            ink = min((towards - _ASKEW) / 0.3, 1.0)
-            place = at[0] - size.x / 2, at[1] - size.y / 2
-            draw_list.add_text(place, pack_colour(_LETTER, ink), text)
-            ui.areas[f"cube {face}"] = int(at[0]) - 1, int(at[1]) - 1, 2, 2
-    return None
+            middle_x, middle_y = (a[0] + c[0]) / 2, (a[1] + c[1]) / 2
+            ink = pack_colour(_LETTER, min((towards - _ASKEW) / 0.3, 1.0))
+            draw_list.add_text((middle_x - size.x / 2, middle_y - size.y / 2), ink, text)
+            ui.areas[f"cube {face}"] = int(middle_x) - 1, int(middle_y) - 1, 2, 2

@@ -27,19 +27,16 @@ from volspec.viewer.work import css_colours
 _HINT = "Another: gold, skin, steelblue, #c08040, FILE.csv"
 _ROWS = 8
 _WAITS = "Colours are being made ready …"
-# Classes by the part of a name before its slash; metals have none.
+# Classes by the first word of a name before its slash; metals have none.
 _SETS = {
     "ACES": "camera patch",
     "CES": "CIE 224 sample",
     "ColorChecker": "chart patch",
-    "ColorChecker Ohta": "chart patch",
-    "ISO 17321-1": "chart patch",
+    "ISO": "chart patch",
     "PMC": "memory colour",
     "TCS": "CIE test colour",
-    "TCS 1995": "CIE test colour",
     "Vrhel": "object",
     "VS": "CQS sample",
-    "VS 7.4": "CQS sample",
 }
 
 
@@ -105,7 +102,7 @@ def class_of(name: str) -> str:
     """
     start, mark, _ = name.partition("/")
     if mark:
-        return _SETS.get(start, "sample")
+        return _SETS.get(start.partition(" ")[0], "sample")
     if name in ("white", "black"):
         return "flat"
     return "metal" if name in reflectance_names() else "CSS colour"

@@ -159,16 +159,9 @@ def note_area(ui: UiContext, name: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Handle:
-    """A point of a plot that can be dragged.
+    """A point of a plot that can be dragged: its place in the plot's units, and its tooltip.
 
-    Parameters
-    ----------
-    place : (x, y)
-        In the plot's units.
-    words : str
-        Tooltip.
-    colour : (3,) float, optional
-        sRGB codes, 0 to 1; None is the ink's.
+    The colour is in sRGB codes, 0 to 1; None is the ink's.
     """
 
     place: tuple[float, float]

@@ -27,13 +27,16 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the plot, and the chosen region below."""
     # Above the plot: inside it would lie across what is drawn there.
     imgui.text_disabled("gradient per mm, over value")
-    new = _plot(state, ui, transfer_detail.height_above(3, ui))
+    new, height = state, transfer_detail.height_above(3, ui)
+    if implot.begin_plot("##regions", (-1, height), transfer_plot.FLAGS):
+        _heatmap(state, ui)
+        new = _rectangles(state, ui)
+        implot.end_plot()
     return _numbers(new, ui)
 
 
-def _plot(state: ViewState, ui: UiContext, height: float) -> ViewState:
-    if not implot.begin_plot("##regions", (-1, height), transfer_plot.FLAGS):
-        return state
+def _heatmap(state: ViewState, ui: UiContext) -> None:
+    """Set up the plot's axes, and draw the joint histogram."""
     joint = state.document.joint
     implot.push_colormap(_greys(state.interface.dark))
     transfer_plot.set_values_axis(state, _MARGIN)
@@ -46,9 +49,6 @@ def _plot(state: ViewState, ui: UiContext, height: float) -> ViewState:
     cells = shades(joint, state.interface.logarithmic)
     implot.plot_heatmap("voxels", cells, 0.0, 1.0, "", *corners)
     implot.pop_colormap()
-    new = _rectangles(state, ui)
-    implot.end_plot()
-    return new
 
 
 def _rectangles(state: ViewState, ui: UiContext) -> ViewState:

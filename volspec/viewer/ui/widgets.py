@@ -1,4 +1,4 @@
-"""The window's look: neutral greys, so that no colour is next to the picture's."""
+"""The window's look in neutral greys, and widgets that several panels use."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import imgui_bundle
 from imgui_bundle import imgui
 
 from volspec.export.overview import printable
@@ -18,25 +19,32 @@ from volspec.viewer.model.light_rows import KELVIN
 from volspec.viewer.ui.context import LightsPanelState, UiContext
 
 FONT_SIZE = 15.0
-# Greys of the two themes: (window, frame, hovered, active, line, grab, dim text, text); numbers
-# stand over a slider's grab.
+# Greys of the two themes, so that no colour is next to the picture's: (window, frame, hovered,
+# active, line, grab, dim text, text); numbers are drawn over a slider's grab.
 _DARK = (0.135, 0.205, 0.255, 0.300, 0.260, 0.400, 0.560, 0.880)
 _LIGHT = (0.925, 0.850, 0.805, 0.760, 0.770, 0.640, 0.400, 0.110)
-# What is switched on or held.
+# Of what is switched on or held, by whether the theme is dark.
 ACCENT = {True: (0.88, 0.64, 0.30, 1.0), False: (0.70, 0.43, 0.08, 1.0)}
+# Text on the accent.
+_INK = (0.05, 0.05, 0.05, 1.0)
+WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+# When a tip is shown: to a mouse that stays, also on what is greyed out, or without delay.
+WAITING = imgui.HoveredFlags_.delay_normal
+WAITING_GREYED = WAITING | imgui.HoveredFlags_.allow_when_disabled
+AT_ONCE = imgui.HoveredFlags_.none
+# Letters of a name or title that are looked at; no panel has room for more.
+_MOST_LETTERS = 240
 
 
 def load_font(imgui: Any) -> None:
-    """The font that comes with imgui-bundle; imgui's own where that has moved."""
-    import imgui_bundle
-
+    """Load the font that comes with imgui-bundle; imgui's own is used if there is no such file."""
     file = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"
     if file.exists():
         imgui.get_io().fonts.add_font_from_file_ttf(str(file), FONT_SIZE)
 
 
 def set_sizes(imgui: Any, implot: Any) -> None:
-    """Spacing and type size at 96 dpi."""
+    """Set spacing and type size at 96 dpi."""
     style = imgui.get_style()
     style.window_padding = (12, 10)
     style.frame_padding = (7, 3)
@@ -59,13 +67,9 @@ def set_sizes(imgui: Any, implot: Any) -> None:
 
 
 def set_scale(imgui: Any, implot: Any, scale: float, before: float = 1.0) -> None:
-    """All of that for another density of pixels.
+    """Set spacing and type size for another density of pixels.
 
-    Parameters
-    ----------
-    imgui, implot : modules
-    scale, before : float
-        Pixels of the window for each at 96 dpi: now, and what it was set for.
+    ``scale`` and ``before`` are pixels of the window for each at 96 dpi, now and until now.
     """
     style, plot = imgui.get_style(), implot.get_style()
     style.font_scale_dpi = scale
@@ -75,7 +79,7 @@ def set_scale(imgui: Any, implot: Any, scale: float, before: float = 1.0) -> Non
 
 
 def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
-    """Colours, dark or light."""
+    """Set the colours of the dark or the light theme."""
     (imgui.style_colors_dark if dark else imgui.style_colors_light)()
     window, frame, hovered, active, line, grab, dim, text = _DARK if dark else _LIGHT
     style, plot = imgui.get_style(), implot.get_style()
@@ -108,42 +112,21 @@ def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
     plot.set_color_(implot.Col_.axis_grid, grey(dim, 0.15))
 
 
-WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-# When a tip is shown: to a mouse that stays, also on what is greyed out, or without delay.
-WAITING = imgui.HoveredFlags_.delay_normal
-WAITING_GREYED = WAITING | imgui.HoveredFlags_.allow_when_disabled
-AT_ONCE = imgui.HoveredFlags_.none
-# Letters of a name or title that are looked at; no panel has room for more.
-_MOST_LETTERS = 240
-# On the accent.
-_INK = (0.05, 0.05, 0.05, 1.0)
-
-_NAME = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-
-
 def tip(text: str, when: int = WAITING) -> None:
-    """A tooltip of the last item."""
+    """Show a tooltip of the last item."""
     if imgui.is_item_hovered(when):
         imgui.set_tooltip(text)
 
 
 def pack_colour(colour: Sequence[float], alpha: float = 1.0) -> int:
-    """A colour as draw lists take it.
-
-    Parameters
-    ----------
-    colour : (3,) or (4,) float
-        sRGB codes 0 to 1; the fourth is an opacity of its own.
-    alpha : float
-        Opacity, by which that is multiplied.
-    """
+    """Return sRGB codes 0 to 1 as draw lists take them; a fourth number multiplies the opacity."""
     r, g, b, own = (*colour, 1.0)[:4]
     return int(imgui.color_convert_float4_to_u32((r, g, b, own * alpha)))
 
 
 @contextmanager
 def over_picture(ui: UiContext) -> Iterator[imgui.ImDrawList]:
-    """The draw list of what stands behind the panels, cut at the picture's edges."""
+    """Yield the draw list behind the panels, clipped to the picture."""
     x, y, width, height = ui.areas["picture"]
     draw_list = imgui.get_background_draw_list()
     draw_list.push_clip_rect((x, y), (x + width, y + height))
@@ -152,13 +135,13 @@ def over_picture(ui: UiContext) -> Iterator[imgui.ImDrawList]:
 
 
 def text_width(text: str) -> float:
-    """In imgui's present font."""
+    """Return the width of a text in imgui's present font, in pixels."""
     return float(imgui.calc_text_size(text).x)
 
 
 @lru_cache(maxsize=512)
 def as_one_line(text: str) -> str:
-    """What a user has named, as one line shows it; the name itself stays as it is.
+    """Return a user's name for something as one printable line.
 
     >>> as_one_line("north\\nwindow\\t\\x07"), as_one_line("a##b")
     ('north window', 'a# #b')
@@ -176,7 +159,7 @@ def whole_label(text: str) -> str:
 
 
 def shorten(text: str, width: float, measure: Callable[[str], float] = text_width) -> str:
-    """A text in one line, cut with an ellipsis where it would be wider.
+    """Return a text in one line, cut with an ellipsis if it would be wider.
 
     >>> shorten("tungsten", 5, len), shorten("D\\n65", 5, len)
     ('tung…', 'D 65')
@@ -191,7 +174,7 @@ def shorten(text: str, width: float, measure: Callable[[str], float] = text_widt
 
 
 def wrap_text(text: str, colour: int) -> None:
-    """Words in as many lines as they need, in one of the theme's colours."""
+    """Draw a text in as many lines as it needs, in one of the theme's colours."""
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
     imgui.text_wrapped(text)
     imgui.pop_style_color()
@@ -200,22 +183,9 @@ def wrap_text(text: str, colour: int) -> None:
 def pick(
     label: str, now: str, names: Iterable[str], each: Callable[[str], None] | None = None
 ) -> str | None:
-    """A list to pick from.
+    """Draw a list to pick from; return the name that was clicked, maybe ``now``, or None.
 
-    Parameters
-    ----------
-    label : str
-        As imgui takes it.
-    now : str
-        What is picked; shown where the list is closed.
-    names : iterable of str
-    each : callable, optional
-        Called with each name after its row, while the list is open.
-
-    Returns
-    -------
-    str or None
-        The name that was clicked, ``now`` as well; None where none was.
+    While the list is open ``each`` is called with every name after its row.
     """
     clicked = None
     if imgui.begin_combo(label, as_one_line(now), imgui.ComboFlags_.height_large):
@@ -229,7 +199,7 @@ def pick(
 
 
 def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0, 0)) -> bool:
-    """A button that has the accent's colour while something is on; whether it was pressed."""
+    """Draw a button in the accent's colour while something is on; return True if pressed."""
     if on:
         imgui.push_style_color(imgui.Col_.button, ACCENT[dark])
         imgui.push_style_color(imgui.Col_.text, _INK)
@@ -240,22 +210,23 @@ def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0,
 
 
 def name_field(label: str, panel: LightsPanelState) -> tuple[bool, bool]:
-    """The field in which something gets another name; whether that was entered, whether it ends."""
+    """Draw the field of a new name; return whether it was entered, and whether editing ends."""
     if panel.focus:
         imgui.set_keyboard_focus_here()
         panel.focus = False
     imgui.set_next_item_width(-1)
-    entered, panel.name = imgui.input_text(label, panel.name, _NAME)
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    entered, panel.name = imgui.input_text(label, panel.name, flags)
     return entered, entered or imgui.is_item_deactivated()
 
 
 def kelvin_slider(label: str, kelvin: float) -> tuple[bool, float]:
-    """A temperature, finer where the eye is finer."""
+    """Draw the logarithmic slider of a temperature."""
     return imgui.slider_float(
         label, kelvin, *KELVIN, format="%.0f K", flags=imgui.SliderFlags_.logarithmic
     )
 
 
 def key_text(command: Command) -> str:
-    """The first key of an action as people write it; empty where it has none."""
+    """Return the first key of a command as text; empty if it has none."""
     return key_text_of(command.keys[0]) if command.keys and command.keys[0] else ""
