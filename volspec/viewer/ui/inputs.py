@@ -81,19 +81,15 @@ class Inputs:
         # Inputs, each with the call that passes it to imgui.
         self._queue: list[tuple[Input, Callable[[], object]]] = []
         self._at: tuple[float, float] | None = None
-        listeners: tuple[tuple[Callable[..., Any], Callable[..., None]], ...] = (
-            (glfw.set_mouse_button_callback, self._on_button),
-            (glfw.set_cursor_pos_callback, self._on_move),
-            (glfw.set_scroll_callback, self._on_wheel),
-            (glfw.set_key_callback, self._on_key),
-            (glfw.set_char_callback, self._on_char),
-            (glfw.set_drop_callback, lambda _, paths: self.drop(paths)),
-            (glfw.set_cursor_enter_callback, self._on_enter),
-            (glfw.set_framebuffer_size_callback, self._on_change),
-            (glfw.set_window_refresh_callback, self._on_change),
-        )
-        for set_callback, listener in listeners:
-            set_callback(window, listener)
+        glfw.set_mouse_button_callback(window, self._on_button)
+        glfw.set_cursor_pos_callback(window, self._on_move)
+        glfw.set_scroll_callback(window, self._on_wheel)
+        glfw.set_key_callback(window, self._on_key)
+        glfw.set_char_callback(window, self._on_char)
+        glfw.set_drop_callback(window, lambda _, paths: self.drop(paths))
+        glfw.set_cursor_enter_callback(window, self._on_enter)
+        glfw.set_framebuffer_size_callback(window, self._on_change)
+        glfw.set_window_refresh_callback(window, self._on_change)
 
     @property
     def waiting(self) -> bool:

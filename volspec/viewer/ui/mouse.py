@@ -73,8 +73,8 @@ def _run_of(given: Input) -> tuple[str, str] | None:
     """Return a name that inputs of one run share; None if each is a gesture of its own."""
     if given.name == "wheel":
         return "wheel", given.modifiers
-    steps = given.name == "key" and given.key.rpartition("+")[2] in STEPPING
-    return ("key", given.key) if steps or given.key in STEPPING else None
+    steps = given.key in STEPPING or given.key.rpartition("+")[2] in STEPPING
+    return ("key", given.key) if steps else None
 
 
 class Mouse:
