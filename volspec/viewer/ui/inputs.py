@@ -86,7 +86,7 @@ class Inputs:
         glfw.set_scroll_callback(window, self._on_wheel)
         glfw.set_key_callback(window, self._on_key)
         glfw.set_char_callback(window, self._on_char)
-        glfw.set_drop_callback(window, lambda _, paths: self.drop(paths))
+        glfw.set_drop_callback(window, self._on_drop)
         glfw.set_cursor_enter_callback(window, self._on_enter)
         glfw.set_framebuffer_size_callback(window, self._on_change)
         glfw.set_window_refresh_callback(window, self._on_change)
@@ -144,6 +144,9 @@ class Inputs:
 
     def _on_char(self, _: Any, char: int) -> None:
         self._add(Input("typed"), lambda: imgui.get_io().add_input_character(char))
+
+    def _on_drop(self, *given: Any) -> None:
+        self.drop(given[-1])  # glfw's annotation has a number before the paths, its call has none
 
     def _on_change(self, *_: Any) -> None:
         self._add(Input("resize"))
