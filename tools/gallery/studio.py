@@ -74,10 +74,8 @@ def show(
 ) -> Picture:
     """Relight, and take the mean of two by two pixels."""
     light = vs.light(light) if isinstance(light, str) else light
-    viewing = vs.Viewing(exposure=exposure)
-    return halved(
-        vs.relight(image, light, vs.RelightSpec(viewing, backdrop=backdrop), dtype=np.float32)
-    )
+    spec = vs.RelightSpec(vs.Viewing(exposure=exposure), backdrop=backdrop)
+    return halved(vs.relight(image, light, spec, np.float32))
 
 
 def halved(codes: NDArray[Any]) -> Picture:
