@@ -17,12 +17,11 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import light_parts, light_rows, lights
+from volspec.viewer.model import light_rows, lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.light_mixes import mix_row
-from volspec.viewer.model.light_parts import draw_stroke
-from volspec.viewer.model.light_rows import LightRow, Rows, rig_of
+from volspec.viewer.model.light_rows import LightRow, Rows, draw_stroke, rig_of
 from volspec.viewer.model.state import ViewState
 
 _SCENES = Path(__file__).resolve().parents[2] / "data" / "scenes"
@@ -123,20 +122,19 @@ def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
     rows = bright.lights
     rig = rig_of(rows)
     assert rig is not None and rig.total_lux == 500.0
-    assert light_parts.lux_note(rows, _SHARES, RelightSpec()).startswith("Together 500 lx")
+    assert light_rows.lux_note(rows, _SHARES, RelightSpec()).startswith("Together 500 lx")
     both = lights.set_weight(bright, 1, 1.0).lights
     rig = rig_of(both)
     assert rig is not None and rig.total_lux is None
     assert (
-        light_parts.lux_note(both, _SHARES, RelightSpec())
+        light_rows.lux_note(both, _SHARES, RelightSpec())
         == "As A has no lux, Viewing's 1000 lx count for all"
     )
     assert (
-        light_parts.lux_note(ROWS, _SHARES, RelightSpec())
-        == "No lux given: Viewing's 1000 lx count"
+        light_rows.lux_note(ROWS, _SHARES, RelightSpec()) == "No lux given: Viewing's 1000 lx count"
     )
     absolute = RelightSpec(level="absolute")
-    assert "needs lux, and A has none" in light_parts.lux_note(both, _SHARES, absolute)
+    assert "needs lux, and A has none" in light_rows.lux_note(both, _SHARES, absolute)
     assert lights.set_lux(bright, 0, 0.0).lights[0].rig.illuminance_lux is None
 
 
@@ -144,8 +142,8 @@ def test_lux_of_groups_are_told_for_what_faces_them_all(lit: ViewState) -> None:
     """500 lx from a group with three quarters of the light, half of 100 from the rest."""
     rig = lights.set_lux(lights.set_lux(lit, 3, 500.0), 3, 100.0, part=1).lights[3].rig
     assert rig.illuminance_lux == (500.0, 100.0)
-    assert light_parts.facing_lux(rig, _SHARES) == pytest.approx(0.75 * 500 + 0.25 * 0.5 * 100)
-    assert light_parts.facing_lux(rig, {"other": 1.0}) is None
+    assert light_rows.facing_lux(rig, _SHARES) == pytest.approx(0.75 * 500 + 0.25 * 0.5 * 100)
+    assert light_rows.facing_lux(rig, {"other": 1.0}) is None
 
 
 def test_a_light_added_among_lights_with_lux_has_as_many(lit: ViewState) -> None:
@@ -163,7 +161,7 @@ def test_a_spectrum_for_all_groups_is_parted_and_joined_again(lit: ViewState) ->
     assert split.rig.groups == ("lamp", "sky") and split.texts == ("D65", "D65")
     assert split.rig.illuminance_lux == (300.0, 300.0)
     # All groups at 300 lx, and each at 300 lx times its share, are the same light.
-    assert light_parts.facing_lux(split.rig, _SHARES) == pytest.approx(300.0)
+    assert light_rows.facing_lux(split.rig, _SHARES) == pytest.approx(300.0)
     less = lights.remove_part(parted, 0, 1)
     assert less.lights[0].rig.groups == ("lamp",) and less.lights[0].texts == ("D65",)
     assert lights.remove_part(less, 0, 0) is less
@@ -176,7 +174,7 @@ def test_a_group_cannot_be_weighted_until_all_is_dark(lit: ViewState) -> None:
     assert new.lights[3].rig.weights == (0.0, 0.5)
     assert lights.set_part_weight(new, 3, 1, 0.0) is new
     brighter = lights.set_part_weight(new, 3, 1, 99.0)
-    assert brighter.lights[3].rig.weights[1] == light_parts.MOST_WEIGHT
+    assert brighter.lights[3].rig.weights[1] == light_rows.MOST_WEIGHT
 
 
 def test_a_spectrum_is_respelled_or_refused_with_the_name(lit: ViewState) -> None:

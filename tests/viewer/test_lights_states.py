@@ -14,11 +14,11 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light
 from volspec.viewer.model import camera, light_rows, light_states, lights
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.light_parts import draw_stroke
 from volspec.viewer.model.light_rows import (
     LightRow,
     Rows,
     at_kelvin,
+    draw_stroke,
     effective_weights,
     rig_of,
     with_changes,

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from volspec.raycast import RaycastSpec
 from volspec.transfer import SurfaceTable, Transfer
-from volspec.viewer.model.cuts import aid_command, bind, crop_of, world_mm
-from volspec.viewer.model.edit import Change, Command, edit
+from volspec.viewer.model.cuts import aid_command, crop_of, world_mm
+from volspec.viewer.model.edit import Change, Command, bind, edit
 from volspec.viewer.model.projection import face_normal
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import ZOOMS, View, clamp, orbit_deg, radius_mm, vector

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from volspec.viewer.model import camera, cuts, lights, palette_edits, slices, transfer_edits
-from volspec.viewer.model.edit import Change, Command, edit
+from volspec.viewer.model.edit import Change, Command, edit, with_interface
 from volspec.viewer.model.state import ViewState
 
 Row = TypeVar("Row")
@@ -60,8 +60,7 @@ def _panel(title: str) -> Command:
     """Return the command that opens or closes a panel."""
 
     def change(state: ViewState) -> ViewState:
-        panels = state.interface.panels ^ {title}
-        return replace(state, interface=replace(state.interface, panels=panels))
+        return with_interface(state, panels=state.interface.panels ^ {title})
 
     return Command(
         *(f"panel-{title.lower()}", "Window", f"{title} panel", (), change),
@@ -95,33 +94,35 @@ def toggle_interface(name: str) -> Change:
     """Return an edit that turns a part of the interface on or off."""
 
     def change(state: ViewState) -> ViewState:
-        other: dict[str, Any] = {name: not getattr(state.interface, name)}
-        return replace(state, interface=replace(state.interface, **other))
+        return with_interface(state, **{name: not getattr(state.interface, name)})
 
     return change
+
+
+def _switch(name: str, menu: str, title: str, key: str) -> Command:
+    """Return the command that turns a part of the interface on or off."""
+
+    def is_on(state: ViewState) -> bool:
+        return bool(getattr(state.interface, name))
+
+    return Command(name.replace("_", "-"), menu, title, (key,), toggle_interface(name), is_on)
 
 
 @edit
 def open_viewing(state: ViewState) -> ViewState:
     """Open the panel of the viewing's settings."""
-    panels = state.interface.panels | {"Viewing"}
-    return replace(state, interface=replace(state.interface, panels=panels))
+    return with_interface(state, panels=state.interface.panels | {"Viewing"})
 
 
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
     replace(_panel("Slices"), keys=("o",)),
-    Command(
-        "dark", "Window", "Dark theme", ("t",), toggle_interface("dark"), lambda s: s.interface.dark
-    ),
-    Command(
-        *("probe", "Window", "What is under the mouse", ("i",), toggle_interface("probe")),
-        lambda s: s.interface.probe,
-    ),
+    _switch("dark", "Window", "Dark theme", "t"),
+    _switch("probe", "Window", "What is under the mouse", "i"),
     Command("commands", "Window", "Commands …", ("ctrl+p", "f1")),
     Command("focus", "Window", "Next panel by keyboard", ("f6",)),
     Command("menu", "Window", "Menus by keyboard", ("f10",)),
-    Command("keys", "Window", "Keys", ("h",), toggle_interface("keys"), lambda s: s.interface.keys),
+    _switch("keys", "Window", "Keys", "h"),
 )
 
 COMMANDS: tuple[Command, ...] = (
@@ -129,10 +130,7 @@ COMMANDS: tuple[Command, ...] = (
     *_EDITS,
     *transfer_edits.COMMANDS,
     *camera.COMMANDS,
-    Command(
-        *("error-map", "View", "Error map", ("e",), toggle_interface("error_map")),
-        lambda s: s.interface.error_map,
-    ),
+    _switch("error_map", "View", "Error map", "e"),
     *lights.COMMANDS,
     *palette_edits.COMMANDS,
     *_WINDOW,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from volspec.errors import InputError
 from volspec.raycast import ClipPlane, RaycastSpec
 from volspec.raycast.spec import MAX_PLANES, Bounds
-from volspec.viewer.model.edit import Change, Command, Edited, edit, refusable
+from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import Vector, clamp, radius_mm, vector
@@ -342,8 +342,7 @@ def _with_plane(
 
 def with_aids(state: ViewState, **changes: Any) -> ViewState:
     """Return the state with fields of its `Aids` changed."""
-    aids = replace(state.interface.aids, **changes)
-    return replace(state, interface=replace(state.interface, aids=aids))
+    return with_interface(state, aids=replace(state.interface.aids, **changes))
 
 
 def aid_command(aid: str, menu: str, title: str, keys: tuple[str, ...] = ()) -> Command:
@@ -353,11 +352,6 @@ def aid_command(aid: str, menu: str, title: str, keys: tuple[str, ...] = ()) -> 
         return bool(getattr(state.interface.aids, aid))
 
     return Command(aid, menu, title, keys, lambda s: with_aids(s, **{aid: not shown(s)}), shown)
-
-
-def bind(change: Callable[..., ViewState | Edited], *given: Any, **named: Any) -> Change:
-    """Return an edit with all of its arguments but the state."""
-    return lambda state: change(state, *given, **named)
 
 
 def _add_facing(state: ViewState) -> Edited:

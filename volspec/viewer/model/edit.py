@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
-from typing import Concatenate, NamedTuple, ParamSpec
+from typing import Any, Concatenate, NamedTuple, ParamSpec
 
 from volspec.errors import VolspecError, one_line
 from volspec.viewer.model.state import ViewState
@@ -34,6 +34,16 @@ def after(change: Change, state: ViewState) -> Edited:
     """Apply a change, and return its message if it has one."""
     result = change(state)
     return result if isinstance(result, Edited) else Edited(result)
+
+
+def bind(change: Callable[..., ViewState | Edited], *given: Any, **named: Any) -> Change:
+    """Return an edit with all of its arguments but the state."""
+    return lambda state: change(state, *given, **named)
+
+
+def with_interface(state: ViewState, **changes: Any) -> ViewState:
+    """Change fields of the state's `Interface`."""
+    return replace(state, interface=replace(state.interface, **changes))
 
 
 def edit(

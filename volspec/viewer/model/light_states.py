@@ -11,13 +11,12 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from volspec.errors import InputError, VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum
-from volspec.viewer.model.edit import Command, edit, refusable
+from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
 from volspec.viewer.model.light_rows import (
     Fade,
     LightRow,
@@ -30,6 +29,7 @@ from volspec.viewer.model.light_rows import (
     without_item,
 )
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import clamp
 
 MOST_SECONDS = 10.0
 MOST_STATES = 99
@@ -209,15 +209,14 @@ def recall(state: ViewState, index: int) -> ViewState:
     saved = state.saved_lights[index]
     fade = Fade(state.lights, state.relight, state.interface.fade_s)
     rows = recalled_rows(state.lights, saved.lights)
-    interface = replace(state.interface, light=brightest_row(rows))
-    return replace(state, lights=rows, relight=saved.relight, fade=fade, interface=interface)
+    recalled = replace(state, lights=rows, relight=saved.relight, fade=fade)
+    return with_interface(recalled, light=brightest_row(rows))
 
 
 @edit
 def set_fade(state: ViewState, seconds: float) -> ViewState:
     """Set how long fades take, in seconds."""
-    seconds = min(max(seconds, 0.0), MOST_SECONDS)
-    return replace(state, interface=replace(state.interface, fade_s=seconds))
+    return with_interface(state, fade_s=clamp(seconds, 0.0, MOST_SECONDS))
 
 
 def _change(state: ViewState, index: int, **changes: Any) -> ViewState:
@@ -232,10 +231,7 @@ def _change(state: ViewState, index: int, **changes: Any) -> ViewState:
 COMMANDS = (
     Command("save-state", "Light", "Save these lights as a state", ("alt+s",), save),
     *(
-        Command(
-            *(f"recall-{i}", "Light", f"Fade to state {i}", (f"alt+{i}",)),
-            partial(recall, index=i - 1),
-        )
+        Command(f"recall-{i}", "Light", f"Fade to state {i}", (f"alt+{i}",), bind(recall, i - 1))
         for i in range(1, 10)
     ),
 )

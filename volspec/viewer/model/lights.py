@@ -18,19 +18,23 @@ from volspec.relight import LightRig
 from volspec.spectra import Spectrum, color_matching_functions
 from volspec.spectra.files import split_address
 from volspec.viewer.model import light_states
-from volspec.viewer.model.edit import Change, Command, Edited, edit, refusable
+from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.light_mixes import dial_weights, mix_row
-from volspec.viewer.model.light_parts import LUX, MOST_WEIGHT, Place, draw_stroke, row_at
 from volspec.viewer.model.light_rows import (
+    LUX,
     MOST_ROWS,
+    MOST_WEIGHT,
     LightRow,
+    Place,
     Rows,
     at_kelvin,
     brightest_row,
+    draw_stroke,
     effective_weights,
     kelvin_of,
     only_row,
     rig_of,
+    row_at,
     spectrum_of,
     unused_name,
     with_changes,
@@ -38,6 +42,7 @@ from volspec.viewer.model.light_rows import (
     without_item,
 )
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import clamp
 
 # A drawn light must leave as much to the eye, of what a flat one of ones gives.
 _LEAST_POWER = 1e-6
@@ -47,7 +52,7 @@ _EDITED = " edited"
 @edit
 def set_weight(state: ViewState, index: int, weight: float) -> ViewState:
     """Set a light's weight in the mix."""
-    return _change(state, index, weight=min(max(weight, 0.0), 1.0))
+    return _change(state, index, weight=clamp(weight, 0.0, 1.0))
 
 
 @edit
@@ -109,7 +114,7 @@ def set_lux(state: ViewState, index: int, lux: float, part: int = 0) -> ViewStat
         return state
     if not lux > 0:
         return _change_rig(state, index, illuminance_lux=None)
-    lux = min(max(lux, LUX[0]), LUX[1])
+    lux = clamp(lux, *LUX)
     given = row.rig.illuminance_lux or (lux,) * len(row.rig.lights)
     return _change_rig(state, index, illuminance_lux=with_item(given, part, lux))
 
@@ -121,7 +126,7 @@ def set_part_weight(state: ViewState, index: int, part: int, weight: float) -> V
     if row is None:
         return state
     weights = row.rig.weights
-    weight = min(max(weight, 0.0), max(MOST_WEIGHT, weights[part]))
+    weight = clamp(weight, 0.0, max(MOST_WEIGHT, weights[part]))
     return _change_rig(state, index, weights=with_item(weights, part, weight))
 
 
@@ -326,7 +331,7 @@ def choose(state: ViewState, index: int) -> ViewState:
     """Choose a light."""
     if not 0 <= index < len(state.lights):
         return state
-    return replace(state, interface=replace(state.interface, light=index))
+    return with_interface(state, light=index)
 
 
 @edit
@@ -367,7 +372,7 @@ def _chosen(change: Callable[[ViewState, int], ViewState]) -> Change:
 @edit
 def set_divide(state: ViewState, share: float) -> ViewState:
     """Move the divide between the lights that are compared, in shares of the picture's width."""
-    return replace(state, divide=min(max(share, 0.02), 0.98))
+    return replace(state, divide=clamp(share, 0.02, 0.98))
 
 
 def _compare(state: ViewState) -> ViewState:
@@ -407,7 +412,7 @@ COMMANDS = (
     Command("alone", "Light", "The chosen light alone", (), _chosen(only)),
     Command("solo", "Light", "Solo the chosen light", (), _chosen(toggle_solo)),
     Command("mute", "Light", "Mute the chosen light", (), _chosen(toggle_mute)),
-    Command("blend-all", "Light", "All lights alike", (), lambda state: blend(state, 0.0, 0.0)),
+    Command("blend-all", "Light", "All lights alike", (), bind(blend, 0.0, 0.0)),
     Command("keep-mix", "Light", "Keep this mix as a light", ("k",), keep_mix),
     Command(
         "reset-spectrum", "Light", "Undo the drawing of the chosen spectrum", (), _reset_spectrum

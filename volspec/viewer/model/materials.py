@@ -28,6 +28,7 @@ from volspec.transfer import (
 )
 from volspec.transfer.mixes import used
 from volspec.viewer.model.edit import refusable, tolerant
+from volspec.viewer.model.light_rows import unused_name
 from volspec.viewer.model.scene_file import same_spectrum
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of, with_mix
@@ -115,10 +116,9 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
     """
     if not 0 <= index < len(parts_of(transfer)):
         return transfer
-    materials, number = transfer.materials, 2
-    unnumbered = name = spectrum.name or name
-    while name in materials and not same_spectrum(materials[name], spectrum):
-        name, number = f"{unnumbered} ({number})", number + 1
+    materials = transfer.materials
+    others = {each for each, own in materials.items() if not same_spectrum(own, spectrum)}
+    name = unused_name(spectrum.name or name, others)
     if name in materials:
         return with_mix(transfer, index, name)
     if isinstance(transfer.basis, MaterialBasis) and len(materials) >= MOST_MATERIALS:

@@ -17,7 +17,7 @@ from volspec.palette.colours import parsed_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import light_rows
-from volspec.viewer.model.edit import Command, Edited, edit, tolerant
+from volspec.viewer.model.edit import Command, Edited, edit, tolerant, with_interface
 from volspec.viewer.model.lights import with_last
 from volspec.viewer.model.materials import with_material_basis, with_reflectances
 from volspec.viewer.model.palette_table import (
@@ -44,6 +44,7 @@ from volspec.viewer.model.palette_targets import (
     clipped,
 )
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import clamp
 
 
 def _with_targets(state: ViewState, targets: DesignTargets) -> ViewState:
@@ -55,10 +56,6 @@ def _with_targets(state: ViewState, targets: DesignTargets) -> ViewState:
     )
 
 
-def _within(value: float, limits: tuple[float, float]) -> float:
-    return min(max(value, limits[0]), limits[1])
-
-
 @edit
 def choose_cell(state: ViewState, number: int) -> ViewState:
     """Choose a cell, and light the picture by its light."""
@@ -67,7 +64,7 @@ def choose_cell(state: ViewState, number: int) -> ViewState:
     if place is None:
         return state
     pick, column = replace(state.interface.pick, place=place), table.columns.index(place[1])
-    state = replace(state, interface=replace(state.interface, pick=pick, light=column))
+    state = with_interface(state, pick=pick, light=column)
     if light_rows.effective_weights(state.lights)[column] > 0:
         return state
     return replace(state, lights=light_rows.only_row(state.lights, column))
@@ -126,7 +123,7 @@ def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -
 @tolerant
 def set_target_weight(state: ViewState, number: int, weight: float | None) -> ViewState:
     """Set the weight of a target; None if it must be met."""
-    own_weight = math.inf if weight is None else _within(weight, WEIGHTS)
+    own_weight = math.inf if weight is None else clamp(weight, *WEIGHTS)
     return _with_cell(state, number, lambda own: own and replace(own, weight=own_weight))
 
 
@@ -144,7 +141,7 @@ def set_target_group(state: ViewState, number: int, name: str) -> ViewState:
 @tolerant
 def set_target_distance(state: ViewState, number: int, distance: float) -> ViewState:
     """Set the ΔE of a distinct cell from another."""
-    own_distance = _within(distance, DISTANCES)
+    own_distance = clamp(distance, *DISTANCES)
 
     def change(own: Cell | None) -> Cell | None:
         return replace(own, distance=own_distance) if own and own.kind == "distinct" else own
@@ -214,7 +211,7 @@ def set_metric(state: ViewState, name: str) -> ViewState:
 @tolerant
 def set_iterations(state: ViewState, count: float) -> ViewState:
     """Set the most iterations of a design."""
-    return _with_criteria(state, rounds=int(_within(count, (1, MOST_ROUNDS))))
+    return _with_criteria(state, rounds=int(clamp(count, 1, MOST_ROUNDS)))
 
 
 def _with_criteria(state: ViewState, **changes: Any) -> ViewState:
@@ -230,7 +227,7 @@ def assign(state: ViewState, first: float, last: float, material: str) -> ViewSt
     """Assign a material to a range of values."""
     if not isinstance(state.transfer, TransferFunction):
         return state
-    start, end = sorted(_within(value, state.document.volume.range) for value in (first, last))
+    start, end = sorted(clamp(value, *state.document.volume.range) for value in (first, last))
     return replace(state, transfer=with_material_range(state.transfer, start, end, material))
 
 
@@ -295,8 +292,7 @@ COMMANDS = (
 
 def _with_pick(state: ViewState, **changes: Any) -> ViewState:
     """Change choices of the panel."""
-    pick = replace(state.interface.pick, **changes)
-    return replace(state, interface=replace(state.interface, pick=pick))
+    return with_interface(state, pick=replace(state.interface.pick, **changes))
 
 
 @edit
@@ -336,7 +332,7 @@ def pick_black(state: ViewState) -> ViewState:
 @edit
 def pick_distance(state: ViewState, distance: float) -> ViewState:
     """Set the ΔE by which a material is revealed."""
-    return _with_pick(state, distance=_within(distance, DISTANCES))
+    return _with_pick(state, distance=clamp(distance, *DISTANCES))
 
 
 @edit

@@ -323,10 +323,7 @@ def column_names(rows: Rows) -> tuple[str, ...]:
     """Return the names of lights, numbered if two have one."""
     names: list[str] = []
     for row in rows:
-        name, number = row.name, 2
-        while name in names:
-            name, number = f"{row.name} ({number})", number + 1
-        names.append(name)
+        names.append(light_rows.unused_name(row.name, names))
     return tuple(names)
 
 

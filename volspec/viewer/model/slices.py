@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.viewer.model.cuts import aid_command, bind, with_aids
-from volspec.viewer.model.edit import Command, edit
+from volspec.viewer.model.cuts import aid_command, with_aids
+from volspec.viewer.model.edit import Command, bind, edit, with_interface
 from volspec.viewer.model.state import Slices, ViewState
 from volspec.viewer.model.view import clamp
 from volspec.volume import Volume
@@ -204,8 +204,7 @@ def window_of(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, fl
 
 def with_slices(state: ViewState, **changes: Any) -> ViewState:
     """Return the state with fields of its `Slices` changed."""
-    slices = replace(state.interface.slices, **changes)
-    return replace(state, interface=replace(state.interface, slices=slices))
+    return with_interface(state, slices=replace(state.interface.slices, **changes))
 
 
 @edit

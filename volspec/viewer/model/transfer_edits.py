@@ -13,29 +13,28 @@ from typing import Any
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer import TransferFunction2D as Regions
 from volspec.viewer.model import presets, transfer_convert
-from volspec.viewer.model.edit import Change, Command, Edited, edit
+from volspec.viewer.model.edit import Change, Command, Edited, edit, with_interface
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import (
     KINDS,
     Kind,
+    add_label,
+    add_region,
+    add_row,
+    gradient_top,
+    limit_between,
     map_values,
     parts_of,
     rows_of,
     stretch_values,
     thicken_opacities,
     undo_thickening,
+    value_gap,
     with_look,
     with_mix,
     with_parts,
 )
-from volspec.viewer.model.transfer_placing import (
-    add_label,
-    add_region,
-    add_row,
-    gradient_top,
-    limit_between,
-    value_gap,
-)
+from volspec.viewer.model.view import clamp
 
 THICKNESSES = (0.02, 50.0)
 # A drag over the picture's height shifts values by the volume's range, and multiplies widths and
@@ -67,8 +66,8 @@ def move_point(state: ViewState, index: int, value: float, opacity: float) -> Vi
     if not 0 <= index < len(rows):
         return state
     places = [place for place, _, _ in rows]
-    value = limit_between(places, index, _within(state, value), value_gap(rows))
-    rows[index] = value, _fraction(opacity), rows[index][2]
+    value = limit_between(places, index, clamp(value, *_span(state)), value_gap(rows))
+    rows[index] = value, clamp(opacity, 0.0, 1.0), rows[index][2]
     return replace(state, transfer=with_parts(transfer, rows))
 
 
@@ -77,18 +76,18 @@ def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
     """Add a point, a surface, a label, or a region at (value, gradient), and choose it."""
     transfer = state.transfer
     if isinstance(transfer, Regions):
-        place = _within(state, value), max(opacity, 0.0)
+        place = clamp(value, *_span(state)), max(opacity, 0.0)
         new = add_region(transfer, place, _span(state), state.document.joint.top)
     elif isinstance(transfer, LabelFunction):
-        new = add_label(transfer, value, _fraction(opacity))
+        new = add_label(transfer, value, clamp(opacity, 0.0, 1.0))
     else:
-        new = add_row(transfer, _within(state, value), _fraction(opacity))
+        new = add_row(transfer, clamp(value, *_span(state)), clamp(opacity, 0.0, 1.0))
     if new is transfer:
         return state
     old = {part.values for part in parts_of(transfer)}
     found = [i for i, part in enumerate(parts_of(new)) if part.values not in old]
     added = replace(state, transfer=new)
-    return _with_chosen(added, found[0]) if found else added
+    return with_interface(added, part=found[0]) if found else added
 
 
 @edit
@@ -111,17 +110,13 @@ def remove_point(state: ViewState, index: int) -> ViewState:
 def choose_part(state: ViewState, index: int) -> ViewState:
     """Choose the part whose details are shown."""
     known = 0 <= index < len(parts_of(state.transfer))
-    return _with_chosen(state, index) if known else state
-
-
-def _with_chosen(state: ViewState, index: int) -> ViewState:
-    return replace(state, interface=replace(state.interface, part=index))
+    return with_interface(state, part=index) if known else state
 
 
 @edit
 def set_opacity(state: ViewState, index: int, opacity: float) -> ViewState:
     """Set a part's opacity."""
-    transfer = with_look(state.transfer, index, lambda _, mix: (_fraction(opacity), mix))
+    transfer = with_look(state.transfer, index, lambda _, mix: (clamp(opacity, 0.0, 1.0), mix))
     return _with_transfer(state, transfer)
 
 
@@ -145,7 +140,7 @@ def set_material_weight(state: ViewState, index: int, name: str, weight: float) 
         return state
     others, total = sum(rest.values()), sum(old.values())
     # A trace of the others stays, so that their proportions come back.
-    weight = min(max(weight, 0.0), _PUREST * total)
+    weight = clamp(weight, 0.0, _PUREST * total)
     mix = {each: share * (total - weight) / others for each, share in rest.items()}
     if weight > 0:
         mix[name] = weight
@@ -157,7 +152,7 @@ def set_region_values(state: ViewState, index: int, low: float, high: float) -> 
     """Set the values of a region, no narrower than can be seen."""
     start, end = _span(state)
     room = end - start
-    low, high = (min(max(v, start - room), end + room) for v in sorted((low, high)))
+    low, high = (clamp(v, start - room, end + room) for v in sorted((low, high)))
     return _with_region(state, index, values=(low, max(high, low + _NARROWEST * room)))
 
 
@@ -167,7 +162,7 @@ def set_region_gradients(state: ViewState, index: int, low: float, high: float) 
     top = state.document.joint.top
     least = _NARROWEST * top
     low, high = sorted((low, high))
-    low = min(max(low, 0.0), top - least)
+    low = clamp(low, 0.0, top - least)
     high = max(high, low + least)
     return _with_region(state, index, gradients=(low, high if high < top else math.inf))
 
@@ -175,7 +170,7 @@ def set_region_gradients(state: ViewState, index: int, low: float, high: float) 
 @edit
 def set_softness(state: ViewState, index: int, softness: float) -> ViewState:
     """Set how softly a region ends."""
-    return _with_region(state, index, softness=_fraction(softness))
+    return _with_region(state, index, softness=clamp(softness, 0.0, 1.0))
 
 
 def _with_region(state: ViewState, index: int, **changes: Any) -> ViewState:
@@ -213,8 +208,8 @@ def move_gradient_point(state: ViewState, index: int, gradient: float, factor: f
     # The last is above 0, or there would be no axis.
     least = gap if index == len(factors) - 1 else 0.0
     places = [place for place, _ in factors]
-    gradient = limit_between(places, index, min(max(gradient, least), end), gap)
-    factors[index] = gradient, _fraction(factor)
+    gradient = limit_between(places, index, clamp(gradient, least, end), gap)
+    factors[index] = gradient, clamp(factor, 0.0, 1.0)
     return _with_factors(state, factors)
 
 
@@ -224,10 +219,10 @@ def add_gradient_point(state: ViewState, gradient: float, factor: float) -> View
     factors, end = _factors(state)
     if not 0 < len(factors) < MOST_FACTORS:
         return state
-    gradient = min(max(gradient, 0.0), end)
+    gradient = clamp(gradient, 0.0, end)
     if min(abs(place - gradient) for place, _ in factors) < _FACTOR_GAP * end:
         return state
-    return _with_factors(state, sorted([*factors, (gradient, _fraction(factor))]))
+    return _with_factors(state, sorted([*factors, (gradient, clamp(factor, 0.0, 1.0))]))
 
 
 @edit
@@ -257,7 +252,7 @@ def _with_factors(state: ViewState, factors: list[tuple[float, float]]) -> ViewS
 def shift(state: ViewState, shift: float) -> ViewState:
     """Set the shift of all values from where they were at first."""
     low, high = _span(state)
-    shift = min(max(shift, low - high), high - low)
+    shift = clamp(shift, low - high, high - low)
     by = shift - state.shift
     shifted = _with_values(state, lambda old: map_values(old, lambda v: v + by, (low, high)))
     return state if shifted is state else replace(shifted, shift=shift)
@@ -266,7 +261,7 @@ def shift(state: ViewState, shift: float) -> ViewState:
 @edit
 def thicken(state: ViewState, thickness: float) -> ViewState:
     """Set the factor of all densities from what they were at first."""
-    thickness = min(max(thickness, THICKNESSES[0]), THICKNESSES[1])
+    thickness = clamp(thickness, *THICKNESSES)
     thin, own = _unthickened(state)
     thicker = thicken_opacities(thin, thickness / own)
     return replace(state, transfer=thicker, thickness=thickness, unthickened=(thin, own, thicker))
@@ -296,14 +291,14 @@ def window(state: ViewState, across: float, down: float) -> ViewState:
     """Shift the values by a drag across, and spread them by one upwards."""
     low, high = _span(state)
     shifted = shift(state, state.shift + across * (high - low))
-    factor = math.exp(min(max(-_WIDER * down, -10.0), 10.0))
+    factor = math.exp(clamp(-_WIDER * down, -10.0, 10.0))
     return _with_values(shifted, lambda old: stretch_values(old, factor, (low, high)))
 
 
 @edit
 def thicken_by(state: ViewState, _across: float, down: float) -> ViewState:
     """Make denser by a drag upwards."""
-    factor = math.exp(min(max(-_THICKER * down, -10.0), 10.0))
+    factor = math.exp(clamp(-_THICKER * down, -10.0, 10.0))
     return thicken(state, state.thickness * factor)
 
 
@@ -311,19 +306,10 @@ def _span(state: ViewState) -> tuple[float, float]:
     return presets.value_span(state.document.volume)
 
 
-def _within(state: ViewState, value: float) -> float:
-    low, high = _span(state)
-    return min(max(value, low), high)
-
-
-def _fraction(value: float) -> float:
-    return min(max(value, 0.0), 1.0)
-
-
 def _with_new(state: ViewState, transfer: Transfer) -> ViewState:
     """Replace the transfer function by one that is neither shifted nor thickened."""
     new = replace(state, transfer=transfer, shift=0.0, thickness=1.0, unthickened=None)
-    return _with_chosen(new, 0)
+    return with_interface(new, part=0)
 
 
 def _reset(state: ViewState) -> ViewState:
@@ -352,7 +338,7 @@ def _convert_to(kind: Kind) -> Change:
             labelled = isinstance(state.transfer, LabelFunction)
             return Edited(state, _LABELLED if labelled else "")
         lost = transfer_convert.conversion_losses(state.transfer, kind, _span(state))
-        return Edited(_with_chosen(replace(state, transfer=new), 0), lost)
+        return Edited(with_interface(replace(state, transfer=new), part=0), lost)
 
     return change
 

@@ -5,6 +5,7 @@ panels, command palette -> [viewing] -> RelightSpec
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +22,7 @@ from volspec.spectra import Spectrum
 from volspec.viewer.model.edit import edit
 from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import clamp
 
 LEAST_LUX = 0.1
 EXPOSURE_RANGE = (0.1, 10.0)
@@ -67,7 +69,7 @@ def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
 
 
 def luminance(rig: LightRig | None, viewing: Viewing) -> float:
-    """Return L_A of the scene, cd/m²: as given, or of the light that shines."""
+    """Return L_A of the scene, cd/m²: as given, or of the present light."""
     return given_viewing(viewing, rig.total_lux if rig else None).adapting_luminance
 
 
@@ -90,18 +92,33 @@ def _set_display(state: ViewState, **changes: Any) -> ViewState:
         return state
 
 
+def _choice(
+    change: Callable[..., ViewState], field: str, known: Collection[str]
+) -> Callable[[ViewState, str], ViewState]:
+    """Return the edit that sets a field to one of the known names, and ignores others."""
+
+    @edit
+    def choose(state: ViewState, name: str) -> ViewState:
+        return change(state, **{field: name}) if name in known else state
+
+    return choose
+
+
+set_adapting = _choice(_set, "adapting", ADAPTING)
+set_surround = _choice(_set, "surround", SURROUNDS)
+set_space = _choice(_set_display, "space", SPACES)
+set_display_surround = _choice(_set_display, "surround", SURROUNDS)
+set_gamut = _choice(_set_display, "gamut", GAMUTS)
+set_mode = _choice(_change, "mode", MODES)
+set_level = _choice(_change, "level", LEVELS)
+
+
 @edit
 def set_model(state: ViewState, name: str) -> ViewState:
     """Set the appearance model."""
     if name not in MODELS:
         return state
     return _change(state, viewing=with_model(state.relight, name).viewing)
-
-
-@edit
-def set_adapting(state: ViewState, name: str) -> ViewState:
-    """Set what the eye adapts to: the numbers given, the picture, or each pixel's surroundings."""
-    return _set(state, adapting=name) if name in ADAPTING else state
 
 
 @edit
@@ -127,13 +144,7 @@ def set_luminance(state: ViewState, L_A: float) -> ViewState:
 @edit
 def set_background(state: ViewState, Y_b: float) -> ViewState:
     """Set the background's luminance factor, in percent."""
-    return _set(state, Y_b=min(max(Y_b, 0.0), 100.0))
-
-
-@edit
-def set_surround(state: ViewState, name: str) -> ViewState:
-    """Set the scene's surround."""
-    return _set(state, surround=name) if name in SURROUNDS else state
+    return _set(state, Y_b=clamp(Y_b, 0.0, 100.0))
 
 
 @edit
@@ -161,12 +172,6 @@ def set_room(state: ViewState, name: str) -> ViewState:
 
 
 @edit
-def set_space(state: ViewState, name: str) -> ViewState:
-    """Set the display's colour space."""
-    return _set_display(state, space=name) if name in SPACES else state
-
-
-@edit
 def set_white(state: ViewState, cd_m2: float) -> ViewState:
     """Set the display's white; what the eye adapts to goes up and down with it."""
     now = state.relight.viewing.display
@@ -175,21 +180,9 @@ def set_white(state: ViewState, cd_m2: float) -> ViewState:
 
 
 @edit
-def set_display_surround(state: ViewState, name: str) -> ViewState:
-    """Set the display's surround."""
-    return _set_display(state, surround=name) if name in SURROUNDS else state
-
-
-@edit
-def set_gamut(state: ViewState, name: str) -> ViewState:
-    """Set how colours come into the display's gamut."""
-    return _set_display(state, gamut=name) if name in GAMUTS else state
-
-
-@edit
 def set_exposure(state: ViewState, factor: float) -> ViewState:
     """Set the exposure."""
-    return _set(state, exposure=min(max(factor, EXPOSURE_RANGE[0]), EXPOSURE_RANGE[1]))
+    return _set(state, exposure=clamp(factor, *EXPOSURE_RANGE))
 
 
 @edit
@@ -197,16 +190,4 @@ def set_backdrop(state: ViewState, share: float) -> ViewState:
     """Set the backdrop's grey; a spectrum of the scene's own stays."""
     if isinstance(state.relight.backdrop, Spectrum):
         return state
-    return _change(state, backdrop=min(max(share, 0.0), 1.0))
-
-
-@edit
-def set_mode(state: ViewState, name: str) -> ViewState:
-    """Set how colours are computed from the basis."""
-    return _change(state, mode=name) if name in MODES else state
-
-
-@edit
-def set_level(state: ViewState, name: str) -> ViewState:
-    """Set what the picture's level is relative to."""
-    return _change(state, level=name) if name in LEVELS else state
+    return _change(state, backdrop=clamp(share, 0.0, 1.0))

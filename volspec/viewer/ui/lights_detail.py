@@ -8,8 +8,8 @@ from imgui_bundle import imgui, imgui_knobs
 
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
-from volspec.viewer.model import light_parts, lights
-from volspec.viewer.model.light_parts import facing_lux
+from volspec.viewer.model import light_rows, lights
+from volspec.viewer.model.light_rows import facing_lux
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import raw_colour
@@ -40,7 +40,7 @@ _LUX_TIP = (
 def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the tab of the chosen light."""
     index = state.interface.light
-    row = light_parts.row_at(state.lights, index)
+    row = light_rows.row_at(state.lights, index)
     if row is None:
         imgui.text_disabled("Choose a light above")
         return state
@@ -69,7 +69,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     imgui.end_group()
     if not plain:
         new = _parts(new, ui, index, groups)
-    note = light_parts.lux_note(state.lights, state.shading.shares(), state.relight)
+    note = light_rows.lux_note(state.lights, state.shading.shares(), state.relight)
     wrap_text(as_one_line(note), imgui.Col_.text_disabled)
     imgui.pop_style_var()
     tip(_LUX_TIP)
@@ -124,7 +124,7 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     imgui.begin_disabled(not given)
     now = rig.illuminance_lux[0] if rig.illuminance_lux else viewing.illuminance_lux
     text = "%.4g lx" if given else "not given"
-    moved, lux = imgui.slider_float("Illuminance##lux", now, *light_parts.LUX, text, _LOG)
+    moved, lux = imgui.slider_float("Illuminance##lux", now, *light_rows.LUX, text, _LOG)
     imgui.end_disabled()
     ui.note("lux")
     return lights.set_lux(state, index, lux) if moved and given else state
@@ -234,7 +234,7 @@ def _part(
         imgui.table_next_column()
         imgui.set_next_item_width(-1)
         lux = rig.illuminance_lux[j]
-        moved, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *light_parts.LUX, "%.4g lx")
+        moved, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *light_rows.LUX, "%.4g lx")
         ui.note(f"part lux {j}")
         tip("On a surface that faces it, were all groups to shine like this one")
         if moved:

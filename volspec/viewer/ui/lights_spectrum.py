@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from volspec.spectra import SpectralGrid
 from volspec.viewer.model import lights
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.light_parts import row_at
-from volspec.viewer.model.light_rows import LightRow, rig_of
+from volspec.viewer.model.light_rows import LightRow, rig_of, row_at
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Rect, fill, mixed_values, outline

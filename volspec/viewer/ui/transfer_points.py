@@ -11,8 +11,7 @@ from imgui_bundle import imgui, implot
 from volspec.transfer import Isosurfaces, TransferFunction
 from volspec.viewer.model import presets, transfer_edits
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import Part, parts_of
-from volspec.viewer.model.transfer_placing import gradient_top
+from volspec.viewer.model.transfer_parts import Part, gradient_top, parts_of
 from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import Handle, HandleEdits, ink, set_axis
