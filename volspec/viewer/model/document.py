@@ -40,18 +40,11 @@ _SHOWN = 0.9995
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointHistogram:
-    """Number of voxels by value and gradient magnitude.
+    """Number of voxels by value and gradient magnitude."""
 
-    Parameters
-    ----------
-    counts : (64, 128) float64
-        Rows are gradients from 0, columns values over the volume's range.
-    top : float
-        Gradient magnitude at the end of the last row, value per millimetre; above 0.
-    """
-
+    # (64, 128): rows are gradients from 0, columns values over the volume's range.
     counts: NDArray[np.float64]
-    top: float
+    top: float  # gradient at the end of the last row, value per millimetre; above 0
 
 
 def joint_histogram(volume: Volume) -> JointHistogram:
@@ -98,36 +91,20 @@ _LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
-    """Open scene with its volume.
-
-    Parameters
-    ----------
-    caster : Raycaster, optional
-        None if nothing will or can be cast.
-    view, transfer, shading, lights, relight
-        As in the file.
-    histogram : (256,) float64
-        Voxels by value over the volume's range.
-    file : SceneFile, optional
-        Opened, or made for a volume.
-    path : Path, optional
-        The scene's or the volume's; relative names in the file start from its folder.
-    fault : str
-        Why nothing can be cast on this machine; empty if it can.
-    """
+    """Open scene with its volume; its settings are as in the file."""
 
     title: str
     volume: Volume
-    caster: Raycaster | None
+    caster: Raycaster | None  # None if nothing will or can be cast
     view: View
     transfer: Transfer
     shading: RaycastSpec
     lights: Rows
     relight: RelightSpec
-    histogram: NDArray[np.float64]
-    file: SceneFile | None = None
-    path: Path | None = None
-    fault: str = ""
+    histogram: NDArray[np.float64]  # (256,) voxels by value over the volume's range
+    file: SceneFile | None = None  # opened, or made for a volume
+    path: Path | None = None  # of the scene or the volume; relative names start from its folder
+    fault: str = ""  # why nothing can be cast on this machine; empty if it can
     joint: JointHistogram = field(init=False)
 
     def __post_init__(self) -> None:

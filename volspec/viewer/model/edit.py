@@ -97,23 +97,11 @@ def _is_finite(value: object) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Entry of a menu or of the command palette, and what a key does.
-
-    Parameters
-    ----------
-    menu : str
-        One of `volspec.viewer.model.commands.MENUS`; empty if it is in none.
-    keys : tuple of str
-        As `volspec.viewer.ui.inputs.Input.key`; the first is shown.
-    change : callable, optional
-        The command's edit; None if the app carries it out by its name.
-    on : callable, optional
-        Returns True if a menu is to show it ticked.
-    """
+    """Entry of a menu or of the command palette, and what a key does."""
 
     name: str
-    menu: str
+    menu: str  # one of `volspec.viewer.model.commands.MENUS`; empty if it is in none
     title: str
-    keys: tuple[str, ...] = ()
-    change: Change | None = None
-    on: Callable[[ViewState], bool] | None = None
+    keys: tuple[str, ...] = ()  # as `volspec.viewer.ui.inputs.Input.key`; the first is shown
+    change: Change | None = None  # None if the app carries it out by its name
+    on: Callable[[ViewState], bool] | None = None  # returns True if a menu is to show it ticked

@@ -105,23 +105,13 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """States before and after the present one.
-
-    Parameters
-    ----------
-    past, future : tuple of ViewState
-        The nearest one is last.
-    gesture : int
-        Number of the gesture that made the present state.
-    difference : Difference, optional
-        From the state that was present before, whatever replaced it.
-    """
+    """States before and after the present one; in both rows the nearest is last."""
 
     present: ViewState
     past: tuple[ViewState, ...] = ()
     future: tuple[ViewState, ...] = ()
-    gesture: int = -1
-    difference: Difference | None = None
+    gesture: int = -1  # number of the one that made the present state
+    difference: Difference | None = None  # from the state present before, whatever replaced it
 
     def then(self, state: ViewState, gesture: int) -> History:
         """Go on to a state; a gesture is one step, whatever number of states it goes through."""

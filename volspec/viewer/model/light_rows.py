@@ -37,24 +37,6 @@ T = TypeVar("T")
 class LightRow:
     """One light of the list.
 
-    Parameters
-    ----------
-    label : str
-        Description.
-    rig : LightRig
-        The light at weight 1.
-    weight : float
-        0 to 1.
-    kelvin : float, optional
-        Temperature of a Planck radiator; None for any other light.
-    texts : tuple of (str or None), optional
-        Each spectrum of the rig in `volspec.light`'s notation; None if it was drawn. Relative
-        names of files start from the document's folder.
-    before : LightRow, optional
-        The row before its spectrum was drawn.
-    named : bool
-        The name was given by hand: it stays if the spectrum becomes another.
-
     Raises
     ------
     ViewingError
@@ -62,15 +44,17 @@ class LightRow:
     """
 
     name: str
-    label: str
-    rig: LightRig
-    weight: float = 0.0
+    label: str  # description
+    rig: LightRig  # the light at weight 1
+    weight: float = 0.0  # 0 to 1
     solo: bool = False
     muted: bool = False
-    kelvin: float | None = None
+    kelvin: float | None = None  # of a Planck radiator
+    # Each spectrum of the rig in `volspec.light`'s notation; None if it was drawn. Relative names
+    # of files start from the document's folder.
     texts: tuple[str | None, ...] = ()
-    before: LightRow | None = None
-    named: bool = False
+    before: LightRow | None = None  # the row before its spectrum was drawn
+    named: bool = False  # by hand: the name stays if the spectrum becomes another
 
     def __post_init__(self) -> None:
         count = len(self.rig.lights)

@@ -15,6 +15,7 @@ from types import MappingProxyType
 
 from volspec.palette import Cell, Criteria
 from volspec.palette.model import Place, Triple
+from volspec.viewer.model.view import clamp
 
 REFLECTANCE, LIGHT = "reflectance", "light"
 Member = tuple[str, str]
@@ -30,22 +31,12 @@ MOST_ROUNDS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignTargets:
-    """Targets of cells, and the spectra that may change for them.
+    """Targets of cells, and the spectra that may change for them."""
 
-    Parameters
-    ----------
-    cells : {(material, light): Cell}
-    open : set of (kind, name)
-        Spectra that are designed; all others are given.
-    constant : set of str
-        Materials that should have one colour under every light.
-    lamps : {light: names}
-        Open lights that must be a sum of these lamps.
-    """
-
-    cells: Mapping[Place, Cell] = field(default_factory=dict)
-    open: frozenset[Member] = frozenset()
-    constant: frozenset[str] = frozenset()
+    cells: Mapping[Place, Cell] = field(default_factory=dict)  # by material and light
+    open: frozenset[Member] = frozenset()  # spectra that are designed; all others are given
+    constant: frozenset[str] = frozenset()  # materials that should have one colour in every light
+    # Lamps by open light: the light must be a sum of these.
     lamps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     criteria: Criteria = field(default_factory=Criteria)
 
@@ -72,18 +63,11 @@ class DesignTargets:
 
 @dataclass(frozen=True, slots=True)
 class PaletteState:
-    """Targets, and those that the spectra were designed for.
-
-    Parameters
-    ----------
-    designed_for : DesignTargets, optional
-        Those that the state's spectra were last designed for.
-    from_scratch : bool
-        Start the design without the present spectra: it may find another optimum.
-    """
+    """Targets, and those that the state's spectra were last designed for."""
 
     targets: DesignTargets = field(default_factory=DesignTargets)
     designed_for: DesignTargets | None = None
+    # Start the design without the present spectra: it may find another optimum.
     from_scratch: bool = False
 
     def with_light_renamed(self, old: str, new: str) -> PaletteState:
@@ -105,73 +89,33 @@ class PaletteState:
 
 @dataclass(frozen=True, slots=True)
 class Pick:
-    """Choices in the panel, for wizards and materials of values; changing them is no undo step.
+    """Choices in the panel, for wizards and materials of values; changing them is no undo step."""
 
-    Parameters
-    ----------
-    place : (material, light), optional
-        The chosen cell, whose material and light wizards redesign.
-    materials : set of str
-        Materials to merge.
-    within : str
-        The material to hide in; empty for what surrounds the hidden one.
-    black : bool
-        Hide it in black instead.
-    like : str
-        Design a new light like this one of the scene; empty for none.
-    distance : float
-        ΔE by which a material is revealed.
-    use : str
-        The material to assign to a range of values.
-    values : (low, high), optional
-        That range.
-    """
-
-    place: Place | None = None
-    materials: frozenset[str] = frozenset()
-    within: str = ""
-    black: bool = False
-    like: str = ""
-    distance: float = 20.0
-    use: str = ""
-    values: tuple[float, float] | None = None
+    place: Place | None = None  # the chosen cell, whose material and light wizards redesign
+    materials: frozenset[str] = frozenset()  # to merge
+    within: str = ""  # the material to hide in; empty for what surrounds the hidden one
+    black: bool = False  # hide it in black instead
+    like: str = ""  # design a new light like this one of the scene; empty for none
+    distance: float = 20.0  # ΔE by which a material is revealed
+    use: str = ""  # the material to assign to a range of values
+    values: tuple[float, float] | None = None  # that range, low and high
 
 
 @dataclass(frozen=True, slots=True)
 class DesignStatus:
-    """Messages about designs and wizards, for the panel.
+    """Messages about designs and wizards, for the panel."""
 
-    Parameters
-    ----------
-    busy : str
-        The task in progress; empty for none.
-    complaint : str
-        Why the last design or wizard was refused.
-    advice : tuple of str
-        Changes that would help targets that are missed.
-    reached : tuple of str
-        Results of the last wizard.
-    """
-
-    busy: str = ""
-    complaint: str = ""
-    advice: tuple[str, ...] = ()
-    reached: tuple[str, ...] = ()
+    busy: str = ""  # the task in progress; empty for none
+    complaint: str = ""  # why the last design or wizard was refused
+    advice: tuple[str, ...] = ()  # changes that would help targets that are missed
+    reached: tuple[str, ...] = ()  # results of the last wizard
 
 
 def as_kind(kind: str, own: Cell | None, shown: Triple, other: Place | None) -> Cell | None:
     """Return a cell's target of another kind and the same weight.
 
-    Parameters
-    ----------
-    kind : str
-        As `Cell.kind`; any other word for no target.
-    own : Cell, optional
-        The present target.
-    shown : (3,) floats
-        The cell's present colour, which a new colour starts from.
-    other : (material, light), optional
-        The cell to compare with.
+    It is about the cell ``other`` if it compares two. A new colour starts from the codes
+    ``shown``. Any kind that is not one of `Cell.kind` removes the target.
     """
     weight = own.weight if own else 1.0
     if kind == "colour":
@@ -195,5 +139,5 @@ def stays(cell: Cell) -> bool:
 
 def clipped(codes: Triple) -> Triple:
     """Return a display's codes, clipped to 0 to 1."""
-    red, green, blue = (min(max(float(code), 0.0), 1.0) for code in codes)
+    red, green, blue = (clamp(float(code), 0.0, 1.0) for code in codes)
     return red, green, blue

@@ -66,21 +66,11 @@ def _is_text(name: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """Contents of a folder that complete a path.
+    """Contents of a folder that complete a path."""
 
-    Parameters
-    ----------
-    folder : str
-        As typed, ending with the separator.
-    rows : tuple of str
-        Names that begin as typed, `MOST_ROWS` at most; folders end with a separator.
-    common : str
-        The path, completed as far as all names agree.
-    """
-
-    folder: str
-    rows: tuple[str, ...]
-    common: str
+    folder: str  # as typed, ending with the separator
+    rows: tuple[str, ...]  # names that begin as typed, `MOST_ROWS` at most; folders end with "/"
+    common: str  # the path, completed as far as all names agree
 
 
 def list_paths(text: str, suffixes: Sequence[str] = ()) -> Listing:
@@ -121,25 +111,14 @@ def list_paths(text: str, suffixes: Sequence[str] = ()) -> Listing:
 
 @dataclass(frozen=True, slots=True)
 class PathRequest:
-    """Request for a path, which a dialog answers.
+    """Request for a path, which a dialog answers."""
 
-    Parameters
-    ----------
-    kind : str
-        Identifies the request in the answer.
-    save : bool
-        The file will be written.
-    suffixes : tuple of str
-        Endings of its name; the first is added to a name to be written that has none of them.
-    start : str
-        The proposed path.
-    """
-
-    kind: str
+    kind: str  # identifies the request in the answer
     title: str
-    save: bool = False
+    save: bool = False  # the file will be written
+    # Endings of its name; the first is added to a name to be written that has none of them.
     suffixes: tuple[str, ...] = ()
-    start: str = ""
+    start: str = ""  # the proposed path
 
     def named(self, text: str) -> str:
         """Return a typed path with ``~`` and the ending filled in; empty if it is empty."""

@@ -20,26 +20,17 @@ from volspec.volume import Volume
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """A transfer function for one kind of volume.
-
-    Parameters
-    ----------
-    parts : {material: (reflectance, points)}
-        By rising value. A name of `volspec.reflectance`, and the curve's points, or surfaces, as
-        (HU, opacity).
-    medical : bool
-        Made for Hounsfield units, and listed first for volumes that have them.
-    kind : {"points", "surfaces"}
-    edges : float, optional
-        Shows only boundaries: the fraction of the volume's contrast per voxel at which they are
-        at full opacity.
-    """
+    """A transfer function for one kind of volume."""
 
     name: str
     title: str
+    # By material, in the order of their values: a name of `volspec.reflectance`, and the curve's
+    # points, or the surfaces, as (HU, opacity).
     parts: Mapping[str, tuple[str, tuple[tuple[float, float], ...]]]
-    medical: bool = False
+    medical: bool = False  # for Hounsfield units, and listed first for volumes that have them
     kind: Literal["points", "surfaces"] = "points"
+    # To show only boundaries: the fraction of the volume's contrast per voxel at which they are at
+    # full opacity.
     edges: float | None = None
 
     @property

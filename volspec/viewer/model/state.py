@@ -18,117 +18,50 @@ from volspec.viewer.model.view import View
 
 @dataclass(frozen=True, slots=True)
 class Aids:
-    """Overlays of the picture.
+    """Overlays of the picture."""
 
-    Parameters
-    ----------
-    cube, scale : bool
-        The orientation cube and the scale bar.
-    crop, planes : bool
-        The crop's box and the clip planes, with handles; they cut also if they are hidden.
-    plane : int
-        Index of the chosen clip plane.
-    outlines : bool
-        The slices' outlines.
-    patient : bool, optional
-        Name directions by the patient's body; None if the volume decides.
-    """
-
-    cube: bool = True
-    scale: bool = True
+    cube: bool = True  # the orientation cube
+    scale: bool = True  # the scale bar
+    # The crop's box and the clip planes, with handles; they cut also if they are hidden.
     crop: bool = False
     planes: bool = True
-    plane: int = 0
-    outlines: bool = True
-    patient: bool | None = None
+    plane: int = 0  # index of the chosen clip plane
+    outlines: bool = True  # of the slices
+    patient: bool | None = None  # name directions by the patient's body; None: the volume decides
 
 
 @dataclass(frozen=True, slots=True)
 class Slices:
-    """Positions of the slices, and how they are shown.
+    """Positions of the slices, and how they are shown."""
 
-    Parameters
-    ----------
-    at : (x, y, z)
-        Along each axis of the voxels, 0 to 1 of the volume.
-    lit : bool
-        Shown with the transfer function's materials under the lights; else as greys.
-    greys : (low, high), optional
-        Values shown black and white, 0 to 1 of the volume's range; None for the range of most
-        values.
-    """
-
+    # Along the axes x, y and z of the voxels, 0 to 1 of the volume.
     at: tuple[float, float, float] = (0.5, 0.5, 0.5)
-    lit: bool = True
+    lit: bool = True  # shown with the materials under the lights; else as greys
+    # Values shown black and white, 0 to 1 of the volume's range; None: the range of most values.
     greys: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """Settings of the window, which undo leaves as they are.
-
-    Parameters
-    ----------
-    logarithmic : bool
-        Scale of the histogram.
-    keys : bool
-        The cheat sheet is open.
-    light : int
-        The chosen row of the lights; a state clamps it to its lights.
-    probe : bool
-        Show the values under the mouse.
-    error_map : bool
-        Show the error map over the picture.
-    panels : set of str
-        Titles of the open panels.
-    fade_s : float
-        Duration of a fade to a saved light state.
-    pick : Pick
-        Choices in the palette.
-    part : int
-        The point, region, surface or label whose details are shown.
-    """
+    """Settings of the window, which undo leaves as they are."""
 
     dark: bool = True
-    logarithmic: bool = True
-    keys: bool = False
-    light: int = 0
-    probe: bool = True
+    logarithmic: bool = True  # scale of the histogram
+    keys: bool = False  # the cheat sheet is open
+    light: int = 0  # the chosen row of the lights; a state clamps it to its lights
+    probe: bool = True  # show the values under the mouse
     error_map: bool = False
-    panels: frozenset[str] = frozenset({"Lights", "Viewing", "Transfer", "Palette"})
+    panels: frozenset[str] = frozenset({"Lights", "Viewing", "Transfer", "Palette"})  # open
     aids: Aids = field(default_factory=Aids)
     slices: Slices = field(default_factory=Slices)
-    fade_s: float = 1.5
+    fade_s: float = 1.5  # duration of a fade to a saved light state
     pick: Pick = field(default_factory=Pick)
-    part: int = 0
+    part: int = 0  # the point, region, surface or label whose details are shown
 
 
 @dataclass(frozen=True, slots=True)
 class ViewState:
-    """Everything that a picture is made of.
-
-    Parameters
-    ----------
-    document : Document
-        The scene that is open.
-    shift : float
-        Sum of the shifts of the transfer function's points.
-    size : (width, height)
-        Pixels of the whole picture.
-    other : tuple of LightRow, optional
-        The lights at the right of the divide, to compare with.
-    divide : float
-        Position of the divide, 0 to 1 of the picture's width.
-    fade : Fade, optional
-        Start of the fade to this state's lights, as long as it lasts.
-    palette : PaletteState
-        Targets of the palette; the designed spectra are in ``transfer`` and ``lights``.
-    thickness : float
-        Factor by which the transfer function was thickened.
-    unthickened : (Transfer, thickness, Transfer), optional
-        The transfer function before it was thickened, its thickness, and the result: valid as long
-        as that is ``transfer``. Opacities that were rounded to 1 come back from it.
-    """
+    """Everything that a picture is made of."""
 
     document: Document
     view: View
@@ -136,15 +69,18 @@ class ViewState:
     shading: RaycastSpec
     lights: Rows
     relight: RelightSpec
-    shift: float = 0.0
-    size: tuple[int, int] = (512, 512)
-    other: Rows | None = None
-    divide: float = 0.5
+    shift: float = 0.0  # sum of the shifts of the transfer function's points
+    size: tuple[int, int] = (512, 512)  # width and height of the whole picture, in pixels
+    other: Rows | None = None  # the lights at the right of the divide, to compare with
+    divide: float = 0.5  # position of the divide, 0 to 1 of the picture's width
     interface: Interface = field(default_factory=Interface)
     saved_lights: tuple[LightState, ...] = ()
-    fade: Fade | None = None
+    fade: Fade | None = None  # start of the fade to this state's lights, as long as it lasts
+    # Targets only: the designed spectra are in `transfer` and `lights`.
     palette: PaletteState = field(default_factory=PaletteState)
-    thickness: float = 1.0
+    thickness: float = 1.0  # factor by which the transfer function was thickened
+    # The transfer function before it was thickened, its thickness, and the result: valid as long
+    # as that is `transfer`. Opacities that were rounded to 1 come back from it.
     unthickened: tuple[Transfer, float, Transfer] | None = None
 
     def __post_init__(self) -> None:

@@ -22,28 +22,16 @@ ZOOMS = (0.05, 200.0)
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """An orbit around a target: the arguments of `Camera.orbit`.
-
-    Parameters
-    ----------
-    zoom : float
-        1 fits the volume's sphere into the picture's height.
-    up : (x, y, z)
-        The axis to turn around.
-    target_mm : (x, y, z), optional
-        None is the volume's centre.
-    roll_deg : float
-        Rotation of the picture, clockwise.
-    """
+    """An orbit around a target: the arguments of `Camera.orbit`."""
 
     azimuth_deg: float = 30.0
     elevation_deg: float = 20.0
-    zoom: float = 1.0
+    zoom: float = 1.0  # 1 fits the volume's sphere into the picture's height
     fov_deg: float = 30.0
     orthographic: bool = False
-    up: Vector = (0.0, 0.0, 1.0)
-    target_mm: Vector | None = None
-    roll_deg: float = 0.0
+    up: Vector = (0.0, 0.0, 1.0)  # the axis to turn around
+    target_mm: Vector | None = None  # None is the volume's centre
+    roll_deg: float = 0.0  # of the picture, clockwise
 
     @classmethod
     def of(cls, camera: Camera, volume: Volume) -> View:
