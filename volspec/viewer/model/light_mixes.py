@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 from volspec.errors import VolspecError
-from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.lights import light_terms
 from volspec.viewer.model.light_rows import (
     LightRow,
     Rows,
     effective_weights,
-    parts_by_group,
+    merge_groups,
     rig_of,
 )
 
@@ -29,21 +29,19 @@ def mix_row(rows: Rows, grid: SpectralGrid, folder: str = ".") -> LightRow | Non
     rig = rig_of(rows)
     if rig is None:
         return None
+    whole = merge_groups(rig, grid)
     spectra: list[Spectrum] = []
     texts: list[str | None] = []
-    parts = parts_by_group(rig)
-    for group, part in parts.items():
+    for group, mixed in zip(whole.groups, whole.lights, strict=True):
         text = _mix_text(rows, rig.total_lux, group, folder)
         try:
-            spectrum = light(text, grid, folder=folder) if text else part.mixed(grid)
+            spectrum = light(text, grid, folder=folder) if text else mixed
         except VolspecError:  # a name that cannot be in a mix
-            text, spectrum = None, part.mixed(grid)
+            text, spectrum = None, mixed
         spectra.append(spectrum)
         texts.append(text)
-    lux = tuple(part.total_lux or 0.0 for part in parts.values()) if rig.illuminance_lux else None
-    whole = LightRig(tuple(spectra), (), lux, tuple(parts))
     label = texts[0] if len(texts) == 1 and texts[0] else "a mix that was kept"
-    return LightRow("Mix", label, whole, texts=tuple(texts))
+    return LightRow("Mix", label, replace(whole, lights=tuple(spectra)), texts=tuple(texts))
 
 
 def _mix_text(rows: Rows, total_lux: float | None, group: str, folder: str) -> str | None:

@@ -167,6 +167,14 @@ def row_at(rows: Rows, index: int, part: int = 0) -> LightRow | None:
     return rows[index]
 
 
+def merge_groups(rig: LightRig, grid: SpectralGrid) -> LightRig:
+    """Merge the lights of each group into one."""
+    parts = parts_by_group(rig)
+    spectra = tuple(part.mixed(grid) for part in parts.values())
+    lux = tuple(part.total_lux or 0.0 for part in parts.values()) if rig.illuminance_lux else None
+    return LightRig(spectra, (), lux, tuple(parts))
+
+
 def with_item(items: tuple[T, ...], index: int, item: T) -> tuple[T, ...]:
     """Return a tuple with another item in one's place."""
     return (*items[:index], item, *items[index + 1 :])

@@ -206,13 +206,7 @@ def _set_parts(state: ViewState, index: int, parts: Sequence[tuple[int, str, flo
 
 @edit
 def draw(state: ViewState, index: int, part: int, start: Place, end: Place) -> ViewState:
-    """Draw on a light's spectrum, unless nothing visible would be left of it.
-
-    Parameters
-    ----------
-    start, end : (x, y)
-        Ends of the pen's stroke as `draw_stroke` takes them.
-    """
+    """Draw on a light's spectrum as `draw_stroke`, unless nothing visible would be left of it."""
     row = row_at(state.lights, index, part)
     if row is None:
         return state

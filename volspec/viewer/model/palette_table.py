@@ -127,24 +127,13 @@ Columns = tuple[tuple[str, Spectrum], ...]
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Materials under lights, as the panel shows them.
+    """Materials under lights, as the panel shows them."""
 
-    Parameters
-    ----------
-    rows, columns : tuple of str
-        Materials and lights.
-    spectra : {(kind, name): Spectrum}
-    cells : {(row, column): CellReport}
-        Wanted and obtained colours.
-    complaint : str
-        Why there are no cells.
-    """
-
-    rows: tuple[str, ...]
-    columns: tuple[str, ...]
+    rows: tuple[str, ...]  # names of materials
+    columns: tuple[str, ...]  # names of lights
     spectra: Mapping[Member, Spectrum]
-    cells: Mapping[Place, CellReport]
-    complaint: str = ""
+    cells: Mapping[Place, CellReport]  # wanted and obtained colours by row and column
+    complaint: str = ""  # why there are no cells
 
     @property
     def errors(self) -> tuple[float, ...]:

@@ -24,7 +24,7 @@ from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.storage import shipped_names
 from volspec.errors import SceneError, SpectrumError
 from volspec.raycast import RaycastSpec
-from volspec.relight import LightRig, RelightSpec
+from volspec.relight import RelightSpec
 from volspec.scene import Scene, SceneFile
 from volspec.scene.lights import GroupTable, LightTable, rows_by_name
 from volspec.scene.spectra import SpectrumTable
@@ -46,7 +46,7 @@ from volspec.transfer.mixes import Mix
 from volspec.viewer.model.light_rows import (
     LightRow,
     effective_weights,
-    parts_by_group,
+    merge_groups,
     rig_of,
     unused_name,
 )
@@ -70,7 +70,9 @@ def _light_tables(state: ViewState, file: SceneFile) -> list[LightTable]:
         rig = rig_of(rows)
         assert rig is not None
         label = " + ".join(rows[index].name for index in lit)
-        settings.insert(0, (LightRow(_MIX, label, _one_light_per_group(rig)), 1.0))
+        if len(set(rig.groups)) < len(rig.groups):  # a file has one light of each in a setting
+            rig = merge_groups(rig, rig.lights[0].grid)
+        settings.insert(0, (LightRow(_MIX, label, rig), 1.0))
     tables: dict[str, list[LightTable]] = {}
     for row, weight in settings:
         name = unused_name(row.name.strip() or "light", tables)
@@ -81,16 +83,6 @@ def _light_tables(state: ViewState, file: SceneFile) -> list[LightTable]:
         else:
             tables[name] = [_part_table(name, row, j, weight) for j in range(len(row.texts))]
     return [table for setting in tables.values() for table in setting]
-
-
-def _one_light_per_group(rig: LightRig) -> LightRig:
-    """Merge the lights of each group: a file has no more than one of each in a setting."""
-    if len(set(rig.groups)) == len(rig.groups):
-        return rig
-    parts = parts_by_group(rig)
-    lights = tuple(part.mixed(part.lights[0].grid) for part in parts.values())
-    lux = tuple(part.total_lux or 0.0 for part in parts.values()) if rig.illuminance_lux else None
-    return LightRig(lights, (), lux, tuple(parts))
 
 
 def _part_table(name: str, row: LightRow, part: int, weight: float) -> LightTable:
