@@ -119,7 +119,7 @@ def _interpolated(points: list[Point], value: float) -> Point:
 
 # Of a freely designed light: the band that the eye sees well, and the most power in a band,
 # relative to its mean.
-BAND_NM, MOST_POWER = (420.0, 680.0), 8.0
+_BAND_NM, _MOST_POWER = (420.0, 680.0), 8.0
 _NONE = Cell("black")
 
 Columns = tuple[tuple[str, Spectrum], ...]
@@ -248,7 +248,7 @@ def palette_of(state: ViewState) -> Palette:
             mixture = tuple(find_light(lamp, grid) for lamp in lamps)
             member = PaletteSpectrum(name, begin, True, mixture=mixture)
         else:
-            member = PaletteSpectrum(name, begin, True, upper=MOST_POWER, band_nm=BAND_NM)
+            member = PaletteSpectrum(name, begin, True, upper=_MOST_POWER, band_nm=_BAND_NM)
         lights.append(member)
     cells = _known(targets.cells, tuple(transfer.materials), column_names(state.lights))
     viewing = unmeasured_viewing(state.relight.viewing)
@@ -257,7 +257,7 @@ def palette_of(state: ViewState) -> Palette:
 
 def initial_spectrum(grid: SpectralGrid, number: int) -> Spectrum:
     """Return the spectrum that a new light starts from: a wave, another for each number."""
-    lights = tuple(PaletteSpectrum(f"{n}", open=True, band_nm=BAND_NM) for n in range(number + 1))
+    lights = tuple(PaletteSpectrum(f"{n}", open=True, band_nm=_BAND_NM) for n in range(number + 1))
     grey = PaletteSpectrum("grey", open=True)
     state = State.start(Palette((grey,), lights, {("grey", lights[-1].name): _NONE}, grid=grid))
     unit = 100.0 / float(state.Q[1].sum())

@@ -21,6 +21,7 @@ from volspec.transfer import (
     TransferFunction2D,
 )
 from volspec.transfer.mixes import Mix, Point, shares_of
+from volspec.viewer.model.view import clamp
 
 Kind = Literal["points", "regions", "surfaces", "labels"]
 # By type: its kind, which is also the field that holds its parts.
@@ -197,7 +198,7 @@ def gradient_top(curve: TransferFunction, top: float) -> float:
 
 def add_label(labels: LabelFunction, value: float, opacity: float) -> Transfer:
     """Add a label, of the material of the last."""
-    label = round(min(max(value, 0), MAX_LABEL))
+    label = round(clamp(value, 0, MAX_LABEL))
     if label in labels.labels or len(labels.labels) >= MOST_LABELS:
         return labels
     mix = list(labels.labels.values())[-1][1]
