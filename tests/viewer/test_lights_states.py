@@ -25,7 +25,6 @@ from volspec.viewer.model.light_rows import (
 )
 from volspec.viewer.model.light_states import interpolate_lights, recalled_rows
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.fader import Fader
 
 _SHARE = st.floats(0.001, 0.999)
 DIM, BRIGHT = RelightSpec(), RelightSpec(Viewing(illuminance_lux=10.0, Y_b=40.0), backdrop=0.6)
@@ -147,55 +146,54 @@ def recalling(state: ViewState, seconds: float) -> ViewState:
     return light_states.recall(other, 0)
 
 
-def test_the_clock_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> None:
-    fader, new = Fader(), recalling(state, 2.0)
-    first = fader.shown(new, 10.0)
-    assert effective_weights(first.lights)[:2] == (0.0, 1.0) and fader.running
-    half = fader.shown(new, 11.0)
+def test_a_fade_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> None:
+    new = recalling(state, 2.0)
+    first = light_states.during_fade(new, 0.0)
+    assert effective_weights(first.lights)[:2] == (0.0, 1.0)
+    half = light_states.during_fade(new, 1.0)
     assert effective_weights(half.lights)[:2] == (0.5, 0.5)
-    assert fader.shown(new, 12.0) is new and not fader.running
+    assert light_states.during_fade(new, 2.0) is new
     assert new.lights == state.lights
     assert Difference.between(first, half).stage == "relight"
 
 
 def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
-    fader, before = Fader(), replace(state, lights=light_rows.only_row(state.lights, 1))
+    before = replace(state, lights=light_rows.only_row(state.lights, 1))
     before = replace(before, saved_lights=light_states.save(state).state.saved_lights)
     history = History(before).then(light_states.recall(before, 0), 1)
     for i in range(1, 4):
         present = history.present
-        shown = fader.shown(present, float(i) / 10)
+        shown = light_states.during_fade(present, (i - 1) / 10)
+        assert shown is not present
         turned = camera.orbit(shown, 0.1, 0.0)
-        history = history.then(fader.to_keep(present, shown, turned), 1 + i)
-    assert history.present.lights == state.lights and fader.running
+        history = history.then(light_states.after_fade(present, shown, turned), 1 + i)
+    assert history.present.lights == state.lights
     for _ in range(4):
         history = history.undone()
     assert history.present.lights == before.lights
-    assert fader.shown(history.present, 0.5) is history.present and not fader.running
+    assert light_states.during_fade(history.present, 0.0) is history.present
     # Redone, its end is there at once.
     again = history.redone().present
-    assert again.lights == state.lights and fader.shown(again, 0.6) is again
+    assert again.lights == state.lights and again.fade is None
 
 
 def test_a_hand_on_a_light_stops_the_fade_where_it_is(state: ViewState) -> None:
-    fader, new = Fader(), recalling(state, 1.0)
-    fader.shown(new, 0.0)
-    shown = fader.shown(new, 0.5)
-    stopped = fader.to_keep(new, shown, lights.set_weight(shown, 2, 0.9))
+    new = recalling(state, 1.0)
+    shown = light_states.during_fade(new, 0.5)
+    stopped = light_states.after_fade(new, shown, lights.set_weight(shown, 2, 0.9))
     assert stopped.fade is None and effective_weights(stopped.lights)[:3] == (0.5, 0.5, 0.9)
-    assert fader.shown(stopped, 0.6) is stopped and not fader.running
 
 
 def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None:
-    fader, new = Fader(), recalling(state, 1.0)
-    fader.shown(new, 0.0)
-    shown = fader.shown(new, 0.5)
-    again = fader.to_keep(new, shown, light_states.recall(shown, 0))
+    new = recalling(state, 1.0)
+    shown = light_states.during_fade(new, 0.5)
+    again = light_states.after_fade(new, shown, light_states.recall(shown, 0))
     assert again.fade is not None and effective_weights(again.fade.lights)[:2] == (0.5, 0.5)
-    assert effective_weights(fader.shown(again, 0.7).lights)[:2] == (0.5, 0.5)
+    at_first = light_states.during_fade(again, 0.0)
+    assert effective_weights(at_first.lights)[:2] == (0.5, 0.5)
 
 
 def test_a_fade_of_no_time_is_a_cut(state: ViewState) -> None:
-    fader, new = Fader(), recalling(state, 0.0)
-    assert fader.shown(new, 0.0) is new and not fader.running
+    new = recalling(state, 0.0)
+    assert light_states.during_fade(new, 0.0) is new
     assert light_states.set_fade(state, 99.0).interface.fade_s == 10.0

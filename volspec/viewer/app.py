@@ -18,6 +18,8 @@ from imgui_bundle import imgui, implot
 
 from volspec.viewer.model.commands import BY_KEY
 from volspec.viewer.model.history import Difference, History
+from volspec.viewer.model.light_rows import Fade
+from volspec.viewer.model.light_states import after_fade, during_fade
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import menus, overlays
 from volspec.viewer.ui.context import Results, UiContext
@@ -30,8 +32,7 @@ from volspec.viewer.ui.window import Window
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.casts import CastScheduler
 from volspec.viewer.work.designs import DesignService
-from volspec.viewer.work.documents import Opened, open_document
-from volspec.viewer.work.fader import Fader
+from volspec.viewer.work.documents import Opened, open_path
 from volspec.viewer.work.meter import Meter
 from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, collect_warnings
 from volspec.viewer.work.pictures import give_back_large
@@ -85,9 +86,7 @@ def view(options: Options) -> None:
             path = options.path
             if not options.resumes:
                 # The file is read while the window opens.
-                tasks.start(
-                    "open", lambda: Opened.at_first(open_document(path, options.device), path)
-                )
+                tasks.start("open", lambda: open_path(path, options.device))
             with closing(Window("volspec", options.size)) as window:
                 _App(options, trace, tasks, window, warned).run()
     finally:
@@ -105,7 +104,7 @@ class _App:
     ) -> None:
         self._trace, self._window, self._warned = trace, window, warned
         self._ui = UiContext()
-        self._meter, self._notice = Meter(trace), Notice()
+        self._meter, self._notice = Meter(trace), Notice(trace)
         if window.note:
             self._notice.say(window.note)
         self._screen = Screen(window.context, Window.wake, self._meter, trace, self._notice)
@@ -118,7 +117,10 @@ class _App:
             self._file_commands.documents.resume(options.path, options.restore)
         self._scheduler = CastScheduler(Window.wake)
         self._docks, self._mouse = Docks(), Mouse()
-        self._fader, self._focus = Fader(), Focus()
+        self._focus = Focus()
+        self._fade: Fade | None = None
+        self._fade_began = 0.0
+        self._fading = False  # more frames are needed
         self._history: History | None = None
         self._shown: ViewState | None = None  # the last state that was cast or relit
         self._dark: bool | None = None
@@ -135,7 +137,7 @@ class _App:
     @property
     def _moves(self) -> bool:
         """True if more changes are likely: a mouse button is down, or lights fade."""
-        return self._mouse.held or self._fader.running
+        return self._mouse.held or self._fading
 
     def run(self) -> None:
         """Draw frames until the window closes."""
@@ -228,7 +230,7 @@ class _App:
         self._focus.frame()
         self._set_theme()
         present = self._present
-        state = shown = self._fader.shown(present, started) if present else None
+        state = shown = self._during_fade(present, started) if present else None
         if state is not None:
             menus.draw_status(state, self._ui)
             state = menus.draw_menu(state, self._ui)
@@ -236,18 +238,18 @@ class _App:
         if state is not None and self._history is not None:
             state = self._next(state, [*self._early, *inputs], area)
             self._early = []
-            assert present is not None and shown is not None
-            state = self._fader.to_keep(present, shown, state)
+            if present is not None and shown is not None and shown is not present:
+                state = after_fade(present, shown, state)
             self._history = self._history.then(state, self._mouse.gesture)
             self._do_requests()
             if self._docks.settled:
                 self._designs.follow(self._history.present)  # a fade's end, not what is shown
-                now = self._fader.shown(self._history.present, started)
+                now = self._during_fade(self._history.present, started)
                 change = self._history.difference
                 if change is None or change.old is not self._shown or change.new is not now:
                     change = Difference.between(self._shown, now)  # a fade, or several steps
                 self._update(change, started)
-            if self._fader.running:
+            if self._fading:
                 self._settle = max(self._settle, _SETTLE)
         else:
             self._mouse.take(inputs)
@@ -266,6 +268,17 @@ class _App:
         if self._shown is not None:
             # If a CPU draws it, it does so while the next frame's panels are made.
             self._relight(self._shown)
+
+    def _during_fade(self, state: ViewState, now: float) -> ViewState:
+        """Return a state as it is shown; the clock of a new fade begins now."""
+        if state.fade is not self._fade:
+            self._fade, self._fade_began = state.fade, now
+        if self._fade is None:
+            self._fading = False
+            return state
+        shown = during_fade(state, now - self._fade_began)
+        self._fading = shown is not state
+        return shown
 
     def _results(self) -> Results:
         screen, meter = self._screen, self._meter

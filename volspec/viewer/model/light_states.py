@@ -235,3 +235,28 @@ COMMANDS = (
         for i in range(1, 10)
     ),
 )
+
+
+def during_fade(state: ViewState, elapsed_s: float) -> ViewState:
+    """Return a state so long after its fade began; the state itself once that is over.
+
+    The state has the fade's end from its first moment, so that a fade is one step of undo.
+    """
+    fade = state.fade
+    if fade is None or elapsed_s >= fade.seconds:
+        return state
+    start, end = (fade.lights, fade.relight), (state.lights, state.relight)
+    lights, spec = interpolate_lights(start, end, elapsed_s / fade.seconds)
+    return replace(state, lights=lights, relight=spec)
+
+
+def after_fade(state: ViewState, shown: ViewState, new: ViewState) -> ViewState:
+    """Return the state for the history, after an edit made ``new`` of a state during its fade.
+
+    An edit of the lights or of the viewing ends the fade as it was ``shown``.
+    """
+    if new.fade is not shown.fade:
+        return new
+    if new.lights is shown.lights and new.relight is shown.relight:
+        return replace(new, lights=state.lights, relight=state.relight)
+    return replace(new, fade=None)

@@ -113,7 +113,7 @@ class FileCommands:
             elif outcome.kind == "open":
                 found = self.documents.came(outcome, first)
             elif outcome.error:
-                self._say_error(outcome.error)
+                self._notice.fail(outcome.error)
             elif outcome.kind != "session":
                 event = "screenshot" if outcome.kind == "picture" else outcome.kind
                 self._trace.note(event, path=str(outcome.result))
@@ -170,7 +170,7 @@ class FileCommands:
         try:
             done = copy()
         except VolspecError as error:
-            self._say_error(str(error))
+            self._notice.fail(str(error))
         else:
             self._trace.note("copied", what=done)
             self._notice.say(done)
@@ -183,7 +183,3 @@ class FileCommands:
             self._ui.lights.rename(state.interface.light, state.lights)
         else:
             self._notice.say("Lights are renamed in their list: open the Lights panel")
-
-    def _say_error(self, message: str) -> None:
-        self._notice.say(message)
-        self._trace.note("error", message=message)

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from functools import lru_cache
+from contextlib import suppress
+from functools import lru_cache, partial
 
 from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_of, white_XYZ
@@ -23,17 +24,14 @@ class Colours:
 
     def __init__(self, grid: SpectralGrid, observer_deg: int) -> None:
         self.spectra: Mapping[str, Spectrum] | None = None
-        task = threading.Thread(
-            target=self._make, args=(grid, observer_deg), name="volspec-colours", daemon=True
-        )
-        task.start()
+        make = partial(self._make, grid, observer_deg)
+        threading.Thread(target=make, name="volspec-colours", daemon=True).start()
 
     def _make(self, grid: SpectralGrid, observer_deg: int) -> None:
         made: Mapping[str, Spectrum] = {}
         try:
-            made = _reflectances(grid, observer_deg)
-        except VolspecError:
-            return
+            with suppress(VolspecError):
+                made = _reflectances(grid, observer_deg)
         finally:  # panels must not wait for ever, whatever the fault
             self.spectra = made
 

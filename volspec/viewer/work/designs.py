@@ -277,8 +277,7 @@ class DesignService:
             self._wizard = ""
         self._report(busy=self._wizard, complaint=outcome.error)
         if outcome.error:
-            self._notice.say(outcome.error)
-            self._trace.note("error", message=outcome.error)
+            self._notice.fail(outcome.error)
             return replace(history)
         begun, name, made = outcome.result
         if isinstance(made, str):

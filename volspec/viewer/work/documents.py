@@ -63,11 +63,6 @@ class Opened:
     path: str | None = None
     session: Path | None = None
 
-    @classmethod
-    def at_first(cls, document: Document, path: str | None) -> Opened:
-        """Open a document as its file has it."""
-        return cls(ViewState.first(document, (0, 0)), path)
-
     def after(self, before: ViewState | None) -> Opened:
         """Return it in the present window, with the brightest light chosen.
 
@@ -79,6 +74,11 @@ class Opened:
         if self.session is None:
             interface = replace(before.interface, light=brightest_row(self.state.lights))
         return replace(self, state=replace(self.state, size=before.size, interface=interface))
+
+
+def open_path(path: str | None, device: str | None) -> Opened:
+    """Open a scene or a volume as its file has it, as `open_document`."""
+    return Opened(ViewState.first(open_document(path, device), (0, 0)), path)
 
 
 class DocumentService:
@@ -104,14 +104,14 @@ class DocumentService:
             return
         if say:
             self._say_opening(f"Opening {path or 'the demo'} …")
-        self._tasks.start("open", lambda: Opened.at_first(open_document(path, self._device), path))
+        self._tasks.start("open", lambda: open_path(path, self._device))
 
     def drop(self, paths: tuple[str, ...]) -> None:
         """Open the scene or the volume that was dropped."""
         try:
             self.open(path_of_drop(paths))
         except InputError as error:
-            self._say_error(str(error))
+            self._notice.fail(str(error))
 
     def resume(self, path: str | None, last: bool) -> None:
         """Restore the last session, or the one in a file.
@@ -148,7 +148,7 @@ class DocumentService:
         if first:
             self._instead(outcome.error)
         else:
-            self._say_error(outcome.error)
+            self._notice.fail(outcome.error)
         return None
 
     def begin(self, opened: Opened, before: ViewState | None) -> None:
@@ -185,7 +185,7 @@ class DocumentService:
         try:
             self._store.save(state)
         except (VolspecError, OSError) as error:
-            self._say_error(f"The session is not kept: {error}")
+            self._notice.fail(f"The session is not kept: {error}")
 
     def restore(self, state: ViewState) -> None:
         """Save this session, and restore the one before."""
@@ -202,7 +202,7 @@ class DocumentService:
         self._say_opening("Reading the file again; only the view stays …")
 
         def again() -> Opened:
-            found = Opened.at_first(open_document(path, self._device), path)
+            found = open_path(path, self._device)
             return replace(found, state=replace(found.state, view=state.view))
 
         self._tasks.start("open", again)
@@ -230,14 +230,10 @@ class DocumentService:
         if not self._besides:
             raise InputError(error)
         path = self._besides.pop(0)
-        self._say_error(f"{error}; this is {'the demo' if path is None else Path(path).name}")
+        self._notice.fail(f"{error}; this is {'the demo' if path is None else Path(path).name}")
         self.open(path, say=False)
 
     def _say_opening(self, message: str) -> None:
         """Show a message until the file is open, or another message comes."""
         self._notice.say(message)
         self._opening = self._notice.text
-
-    def _say_error(self, message: str) -> None:
-        self._notice.say(message)
-        self._trace.note("error", message=message)

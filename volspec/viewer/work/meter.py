@@ -49,13 +49,8 @@ class Meter:
     def relights(self, relit: Relit | None, first: bool, ends: bool, whole: bool) -> None:
         """Take a picture, or a band of it, that is being relit; its time is known a frame later.
 
-        Parameters
-        ----------
-        relit : Relit or None
-        first, ends : bool
-            The picture begins with this band; it is complete with it.
-        whole : bool
-            The picture has all pixels.
+        The band may be the picture's ``first`` one, or its last (``ends``); a ``whole`` picture
+        has all pixels.
         """
         self._relit = relit
         if first:
@@ -72,8 +67,11 @@ class Meter:
         if self._relit is not None:
             self._relit_ms += self._relit.ms
             self._relit = None
+            if self._ended:
+                self.bands = min(max(math.ceil(self._relit_ms / SLOW_MS), 1), _MOST_BANDS)
             if self._ended is not None:
-                self._note_relight(self._relit_ms, whole=self._ended)
+                self.ms["relight"] = self._relit_ms
+                self._trace.note("relight", "relight", self._relit_ms, whole=self._ended)
         now = time.perf_counter()
         self.ms["frame"] = 1e3 * (now - began)
         self._trace.note("frame", "frame", self.ms["frame"])
@@ -83,9 +81,3 @@ class Meter:
         if self._areas != areas:
             self._areas = dict(areas)
             self._trace.note("layout", areas=self._areas)
-
-    def _note_relight(self, ms: float, whole: bool) -> None:
-        if whole:
-            self.bands = min(max(math.ceil(ms / SLOW_MS), 1), _MOST_BANDS)
-        self.ms["relight"] = ms
-        self._trace.note("relight", "relight", ms, whole=whole)

@@ -11,7 +11,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Self
@@ -59,12 +59,18 @@ SHORT_SECONDS = 2.0
 class Notice:
     """The message line, and the time until which it is shown."""
 
+    trace: Trace = field(default_factory=Trace)
     text: str = ""
     until: float = 0.0
 
     def say(self, text: str, seconds: float = SECONDS) -> None:
         """Replace the line."""
         self.text, self.until = one_line(text), time.perf_counter() + seconds
+
+    def fail(self, error: str) -> None:
+        """Replace the line by an error, and note it in the trace."""
+        self.say(error)
+        self.trace.note("error", message=error)
 
     def ended(self, now: float) -> bool:
         """Remove a line whose time is over; return True if there was one."""

@@ -31,13 +31,12 @@ _LARGE_BYTES = 1_000_000
 def give_back_large() -> None:
     """Make glibc return large blocks to the system as soon as they are freed.
 
-    It would keep them otherwise, and after some minutes of casts of ever other sizes hold up to
-    twice the memory in use. Other C libraries are left as they are.
+    Otherwise it holds up to twice the memory in use after casts of many sizes. Other C libraries
+    are left as they are.
     """
-    if sys.platform == "linux":
-        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-        if mallopt is not None:
-            mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
+    libc = ctypes.CDLL(None) if sys.platform == "linux" else None
+    if hasattr(libc, "mallopt"):
+        libc.mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
 
 
 # Relighters: for the whole picture, two coarser ones, and those of a window before its resize.
@@ -55,7 +54,7 @@ class Painted:
 
     @property
     def fills(self) -> bool:
-        """True if it covers the visible part; panels cover the rest."""
+        """True if it covers the visible part."""
         x, y, width, height = self.within
         return self.to == (x, y, x + width, y + height)
 
@@ -111,14 +110,6 @@ class Pictures:
         if image is not None and image.basis is not basis and same_channels(image.basis, basis):
             self.image = replace(image, basis=basis)
 
-    def _halved(self) -> Relighter:
-        """Return the relighter of every second row and column."""
-        if self._half is None:
-            assert self.image is not None
-            second = slice(None, None, 2)
-            self._half = self._relighter_of(crop(self.image, second, second))
-        return self._half
-
     def _relighter_of(
         self, image: CoefficientImage, packed: PackedLayers | None = None
     ) -> Relighter:
@@ -144,7 +135,7 @@ class Pictures:
         if self._shown is None or rig is None or not is_tabled(spec.viewing.model):
             return ()
         self._paint(self._shown)
-        keys = [self._shown.missing_table(each, spec) for each in (rig, other) if each]
+        keys = (self._shown.missing_table(each, spec) for each in (rig, other) if each)
         found = tuple(key for key in keys if key is not None)
         self.current &= not found
         return found
@@ -167,12 +158,11 @@ class Pictures:
     ) -> Relit | None:
         """Begin to draw the picture under lights; return its timing, for two relights at most.
 
-        A picture of another size stays visible until the last band of this one is drawn.
+        A picture of another size stays visible until the last band of this one is drawn; without
+        lights there is no picture.
 
         Parameters
         ----------
-        rig : LightRig or None
-            Without lights there is no picture.
         other : LightRig, optional
             Lights right of the divide, for an eye adapted to them.
         divide : float
@@ -186,7 +176,11 @@ class Pictures:
             self._frame = self._frame_of = None
             return None
         started = time.perf_counter()
-        shown = self._halved() if coarse else self._shown
+        shown = self._shown
+        if coarse and self.image is not None:
+            second = slice(None, None, 2)
+            self._half = self._half or self._relighter_of(crop(self.image, second, second))
+            shown = self._half
         self._paint(shown)
         self._queries.reverse()
         width, height = shown.size

@@ -32,7 +32,7 @@ _REST_S = 0.1
 
 
 class TableWorker(LatestWorker[tuple[TableKey, ...], str]):
-    """Computes tables in a thread; its results are error messages, ``""`` if all went well."""
+    """Computes tables in a thread; its results are error messages, empty if all went well."""
 
     def __init__(self, wake: Callable[[], object], tables: HostTables) -> None:
         super().__init__(wake, "volspec-tables")
@@ -188,36 +188,32 @@ class Screen:
 
     def tabled(self) -> bool:
         """Take computed tables; return True if there are any."""
-        said = self._tabling.take()
-        for error in said:
+        errors = self._tabling.take()
+        for error in errors:
             if error:
                 self._tables = ()
                 self._notice.say(error)
             else:
                 self._relit = False
-        return bool(said)
+        return bool(errors)
 
     def probe(self, state: ViewState, place: tuple[float, float] | None, held: bool) -> None:
         """Read the pixel under the mouse; none if a button is down.
 
         While a picture is being drawn the last reading stays, as reading waits for the drawing.
         """
-        self.under_mouse = self._read(state, place, held)
-
-    def _read(
-        self, state: ViewState, place: tuple[float, float] | None, held: bool
-    ) -> Reading | None:
+        shown, self.under_mouse = self.under_mouse, None
         image, cast = self.pictures.image, self._cast
         if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
-            return None
+            return
         lights = state.other if state.other and place[0] > state.divide else state.lights
         rig = rig_of(lights)
         if rig is None:
-            return None
+            return
         if self._drawing:
-            return self.under_mouse
-        if not self.pictures.current:
-            return None
+            self.under_mouse = shown
+        if self._drawing or not self.pictures.current:
+            return
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
         key = image, lights, state.relight, pixel
@@ -229,7 +225,7 @@ class Screen:
                 self._reading = read(image, camera, volume, rig, state.relight, pixel, code)
             except VolspecError:  # shown when it was relit
                 self._reading = None
-        return self._reading
+        self.under_mouse = self._reading
 
     def update_error_map(self, state: ViewState, held: bool) -> bool:
         """Request the error map if it is on; return True if a new one has come."""
