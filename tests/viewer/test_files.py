@@ -223,7 +223,7 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
 
 def test_a_picture_that_is_given_up_is_not_written(tmp_path: Path) -> None:
     progress = Progress("")
-    progress.end()
+    progress.ended = True
     with pytest.raises(CastCancelled):
         save_picture(opened(tmp_path), Shot(folder=str(tmp_path)), progress)
     assert not list(tmp_path.glob("*.png"))

@@ -29,8 +29,10 @@ from volspec.viewer.work.session_store import STATE_VARIABLE
 class Slow(LatestWorker[str, str]):
     """Gives each letter of a word, the first as soon as it may."""
 
+    _name = "slow"
+
     def __init__(self, wake: Callable[[], object] = lambda: None) -> None:
-        super().__init__(wake, "slow")
+        super().__init__(wake)
         self.go_on = threading.Event()
         self.begun: list[str] = []
 
@@ -173,7 +175,7 @@ def test_a_picture_that_is_written_is_said_to_be_saved_though_it_was_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, written: bool
 ) -> None:
     def taken(_: ViewState, __: object, progress: Progress) -> Path:
-        progress.end()
+        progress.ended = True
         if not written:
             raise CastCancelled("the picture was given up")
         return tmp_path / "late.png"

@@ -195,7 +195,7 @@ def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
         begun.clear()
         notice = Notice()
         made = DocumentService(Tasks(lambda: None), notice, Trace(), None)
-        made.resume(path, last=True)
+        made.resume_last(path)
         return made, notice
 
     _, notice = resumed(None)

@@ -95,12 +95,7 @@ def view(options: Options) -> None:
 
 class _App:
     def __init__(
-        self,
-        options: Options,
-        trace: Trace,
-        tasks: Tasks,
-        window: Window,
-        warned: SimpleQueue[str],
+        self, options: Options, trace: Trace, tasks: Tasks, window: Window, warned: SimpleQueue[str]
     ) -> None:
         self._trace, self._window, self._warned = trace, window, warned
         self._ui = UiContext()
@@ -113,8 +108,10 @@ class _App:
             *(tasks, self._screen.pictures, self._ui, self._notice, trace),
             *(options.device, options.screenshot, self._designs.file),
         )
-        if options.resumes:
-            self._file_commands.documents.resume(options.path, options.restore)
+        if options.restore:
+            self._file_commands.documents.resume_last(options.path)
+        elif options.resumes:
+            self._file_commands.documents.open(options.path)
         self._scheduler = CastScheduler(Window.wake)
         self._docks, self._mouse = Docks(), Mouse()
         self._focus = Focus()
@@ -177,9 +174,8 @@ class _App:
         if self._settle > 0:
             return 0.0
         longest = _BUSY_S if self._scheduler.busy else _IDLE_S
-        if self._still is None:
-            return longest
-        return min(max(self._still - time.perf_counter(), 0.0), longest)
+        rest = longest if self._still is None else max(self._still - time.perf_counter(), 0.0)
+        return min(rest, longest)
 
     def _rest(self) -> None:
         """Note in the trace when everything is done and drawn."""
@@ -240,7 +236,7 @@ class _App:
             self._early = []
             if present is not None and shown is not None and shown is not present:
                 state = after_fade(present, shown, state)
-            self._history = self._history.then(state, self._mouse.gesture)
+            self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
             if self._docks.settled:
                 self._designs.follow(self._history.present)  # a fade's end, not what is shown

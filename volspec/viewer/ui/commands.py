@@ -7,9 +7,9 @@ imgui-bundle's own palette shows no keys and keeps one list for the whole proces
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from imgui_bundle import imgui
 
@@ -23,18 +23,13 @@ from volspec.viewer.model.commands import COMMANDS, open_viewing, rank_matches
 from volspec.viewer.model.edit import Change, Edited
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Search, UiContext
+from volspec.viewer.ui.overlays import BARE_WINDOW
 from volspec.viewer.ui.viewing import SETTINGS
 from volspec.viewer.ui.widgets import as_one_line, key_text, text_width
 from volspec.viewer.work.session_store import RecentFile
 
 _ROWS = 14
-_FLAGS = (
-    imgui.WindowFlags_.no_decoration
-    | imgui.WindowFlags_.no_docking
-    | imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.no_nav
-    | imgui.WindowFlags_.no_move
-)
+_FLAGS = BARE_WINDOW | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_move
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +70,7 @@ def _search(names: tuple[str, ...], recent: tuple[RecentFile, ...], text: str) -
 @lru_cache(maxsize=8)
 def _entries(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[Entry, ...]:
     """Return all entries: commands, settings, the state's lights, files, lights of the library."""
-
-    def with_argument(change: Callable[..., ViewState | Edited], given: str | int) -> Change:
-        return lambda state: change(state, given)
-
-    entries = [
+    commands = (
         Entry(
             command.menu or "Step",
             command.title.removesuffix(" …"),
@@ -89,28 +80,31 @@ def _entries(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[En
         )
         for command in COMMANDS
         if command.name != "commands"
-    ]
-    for group, options, change in (
-        ("Model", MODELS, viewing.set_model),
-        ("Display", PRESETS, viewing.set_room),
-        ("Surround", SURROUNDS, viewing.set_surround),
-        ("Space", SPACES, viewing.set_space),
-        ("Gamut", GAMUTS, viewing.set_gamut),
-    ):
-        entries += [Entry(group, name, change=with_argument(change, name)) for name in options]
-    entries += [
+    )
+    return (
+        *commands,
+        *_choices("Model", MODELS, viewing.set_model),
+        *_choices("Display", PRESETS, viewing.set_room),
+        *_choices("Surround", SURROUNDS, viewing.set_surround),
+        *_choices("Space", SPACES, viewing.set_space),
+        *_choices("Gamut", GAMUTS, viewing.set_gamut),
         *(Entry("Setting", name, change=open_viewing, item=name) for name in SETTINGS),
         *(
-            Entry("Light", name, change=with_argument(lights.only, i))
+            Entry("Light", name, change=partial(lights.only, index=i))
             for i, name in enumerate(names)
         ),
         *(Entry("Open", row.label, ask=f"open {row.path}") for row in recent if row.there),
-        *(
-            Entry("Add light", name, change=with_argument(lights.add, name))
-            for name in light_names()
-        ),
-    ]
-    return tuple(entries)
+        *_choices("Add light", light_names(), lights.add),
+    )
+
+
+def _choices(
+    group: str, names: Iterable[str], change: Callable[[ViewState, str], ViewState | Edited]
+) -> list[Entry]:
+    def choose(name: str) -> Change:
+        return lambda state: change(state, name)
+
+    return [Entry(group, name, change=choose(name)) for name in names]
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
@@ -133,9 +127,8 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1)
     imgui.begin("##commands", None, _FLAGS)
     picked = _body(search, state, ui)
-    outside = imgui.is_mouse_clicked(0) and not imgui.is_window_hovered(
-        imgui.HoveredFlags_.child_windows
-    )
+    inside = imgui.is_window_hovered(imgui.HoveredFlags_.child_windows)
+    outside = imgui.is_mouse_clicked(0) and not inside
     imgui.end()
     imgui.pop_style_var(2)
     if picked is not None:
@@ -163,12 +156,8 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
         imgui.set_window_focus()
         search.fresh = False
     imgui.set_next_item_width(-1)
-    entered, text = imgui.input_text_with_hint(
-        "##search",
-        "What do you want to do?",
-        search.text,
-        imgui.InputTextFlags_.enter_returns_true,
-    )
+    hint, flags = "What do you want to do?", imgui.InputTextFlags_.enter_returns_true
+    entered, text = imgui.input_text_with_hint("##search", hint, search.text, flags)
     ui.note("commands")
     if text != search.text:
         search.text, search.at = text, 0

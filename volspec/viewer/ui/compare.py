@@ -17,11 +17,11 @@ Box = tuple[float, float, float, float]
 _TOP, _GAP, _WIDEST = 16.0, 12.0, 260.0
 
 
-def draw_divide(state: ViewState, ui: UiContext) -> ViewState | None:
+def draw_divide(state: ViewState, ui: UiContext) -> None:
     """Draw the divide, and the names of the lights on either side."""
     if state.other is None:
         ui.areas.pop("sides", None)
-        return None
+        return
     x, y, width, height = ui.areas["picture"]
     at = round(x + state.divide * width)
     with over_picture(ui) as draw_list:
@@ -30,7 +30,6 @@ def draw_divide(state: ViewState, ui: UiContext) -> ViewState | None:
         draw_list.add_line((at, y), (at, y + height), pack_colour(WHITE, 0.95), ui.px(1.5))
         _draw_handle(draw_list, ui, at, y + height / 2)
         _draw_labels(draw_list, ui, at, (state.lights, state.other))
-    return None
 
 
 def _draw_labels(
@@ -100,17 +99,16 @@ _STEPS = 48
 _NOTICEABLE = 1.0
 
 
-def draw_error_map(state: ViewState, ui: UiContext) -> ViewState | None:
+def draw_error_map(state: ViewState, ui: UiContext) -> None:
     """Draw the error map and its legend."""
     shown = ui.results.error_map
     if shown is None or not state.interface.error_map:
-        return None
+        return
     if shown.texture and shown.image is ui.results.image:
         left, top, right, bottom = ui.results.shown_at
         with over_picture(ui) as draw_list:
             draw_list.add_image(imgui.ImTextureRef(shown.texture), (left, top), (right, bottom))
     _draw_legend(ui, shown.map, error_map_lines(shown.map, shown.problem))
-    return None
 
 
 def _draw_legend(ui: UiContext, found: ErrorMap | None, lines: list[str]) -> None:

@@ -6,6 +6,7 @@ command -> [file_commands] -> documents | tasks -> scene, script, session, PNG
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 from volspec.errors import VolspecError
 from volspec.viewer.model.paths import PathRequest
@@ -33,12 +34,8 @@ from volspec.viewer.work.session import save_session
 class FileCommands:
     """Runs what takes time, and what touches files.
 
-    Parameters
-    ----------
-    size : (width, height), optional
-        Of pictures; None is as shown.
-    palette : callable
-        Reads or writes a palette's file: takes the request's kind, the path and the state.
+    The ``size`` of saved pictures is (width, height), or None for that in the window; ``palette``
+    reads or writes a palette's file, given the request's kind, the path and the state.
     """
 
     def __init__(
@@ -93,22 +90,18 @@ class FileCommands:
     def take(self, first: bool) -> tuple[bool, Opened | None]:
         """Take the threads' results; return whether there are any, and what was opened.
 
-        Raises
-        ------
-        InputError
-            If this is the first file (nothing is open yet), and nothing can be opened.
+        If nothing is open yet (``first``), this raises as `DocumentService.came`.
         """
         if answer := self._dialogs.take():
             self._answered(*answer)
         outcomes = self._tasks.take()
         found = None
         for outcome in outcomes:
-            given_up = False
-            if outcome.kind == "picture" and self._progress is not None:
-                # A picture that was cancelled too late is written all the same.
-                given_up = self._progress.ended and bool(outcome.error)
+            progress = self._progress if outcome.kind == "picture" else None
+            if progress is not None:
                 self._progress = None
-            if given_up:
+            # A picture that was cancelled too late is written all the same.
+            if progress is not None and progress.ended and outcome.error:
                 self._notice.say("The picture was given up")
             elif outcome.kind == "open":
                 found = self.documents.came(outcome, first)
@@ -142,7 +135,7 @@ class FileCommands:
         if request.kind == "open":
             self.documents.open(path)
         elif request.kind == "resume":
-            self.documents.resume(path, last=False)
+            self.documents.resume(Path(path))
         elif state is not None and request.kind in PALETTES:
             self._palette(request.kind, path, state)
         elif state is not None:
@@ -164,7 +157,7 @@ class FileCommands:
 
     def _cancel(self) -> None:
         if self._progress is not None:
-            self._progress.end()
+            self._progress.ended = True
 
     def _copy(self, copy: Callable[[], str]) -> None:
         try:

@@ -42,30 +42,16 @@ STEPPING = frozenset({*_ARROWS.values(), "+", "=", "-"})
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """Something that the user did.
+    """Something that the user did."""
 
-    Parameters
-    ----------
-    name : {"press", "release", "move", "wheel", "key", "typed", "drop", "resize"}
-    x, y : float
-        The mouse's place in the window; of the wheel its notches.
-    key : str
-        As written on it, as ``a``, ``1``, ``enter``; with ``ctrl+``, ``alt+`` or ``ctrl+shift+``
-        in front.
-    modifiers : str
-        Keys held with the mouse: ``ctrl``, ``shift``, ``alt``, or several as ``ctrl+shift``.
-    repeated : bool
-        True for a key that is held down.
-    """
-
-    name: str
-    x: float = 0.0
+    name: str  # "press", "release", "move", "wheel", "key", "typed", "drop" or "resize"
+    x: float = 0.0  # the mouse's place in the window, or the wheel's notches
     y: float = 0.0
     button: str = ""
-    key: str = ""
+    key: str = ""  # as written on it: a, 1, enter; after ctrl+, alt+ or ctrl+shift+
     paths: tuple[str, ...] = ()
-    modifiers: str = ""
-    repeated: bool = False
+    modifiers: str = ""  # keys held with the mouse: ctrl, shift, alt, or several as ctrl+shift
+    repeated: bool = False  # a key that is held down
 
 
 class Inputs:
@@ -86,10 +72,11 @@ class Inputs:
         glfw.set_scroll_callback(window, self._on_wheel)
         glfw.set_key_callback(window, self._on_key)
         glfw.set_char_callback(window, self._on_char)
-        glfw.set_drop_callback(window, self._on_drop)
+        # glfw's annotation has a number before the paths, its call has none.
+        glfw.set_drop_callback(window, lambda *given: self.drop(given[-1]))
         glfw.set_cursor_enter_callback(window, self._on_enter)
-        glfw.set_framebuffer_size_callback(window, self._on_change)
-        glfw.set_window_refresh_callback(window, self._on_change)
+        glfw.set_framebuffer_size_callback(window, lambda *_: self._add(Input("resize")))
+        glfw.set_window_refresh_callback(window, lambda *_: self._add(Input("resize")))
 
     @property
     def waiting(self) -> bool:
@@ -144,12 +131,6 @@ class Inputs:
 
     def _on_char(self, _: Any, char: int) -> None:
         self._add(Input("typed"), lambda: imgui.get_io().add_input_character(char))
-
-    def _on_drop(self, *given: Any) -> None:
-        self.drop(given[-1])  # glfw's annotation has a number before the paths, its call has none
-
-    def _on_change(self, *_: Any) -> None:
-        self._add(Input("resize"))
 
     def _on_key(self, window: Any, key: int, code: int, action: int, modifiers: int) -> None:
         down = [(modifier, self._is_down(left, right)) for _, left, right, modifier in _MODIFIERS]

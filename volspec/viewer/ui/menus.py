@@ -10,6 +10,7 @@ from volspec.viewer.model.commands import BY_NAME, COMMANDS, MENUS, key_text_of
 from volspec.viewer.model.edit import Command
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.overlays import BARE_WINDOW
 from volspec.viewer.ui.widgets import as_one_line, key_text, shorten, text_width, whole_label
 
 # Commands with a separator above them.
@@ -62,12 +63,6 @@ def _recent(ui: UiContext) -> None:
     imgui.end_menu()
 
 
-_FLAGS = (
-    imgui.WindowFlags_.no_decoration
-    | imgui.WindowFlags_.no_docking
-    | imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.no_nav
-)
 _HEIGHT = 26
 
 
@@ -75,8 +70,9 @@ def draw_status(state: ViewState, ui: UiContext) -> None:
     """Draw the status line along the whole window."""
     viewport = imgui.get_main_viewport()
     imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(12), ui.px(4)))
+    flags = BARE_WINDOW | imgui.WindowFlags_.no_nav
     imgui.internal.begin_viewport_side_bar(
-        "##status", viewport, imgui.Dir.down, ui.px(_HEIGHT), _FLAGS
+        "##status", viewport, imgui.Dir.down, ui.px(_HEIGHT), flags
     )
     texts = (as_one_line(state.document.title), sizes(state, ui), f"H: keys    {timings(ui)}")
     room = imgui.get_content_region_avail().x

@@ -81,7 +81,7 @@ class Mouse:
     """The mouse's drag in progress, and the gesture."""
 
     def __init__(self) -> None:
-        self._gestures = Gestures()
+        self.gestures = Gestures()
         # The mouse's place in shares of the picture; None unless it is over it, and over no panel.
         self.over_picture: Place | None = None
         # Pixels of the window for each at 96 dpi; it differs between monitors.
@@ -94,11 +94,6 @@ class Mouse:
         self._face: int | None = None
         self._pressed: Place = (-1.0, -1.0)
         self._at: Place = (-1.0, -1.0)  # unknown, and not over the picture
-
-    @property
-    def gesture(self) -> int:
-        """The number of the present or last gesture."""
-        return self._gestures.number
 
     @property
     def held(self) -> bool:
@@ -187,7 +182,7 @@ class Mouse:
             self._down.add(given.button)
         elif given.name == "release":
             self._down.discard(given.button)
-        self._gestures.take(given, time.perf_counter())
+        self.gestures.take(given, time.perf_counter())
         if given.name in ("press", "release", "move"):
             self._at = given.x, given.y
 

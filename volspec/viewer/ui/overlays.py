@@ -14,12 +14,15 @@ from volspec.viewer.ui.light_look import fill, outline
 from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, pack_colour, text_width
 from volspec.viewer.work.probe import Reading
 
-_FLAGS = (
+BARE_WINDOW = (
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.no_saved_settings
+)
+_FLAGS = (
+    BARE_WINDOW
     | imgui.WindowFlags_.no_inputs
     | imgui.WindowFlags_.always_auto_resize
-    | imgui.WindowFlags_.no_saved_settings
     | imgui.WindowFlags_.no_focus_on_appearing
 )
 # The scale bar in pixels at 96 dpi; a narrower picture has none.
@@ -61,9 +64,8 @@ def in_place(text: str, ui: UiContext) -> None:
     wrap = 0.9 * width
     size = imgui.calc_text_size(text, wrap_width=wrap)
     place = x + (width - size.x) / 2, y + (height - size.y) / 2
-    grey, font, font_size = pack_colour((0.6, 0.6, 0.6)), imgui.get_font(), imgui.get_font_size()
-    draw_list = imgui.get_background_draw_list()
-    draw_list.add_text(font, font_size, place, grey, text, wrap_width=wrap)
+    grey, font = pack_colour((0.6, 0.6, 0.6)), (imgui.get_font(), imgui.get_font_size())
+    imgui.get_background_draw_list().add_text(*font, place, grey, text, wrap_width=wrap)
 
 
 def length_mm(mm_per_px: float, longest_px: float) -> float:

@@ -25,7 +25,7 @@ _AROUND = tuple((a, b) for a in (-1.2, 0.0, 1.2) for b in (-1.2, 0.0, 1.2))
 _SHORTEST = 50.0
 # Of a slice's side in lines of text: a shorter one has no letters at its ends.
 _CRAMPED = 2.6
-# Lines of the panel besides the pictures: one for each slice, and four below.
+# Lines of the panel without the pictures: one for each slice, and four below.
 _LINES = 7
 
 
@@ -44,9 +44,9 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     )
     lasts = [volume.shape_xyz[layout.normal] - 1 for layout in layouts]
     widest = max(text_width(_slice_text(_title(state, i), n, n)) for i, n in enumerate(lasts))
-    beside = widest + imgui.get_style().item_inner_spacing.x
+    label_width = widest + imgui.get_style().item_inner_spacing.x
     for index, (layout, size) in enumerate(zip(layouts, sizes, strict=True)):
-        new = _slider(new, ui, index, layout, (wide - beside, wide))
+        new = _slider(new, ui, index, layout, (wide - label_width, wide))
         new = _picture(new, ui, ui.results.slices, index, layout, size)
     new = _looks(new, ui)
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wide)

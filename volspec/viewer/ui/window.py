@@ -40,12 +40,7 @@ _HINTS = (
 
 
 class Window:
-    """A window that is open until `close`.
-
-    Parameters
-    ----------
-    size : (width, height)
-        At 96 dpi.
+    """A window that is open until `close`; its size (width, height) is at 96 dpi.
 
     Raises
     ------

@@ -30,8 +30,10 @@ class LatestWorker(ABC, Generic[Job, Done]):
     something to take.
     """
 
-    def __init__(self, wake: Callable[[], object], name: str) -> None:
-        self._wake, self._name = wake, name
+    _name: str  # of the thread
+
+    def __init__(self, wake: Callable[[], object]) -> None:
+        self._wake = wake
         self._next: Job | None = None
         self._closed = False
         self._changed = threading.Condition()
@@ -54,10 +56,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
 
     def take(self) -> list[Done]:
         """Return the results since the last call, in order."""
-        taken = []
-        while self._done:
-            taken.append(self._done.popleft())
-        return taken
+        return [self._done.popleft() for _ in range(len(self._done))]
 
     def close(self, patience_s: float | None = None) -> None:
         """Begin no more jobs, and wait so long for the present one; None is until it has ended."""
@@ -165,8 +164,8 @@ class _Runner(LatestWorker[Callable[[], Any], Outcome]):
     """Thread of one task."""
 
     def __init__(self, wake: Callable[[], object], kind: str) -> None:
-        super().__init__(wake, f"volspec-{kind}")
-        self._kind = kind
+        super().__init__(wake)
+        self._kind, self._name = kind, f"volspec-{kind}"
 
     def ended(self, patience_s: float) -> str:
         """Wait for the end; return the error's message, if there is one."""

@@ -56,22 +56,14 @@ def _lower_priority() -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CastJob:
-    """A picture to be cast.
-
-    Parameters
-    ----------
-    size : (width, height)
-        Of the whole picture.
-    divisors : tuple of int
-        Its sides are divided by them, one pass for each.
-    """
+    """A picture to be cast."""
 
     document: Document
     transfer: Transfer
     camera: Camera
     shading: RaycastSpec
-    size: tuple[int, int]
-    divisors: tuple[int, ...]
+    size: tuple[int, int]  # width and height of the whole picture
+    divisors: tuple[int, ...]  # its sides are divided by them, one pass for each
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,8 +85,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
     mouse that moves quicker than the cast would never show anything.
     """
 
-    def __init__(self, wake: Callable[[], object]) -> None:
-        super().__init__(wake, "volspec-cast")
+    _name = "volspec-cast"
 
     def _answers(self, job: CastJob) -> Iterator[CastDone]:
         for number, divisor in enumerate(job.divisors):
@@ -107,30 +98,26 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         if job.document.fault:
             return CastDone(job, divisor, 0.0, error=job.document.fault)
         width, height = (-(-side // divisor) for side in job.size)
-        image: CoefficientImage | None = None
-        packed: PackedLayers | None = None
-        error = ""
+        done = CastDone(job, divisor, 0.0)
         started = time.perf_counter()
         try:
-            cast = raycast(
+            image = raycast(
                 *(job.document.volume, job.transfer, job.camera, (width, height), job.shading),
                 cancel=(lambda: self._closed) if spared else self._superseded,
                 caster=job.document.caster,
             )
             # In this thread, as it would take 20 to 40 ms of the window's.
-            packed = PackedLayers.of(cast)
-            image = cast
+            done = replace(done, image=image, packed=PackedLayers.of(image))
         except CastCancelled:
             pass
         except MemoryError:
-            error = "no memory for the picture; make the window smaller"
+            done = replace(done, error="no memory for the picture; make the window smaller")
         except VolspecError as refused:
-            error = one_line(refused)
+            done = replace(done, error=one_line(refused))
         except Exception as failed:  # a device that is lost, say: the thread must outlive it
             said = f"the cast failed: {one_line(failed)}"
-            error = f"{said}; open the file again, or see volspec doctor"
-        ms = 1e3 * (time.perf_counter() - started)
-        return CastDone(job, divisor, ms, image, error, packed)
+            done = replace(done, error=f"{said}; open the file again, or see volspec doctor")
+        return replace(done, ms=1e3 * (time.perf_counter() - started))
 
 
 # Few sizes, as each has textures of its own on the GPU.

@@ -48,53 +48,28 @@ REST_S = 0.12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignJob:
-    """Palette to design.
-
-    Parameters
-    ----------
-    targets : DesignTargets
-        The targets that the palette was made for.
-    number : int
-        Of the `DesignService`'s present state; results of an earlier one are dropped.
-    """
+    """Palette to design."""
 
     palette: Palette
-    targets: DesignTargets
-    number: int = 0
+    targets: DesignTargets  # those that the palette was made for
+    number: int = 0  # of the `DesignService`'s state; results of an earlier one are dropped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignDone:
-    """Result of one design of a job.
-
-    Parameters
-    ----------
-    made : Design, optional
-        None if it failed.
-    whole : bool
-        This was the last design of the job.
-    error : str
-        Why it failed.
-    """
+    """Result of one design of a job."""
 
     job: DesignJob
     ms: float
-    made: Design | None
-    whole: bool
-    error: str
+    made: Design | None  # None if it failed
+    whole: bool  # this was the last design of the job
+    error: str  # why it failed
 
 
 class DesignWorker(LatestWorker[DesignJob, DesignDone]):
-    """Thread for designs, quick and in full; a newer job replaces the full one.
+    """Thread for designs, quick and in full; a newer job replaces the full one."""
 
-    Parameters
-    ----------
-    wake : callable
-        Called from the thread when there is something to take.
-    """
-
-    def __init__(self, wake: Callable[[], object]) -> None:
-        super().__init__(wake, "volspec-design")
+    _name = "volspec-design"
 
     def _answers(self, job: DesignJob) -> Iterator[DesignDone]:
         criteria = job.palette.criteria
@@ -135,19 +110,9 @@ _DOING = {
 
 
 class DesignService:
-    """Designs spectra for targets in the background.
+    """Designs spectra for targets in the background; ``status`` has messages for the panel.
 
-    Parameters
-    ----------
-    wake : callable
-        Called from threads when there is something to take.
-    notice, trace
-        Report the results.
-
-    Attributes
-    ----------
-    status : DesignStatus
-        Messages for the panel.
+    Threads call ``wake`` when there is something to take.
     """
 
     asks = frozenset(WIZARDS)
@@ -167,7 +132,7 @@ class DesignService:
 
     @property
     def busy(self) -> bool:
-        """Return True if a design, a wizard, a search for advice or a file is in progress."""
+        """True while a design, a wizard, a search for advice or a file is in progress."""
         return bool(self._wizard_waits) or self._worker.busy or self._tasks.busy
 
     def follow(self, state: ViewState) -> None:
@@ -285,7 +250,9 @@ class DesignService:
         elif begun.document is present.document:
             try:
                 if isinstance(made, Palette):
-                    state = self._with_palette(present, made)
+                    if missing := palette_files.unmatched_reflectances(present, made):
+                        self._notice.say(f"No material is left for {', '.join(missing)}")
+                    state = palette_files.with_palette(present, made)
                 else:
                     state = self._with_wizard_result(present, begun, name, made)
             except VolspecError as error:
@@ -294,11 +261,6 @@ class DesignService:
                 self.forget()
                 return history.step(state)
         return replace(history)
-
-    def _with_palette(self, present: ViewState, palette: Palette) -> ViewState:
-        if missing := palette_files.unmatched_reflectances(present, palette):
-            self._notice.say(f"No material is left for {', '.join(missing)}")
-        return palette_files.with_palette(present, palette)
 
     def _with_wizard_result(
         self, present: ViewState, begun: ViewState, name: str, made: Redesigned

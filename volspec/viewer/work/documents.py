@@ -90,7 +90,7 @@ class DocumentService:
         folder = state_folder()
         self._recent, self._store = RecentFiles(folder), SessionStore(folder)
         # Opened at the start, one after the other, if the last session cannot be restored.
-        self._besides: list[str | None] = []
+        self._fallbacks: list[str | None] = []
         self._opening = ""  # the message while a file is being opened
         self.recent = self._recent.rows()
 
@@ -100,7 +100,7 @@ class DocumentService:
         `came` returns it later. If ``say`` is False, the present message stays.
         """
         if path is not None and path.lower().endswith(SUFFIX):
-            self._resume(Path(path))
+            self.resume(Path(path))
             return
         if say:
             self._say_opening(f"Opening {path or 'the demo'} …")
@@ -113,26 +113,15 @@ class DocumentService:
         except InputError as error:
             self._notice.fail(str(error))
 
-    def resume(self, path: str | None, last: bool) -> None:
-        """Restore the last session, or the one in a file.
-
-        Parameters
-        ----------
-        path : str, optional
-            A session's file; or, for the last session, a file to open if there is none. None is
-            the file opened last, or the demo.
-        last : bool
-        """
-        if not last:
-            self._resume(Path(path or ""))
-            return
-        lately = [row.path for row in self._recent.rows() if row.there]
-        self._besides = [path] if path is not None else [*lately[:1], None]
+    def resume_last(self, path: str | None) -> None:
+        """Restore the last session; without one open the file, or the most recent, or the demo."""
+        recent = [row.path for row in self._recent.rows() if row.there]
+        self._fallbacks = [path] if path is not None else [*recent[:1], None]
         session = self._store.last()
         if session is not None:
-            self._resume(session)
+            self.resume(session)
         else:
-            self._instead("There is no session to restore")
+            self._open_fallback("There is no session to restore")
 
     def came(self, outcome: Outcome, first: bool) -> Opened | None:
         """Return the result of a task ``open``; if it failed, say so and return None.
@@ -146,7 +135,7 @@ class DocumentService:
             opened: Opened = outcome.result
             return opened
         if first:
-            self._instead(outcome.error)
+            self._open_fallback(outcome.error)
         else:
             self._notice.fail(outcome.error)
         return None
@@ -194,7 +183,7 @@ class DocumentService:
         if last is None:
             self._notice.say("There is no other session to restore")
         else:
-            self._resume(last)
+            self.resume(last)
 
     def reload(self, state: ViewState) -> None:
         """Read the open file again; only the view and the window stay."""
@@ -212,7 +201,9 @@ class DocumentService:
         self._recent.clear()
         self.recent = ()
 
-    def _resume(self, path: Path) -> None:
+    def resume(self, path: Path) -> None:
+        """Begin to restore the session in a file."""
+
         def restored() -> Opened:
             check_name(path)
             session = self._store.read(path)
@@ -225,11 +216,11 @@ class DocumentService:
         self._say_opening("Restoring the session …")
         self._tasks.start("open", restored)
 
-    def _instead(self, error: str) -> None:
-        """Open the next of `_besides`, as nothing is open yet; without one, raise the error."""
-        if not self._besides:
+    def _open_fallback(self, error: str) -> None:
+        """Open the next of `_fallbacks`, as nothing is open yet; without one, raise the error."""
+        if not self._fallbacks:
             raise InputError(error)
-        path = self._besides.pop(0)
+        path = self._fallbacks.pop(0)
         self._notice.fail(f"{error}; this is {'the demo' if path is None else Path(path).name}")
         self.open(path, say=False)
 

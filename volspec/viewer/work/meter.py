@@ -18,33 +18,20 @@ _MOST_BANDS = 4
 
 
 class Meter:
-    """Measures frames and relights.
-
-    Attributes
-    ----------
-    bands : int
-        Frames that a whole picture is to be relit in, so that none takes long.
-    ms : {stage: float}
-        Last time of each stage.
-    fps : float
-        Frames per second, while something moves.
-    """
+    """Measures frames and relights."""
 
     def __init__(self, trace: Trace) -> None:
         self._trace = trace
-        self.ms: dict[str, float] = {}
-        self.fps = 0.0
+        self.ms: dict[str, float] = {}  # last time of each stage
+        self.fps = 0.0  # frames per second, while something moves
         self._last = 0.0
+        # Frames that a whole picture is to be relit in, so that none takes long; more than one if
+        # that is too slow while a light is dragged.
         self.bands = 1
         self._relit: Relit | None = None
         self._relit_ms = 0.0
         self._ended: bool | None = None  # if the picture ends here: whether it is whole
         self._areas: dict[str, tuple[int, int, int, int]] = {}
-
-    @property
-    def slow(self) -> bool:
-        """True if a whole picture takes too long to relight while a light is dragged."""
-        return self.bands > 1
 
     def relights(self, relit: Relit | None, first: bool, ends: bool, whole: bool) -> None:
         """Take a picture, or a band of it, that is being relit; its time is known a frame later.

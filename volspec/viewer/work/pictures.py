@@ -34,7 +34,7 @@ def give_back_large() -> None:
     Otherwise it holds up to twice the memory in use after casts of many sizes. Other C libraries
     are left as they are.
     """
-    libc = ctypes.CDLL(None) if sys.platform == "linux" else None
+    libc: Any = ctypes.CDLL(None) if sys.platform == "linux" else None
     if hasattr(libc, "mallopt"):
         libc.mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
 
@@ -164,9 +164,7 @@ class Pictures:
         Parameters
         ----------
         other : LightRig, optional
-            Lights right of the divide, for an eye adapted to them.
-        divide : float
-            0 to 1 of the width.
+            Lights right of the divide (0 to 1 of the width), for an eye adapted to them.
         coarse : bool
             Draw every second row and column only.
         band : (top, bottom)

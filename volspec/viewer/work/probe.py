@@ -45,14 +45,7 @@ def read(
     pixel: tuple[int, int],
     code: tuple[int, int, int],
 ) -> Reading:
-    """Read a pixel's values.
-
-    Parameters
-    ----------
-    pixel : (x, y)
-        Row 0 is the top.
-    code : (R, G, B)
-        The display's 8-bit code.
+    """Read the values of a pixel (x, y), of which the display has an 8-bit ``code`` (R, G, B).
 
     Raises
     ------

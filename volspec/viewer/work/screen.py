@@ -34,8 +34,10 @@ _REST_S = 0.1
 class TableWorker(LatestWorker[tuple[TableKey, ...], str]):
     """Computes tables in a thread; its results are error messages, empty if all went well."""
 
+    _name = "volspec-tables"
+
     def __init__(self, wake: Callable[[], object], tables: HostTables) -> None:
-        super().__init__(wake, "volspec-tables")
+        super().__init__(wake)
         self._tables = tables
 
     def _answers(self, job: tuple[TableKey, ...]) -> Iterator[str]:
@@ -145,7 +147,7 @@ class Screen:
         self.pictures.repaint(state.transfer.basis)
         self.image = self.pictures.image
         # Fewer pixels would need tables of their own.
-        few = self.whole and self._meter.slow and not is_tabled(state.relight.viewing.model)
+        few = self.whole and self._meter.bands > 1 and not is_tabled(state.relight.viewing.model)
         self._coarse = held and few
         whole = self.whole and not self._coarse
         bands = 1 if held or self._hurries or not whole else self._meter.bands

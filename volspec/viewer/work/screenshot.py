@@ -70,15 +70,11 @@ def megabytes(size: tuple[int, int], channels: int) -> float:
 
 @dataclass(slots=True)
 class Progress:
-    """Progress of a cast for a file; the window shows it, and may end the cast."""
+    """Progress of a cast for a file; the window shows it, and cancels the cast by ``ended``."""
 
     what: str
     share: float = 0.0  # 0 to 1
     ended: bool = False
-
-    def end(self) -> None:
-        """Cancel the cast."""
-        self.ended = True
 
     def report(self, share: float) -> None:
         """Set the share; called by the cast."""
@@ -86,13 +82,7 @@ class Progress:
 
 
 def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
-    """Cast, relight and write a picture, not on the window's thread; return its path.
-
-    Raises
-    ------
-    VolspecError, OSError
-        If it was cancelled, no light is on, or it cannot be cast, relit or written.
-    """
+    """Cast, relight and write a picture, not on the window's thread; return its path."""
     path = shot.path(state.document.title)
     if not path.parent.is_dir():
         raise InputError(f"{path.parent}: no such folder; choose another")
@@ -142,12 +132,7 @@ class ClipboardError(DeviceError):
 
 
 def copy_shown(pictures: Pictures) -> str:
-    """Copy the picture that is shown, for as long as the program runs; return a message.
-
-    Raises
-    ------
-    ClipboardError
-    """
+    """Copy the picture that is shown, for as long as the program runs; return a message."""
     if not pictures.framebuffer:
         raise ClipboardError("There is no picture to copy yet")
     frame = pictures.pixels()
@@ -159,12 +144,7 @@ def copy_shown(pictures: Pictures) -> str:
 
 
 def copy_values(reading: Reading | None) -> str:
-    """Copy the values under the mouse, a name and a value to the line; return a message.
-
-    Raises
-    ------
-    ClipboardError
-    """
+    """Copy the values under the mouse, a name and a value to the line; return a message."""
     if reading is None:
         raise ClipboardError("Point at something in the picture first")
     _copy("text", lambda clipboard: clipboard.copy(str(reading)))

@@ -42,12 +42,8 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
 
     Raises
     ------
-    InputError
-        If the name is not ``.py``, or nothing can be written there.
-    SceneError
-        If the document has no file, so that no script could load its volume.
-    ViewingError
-        If no light is on.
+    VolspecError
+        If the name is not ``.py``, or nothing can be written there, and as `script_of`.
     """
     target = Path(path)
     if target.suffix.lower() != ".py":
@@ -62,7 +58,10 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
 
 
 def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
-    """Return the script, which loads a basis that does not ship from a file next to it."""
+    """Return the script, which loads a basis that does not ship from a file next to it.
+
+    It needs a document that has a file, and a light.
+    """
     document, rig = state.document, rig_of(state.lights)
     file, path = document.file, document.path
     if file is None or path is None:

@@ -99,12 +99,8 @@ def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
 
     Raises
     ------
-    SessionError
-        If the name does not end in ``.json``.
-    SceneError
-        As `session_of`.
-    InputError
-        If nothing can be written there.
+    VolspecError
+        If the name does not end in ``.json``, nothing can be written there, or as `session_of`.
     """
     target = Path(path)
     if target.suffix.lower() != ".json":

@@ -36,13 +36,7 @@ class Writer:
         self._numbers: dict[int, int] = {}
 
     def plain(self, value: Any) -> Any:
-        """Return a value as JSON.
-
-        Raises
-        ------
-        TypeError
-            If it is of a kind that no state holds.
-        """
+        """Return a value as JSON; raise TypeError for a kind that no state holds."""
         if value is None or isinstance(value, bool | int | float | str):
             return value
         if is_dataclass(value) and not isinstance(value, type):
@@ -219,6 +213,4 @@ def _require(fits: bool, data: Any, wanted: str, where: str) -> None:
         raise ValueFault(f"{where} is {data!r:.60}; expected {wanted}")
 
 
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind)
+_hints = cache(get_type_hints)

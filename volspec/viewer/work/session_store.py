@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from volspec._files import clear_unfinished, keep_newest, lock, newest_first, write_whole
@@ -69,14 +70,14 @@ class RecentFiles:
         )
 
     def add(self, path: str) -> None:
-        """Put a file first that has been opened."""
+        """Put an opened file first."""
         file, mark, query = path.partition("?")
         path = os.path.abspath(file) + mark + query
         paths = [path, *(row.path for row in self.rows() if row.path != path)]
         self._write(paths[:MOST_FILES])
 
     def clear(self) -> None:
-        """Forget all files."""
+        """Clear the list."""
         self._write([])
 
     def _write(self, paths: list[str]) -> None:
@@ -166,8 +167,7 @@ class SessionStore:
     def _ordered(self, state: ViewState) -> Callable[[], Path | None]:
         """Return what writes a state, unless a later one is written by then."""
         self._asked += 1
-        number = self._asked
-        return lambda: self._write(state, number)
+        return partial(self._write, state, self._asked)
 
     def _write(self, state: ViewState, number: int) -> Path | None:
         with self._lock:
