@@ -205,10 +205,10 @@ def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
     RecentFiles(tmp_path).add(str(scene))
     made, notice = resumed(None)
     assert begun == [str(scene)] and notice.text.endswith("; this is mine.toml")
-    made._instead("mine.toml is broken")
+    made._open_fallback("mine.toml is broken")
     assert begun == [str(scene), None]
     with pytest.raises(InputError, match="no demo"):
-        made._instead("no demo")
+        made._open_fallback("no demo")
     # What was named comes before what was opened last; what is gone is no file.
     assert resumed("named.toml") and begun == ["named.toml"]
     scene.unlink()

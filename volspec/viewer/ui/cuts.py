@@ -45,9 +45,8 @@ def _crop(state: ViewState, ui: UiContext) -> ViewState:
     imgui.push_item_width(-ui.px(24))
     for axis, (name, (low, high)) in enumerate(zip("xyz", crop, strict=True)):
         last = volume.shape_xyz[axis] - 1.0
-        moved, least, most = imgui.drag_float_range2(
-            name, low, high, max(last / 400, 0.05), 0.0, last, "%.0f", "%.0f"
-        )
+        scale = max(last / 400, 0.05), 0.0, last, "%.0f", "%.0f"
+        moved, least, most = imgui.drag_float_range2(name, low, high, *scale)
         ui.note(f"crop {name}")
         if moved and least != low:
             new = cuts.move_crop(new, 2 * axis, least)
@@ -90,10 +89,8 @@ def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewS
     imgui.same_line()
     x, y, z = plane.normal
     imgui.set_next_item_width(-ui.px(92))
-    reach = radius_mm(volume)
-    moved, at = imgui.slider_float(
-        "##at", cuts.distance_mm(plane, volume), -reach, reach, "%.1f mm"
-    )
+    reach, now = radius_mm(volume), cuts.distance_mm(plane, volume)
+    moved, at = imgui.slider_float("##at", now, -reach, reach, "%.1f mm")
     ui.note(f"plane {index}")
     tip(f"From the volume's middle, along ({x:.2f}, {y:.2f}, {z:.2f})")
     if moved:

@@ -64,10 +64,7 @@ class Opened:
     session: Path | None = None
 
     def after(self, before: ViewState | None) -> Opened:
-        """Return it in the present window, with the brightest light chosen.
-
-        A session has an interface of its own.
-        """
+        """Return it in the present window; a session keeps its own interface and chosen light."""
         if before is None:
             return self
         interface = self.state.interface

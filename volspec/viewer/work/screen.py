@@ -2,8 +2,7 @@
 
     casts, state -> [screen] -> Painted -> window
 
-LUTs of models that no shader draws are computed in the background; the old picture stays until
-then.
+LUTs of models that no shader draws are made in the background; the old picture stays meanwhile.
 """
 
 from __future__ import annotations

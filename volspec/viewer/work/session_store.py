@@ -108,10 +108,7 @@ class SessionStore:
         self._asked = self._written = 0
 
     def begin(self, state: ViewState, own: Path | None = None) -> None:
-        """Start the session of a state that was opened, or restored from an ``own`` file.
-
-        A file of this store is continued.
-        """
+        """Start the session of a state that was opened; an ``own`` file of this store goes on."""
         clear_unfinished(self._folder)
         with self._lock:
             self._document, self._saved = state.document, _without_window(state)
