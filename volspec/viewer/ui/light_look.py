@@ -18,6 +18,7 @@ from volspec.appearance.srgb import encode, linear_from_XYZ
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, color_matching_functions, white_XYZ
+from volspec.viewer.model.light_rows import KELVIN
 from volspec.viewer.model.viewing import given_viewing
 from volspec.viewer.ui.widgets import pack_colour
 
@@ -68,11 +69,24 @@ def adapted_to(rig: LightRig, spec: RelightSpec, white: Array) -> Passage | None
         return None
 
 
+# x, y, width, height.
 Rect = tuple[float, float, float, float]
 # Pixels of the window for each column of a spectrum: finer ones look no different.
 _COLUMN = 2.0
 # The upper edge of a small spectrum over its peak.
 _HEADROOM = 1.04
+
+
+def fill_box(rect: Rect, colour: Colour, rounding: float, corners: int = 0) -> None:
+    """Fill a rectangle of the window with a colour; no ``corners`` rounds all."""
+    x, y, width, height = rect
+    end, packed = (x + width, y + height), pack_colour(colour)
+    imgui.get_window_draw_list().add_rect_filled((x, y), end, packed, rounding, corners)
+
+
+def kelvin_slider(label: str, kelvin: float) -> tuple[bool, float]:
+    """Draw the logarithmic slider of a temperature."""
+    return imgui.slider_float(label, kelvin, *KELVIN, "%.0f K", imgui.SliderFlags_.logarithmic)
 
 
 @lru_cache(maxsize=512)
@@ -81,11 +95,9 @@ def mixed_values(rig: LightRig, grid: SpectralGrid) -> Array:
     return rig.mixed(grid).values
 
 
-def spark(
-    draw_list: Any, rect: Rect, rig: LightRig, grid: SpectralGrid, alpha: float = 1.0
-) -> None:
+def spark(rect: Rect, rig: LightRig, grid: SpectralGrid, alpha: float = 1.0) -> None:
     """Draw the spectrum of a rig in small, to its own peak."""
-    values = mixed_values(rig, grid)
+    values, draw_list = mixed_values(rig, grid), imgui.get_window_draw_list()
     fill(draw_list, rect, values, float(values.max()) * _HEADROOM, grid, alpha)
 
 

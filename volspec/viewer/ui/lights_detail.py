@@ -9,19 +9,10 @@ from imgui_bundle import imgui, imgui_knobs
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_rows, lights
-from volspec.viewer.model.light_rows import facing_lux
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import raw_colour
-from volspec.viewer.ui.widgets import (
-    ACCENT,
-    as_one_line,
-    kelvin_slider,
-    pack_colour,
-    text_width,
-    tip,
-    wrap_text,
-)
+from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
+from volspec.viewer.ui.widgets import ACCENT, as_one_line, text_width, tip, wrap_text
 
 _KNOB, _LABELS, _COMPLAINT = 52.0, 84.0, 320.0
 # Weight for each pixel that the mouse drags the knob.
@@ -115,10 +106,9 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
         return lights.set_lux(state, index, viewing.illuminance_lux if on else 0.0)
     imgui.same_line(0, ui.px(4))
     if not plain:
-        facing = facing_lux(rig, state.shading.shares())
-        imgui.text_disabled(
-            f"{facing:.4g} lx where it all faces" if facing else "Illuminance not given"
-        )
+        facing = light_rows.facing_lux(rig, state.shading.shares())
+        words = f"{facing:.4g} lx where it all faces" if facing else "Illuminance not given"
+        imgui.text_disabled(words)
         return state
     imgui.set_next_item_width(-ui.px(_LABELS))
     imgui.begin_disabled(not given)
@@ -161,10 +151,7 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
 
 
 def _complaint(text: str, ui: UiContext, name: str) -> None:
-    """Draw what is wrong with a notation, over what is below its field, until a click.
-
-    In a small window the tab has too little room for it.
-    """
+    """Draw what is wrong with a notation, over what is below its field, until a click."""
     if imgui.is_mouse_clicked(0):
         ui.lights.complaint = ""
         return
@@ -217,9 +204,7 @@ def _part(
     x, y = imgui.get_cursor_screen_pos()
     wide, tall, inset = ui.px(14), imgui.get_frame_height(), ui.px(3)
     imgui.dummy((wide, tall))
-    colour = pack_colour(raw_colour(_single_rig(rig.lights[j])))
-    ends = (x, y + inset), (x + wide, y + tall - inset)
-    imgui.get_window_draw_list().add_rect_filled(*ends, colour, inset)
+    fill_box((x, y + inset, wide, tall - 2 * inset), raw_colour(_single_rig(rig.lights[j])), inset)
     imgui.table_next_column()
     new = _text(new, ui, index, j, -1)
     imgui.table_next_column()

@@ -14,12 +14,10 @@ from volspec.viewer.model.light_mixes import dial_place, rim_places
 from volspec.viewer.model.light_rows import effective_weights
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import raw_colour
+from volspec.viewer.ui.light_look import Rect, raw_colour
 from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, shorten, text_width, tip
 
 Point = tuple[float, float]
-# x, y, width, height.
-Box = tuple[float, float, float, float]
 # The width of a text in one line.
 Measure = Callable[[str], float]
 # Names nearer to the vertical than this are above or below the rim, and have its whole width.
@@ -35,7 +33,7 @@ _RADII = 8
 class Ring:
     """The dial's place in an area that names may not leave, and the size of its letters."""
 
-    within: Box
+    within: Rect
     middle: Point
     radius: float
     reach: float  # from the middle to the names
@@ -48,14 +46,14 @@ class Label:
     """A light's name at the rim; labels of lower rank are placed first."""
 
     index: int
-    box: Box
+    box: Rect
     rank: float
     lines: tuple[str, ...] = ()
 
 
 def ring_for(
     names: Sequence[str],
-    within: Box,
+    within: Rect,
     radii: tuple[float, float],
     out: float,
     line_height: float,
@@ -127,7 +125,9 @@ def labels_of(names: Sequence[str], ranks: Sequence[float], ring: Ring) -> list[
     return labels
 
 
-def non_overlapping(labels: Sequence[Label], within: Box, taken: Sequence[Box] = ()) -> list[Label]:
+def non_overlapping(
+    labels: Sequence[Label], within: Rect, taken: Sequence[Rect] = ()
+) -> list[Label]:
     """Return the labels that are inside and overlap none of lower rank, sorted by rank."""
     placed: list[Label] = []
     boxes = list(taken)
@@ -145,10 +145,7 @@ def label_at(labels: Sequence[Label], x: float, y: float) -> int:
 
 
 def line_starts(label: Label, cx: float, measure: Measure) -> list[float]:
-    """Return each line's left end: lines to the left of the dial end at its side.
-
-    ``cx`` is the light's place on the rim, -1 to 1, here and below.
-    """
+    """Return each line's left end; ``cx`` is the light's place on the rim, -1 to 1."""
     x, _, width, _ = label.box
     return [x + _left_fraction(cx) * (width - measure(text)) for text in label.lines]
 
@@ -169,7 +166,7 @@ def _room(cx: float, ring: Ring) -> float:
     return min(left, right)
 
 
-def _box(lines: tuple[str, ...], place: Point, ring: Ring, away: float = 1.0) -> Box:
+def _box(lines: tuple[str, ...], place: Point, ring: Ring, away: float = 1.0) -> Rect:
     """Return the box of lines at their place; above and below the rim it is moved inside.
 
     At ``away`` 1 lines of the upper half are above their place, those of the lower half below
@@ -184,13 +181,13 @@ def _box(lines: tuple[str, ...], place: Point, ring: Ring, away: float = 1.0) ->
     return left, top, wide, tall
 
 
-def _is_free(box: Box, within: Box, taken: Sequence[Box]) -> bool:
+def _is_free(box: Rect, within: Rect, taken: Sequence[Rect]) -> bool:
     (x, y, width, height), (left, top, wide, tall) = box, within
     inside = x >= left and y >= top and x + width <= left + wide and y + height <= top + tall
     return inside and not any(_overlap(box, other) for other in taken)
 
 
-def _overlap(a: Box, b: Box) -> bool:
+def _overlap(a: Rect, b: Rect) -> bool:
     return a[0] < b[0] + b[2] and b[0] < a[0] + a[2] and a[1] < b[1] + b[3] and b[1] < a[1] + a[3]
 
 
@@ -206,14 +203,9 @@ def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewSt
     imgui.invisible_button("dial", (width, height))
     ui.note("dial")
     radii = ui.px(_LEAST_RADIUS), min(height / 2 - ui.px(_ABOVE), width / 2 - ui.px(_ASIDE))
-    ring = ring_for(
-        _names_to_fit(state),
-        (x, y, width, height),
-        radii,
-        _dot(state, ui) + ui.px(_OUT),
-        imgui.get_text_line_height(),
-        _measure(ui),
-    )
+    out, line = _dot(state, ui) + ui.px(_OUT), imgui.get_text_line_height()
+    area = x, y, width, height
+    ring = ring_for(_names_to_fit(state), area, radii, out, line, _measure(ui))
     new, hovered = state, -1
     mouse, radius = imgui.get_mouse_pos(), ring.radius
     place = (mouse.x - ring.middle[0]) / radius, (mouse.y - ring.middle[1]) / radius

@@ -15,18 +15,10 @@ from volspec.viewer.model import lights
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import raw_colour
-from volspec.viewer.ui.widgets import (
-    kelvin_slider,
-    pack_colour,
-    shorten,
-    text_width,
-    tip,
-    wrap_text,
-)
+from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
+from volspec.viewer.ui.widgets import search_field, shorten, shown_rows, text_width, tip, wrap_text
 
-_POPUP = "add a light"
-_ENTER = imgui.InputTextFlags_.enter_returns_true
+POPUP = "add a light"
 _HINT = "D50, FL, candle, D65*0.7+A*0.3, FILE.csv"
 _DAYLIGHT = (4000.0, 25000.0)
 _LONG = 4
@@ -43,27 +35,13 @@ _CLASSES = (
 _CIE = frozenset(["A", "B", "C", "E", "D50", "D55", "D60", "D65", "D75"])
 
 
-def open_popup(ui: UiContext) -> None:
-    """Open the library with an empty search."""
-    ui.library.search, ui.library.complaint = "", ""
-    imgui.open_popup(_POPUP)
-
-
 def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the library while it is open."""
     imgui.set_next_window_size((ui.px(340), 0))
-    if not imgui.begin_popup(_POPUP):
+    if not imgui.begin_popup(POPUP):
         return state
-    if imgui.is_window_appearing():
-        imgui.set_keyboard_focus_here()
-    # The field alone would take the first Esc.
-    if imgui.is_key_pressed(imgui.Key.escape):
-        imgui.close_current_popup()
     panel, new = ui.library, state
-    imgui.set_next_item_width(-1)
-    entered, text = imgui.input_text_with_hint("##search", _HINT, panel.search, _ENTER)
-    if text != panel.search:
-        panel.search, panel.complaint = text, ""
+    entered = search_field("##search", _HINT, panel)
     found, typed = matching(panel.search), panel.search.strip()
     wanted = _found(found, typed, ui, state.document)
     if entered and typed:
@@ -135,14 +113,10 @@ def _found(found: list[str], typed: str, ui: UiContext, document: Document) -> s
         rig, wrong = verdict(typed, grid, folder)
         if rig is not None and typed.casefold() not in {n.casefold() for n in found}:
             found = [typed, *found]
-        clipper = imgui.ListClipper()
-        clipper.begin(len(found))
-        while clipper.step():
-            for i in range(clipper.display_start, clipper.display_end):
-                if _entry(found[i], ui, verdict(found[i], grid, folder)[0]):
-                    wanted = found[i]
-                ui.note(f"found {i}")
-        clipper.end()
+        for i in shown_rows(len(found)):
+            if _entry(found[i], ui, verdict(found[i], grid, folder)[0]):
+                wanted = found[i]
+            ui.note(f"found {i}")
         if not found:
             wrap_text(wrong, imgui.Col_.text_disabled)
     imgui.end_child()
@@ -156,9 +130,7 @@ def _entry(name: str, ui: UiContext, rig: LightRig | None) -> bool:
     clicked, _ = imgui.selectable(f"##{name}", False, size=(width, line))
     draw_list, side = imgui.get_window_draw_list(), ui.px(13)
     if rig is not None:
-        top = y + (line - side) / 2
-        ends = (x, top), (x + side, top + side)
-        draw_list.add_rect_filled(*ends, pack_colour(raw_colour(rig)), ui.px(3))
+        fill_box((x, y + (line - side) / 2, side, side), raw_colour(rig), ui.px(3))
     most = width - side - ui.px(16)
     text = imgui.get_color_u32(imgui.Col_.text)
     draw_list.add_text((x + side + ui.px(8), y), text, shorten(name, most))

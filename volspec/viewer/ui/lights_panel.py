@@ -11,24 +11,11 @@ from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.light_states import MOST_SECONDS, recalled_rows
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import (
-    lights_detail,
-    lights_dial,
-    lights_library,
-    lights_rows,
-    lights_spectrum,
-)
+from volspec.viewer.ui import lights_detail, lights_dial, lights_library, lights_rows
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import raw_colour, spark
-from volspec.viewer.ui.widgets import (
-    as_one_line,
-    key_text,
-    lit_button,
-    name_field,
-    pack_colour,
-    shorten,
-    tip,
-)
+from volspec.viewer.ui.light_look import fill_box, raw_colour, spark
+from volspec.viewer.ui.lights_spectrum import draw_mix, draw_pen
+from volspec.viewer.ui.widgets import as_one_line, key_text, lit_button, shorten, tip
 
 _SWATCH, _SPARK = 16.0, 46.0
 _MENU = "state menu"
@@ -61,20 +48,15 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
-    saved, panel = state.saved_lights[i], ui.lights
-    if panel.naming == i:
-        entered, ended = name_field("##name", panel)
+    if ui.lights.naming == i:
+        new = lights_rows.name_field(new, ui, "##name", light_states.rename, i)
         ui.note("state name")
-        if entered:
-            new = light_states.rename(new, i, panel.name)
-        if ended:
-            panel.naming, panel.name = -1, ""
         return new
+    saved = state.saved_lights[i]
     at = imgui.get_cursor_screen_pos()
     side, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
-    current = (
-        saved.relight == state.relight and recalled_rows(state.lights, saved.lights) == state.lights
-    )
+    recalled = recalled_rows(state.lights, saved.lights)
+    current = saved.relight == state.relight and recalled == state.lights
     pressed, _ = imgui.selectable("##recall", current, size=(width - side - ui.px(6), side))
     ui.note(f"state {i}")
     tip(f"Fade to {as_one_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
@@ -98,10 +80,10 @@ def _contents(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) 
     left = x + ui.px(22)
     rig = _rig_of_saved(saved.lights)
     if rig is not None:
-        ends = (left, y + inset), (left + ui.px(_SWATCH), y + height - inset)
-        draw_list.add_rect_filled(*ends, pack_colour(raw_colour(rig)), ui.px(3))
-        rect = left + ui.px(_SWATCH + 6), y + inset, ui.px(_SPARK), height - 2 * inset
-        spark(draw_list, rect, rig, state.document.grid)
+        tall = height - 2 * inset
+        fill_box((left, y + inset, ui.px(_SWATCH), tall), raw_colour(rig), ui.px(3))
+        rect = left + ui.px(_SWATCH + 6), y + inset, ui.px(_SPARK), tall
+        spark(rect, rig, state.document.grid)
     left += ui.px(_SWATCH + _SPARK + 14)
     room = x + imgui.get_content_region_avail().x - height - ui.px(12) - left
     text = imgui.get_color_u32(imgui.Col_.text)
@@ -161,7 +143,7 @@ def _tab(name: str, state: ViewState, ui: UiContext) -> ViewState:
     if name == "Dial":
         return _dial(state, ui, height)
     if name == "Spectrum":
-        return lights_spectrum.draw_pen(state, ui, height)
+        return draw_pen(state, ui, height)
     new = state
     if imgui.begin_child(f"tab {name}", (0, height)):
         new = lights_detail.draw(state, ui) if name == "Light" else draw_states(state, ui)
@@ -174,19 +156,19 @@ def _dial(state: ViewState, ui: UiContext, height: float) -> ViewState:
     gap = imgui.get_style().item_spacing.x
     if height > ui.px(_TALL):
         new = lights_dial.draw(state, ui, width, height * 0.62)
-        lights_spectrum.draw_mix(new, ui, width, height * 0.38 - gap)
+        draw_mix(new, ui, width, height * 0.38 - gap)
         return new
     dial = max(lights_dial.width_for(state, ui, height), width * 0.6)
     dial = min(dial, width - ui.px(_LEAST_MIX))
     new = lights_dial.draw(state, ui, dial, height)
     imgui.same_line()
-    lights_spectrum.draw_mix(new, ui, width - dial - gap, height)
+    draw_mix(new, ui, width - dial - gap, height)
     return new
 
 
 def _buttons(state: ViewState, ui: UiContext) -> ViewState:
     if imgui.button("Add"):
-        lights_library.open_popup(ui)
+        imgui.open_popup(lights_library.POPUP)
     ui.note("add light")
     tip("A light from the library, from a file, or a mix")
     new = lights_library.draw(state, ui)

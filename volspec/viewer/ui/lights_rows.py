@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from imgui_bundle import imgui
 
 from volspec.viewer.model import light_rows, lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import adapted_colour, raw_colour, spark
-from volspec.viewer.ui.widgets import (
-    as_one_line,
-    key_text,
-    lit_button,
-    name_field,
-    pack_colour,
-    shorten,
-    tip,
-)
+from volspec.viewer.ui.light_look import adapted_colour, fill_box, raw_colour, spark
+from volspec.viewer.ui.widgets import as_one_line, key_text, lit_button, shorten, shown_rows, tip
 
+Rename = Callable[[ViewState, int, str], ViewState]
 _SWATCH, _SPARK, _BOTH = 30.0, 46.0, 48.0
 _FLAGS = (
     imgui.TableFlags_.sizing_fixed_fit
@@ -42,15 +37,11 @@ def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
     weights = light_rows.effective_weights(state.lights)
     new = state
     _scroll(state, ui, height)
-    clipper = imgui.ListClipper()
-    clipper.begin(len(state.lights))
-    while clipper.step():
-        for i in range(clipper.display_start, clipper.display_end):
-            imgui.push_id(i)
-            imgui.table_next_row()
-            new = _row(new, state, ui, i, weights[i] > 0)
-            imgui.pop_id()
-    clipper.end()
+    for i in shown_rows(len(state.lights)):
+        imgui.push_id(i)
+        imgui.table_next_row()
+        new = _row(new, state, ui, i, weights[i] > 0)
+        imgui.pop_id()
     imgui.end_table()
     return new
 
@@ -97,12 +88,8 @@ def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> 
 def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> ViewState:
     row, panel = state.lights[i], ui.lights
     if panel.renaming == i:
-        entered, ended = name_field("##rename", panel)
+        new = name_field(new, ui, "##rename", lights.rename, i)
         ui.note(f"rename {i}")
-        if entered:
-            new = lights.rename(new, i, panel.name)
-        if ended:
-            panel.renaming, panel.name = -1, ""
         return new
     colour = imgui.Col_.text if lit else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
@@ -120,6 +107,22 @@ def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) ->
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
         new = lights.only(new, i)
     return _context_menu(new, ui, i)
+
+
+def name_field(state: ViewState, ui: UiContext, label: str, rename: Rename, i: int) -> ViewState:
+    """Draw the field of a new name, and rename a light or a saved state on Enter."""
+    panel, new = ui.lights, state
+    if panel.focus:
+        imgui.set_keyboard_focus_here()
+        panel.focus = False
+    imgui.set_next_item_width(-1)
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    entered, panel.name = imgui.input_text(label, panel.name, flags)
+    if entered:
+        new = rename(new, i, panel.name)
+    if entered or imgui.is_item_deactivated():
+        panel.renaming, panel.naming, panel.name = -1, -1, ""
+    return new
 
 
 def row_tip(row: light_rows.LightRow) -> str:
@@ -147,19 +150,16 @@ def _context_menu(new: ViewState, ui: UiContext, i: int) -> ViewState:
 
 def _swatch(state: ViewState, ui: UiContext, index: int) -> None:
     """Draw the light's colour: left unadapted, right adapted."""
-    rig = state.lights[index].rig
-    raw, adapted = raw_colour(rig), adapted_colour(rig, state.relight)
+    rig, corners, rounding = state.lights[index].rig, imgui.ImDrawFlags_, ui.px(3)
     x, y = imgui.get_cursor_screen_pos()
-    width, height = ui.px(_SWATCH), imgui.get_frame_height()
-    imgui.dummy((width, height))
-    draw_list, rounding = imgui.get_window_draw_list(), ui.px(3)
-    top, bottom, half = y + ui.px(2), y + height - ui.px(2), x + width / 2
-    left, right = imgui.ImDrawFlags_.round_left, imgui.ImDrawFlags_.round_right
-    draw_list.add_rect_filled((x, top), (half, bottom), pack_colour(raw), rounding, left)
-    end = x + width, bottom
-    draw_list.add_rect_filled((half, top), end, pack_colour(adapted), rounding, right)
-    border = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7)
-    draw_list.add_rect((x, top), end, border, rounding)
+    half, height = ui.px(_SWATCH) / 2, imgui.get_frame_height()
+    imgui.dummy((2 * half, height))
+    top, tall = y + ui.px(2), height - ui.px(4)
+    fill_box((x, top, half, tall), raw_colour(rig), rounding, corners.round_left)
+    adapted = adapted_colour(rig, state.relight)
+    fill_box((x + half, top, half, tall), adapted, rounding, corners.round_right)
+    border, end = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), (x + 2 * half, top + tall)
+    imgui.get_window_draw_list().add_rect((x, top), end, border, rounding)
     tip("White paper under this light\nleft: as it is, right: to an eye adapted to it")
 
 
@@ -169,11 +169,11 @@ def _spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
     width, height = ui.px(_SPARK), imgui.get_frame_height()
     clicked: bool = imgui.invisible_button("spark", (width, height))
     ui.note(f"spark {index}")
-    inset, draw_list = ui.px(2), imgui.get_window_draw_list()
-    ends = (x, y + inset), (x + width, y + height - inset)
-    draw_list.add_rect_filled(*ends, imgui.get_color_u32(imgui.Col_.frame_bg, 0.55))
-    rect = x, y + inset, width, height - 2 * inset
-    spark(draw_list, rect, state.lights[index].rig, state.document.grid, 1.0 if lit else 0.4)
+    top, end = y + ui.px(2), (x + width, y + height - ui.px(2))
+    background = imgui.get_color_u32(imgui.Col_.frame_bg, 0.55)
+    imgui.get_window_draw_list().add_rect_filled((x, top), end, background)
+    rect = x, top, width, height - ui.px(4)
+    spark(rect, state.lights[index].rig, state.document.grid, 1.0 if lit else 0.4)
     tip("Its spectrum; a click opens it to be drawn")
     return clicked
 

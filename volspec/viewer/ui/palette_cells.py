@@ -18,16 +18,7 @@ from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, cli
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Rect, fill, outline
-from volspec.viewer.ui.widgets import (
-    ACCENT,
-    BLACK,
-    WAITING_GREYED,
-    WHITE,
-    as_one_line,
-    pack_colour,
-    shorten,
-    tip,
-)
+from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, as_one_line, pack_colour, shorten, tip
 
 ROW_POPUP, COLUMN_POPUP = "palette row", "palette column"
 _MAY_CHANGE = "It may change, to show the colours wanted"
@@ -52,13 +43,13 @@ def draw_spectrum(
     shown = f"{as_one_line(name)}{', shown in the picture' if lit else ''}"
     note = column_note(state.lights[index]) if is_light else ""
     words = "\n".join(filter(None, (shown, note, "Click for more")))
-    tip(words, WAITING_GREYED)
+    tip(words, greyed=True)
     single = not is_light or len(state.lights[index].rig.lights) == 1
     imgui.begin_disabled(not single)
     pressed, _ = imgui.checkbox("##open", which in state.palette.targets.open)
     imgui.end_disabled()
     ui.note(f"open {kind} {index}")
-    tip(_MAY_CHANGE if single else _SEVERAL, WAITING_GREYED)
+    tip(_MAY_CHANGE if single else _SEVERAL, greyed=True)
     if pressed:
         new = palette_edits.toggle_free(new, kind, index)
     imgui.same_line()
@@ -67,7 +58,7 @@ def draw_spectrum(
     imgui.invisible_button("curve", size)
     clicked = clicked or imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
     ui.note(f"{kind} {index}")
-    tip(words, WAITING_GREYED)
+    tip(words, greyed=True)
     _draw_curve(table.spectra[which], (x, y, *size), is_light, ui)
     imgui.pop_style_var(2)
     imgui.end_group()
@@ -158,7 +149,7 @@ def _header(state: ViewState, table: Table, ui: UiContext, wide: float) -> ViewS
     imgui.table_set_bg_color(imgui.TableBgTarget_.row_bg0, background)
     imgui.table_next_column()
     imgui.text_disabled("may change")
-    tip("Ticked spectra are designed; the others stay as they are", WAITING_GREYED)
+    tip("Ticked spectra are designed; the others stay as they are", greyed=True)
     for j, name in enumerate(table.columns):
         if not imgui.table_next_column():  # scrolled out of view
             continue

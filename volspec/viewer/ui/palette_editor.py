@@ -15,7 +15,7 @@ from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, 
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP, column_note
-from volspec.viewer.ui.widgets import AT_ONCE, pick, tip
+from volspec.viewer.ui.widgets import pick, tip
 
 # Kinds of targets in words: the kind, and the tip.
 _KINDS = {
@@ -68,7 +68,7 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     imgui.text(f"{place[0]} under {place[1]}")
     imgui.push_item_width(ui.px(_WIDTH))
     kind = own.kind if own else ""
-    chosen = pick("##kind", _WORDS[kind], _KINDS, lambda each: tip(_KINDS[each][1], AT_ONCE))
+    chosen = pick("##kind", _WORDS[kind], _KINDS, lambda each: tip(_KINDS[each][1], at_once=True))
     ui.note("wish kind")
     if chosen is not None:
         new = palette_edits.set_target_kind(new, number, _KINDS[chosen][0])
@@ -96,7 +96,7 @@ def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext
     """Draw the settings of a target that is no colour: a group, or another cell."""
     if own.kind == "free":
         entered, name = imgui.input_text("##group", own.group, _ENTER)
-        tip("Cells of one name come to one colour", AT_ONCE)
+        tip("Cells of one name come to one colour", at_once=True)
         return palette_edits.set_target_group(state, number, name) if entered else state
     new = state
     if own.other is not None:

@@ -9,31 +9,16 @@ from imgui_bundle import imgui
 from volspec.palette.advice import VISIBLE
 from volspec.palette.model import METRICS
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import palette_edits
+from volspec.viewer.model import palette_edits, palette_table
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.materials import can_be_exact
-from volspec.viewer.model.palette_table import (
-    Table,
-    column_names,
-    material_ranges,
-    table_of,
-    wizard_place,
-)
+from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import DISTANCES, MOST_ROUNDS, SMOOTHNESS
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import kind_of
 from volspec.viewer.ui import palette_cells, palette_editor
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import (
-    ACCENT,
-    AT_ONCE,
-    WAITING_GREYED,
-    as_one_line,
-    pack_colour,
-    pick,
-    tip,
-    wrap_text,
-)
+from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, pick, tip, wrap_text
 
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
 _SURROUNDINGS, _BLACK = "what surrounds it", "nothing: black"
@@ -42,8 +27,8 @@ _METRICS = dict(zip(("as the eye does (CIELAB)", "as numbers (RGB)"), METRICS, s
 
 
 def _wizards(state: ViewState, ui: UiContext) -> ViewState:
-    material, light = wizard_place(state)
-    rows, lights = tuple(state.transfer.materials), column_names(state.lights)
+    material, light = palette_table.wizard_place(state)
+    rows, lights = tuple(state.transfer.materials), palette_table.column_names(state.lights)
     own, new = state.interface.pick, state
     half = (imgui.get_content_region_avail().x - ui.px(_UNDER)) / 2
     chosen = _combo("##material", material, rows, ui, half)
@@ -116,7 +101,7 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
         imgui.text_wrapped(f"{has} The Transfer panel edits it")
         return state
     names = tuple(curve.materials)
-    for number, own in enumerate(material_ranges(curve)):
+    for number, own in enumerate(palette_table.material_ranges(curve)):
         imgui.push_id(number)
         imgui.align_text_to_frame_padding()
         imgui.text(f"{own.low:.4g} – {own.high:.4g}")
@@ -209,7 +194,7 @@ _SECTIONS = (
 
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
-    table = table_of(state)
+    table = palette_table.table_of(state)
     new = _head(state, table, ui)
     if table.complaint:
         imgui.text_wrapped(table.complaint)
@@ -280,7 +265,7 @@ def _legend(state: ViewState, ui: UiContext) -> None:
     imgui.dummy((side, side))
     imgui.same_line(0, ui.px(6))
     imgui.text_disabled("reached, around wanted")
-    tip("The larger the square, the more the wish counts.\n" + _MARKS, WAITING_GREYED)
+    tip("The larger the square, the more the wish counts.\n" + _MARKS, greyed=True)
     imgui.same_line(0, ui.px(14))
     x, y = imgui.get_cursor_screen_pos()
     accent = pack_colour(ACCENT[state.interface.dark])
@@ -288,7 +273,7 @@ def _legend(state: ViewState, ui: UiContext) -> None:
     imgui.dummy((side, side))
     imgui.same_line(0, ui.px(6))
     imgui.text_disabled("missed, by ΔE")
-    tip(_MISSED, WAITING_GREYED)
+    tip(_MISSED, greyed=True)
 
 
 def _status(ui: UiContext) -> None:
@@ -302,4 +287,4 @@ def _status(ui: UiContext) -> None:
         imgui.text_wrapped(line)
     if rest := lines[_MOST_LINES:]:
         imgui.text_disabled(f"and {len(rest)} more")
-        tip("\n".join(rest), AT_ONCE)
+        tip("\n".join(rest), at_once=True)

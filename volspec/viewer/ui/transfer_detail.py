@@ -13,7 +13,7 @@ from volspec.viewer.model.transfer_parts import parts_of
 from volspec.viewer.ui import transfer_library
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import material_colours, part_colours, swatch
-from volspec.viewer.ui.widgets import WAITING_GREYED, as_one_line, shorten, tip
+from volspec.viewer.ui.widgets import as_one_line, shorten, tip
 
 _CLAMP = imgui.SliderFlags_.always_clamp
 # Opacities are small: the slider is finer there.
@@ -35,19 +35,16 @@ def height_above(lines: int, ui: UiContext, least: float = 115, below: float = 0
 
 def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
     """Draw the chosen part's value and opacity and the button that removes it in one line."""
-    index = chosen_part(state)
-    part = parts_of(state.transfer)[index]
-    low, high = presets.value_span(state.document.volume)
-    new = state
+    index, parts, new = chosen_part(state), parts_of(state.transfer), state
+    now, (low, high) = parts[index].values[0], presets.value_span(state.document.volume)
     wide = (imgui.get_content_region_avail().x - ui.px(_REMOVE) - 2 * ui.px(6)) / 2
     imgui.set_next_item_width(wide)
-    moved, value = imgui.drag_float(
-        "##value", part.values[0], (high - low) / 500, low, high, "value %.5g", _CLAMP
-    )
+    step = (high - low) / 500
+    moved, value = imgui.drag_float("##value", now, step, low, high, "value %.5g", _CLAMP)
     ui.note("part value")
-    tip(f"{what} {index + 1} of {len(parts_of(state.transfer))}. Double-click to type")
+    tip(f"{what} {index + 1} of {len(parts)}. Double-click to type")
     if moved:
-        new = transfer_edits.move_point(new, index, value, part.opacity)
+        new = transfer_edits.move_point(new, index, value, parts[index].opacity)
     imgui.same_line()
     new = draw_opacity(new, ui, index, wide)
     imgui.same_line()
@@ -131,7 +128,7 @@ def _material_row(
     imgui.end_disabled()
     ui.note(f"take out {name}")
     free = f"Take {as_one_line(name)} off the list: nothing is made of it"
-    tip(why[:1].upper() + why[1:] or free, WAITING_GREYED)
+    tip(why[:1].upper() + why[1:] or free, greyed=True)
     return materials.remove_material(new, name) if pressed else new
 
 

@@ -10,18 +10,12 @@ from volspec.basis import Basis
 from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, reflectance_names
 from volspec.spectra.files import split_address
+from volspec.viewer.model import materials
 from volspec.viewer.model.commands import rank_matches
-from volspec.viewer.model.materials import (
-    add_material,
-    colour_names,
-    is_colour,
-    material_message,
-    reflectance_for,
-)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import spectrum_colour, swatch
-from volspec.viewer.ui.widgets import shorten, text_width, tip, wrap_text
+from volspec.viewer.ui.widgets import search_field, shorten, shown_rows, text_width, tip, wrap_text
 from volspec.viewer.work import css_colours
 
 _HINT = "Another: gold, skin, steelblue, #c08040, FILE.csv"
@@ -43,18 +37,8 @@ _SETS = {
 def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
     """Draw the search for a part's material, and its results while there is a search."""
     panel = ui.library
-    if imgui.is_window_appearing():
-        panel.search, panel.complaint = "", ""
-        imgui.set_keyboard_focus_here()
-    # Not the field alone, to which the first Esc would belong.
-    if imgui.is_key_pressed(imgui.Key.escape):
-        imgui.close_current_popup()
-    imgui.set_next_item_width(-1)
-    enter = imgui.InputTextFlags_.enter_returns_true
-    entered, text = imgui.input_text_with_hint("##library", _HINT, panel.search, enter)
+    entered = search_field("##library", _HINT, panel)
     ui.note("library")
-    if text != panel.search:
-        panel.search, panel.complaint = text, ""
     typed = panel.search.strip()
     if not typed:
         return state
@@ -81,16 +65,15 @@ def matching_entries(search: str) -> list[str]:
     """
     start = search.casefold()
     rows = rank_matches(library_names(), search, lambda name: f"{name} {class_of(name)}")
-    return sorted(
-        rows, key=lambda name: (name.casefold() != start, not name.casefold().startswith(start))
-    )
+    names = {name: name.casefold() for name in rows}
+    return sorted(rows, key=lambda name: (names[name] != start, not names[name].startswith(start)))
 
 
 @lru_cache(maxsize=1)
 def library_names() -> tuple[str, ...]:
     """Return all names that can be picked; a measured reflectance hides a colour of its name."""
     measured = reflectance_names()
-    return (*measured, *(name for name in colour_names() if name not in measured))
+    return (*measured, *(name for name in materials.colour_names() if name not in measured))
 
 
 @lru_cache(maxsize=1024)
@@ -109,7 +92,7 @@ def class_of(name: str) -> str:
 
 
 def _rows(state: ViewState, typed: str) -> list[str]:
-    """Return the matches of a search, after itself if that is a reflectance not among them."""
+    """Return a search's matches, below itself if it is a reflectance that is not among them."""
     rows = matching_entries(typed)
     listed = bool(rows) and rows[0].casefold() == typed.casefold()
     return rows if listed or _spectrum(state, typed) is None else [typed, *rows]
@@ -126,7 +109,7 @@ def _spectrum(state: ViewState, name: str) -> Spectrum | None:
 
 
 def _is_colour(name: str) -> bool:
-    return is_colour(name) and name.casefold() not in reflectance_names()
+    return materials.is_colour(name) and name.casefold() not in reflectance_names()
 
 
 def _waits(basis: Basis, name: str) -> bool:
@@ -139,7 +122,7 @@ def _looked_up(name: str, grid: SpectralGrid, observer_deg: int) -> Spectrum | N
     if split_address(name) is not None:  # a file, read on Enter
         return None
     try:
-        return reflectance_for(name, grid, observer_deg, ".")
+        return materials.reflectance_for(name, grid, observer_deg, ".")
     except VolspecError:
         return None
 
@@ -149,14 +132,10 @@ def _draw_results(state: ViewState, rows: list[str], ui: UiContext) -> str:
     wanted = ""
     line = imgui.get_frame_height_with_spacing()
     if imgui.begin_child("found", (0, _ROWS * line)):
-        clipper = imgui.ListClipper()
-        clipper.begin(len(rows), line)
-        while clipper.step():
-            for i in range(clipper.display_start, clipper.display_end):
-                if _draw_result(state, rows[i], ui):
-                    wanted = rows[i]
-                ui.note(f"found {i}")
-        clipper.end()
+        for i in shown_rows(len(rows), line):
+            if _draw_result(state, rows[i], ui):
+                wanted = rows[i]
+            ui.note(f"found {i}")
         if not rows:
             file = split_address(ui.library.search.strip()) is not None
             text = "Enter reads the file" if file else "There is nothing of that name"
@@ -193,8 +172,8 @@ def add_material_of(state: ViewState, ui: UiContext, index: int, wanted: str) ->
         panel.search, panel.complaint = wanted, _WAITS
         ui.say(_WAITS)
         return state
-    new, panel.complaint = add_material(state, index, wanted)
+    new, panel.complaint = materials.add_material(state, index, wanted)
     if not panel.complaint:
         panel.search = ""
-    ui.say(material_message(state.transfer, new.transfer))
+    ui.say(materials.material_message(state.transfer, new.transfer))
     return new

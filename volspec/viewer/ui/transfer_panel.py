@@ -11,7 +11,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
 from volspec.viewer.ui import transfer_detail, transfer_points, transfer_regions
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import ACCENT, AT_ONCE, pick, tip
+from volspec.viewer.ui.widgets import ACCENT, pick, tip
 
 # The least height of the list of labels; pixels at 96 dpi.
 _LEAST = 100
@@ -76,7 +76,7 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     imgui.same_line()
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("?")
-    tip(_HELP[kind], AT_ONCE)
+    tip(_HELP[kind], at_once=True)
     return new
 
 
@@ -106,10 +106,8 @@ def _sliders(state: ViewState, ui: UiContext) -> ViewState:
             new = transfer_edits.shift(new, shift)
         imgui.same_line()
     imgui.set_next_item_width(wide)
-    logarithmic = imgui.SliderFlags_.logarithmic
-    moved, factor = imgui.slider_float(
-        "##thickness", state.thickness, *THICKNESSES, "opacity × %.3g", logarithmic
-    )
+    now, words = state.thickness, "opacity × %.3g"
+    moved, factor = imgui.slider_float("##thickness", now, *THICKNESSES, words, _LOG)
     ui.note("thickness")
     tip("Multiplies all opacities, great ones near 1. In the picture: Ctrl+right drag")
     return transfer_edits.thicken(new, factor) if moved else new
@@ -140,9 +138,8 @@ def _labels(state: ViewState, ui: UiContext) -> ViewState:
                 new = transfer_detail.draw_material(new, ui, index)
             imgui.table_next_column()
             if new.transfer is function:
-                new = transfer_detail.draw_remove(
-                    new, ui, index, "Remove the label: it is not seen"
-                )
+                words = "Remove the label: it is not seen"
+                new = transfer_detail.draw_remove(new, ui, index, words)
             imgui.pop_id()
         imgui.end_table()
     if imgui.button("Add label"):

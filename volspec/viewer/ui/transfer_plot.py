@@ -12,8 +12,9 @@ from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
 from volspec.appearance.srgb import encode, linear_from_XYZ
+from volspec.basis import Basis
 from volspec.relight import RelightSpec
-from volspec.spectra import SpectralGrid, Spectrum, XYZ_of, white_XYZ
+from volspec.spectra import Spectrum, XYZ_of, white_XYZ
 from volspec.transfer import Transfer
 from volspec.transfer.mixes import share_matrix
 from volspec.viewer.model import presets
@@ -21,7 +22,7 @@ from volspec.viewer.model.light_rows import Rows, rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import parts_of
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import Colour, adapted_to, as_colour
+from volspec.viewer.ui.light_look import Colour, adapted_to, as_colour, fill_box
 from volspec.viewer.ui.widgets import ACCENT, pack_colour, tip
 
 Array = NDArray[np.float64]
@@ -36,10 +37,10 @@ def swatch(ui: UiContext, colour: Colour) -> None:
     side = imgui.get_frame_height()
     imgui.dummy((side, side))
     inset = ui.px(3)
-    draw_list, rounding = imgui.get_window_draw_list(), ui.px(3)
-    ends = (x + inset, y + inset), (x + side - inset, y + side - inset)
-    draw_list.add_rect_filled(*ends, pack_colour(colour), rounding)
-    draw_list.add_rect(*ends, imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), rounding)
+    start, end = (x + inset, y + inset), (x + side - inset, y + side - inset)
+    fill_box((*start, side - 2 * inset, side - 2 * inset), colour, inset)
+    border = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7)
+    imgui.get_window_draw_list().add_rect(start, end, border, inset)
     tip("Under the lights that are on, to an eye adapted to them")
 
 
@@ -55,16 +56,13 @@ def material_colours(state: ViewState) -> dict[str, Colour]:
 
 def spectrum_colour(state: ViewState, spectrum: Spectrum) -> Colour:
     """Return the colour of a reflectance that is not a material yet."""
-    basis = state.transfer.basis
-    return _spectrum_colour(spectrum, basis.grid, basis.observer_deg, state.lights, state.relight)
+    return _spectrum_colour(spectrum, state.transfer.basis, state.lights, state.relight)
 
 
 @lru_cache(maxsize=512)
-def _spectrum_colour(
-    spectrum: Spectrum, grid: SpectralGrid, observer_deg: int, lights: Rows, spec: RelightSpec
-) -> Colour:
-    light, codes = _adapted(lights, spec, grid, observer_deg)
-    return as_colour(codes(_XYZ_under(light, [spectrum], observer_deg))[0])
+def _spectrum_colour(spectrum: Spectrum, basis: Basis, lights: Rows, spec: RelightSpec) -> Colour:
+    XYZ_of_all, codes = _adapted(lights, spec, basis)
+    return as_colour(codes(XYZ_of_all([spectrum]))[0])
 
 
 @lru_cache(maxsize=64)
@@ -72,34 +70,32 @@ def _colours(
     transfer: Transfer, lights: Rows, spec: RelightSpec
 ) -> tuple[tuple[Colour, ...], dict[str, Colour]]:
     """Return the colours of the parts and of the materials."""
-    basis, names = transfer.basis, list(transfer.materials)
-    light, codes = _adapted(lights, spec, basis.grid, basis.observer_deg)
-    XYZ = _XYZ_under(light, list(transfer.materials.values()), basis.observer_deg)
+    names = list(transfer.materials)
+    XYZ_of_all, codes = _adapted(lights, spec, transfer.basis)
+    XYZ = XYZ_of_all(list(transfer.materials.values()))
     weights = share_matrix([part.mix for part in parts_of(transfer)], names)
     parts = tuple(as_colour(each) for each in codes(weights @ XYZ))
     return parts, dict(zip(names, map(as_colour, codes(XYZ)), strict=True))
 
 
-def _XYZ_under(light: Spectrum | None, spectra: list[Spectrum], observer_deg: int) -> Array:
-    """Return (N, 3) XYZ of reflectances; black without a light."""
-    return np.zeros((len(spectra), 3)) if light is None else XYZ_of(light, spectra, observer_deg)
-
-
 @lru_cache(maxsize=64)
 def _adapted(
-    lights: Rows, spec: RelightSpec, grid: SpectralGrid, observer_deg: int
-) -> tuple[Spectrum | None, Callable[[Array], Array]]:
-    """Return the light, and a function from (P, 3) XYZ under it to sRGB codes for the display."""
+    lights: Rows, spec: RelightSpec, basis: Basis
+) -> tuple[Callable[[list[Spectrum]], Array], Callable[[Array], Array]]:
+    """Return functions from reflectances to (P, 3) XYZ under the lights, and on to sRGB codes."""
 
     def codes(XYZ: Array) -> Array:
         return encode(linear_from_XYZ(XYZ))
 
     rig = rig_of(lights)
     if rig is None:
-        return None, codes
-    light = rig.mixed(grid)
+        return lambda spectra: np.zeros((len(spectra), 3)), codes
+    light, observer_deg = rig.mixed(basis.grid), basis.observer_deg
     passage = adapted_to(rig, spec, white_XYZ(light, observer_deg))
-    return light, codes if passage is None else lambda XYZ: codes(passage.apply(XYZ))
+    return (
+        lambda spectra: XYZ_of(light, spectra, observer_deg),
+        codes if passage is None else lambda XYZ: codes(passage.apply(XYZ)),
+    )
 
 
 def bars(counts: Array, logarithmic: bool, share: float = 0.98) -> Array:
@@ -159,14 +155,11 @@ def note_area(ui: UiContext, name: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Handle:
-    """A point of a plot that can be dragged: its place in the plot's units, and its tooltip.
+    """A point of a plot that can be dragged."""
 
-    The colour is in sRGB codes, 0 to 1; None is the ink's.
-    """
-
-    place: tuple[float, float]
-    words: str
-    colour: Colour | None = None
+    place: tuple[float, float]  # in the plot's units
+    words: str  # its tooltip
+    colour: Colour | None = None  # None is a ring alone
 
 
 @dataclass(frozen=True, slots=True)

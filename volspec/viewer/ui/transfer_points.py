@@ -15,7 +15,7 @@ from volspec.viewer.model.transfer_parts import Part, gradient_top, parts_of
 from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import Handle, HandleEdits, ink, set_axis
-from volspec.viewer.ui.widgets import WAITING_GREYED, pack_colour, tip
+from volspec.viewer.ui.widgets import pack_colour, tip
 
 # Beyond either end of the axes.
 _MARGIN, _ABOVE = 0.02, 0.12
@@ -151,7 +151,7 @@ def _gradients(state: ViewState, curve: TransferFunction, ui: UiContext) -> View
     pressed, _ = imgui.checkbox("Opacity by gradient", on)
     imgui.end_disabled()
     ui.note("by gradient")
-    tip(_FILTERED if curve.filters else _GRADIENTS_TIP, WAITING_GREYED)
+    tip(_FILTERED if curve.filters else _GRADIENTS_TIP, greyed=True)
     if pressed:
         new = transfer_edits.toggle_gradient_opacity(new)
     if not on:

@@ -17,6 +17,7 @@ from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import ACCENT, pack_colour, tip
 
+Span = tuple[float, float]
 # The width of edges and corners to either side, pixels at 96 dpi.
 _GRIP = 6
 # Regions reach beyond the volume's values, so that their soft sides do not cut them.
@@ -92,7 +93,7 @@ def _is_inside(box: tuple[imgui.ImVec2, imgui.ImVec2], ui: UiContext) -> bool:
     return left + grip < x < right - grip and above + grip < y < below - grip
 
 
-def _mouse_step() -> tuple[float, float]:
+def _mouse_step() -> Span:
     """Return the mouse's movement since the last frame, in the plot's units."""
     (x, y), (across, down) = imgui.get_mouse_pos(), imgui.get_io().mouse_delta
     before, now = implot.pixels_to_plot(x - across, y - down), implot.pixels_to_plot(x, y)
@@ -100,11 +101,7 @@ def _mouse_step() -> tuple[float, float]:
 
 
 def _place_region(
-    state: ViewState,
-    index: int,
-    region: Region,
-    values: tuple[float, float],
-    gradients: tuple[float, float],
+    state: ViewState, index: int, region: Region, values: Span, gradients: Span
 ) -> ViewState:
     """Move a region's sides; one without an upper end gets none if it is moved as a whole."""
     top = state.document.joint.top
@@ -118,7 +115,7 @@ def _place_region(
     return state
 
 
-def _shown_gradients(region: Region, top: float) -> tuple[float, float]:
+def _shown_gradients(region: Region, top: float) -> Span:
     """Return the gradients at which a region's lower and upper side are drawn."""
     bottom, end = region.gradients
     return bottom, end if math.isfinite(end) else max(top, bottom)

@@ -15,8 +15,7 @@ from imgui_bundle import imgui
 from volspec.export.overview import printable
 from volspec.viewer.model.commands import key_text_of
 from volspec.viewer.model.edit import Command
-from volspec.viewer.model.light_rows import KELVIN
-from volspec.viewer.ui.context import LightsPanelState, UiContext
+from volspec.viewer.ui.context import LibraryState, UiContext
 
 FONT_SIZE = 15.0
 # Greys of the two themes, so that no colour is next to the picture's: (window, frame, hovered,
@@ -28,10 +27,6 @@ ACCENT = {True: (0.88, 0.64, 0.30, 1.0), False: (0.70, 0.43, 0.08, 1.0)}
 # Text on the accent.
 _INK = (0.05, 0.05, 0.05, 1.0)
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-# When a tip is shown: to a mouse that stays, also on what is greyed out, or without delay.
-WAITING = imgui.HoveredFlags_.delay_normal
-WAITING_GREYED = WAITING | imgui.HoveredFlags_.allow_when_disabled
-AT_ONCE = imgui.HoveredFlags_.none
 # Letters of a name or title that are looked at; no panel has room for more.
 _MOST_LETTERS = 240
 
@@ -67,10 +62,7 @@ def set_sizes(imgui: Any, implot: Any) -> None:
 
 
 def set_scale(imgui: Any, implot: Any, scale: float, before: float = 1.0) -> None:
-    """Set spacing and type size for another density of pixels.
-
-    ``scale`` and ``before`` are pixels of the window for each at 96 dpi, now and until now.
-    """
+    """Set spacing and type size; both scales are window pixels for each at 96 dpi."""
     style, plot = imgui.get_style(), implot.get_style()
     style.font_scale_dpi = scale
     style.scale_all_sizes(scale / before)
@@ -112,9 +104,11 @@ def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
     plot.set_color_(implot.Col_.axis_grid, grey(dim, 0.15))
 
 
-def tip(text: str, when: int = WAITING) -> None:
-    """Show a tooltip of the last item."""
-    if imgui.is_item_hovered(when):
+def tip(text: str, at_once: bool = False, greyed: bool = False) -> None:
+    """Show a tooltip of the last item to a mouse that waits, or at once; also if it is disabled."""
+    flags = imgui.HoveredFlags_
+    when = flags.none if at_once else flags.delay_normal
+    if imgui.is_item_hovered(when | flags.allow_when_disabled if greyed else when):
         imgui.set_tooltip(text)
 
 
@@ -209,22 +203,29 @@ def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0,
     return pressed
 
 
-def name_field(label: str, panel: LightsPanelState) -> tuple[bool, bool]:
-    """Draw the field of a new name; return whether it was entered, and whether editing ends."""
-    if panel.focus:
+def search_field(label: str, hint: str, panel: LibraryState) -> bool:
+    """Draw a library's search, which is empty when its window appears; return True on Enter."""
+    if imgui.is_window_appearing():
+        panel.search, panel.complaint = "", ""
         imgui.set_keyboard_focus_here()
-        panel.focus = False
+    # The field alone would take the first Esc.
+    if imgui.is_key_pressed(imgui.Key.escape):
+        imgui.close_current_popup()
     imgui.set_next_item_width(-1)
-    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-    entered, panel.name = imgui.input_text(label, panel.name, flags)
-    return entered, entered or imgui.is_item_deactivated()
+    enter = imgui.InputTextFlags_.enter_returns_true
+    entered, text = imgui.input_text_with_hint(label, hint, panel.search, enter)
+    if text != panel.search:
+        panel.search, panel.complaint = text, ""
+    return entered
 
 
-def kelvin_slider(label: str, kelvin: float) -> tuple[bool, float]:
-    """Draw the logarithmic slider of a temperature."""
-    return imgui.slider_float(
-        label, kelvin, *KELVIN, format="%.0f K", flags=imgui.SliderFlags_.logarithmic
-    )
+def shown_rows(count: int, height: float = -1.0) -> Iterator[int]:
+    """Yield the indices of a list's rows in view; a negative row height is measured."""
+    clipper = imgui.ListClipper()
+    clipper.begin(count, height)
+    while clipper.step():
+        yield from range(clipper.display_start, clipper.display_end)
+    clipper.end()
 
 
 def key_text(command: Command) -> str:
