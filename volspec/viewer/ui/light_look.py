@@ -73,8 +73,6 @@ def adapted_to(rig: LightRig, spec: RelightSpec, white: Array) -> Passage | None
 Rect = tuple[float, float, float, float]
 # Pixels of the window for each column of a spectrum: finer ones look no different.
 _COLUMN = 2.0
-# The upper edge of a small spectrum over its peak.
-_HEADROOM = 1.04
 
 
 def fill_box(rect: Rect, colour: Colour, rounding: float, corners: int = 0) -> None:
@@ -95,10 +93,12 @@ def mixed_values(rig: LightRig, grid: SpectralGrid) -> Array:
     return rig.mixed(grid).values
 
 
-def spark(rect: Rect, rig: LightRig, grid: SpectralGrid, alpha: float = 1.0) -> None:
-    """Draw the spectrum of a rig in small, to its own peak."""
+def spark(
+    rect: Rect, rig: LightRig, grid: SpectralGrid, alpha: float = 1.0, headroom: float = 1.04
+) -> None:
+    """Fill the spectrum of a rig; ``headroom`` is the power at the upper edge over its peak."""
     values, draw_list = mixed_values(rig, grid), imgui.get_window_draw_list()
-    fill(draw_list, rect, values, float(values.max()) * _HEADROOM, grid, alpha)
+    fill(draw_list, rect, values, float(values.max()) * headroom, grid, alpha)
 
 
 def fill(

@@ -34,8 +34,7 @@ def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
     imgui.table_setup_column("name", stretch, 1.0)
     imgui.table_setup_column("weight", stretch, 0.95)
     imgui.table_setup_column("solo", fixed, ui.px(_BOTH))
-    weights = light_rows.effective_weights(state.lights)
-    new = state
+    weights, new = light_rows.effective_weights(state.lights), state
     _scroll(state, ui, height)
     for i in shown_rows(len(state.lights)):
         imgui.push_id(i)
@@ -74,14 +73,16 @@ def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> 
     if moved:
         new = lights.choose(lights.set_weight(new, i, weight), i)
     imgui.table_next_column()
-    dark = state.interface.dark
-    if _toggle("S", row.solo, dark, "Solo: only lights with S shine"):
+    dark, size = state.interface.dark, (imgui.get_frame_height(), imgui.get_frame_height())
+    if lit_button("S", row.solo, dark, size):
         new = lights.toggle_solo(new, i)
     ui.note(f"solo {i}")
+    tip("Solo: only lights with S shine")
     imgui.same_line(0, ui.px(3))
-    if _toggle("M", row.muted, dark, "Mute"):
+    if lit_button("M", row.muted, dark, size):
         new = lights.toggle_mute(new, i)
     ui.note(f"mute {i}")
+    tip("Mute")
     return new
 
 
@@ -176,10 +177,3 @@ def _spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
     spark(rect, state.lights[index].rig, state.document.grid, 1.0 if lit else 0.4)
     tip("Its spectrum; a click opens it to be drawn")
     return clicked
-
-
-def _toggle(label: str, on: bool, dark: bool, text: str) -> bool:
-    side = imgui.get_frame_height()
-    pressed = lit_button(label, on, dark, (side, side))
-    tip(text)
-    return pressed

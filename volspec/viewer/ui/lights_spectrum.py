@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
 from imgui_bundle import imgui
-from numpy.typing import NDArray
 
 from volspec.spectra import SpectralGrid
 from volspec.viewer.model import lights
@@ -12,7 +10,7 @@ from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import LightRow, rig_of, row_at
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import Rect, fill, mixed_values, outline
+from volspec.viewer.ui.light_look import Rect, fill, mixed_values, outline, spark
 from volspec.viewer.ui.widgets import as_one_line, shorten, text_width, tip
 
 # The upper edge over the peak: of a mix, and of a spectrum that the pen may make higher.
@@ -26,13 +24,10 @@ def draw_mix(state: ViewState, ui: UiContext, width: float, height: float) -> No
     """Draw the mix, filled, and the chosen light as a line."""
     grid = state.document.grid
     rect = _frame(ui, grid, width, height, "mix")
-    draw_list, rig = imgui.get_window_draw_list(), rig_of(state.lights)
-    if rig is not None:
-        values = mixed_values(rig, grid)
-        fill(draw_list, rect, values, float(values.max()) * _MIX_TOP, grid)
-    row = row_at(state.lights, state.interface.light)
-    if row is not None:
-        values = mixed_values(row.rig, grid)
+    if (rig := rig_of(state.lights)) is not None:
+        spark(rect, rig, grid, headroom=_MIX_TOP)
+    if (row := row_at(state.lights, state.interface.light)) is not None:
+        values, draw_list = mixed_values(row.rig, grid), imgui.get_window_draw_list()
         text = imgui.get_color_u32(imgui.Col_.text)
         outline(draw_list, rect, values, float(values.max()) * _MIX_TOP, text, ui.px(1.5))
     tip("Filled: what shines; line: the chosen light. Each to its own peak")
@@ -131,7 +126,7 @@ def _frame(ui: UiContext, grid: SpectralGrid, width: float, height: float, name:
 
 def wavelength_share(nm: float, grid: SpectralGrid) -> float:
     """Return a wavelength's place, 0 to 1, in a plot with bands of equal width."""
-    at: NDArray[np.float64] = grid.wavelengths_nm
+    at = grid.wavelengths_nm
     step = float(at[1] - at[0])
     return float((nm - at[0]) / step + 0.5) / len(at)
 

@@ -42,7 +42,10 @@ def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
     typed = panel.search.strip()
     if not typed:
         return state
-    rows = _rows(state, typed)
+    rows = matching_entries(typed)
+    listed = bool(rows) and rows[0].casefold() == typed.casefold()
+    if not listed and _spectrum(state, typed) is not None:
+        rows = [typed, *rows]
     first = rows[0] if rows else typed
     waits = _waits(state.transfer.basis, first)
     if entered and not waits:  # Enter has taken the keyboard from the field
@@ -89,13 +92,6 @@ def class_of(name: str) -> str:
     if name in ("white", "black"):
         return "flat"
     return "metal" if name in reflectance_names() else "CSS colour"
-
-
-def _rows(state: ViewState, typed: str) -> list[str]:
-    """Return a search's matches, below itself if it is a reflectance that is not among them."""
-    rows = matching_entries(typed)
-    listed = bool(rows) and rows[0].casefold() == typed.casefold()
-    return rows if listed or _spectrum(state, typed) is None else [typed, *rows]
 
 
 def _spectrum(state: ViewState, name: str) -> Spectrum | None:
@@ -146,8 +142,7 @@ def _draw_results(state: ViewState, rows: list[str], ui: UiContext) -> str:
 
 def _draw_result(state: ViewState, name: str, ui: UiContext) -> bool:
     """Draw a row of colour, name and class; return True if it was clicked."""
-    spectrum = _spectrum(state, name)
-    if spectrum is not None:
+    if (spectrum := _spectrum(state, name)) is not None:
         swatch(ui, spectrum_colour(state, spectrum))
     else:
         imgui.dummy((imgui.get_frame_height(), imgui.get_frame_height()))
