@@ -119,8 +119,9 @@ def test_the_least_volume_on_a_dense_screen_in_a_window_of_next_to_nothing(
 
 def test_opengl_is_not_asked_after_every_call_whether_it_went_well() -> None:
     """PyOpenGL asks unless it is switched off before its first import."""
-    code = (
-        "import volspec.viewer.app, sys, OpenGL._configflags as flags; "
-        "sys.exit(flags.ERROR_CHECKING)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    for module in ("app", "ui.window", "work.pictures"):
+        code = (
+            f"import volspec.viewer.{module}, sys, OpenGL._configflags as flags; "
+            "sys.exit(flags.ERROR_CHECKING)"
+        )
+        assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -7,5 +7,11 @@
     ui      drawing and input: draw(state, ui) -> state
     app     the event loop, the only file that knows all floors
 
-Nothing is imported here. A new panel: docs/architecture.md.
+A new panel: docs/architecture.md.
 """
+
+import OpenGL
+
+# PyOpenGL asks for errors after every call, which takes longer than the call itself, unless that
+# is switched off before its first import, which is that of imgui's backend.
+OpenGL.ERROR_CHECKING = False

@@ -1,8 +1,6 @@
 """Light states: all lights and the viewing under a name, and the fade between two.
 
-    rows, viewing -> [light_states] -> LightState
-
-The clock of a fade is `volspec.viewer.work.fader`.
+rows, viewing -> [light_states] -> LightState
 """
 
 from __future__ import annotations

@@ -11,12 +11,12 @@ import sys
 import glfw
 from imgui_bundle import imgui, implot
 from imgui_bundle.python_backends.glfw_backend import GlfwRenderer
+from OpenGL import GL
 
 from volspec._gpu.opengl import window_context
 from volspec.errors import OpenGLError
 from volspec.viewer.ui import widgets
 from volspec.viewer.ui.inputs import Input, Inputs
-from volspec.viewer.work.gl import GL
 from volspec.viewer.work.pictures import Painted
 
 INSTEAD = (

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from OpenGL import GL
 
 from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Relighter
@@ -21,7 +22,6 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.packed import PackedLayers
 from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.viewer.model.materials import same_channels
-from volspec.viewer.work.gl import GL
 
 # mallopt(3): blocks of this size or more are always the system's own.
 _M_MMAP_THRESHOLD = -3
