@@ -92,6 +92,12 @@ def test_pyvista_round_trip_keeps_cells_and_points() -> None:
     assert cells.shape_xyz == (4, 3, 2) and np.allclose(cells.world_from_index[:3, 3], 1)
 
 
+def npy(dtype: str, length: str) -> bytes:
+    """A header of ``numpy.save`` alone."""
+    head = f"{{'descr': '{dtype}', 'fortran_order': True, 'shape': ({length}, 2, 6), }}\n"
+    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head.encode()
+
+
 BAD_FILES = {
     "missing.nrrd": (None, "no such file"),
     "empty.nrrd": (b"", "is empty"),
@@ -100,6 +106,8 @@ BAD_FILES = {
     "junk.mhd": (b"hello" * 99, "line 1 of its header, .* is not written as Name = value"),
     "junk.vti": (b"hello" * 99, "not readable"),
     "junk.npy": (b"hello" * 99, "not a readable .npy"),
+    "empty.npy": (npy("|S0", "5" * 40), r"values of type \|S0 are not real numbers"),
+    "subarray.npy": (npy("<0f8", "2"), "values of type .* are not real numbers"),
     "notes.txt": (b"hello", "unknown format; known are NRRD"),
     "short.nrrd": (NRRD.encode() + VALUES.tobytes()[:30], "30 bytes .* asks for 48"),
     "flat.nrrd": (

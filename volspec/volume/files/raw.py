@@ -37,8 +37,10 @@ def read_npy(query: Query) -> Reading:
                 f"{path}: not a readable .npy file of numbers; is it complete, and saved by "
                 "numpy.save?"
             ) from error
-        if dtype.hasobject:
-            raise VolumeError(f"{path}: holds Python objects; save an array of numbers")
+        if dtype.kind not in "buif":  # others may take no bytes
+            raise VolumeError(
+                f"{path}: values of type {dtype!s:.60} are not real numbers; save an array of these"
+            )
         held = path.stat().st_size - file.tell()
         query.require_held(held, shape, math.prod(shape) * dtype.itemsize)
         query.reserve(shape, dtype.itemsize)
