@@ -125,3 +125,17 @@ def test_opengl_is_not_asked_after_every_call_whether_it_went_well() -> None:
             "sys.exit(flags.ERROR_CHECKING)"
         )
         assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_picture_that_is_being_saved_is_given_up_when_the_window_closes(tmp_path: Path) -> None:
+    """Its thread is in native code; with an interpreter gone it ended the process by SIGABRT."""
+    np.save(tmp_path / "v.npy", np.random.default_rng(1).random((24, 24, 24), np.float32))
+    with Robot(tmp_path, (str(tmp_path / "v.npy"),), (1000, 700)) as robot:
+        robot.whole()
+        robot.rest()
+        robot.key("s")
+        robot.key("ctrl+q")
+        assert robot.viewer.wait(60) == 0
+        assert robot.viewer.stderr is not None
+        said = robot.viewer.stderr.read()
+    assert "the picture was given up" in said or list(tmp_path.rglob("*.png"))

@@ -153,7 +153,8 @@ class FileCommands:
         shot = self._picture.shot
         width, height = shot.size(state.size)
         progress = self._progress = Progress(f"Casting {width} × {height}")
-        self._tasks.start("picture", lambda: save_picture(state, shot, progress))
+        # Waited for at the end, too: a thread in native code must not outlive the interpreter.
+        self._tasks.start("picture", lambda: save_picture(state, shot, progress), writes=True)
 
     def _cancel(self) -> None:
         if self._progress is not None:

@@ -97,9 +97,13 @@ def frame_of(state: ViewState, size: tuple[int, int], progress: Progress) -> NDA
     rig = rig_of(state.lights)
     if rig is None:
         raise ViewingError("No light is on, so there is no picture to save")
-    image = _cast(state, size, progress)
+    given_up = CastCancelled("the picture was given up")
+    try:
+        image = _cast(state, size, progress)
+    except CastCancelled:
+        raise given_up from None
     if progress.ended:
-        raise CastCancelled("the picture was given up")
+        raise given_up
     other = rig_of(state.other) if state.other else None
     # In a context of this thread's own: many pixels take longer than the window may wait.
     with Relighter(image) as relighter:
