@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from volspec.raycast import ClipPlane
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, cuts, projection, slices, transfer_edits
-from volspec.viewer.model.camera import fitted, shown_mm
+from volspec.viewer.model.camera import fit_view, shown_mm
 from volspec.viewer.model.commands import BY_KEY, BY_NAME
 from volspec.viewer.model.cuts import drag_handle, handles_of, nearest_handle
 from volspec.viewer.model.document import Document
@@ -320,7 +320,7 @@ def test_what_is_shown_is_fitted(tilted: ViewState, view: View, aspect: float) -
     values[3:9, 20:31, 30:42] = 1.0
     volume = replace(tilted.document.volume, values=values)
     rolled = replace(view, roll_deg=0.0)
-    found = fitted(rolled, volume, tilted.transfer, tilted.shading, aspect)
+    found = fit_view(rolled, volume, tilted.transfer, tilted.shading, aspect)
     assert (found.azimuth_deg, found.elevation_deg) == (view.azimuth_deg, view.elevation_deg)
     area = 0, 0, 1000 * aspect, 1000
     box = cuts.box_corners_mm(((29.5, 41.5), (19.5, 30.5), (2.5, 8.5)), volume).reshape(-1, 3)

@@ -33,7 +33,7 @@ _FILLS = 0.85
 _ITERATIONS = 4
 
 
-def fitted(
+def fit_view(
     view: View, volume: Volume, transfer: Transfer, shading: RaycastSpec, aspect: float
 ) -> View:
     """Fit a view to the visible part of a volume; the aspect is the picture's width by height."""
@@ -47,24 +47,24 @@ def fitted(
         height = max(2 * float(y.max()), 2 * float(x.max()) / aspect) / _FILLS
         zoom = 2 * radius_mm(volume) / max(height, 1e-12)
         return replace(view, zoom=clamp(zoom, *ZOOMS), target_mm=vector(middle @ axes))
-    distance = max(_spanned(x, z, wide)[0], _spanned(y, z, tall)[0], 1e-12)
-    shift = [_centred(along, z, distance, slope) for along, slope in ((x, wide), (y, tall))]
+    distance = max(_span_within(x, z, wide)[0], _span_within(y, z, tall)[0], 1e-12)
+    shift = [_centre_from(along, z, distance, slope) for along, slope in ((x, wide), (y, tall))]
     sine = math.sin(math.radians(view.fov_deg) / 2)
     zoom = clamp(radius_mm(volume) / (distance * sine), *ZOOMS)
     return replace(view, zoom=zoom, target_mm=vector((middle + [*shift, 0.0]) @ axes))
 
 
-def _spanned(along: Array, depth: Array, slope: float) -> tuple[float, float]:
+def _span_within(along: Array, depth: Array, slope: float) -> tuple[float, float]:
     """Return the distance at which points lie within ± a slope, and the place then centred."""
     high, low = float((along - slope * depth).max()), float((-along - slope * depth).max())
     return (high + low) / (2 * slope), (high - low) / 2
 
 
-def _centred(along: Array, depth: Array, distance: float, slope: float) -> float:
+def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> float:
     """Return the place that centres the points as seen from a distance."""
     place = 0.0
     for _ in range(_ITERATIONS):
-        nearest, place = _spanned(along, depth, slope)
+        nearest, place = _span_within(along, depth, slope)
         # From further away than necessary, the points span a smaller slope.
         slope *= max(nearest / distance, 1e-3)
     return place
@@ -224,7 +224,7 @@ def _reset(state: ViewState) -> ViewState:
 def _fit(state: ViewState) -> ViewState:
     width, height = (max(side, 1) for side in state.size)
     volume = state.document.volume
-    view = fitted(state.view, volume, state.transfer, state.shading, width / height)
+    view = fit_view(state.view, volume, state.transfer, state.shading, width / height)
     return replace(state, view=view)
 
 

@@ -41,7 +41,7 @@ from volspec.viewer.model.palette_targets import (
     DesignTargets,
     PaletteState,
     as_kind,
-    clipped,
+    clip_codes,
 )
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
@@ -116,7 +116,7 @@ def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -
         row, light = table.rows.index(place[0]), place[1]
         others = [name for name in table.rows if name != place[0]]
         reference = (others[max(row - 1, 0)], light) if others else None
-    shown = clipped(table.cells[place].obtained)
+    shown = clip_codes(table.cells[place].obtained)
     return _with_cell(state, number, lambda own: as_kind(kind, own, shown, reference))
 
 

@@ -33,7 +33,7 @@ from volspec.viewer.model.palette_targets import (
     DesignTargets,
     Member,
     PaletteState,
-    clipped,
+    clip_codes,
 )
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import MOST_PARTS
@@ -75,8 +75,8 @@ def with_material_range(
     after = [point for point in points if point[0] > high]
     inside = [(v, o, material) for v, o, _ in points if low < v < high]
     # At a step there are several points of one value: the first holds below it, the last above.
-    start = [point for point in points if point[0] == low] or [_interpolated(points, low)]
-    end = [point for point in points if point[0] == high] or [_interpolated(points, high)]
+    start = [point for point in points if point[0] == low] or [_interpolate(points, low)]
+    end = [point for point in points if point[0] == high] or [_interpolate(points, high)]
     first, last = (low, start[-1][1], material), (high, end[0][1], material)
     left = [start[0]] if before and _mix_name(start[0][2]) != material else []
     right = [end[-1]] if after and _mix_name(end[-1][2]) != material else []
@@ -100,7 +100,7 @@ def _mix_name(mix: Mix) -> str:
     return " + ".join(f"{weight:.0%} {name}" for name, weight in weights)
 
 
-def _interpolated(points: list[Point], value: float) -> Point:
+def _interpolate(points: list[Point], value: float) -> Point:
     """Return the curve's point at a value: opacity and mix are linear between points."""
     values = [point[0] for point in points]
     opacity = float(np.interp(value, values, [point[1] for point in points]))
@@ -169,13 +169,20 @@ def lit_columns(state: ViewState) -> Columns:
     grid, shares = state.document.grid, tuple(state.shading.shares().items())
     names = column_names(state.lights)
     return tuple(
-        (name, row.rig.lights[0] if len(row.rig.lights) == 1 else _mixed(row.rig, shares, grid))
+        (
+            name,
+            row.rig.lights[0]
+            if len(row.rig.lights) == 1
+            else _mixed_spectrum(row.rig, shares, grid),
+        )
         for name, row in zip(names, state.lights, strict=True)
     )
 
 
 @lru_cache(maxsize=64)
-def _mixed(rig: LightRig, shares: tuple[tuple[str, float], ...], grid: SpectralGrid) -> Spectrum:
+def _mixed_spectrum(
+    rig: LightRig, shares: tuple[tuple[str, float], ...], grid: SpectralGrid
+) -> Spectrum:
     """Return the sum of several lights on a surface that faces every source."""
     try:
         return rig.facing(dict(shares)).mixed(grid)
@@ -273,7 +280,7 @@ def with_free_spectrum(state: ViewState, member: Member) -> DesignTargets:
     cells = dict(targets.cells)
     for place, report in table.cells.items():
         if place[side] == member[1] and place not in cells:
-            cells[place] = Cell(colour=clipped(report.obtained), weight=STAY)
+            cells[place] = Cell(colour=clip_codes(report.obtained), weight=STAY)
     return replace(targets, cells=cells, open=targets.open | {member})
 
 

@@ -137,7 +137,7 @@ def stays(cell: Cell) -> bool:
     return cell.kind == "colour" and cell.weight <= STAY
 
 
-def clipped(codes: Triple) -> Triple:
+def clip_codes(codes: Triple) -> Triple:
     """Return a display's codes, clipped to 0 to 1."""
     red, green, blue = (clamp(float(code), 0.0, 1.0) for code in codes)
     return red, green, blue

@@ -33,7 +33,7 @@ from volspec.viewer.model.palette_targets import (
     STAY,
     DesignTargets,
     PaletteState,
-    clipped,
+    clip_codes,
 )
 from volspec.viewer.model.scene_file import transfer_table, viewing_table
 from volspec.viewer.model.state import ViewState
@@ -104,7 +104,7 @@ def _targets(made: Redesigned) -> DesignTargets:
             continue
         if cell.other and cell.other[0] not in names and report.wanted is not None:
             weight = min(cell.weight, _FIRM) if cell.weight > 1.0 else STAY
-            cell = Cell(colour=clipped(report.wanted), weight=weight)
+            cell = Cell(colour=clip_codes(report.wanted), weight=weight)
         cells[report.place] = cell
     opened = {(REFLECTANCE, name) for name in made.materials}
     if made.changes.light is not None:

@@ -231,10 +231,10 @@ def _points(bands: Sequence[Band]) -> list[Point]:
         else:
             nearest = min(bands, key=lambda b: max(b.low - at, at - b.high, 0.0))
             points.append((at, 0.0, dict(nearest.mix)))
-    return _simplified(points, MOST_PARTS[TransferFunction])
+    return _simplify(points, MOST_PARTS[TransferFunction])
 
 
-def _simplified(points: list[Point], most: int) -> list[Point]:
+def _simplify(points: list[Point], most: int) -> list[Point]:
     """Reduce a curve to so many points, with the least change; its ends stay.
 
     References

@@ -14,7 +14,7 @@ from volspec.spectra import Spectrum
 from volspec.viewer.model import palette_edits
 from volspec.viewer.model.light_rows import LightRow, effective_weights
 from volspec.viewer.model.palette_table import Table
-from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clipped, stays
+from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clip_codes, stays
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Rect, fill, outline
@@ -189,7 +189,7 @@ def _draw_cell(
 ) -> None:
     (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     draw_list, rounding = imgui.get_window_draw_list(), ui.px(3)
-    obtained = clipped(report.obtained)
+    obtained = clip_codes(report.obtained)
     ink = contrast(obtained)
     on = pack_colour(ink, 0.85)
     draw_list.add_rect_filled((x, y), (right, bottom), pack_colour(obtained), rounding)
@@ -198,7 +198,7 @@ def _draw_cell(
         half = importance(target) * min(right - x, bottom - y) / 2
         ends = (middle[0] - half, middle[1] - half), (middle[0] + half, middle[1] + half)
         if report.wanted is not None:
-            draw_list.add_rect_filled(*ends, pack_colour(clipped(report.wanted)))
+            draw_list.add_rect_filled(*ends, pack_colour(clip_codes(report.wanted)))
         thickness = ui.px(2 if np.isinf(target.weight) else 1)
         draw_list.add_rect(*ends, pack_colour(ink, 0.45), 0.0, thickness)
         if target.kind in _MARKS:

@@ -11,7 +11,7 @@ from volspec.palette.colours import hexadecimal
 from volspec.spectra import light_names
 from volspec.viewer.model import lights, palette_edits
 from volspec.viewer.model.palette_table import Table
-from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clipped
+from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clip_codes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP, column_note
@@ -74,11 +74,11 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
         new = palette_edits.set_target_kind(new, number, _KINDS[chosen][0])
     if kind in ("", "colour"):
         # With no target yet, picking a colour makes one.
-        codes = own.colour if own and own.colour else clipped(report.obtained)
+        codes = own.colour if own and own.colour else clip_codes(report.obtained)
         moved, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
         ui.note("picker")
         if moved:
-            key = " ".join(f"{code:.5f}" for code in clipped((picked[0], picked[1], picked[2])))
+            key = " ".join(f"{code:.5f}" for code in clip_codes((picked[0], picked[1], picked[2])))
             new = palette_edits.set_target(new, number, key)
     elif own is not None:
         new = _other(new, table, number, own, ui)

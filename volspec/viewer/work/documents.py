@@ -14,7 +14,7 @@ from pathlib import Path
 from volspec.errors import InputError, VolspecError
 from volspec.scene import Scene
 from volspec.spectra import reflectance_names
-from volspec.viewer.model.camera import fitted
+from volspec.viewer.model.camera import fit_view
 from volspec.viewer.model.document import Document, demo, plain_scene
 from volspec.viewer.model.light_rows import brightest_row
 from volspec.viewer.model.paths import check_name, path_of_drop
@@ -45,7 +45,7 @@ def open_document(path: str | None, device: str | None = None) -> Document:
         volume = load_volume(path)
         scene = Scene(plain_scene(path, volume), path.partition("?")[0])
         # No window is known yet: a square that has the picture's height.
-        view = fitted(View(), volume, scene.transfer, scene.raycast, 1.0)
+        view = fit_view(View(), volume, scene.transfer, scene.raycast, 1.0)
     # Presets need the names, and would have to wait.
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster, fault = make_caster(volume, device)
