@@ -187,6 +187,10 @@ def test_what_is_no_session_is_refused_in_a_line(tmp_path: Path, change: Any, me
     assert "\n" not in str(told.value)
 
 
+def _spectrum(data: dict[str, Any]) -> dict[str, Any]:
+    return next(each for each in data["objects"] if each.get("is") == "Spectrum")
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -196,6 +200,12 @@ def test_what_is_no_session_is_refused_in_a_line(tmp_path: Path, change: Any, me
         (lambda d: d["state"]["board"].update(wishes=7), "palette.targets is 7"),
         (lambda d: d["state"]["kept"][0].pop("seen"), "saved_lights 1.relight is missing"),
         (lambda d: d.update(objects={"0": 1}), "field 'objects' is missing or wrong"),
+        (lambda d: d["state"].update(lights=[]), "lights is empty; was it edited"),
+        (lambda d: d["state"]["view"].update(zoom=0.0), "session: view: .*zoom"),
+        (lambda d: d["state"]["view"].update(zoom=float("nan")), "view"),
+        (lambda d: d["state"]["lights"][0].update(name="\ud800"), "expected text"),
+        (lambda d: _spectrum(d).update(values=["abc"]), "values holds more than numbers"),
+        (lambda d: _spectrum(d).update(values=[[1.0], [2.0, 3.0]]), "holds more than numbers"),
     ],
 )
 def test_an_old_session_that_was_edited_is_refused_in_a_line(

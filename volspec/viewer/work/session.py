@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from volspec._files import write_whole
 from volspec._parse import parse_json, read_text
 from volspec._tables import explained
-from volspec.errors import InputError, SceneError
+from volspec.errors import InputError, SceneError, one_line
 from volspec.scene.file import SceneFile
 from volspec.scene.resolve import Resolver
 from volspec.viewer.model.document import Document, histogram
@@ -181,7 +181,9 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     except ValidationError as error:
         raise BrokenSession(f"session: file: {explained(error, SceneFile)}") from error
     except (ValueFault, TypeError) as error:
-        raise BrokenSession(f"session: {error}; was it edited?") from error
+        raise BrokenSession(f"session: {one_line(error)}; was it edited?") from error
+    if not of_state["lights"]:
+        raise BrokenSession("session: lights is empty; was it edited?")
     name, mark, query = file.volume.file.partition("?")
     if name == data["path"]:  # of a bare volume, which may have been moved with its session
         moved = file.volume.model_copy(update={"file": f"{session.path}{mark}{query}"})
@@ -197,4 +199,9 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
         file=file,
         path=session.path,
     )
-    return ViewState(document, **of_state)
+    state = ViewState(document, **of_state)
+    try:
+        state.view.camera(volume)
+    except InputError as error:
+        raise BrokenSession(f"session: view: {one_line(error)}; was it edited?") from error
+    return state

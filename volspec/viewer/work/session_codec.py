@@ -170,11 +170,13 @@ class Reader:
     def _new(self, kind: type, data: Any, where: str) -> Any:
         """Make an object, which checks itself."""
         _require(_kind_of(data) == kind.__name__, _kind_of(data), kind.__name__, where)
-        if kind in (SpectralBasis, MaterialBasis):
-            return basis_from_dict(data)
-        values = self.field_values(kind, data, f"{where}.")
         try:
+            if kind in (SpectralBasis, MaterialBasis):
+                return basis_from_dict(data)
+            values = self.field_values(kind, data, f"{where}.")
             return kind(**values)
+        except ValueFault:
+            raise
         except InputError as error:
             raise ValueFault(f"{where}: {error}") from error
 
@@ -188,7 +190,10 @@ def _scalar(hint: Any, data: Any, where: str) -> Any:
         _require(data in choices, data, ", ".join(map(repr, choices)), where)
     elif get_origin(hint) is np.ndarray:
         _require(isinstance(data, list), data, "a list", where)
-        return np.array(data, dtype=np.float64)
+        try:
+            return np.array(data, dtype=np.float64)
+        except (ValueError, TypeError) as error:
+            raise ValueFault(f"{where} holds more than numbers") from error
     elif hint is float:
         number = isinstance(data, int | float) and not isinstance(data, bool)
         _require(number, data, "a number", where)
@@ -198,6 +203,11 @@ def _scalar(hint: Any, data: Any, where: str) -> Any:
         return Path(data)
     else:
         _require(type(data) is hint, data, getattr(hint, "__name__", str(hint)), where)
+        if isinstance(data, str):
+            try:
+                data.encode()
+            except UnicodeEncodeError as error:  # half of a surrogate pair
+                raise ValueFault(f"{where} is {data!r:.60}; expected text") from error
     return data
 
 
