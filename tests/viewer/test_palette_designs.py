@@ -26,7 +26,7 @@ PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 
 
 def answers(*asked: ViewState) -> list[DesignDone]:
-    """What comes of targets that follow each other at once, up to the last one's design."""
+    """Return the designs of targets requested at once, up to the last one's."""
     worker = DesignWorker(lambda: None)
     for each in asked:
         worker.request(DesignJob(palette_of(each), each.palette.targets))

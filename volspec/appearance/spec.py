@@ -9,7 +9,7 @@ Surrounds and conditions stand in `volspec.appearance.surround`, displays in
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -164,6 +164,16 @@ class Viewing:
             return self.L_A
         self._require_given()
         return self.illuminance_lux / math.pi * self.Y_b / 100.0
+
+    def lit_by(self, lux: float | None) -> Viewing:
+        """Return the viewing under a light of E_v lux; itself if the light carries none.
+
+        Raises
+        ------
+        ViewingError
+            If it is not above 0.
+        """
+        return self if lux is None else replace(self, illuminance_lux=lux)
 
     def conditions(self, white_XYZ: ArrayLike) -> ViewingConditions:
         """What an eye in the scene is adapted to, under a light whose white is given.

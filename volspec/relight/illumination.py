@@ -18,7 +18,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -126,9 +126,8 @@ class Illumination:
             backdrop = XYZ_of(mixed, spec.backdrop, basis.observer_deg)
         else:
             backdrop = spec.backdrop * white
-        lux, viewing = facing.total_lux, spec.viewing
-        if lux is not None:
-            viewing = replace(viewing, illuminance_lux=lux)
+        lux = facing.total_lux
+        viewing = spec.viewing.lit_by(lux)
         return cls(gain * matrix, white, gain * backdrop, lux, viewing, gain)
 
     def scene_XYZ(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:

@@ -9,7 +9,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from volspec.viewer.model import camera, cuts, lights, palette_edits, slices, transfer_edits
+from volspec.viewer.model import (
+    camera,
+    cuts,
+    lights,
+    palette_edits,
+    slices,
+    transfer_edits,
+    viewing,
+)
 from volspec.viewer.model.edit import Change, Command, edit, with_interface
 from volspec.viewer.model.state import ViewState
 
@@ -131,6 +139,7 @@ COMMANDS: tuple[Command, ...] = (
     *transfer_edits.COMMANDS,
     *camera.COMMANDS,
     _switch("error_map", "View", "Error map", "e"),
+    *viewing.COMMANDS,
     *lights.COMMANDS,
     *palette_edits.COMMANDS,
     *_WINDOW,

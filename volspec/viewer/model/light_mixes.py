@@ -20,6 +20,7 @@ from volspec.viewer.model.light_rows import (
     merge_groups,
     rig_of,
 )
+from volspec.viewer.model.view import clamp
 
 _DIGITS = 4
 
@@ -91,7 +92,7 @@ def dial_weights(count: int, x: float, y: float) -> tuple[float, ...]:
         return (1.0,) * count
     rim = rim_places(count)
     if count == 2:
-        share = min(max((1.0 - y) / 2, 0.0), 1.0)
+        share = clamp((1.0 - y) / 2, 0.0, 1.0)
         return (share, 1.0 - share)
     sector = int(math.atan2(x, -y) % (2 * math.pi) / (2 * math.pi / count)) % count
     after = (sector + 1) % count

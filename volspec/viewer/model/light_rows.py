@@ -20,6 +20,7 @@ from volspec.relight.spec import mixed_rig
 from volspec.scene.lights import LightTable, NamedLight
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
+from volspec.viewer.model.view import clamp
 
 KELVIN = (1000.0, 20000.0)
 MOST_ROWS = 99
@@ -120,7 +121,7 @@ def kelvin_of(text: str | None) -> float | None:
 
 def at_kelvin(row: LightRow, kelvin: float) -> LightRow:
     """Return a Planck radiator's row at another temperature, in whole kelvins."""
-    kelvin = min(max(round(kelvin), KELVIN[0]), KELVIN[1])
+    kelvin = clamp(round(kelvin), *KELVIN)
     text = f"planck:{kelvin:g}"
     rig = replace(row.rig, lights=(light(text, row.rig.lights[0].grid),))
     return replace(row, rig=rig, kelvin=kelvin, texts=(text,))

@@ -381,13 +381,6 @@ def _swap(state: ViewState) -> ViewState:
     return replace(state, lights=state.other, other=state.lights)
 
 
-def _mark(state: ViewState) -> ViewState:
-    """Hatch what the display cannot show, or no longer."""
-    spec = state.relight
-    display = replace(spec.viewing.display, mark=not spec.viewing.display.mark)
-    return replace(state, relight=replace(spec, viewing=replace(spec.viewing, display=display)))
-
-
 COMMANDS = (
     Command("next-light", "Light", "Next light alone", ("space",), _next_light),
     Command(
@@ -397,10 +390,6 @@ COMMANDS = (
         ("b",),
         _compare,
         lambda state: state.other is not None,
-    ),
-    Command(
-        *("mark", "View", "Mark what the display cannot show", ("m",), _mark),
-        lambda s: s.relight.viewing.display.mark,
     ),
     Command("swap", "Light", "Swap the two sides", ("x",), _swap),
     Command("alone", "Light", "The chosen light alone", (), _chosen(only)),

@@ -24,6 +24,7 @@ from volspec.transfer import (
 )
 from volspec.transfer.mixes import Mix, Point, shares_of
 from volspec.viewer.model.transfer_parts import KINDS, MOST_PARTS, Kind
+from volspec.viewer.model.view import clamp
 
 # Names of bands in messages, by the kind that is converted.
 _BANDS = {"points": "ranges of the curve", "regions": "regions", "surfaces": "surfaces"}
@@ -198,7 +199,7 @@ def _gradients(curve: TransferFunction) -> tuple[float, float]:
 
 
 def _region(band: Band) -> Region:
-    softness = min(max(2 * band.ramp / (band.high - band.low), _SOFTEST), 1.0)
+    softness = clamp(2 * band.ramp / (band.high - band.low), _SOFTEST, 1.0)
     return Region((band.low, band.high), band.gradients, band.opacity, dict(band.mix), softness)
 
 

@@ -19,7 +19,7 @@ from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
-from volspec.viewer.model.edit import edit
+from volspec.viewer.model.edit import Command, edit
 from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
@@ -54,7 +54,7 @@ def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
     Parameters
     ----------
     lux : float, optional
-        The light's own illuminance, which replaces the viewing's; None or 0 if it has none.
+        The light's own illuminance, which replaces the viewing's; None if it has none.
 
     Raises
     ------
@@ -64,8 +64,7 @@ def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
     >>> given_viewing(Viewing(adapting="picture"), 500.0).illuminance_lux
     500.0
     """
-    given = replace(viewing, adapting="given")
-    return replace(given, illuminance_lux=lux) if lux else given
+    return replace(viewing.lit_by(lux), adapting="given")
 
 
 def luminance(rig: LightRig | None, viewing: Viewing) -> float:
@@ -104,6 +103,7 @@ def _choice(
     return choose
 
 
+# Edits that set a word of the viewing, the display or the spec.
 set_adapting = _choice(_set, "adapting", ADAPTING)
 set_surround = _choice(_set, "surround", SURROUNDS)
 set_space = _choice(_set_display, "space", SPACES)
@@ -191,3 +191,17 @@ def set_backdrop(state: ViewState, share: float) -> ViewState:
     if isinstance(state.relight.backdrop, Spectrum):
         return state
     return _change(state, backdrop=clamp(share, 0.0, 1.0))
+
+
+def _is_marked(state: ViewState) -> bool:
+    return state.relight.viewing.display.mark
+
+
+def _toggle_mark(state: ViewState) -> ViewState:
+    """Hatch what the display cannot show, or no longer."""
+    return _set_display(state, mark=not _is_marked(state))
+
+
+COMMANDS = (
+    Command("mark", "View", "Mark what the display cannot show", ("m",), _toggle_mark, _is_marked),
+)

@@ -25,7 +25,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Search, UiContext
 from volspec.viewer.ui.overlays import BARE_WINDOW
 from volspec.viewer.ui.viewing import SETTINGS
-from volspec.viewer.ui.widgets import as_one_line, key_text, text_width
+from volspec.viewer.ui.widgets import as_one_line, key_text, shown_rows, text_width
 from volspec.viewer.work.session_store import RecentFile
 
 _ROWS = 14
@@ -169,14 +169,9 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
     picked = rows[search.at] if entered and rows else None
     search.fresh |= entered and not rows  # Enter has taken the keyboard from the field
     if imgui.begin_child("rows", (0, 0)):
-        clipper = imgui.ListClipper()
-        clipper.begin(len(rows))
-        if rows:
-            clipper.include_item_by_index(search.at)
-        while clipper.step():
-            for number in range(clipper.display_start, clipper.display_end):
-                if _row(rows[number], number == search.at, bool(step), ui):
-                    picked = rows[number]
+        for number in shown_rows(len(rows), always=search.at):
+            if _row(rows[number], number == search.at, bool(step), ui):
+                picked = rows[number]
         if not rows:
             imgui.text_disabled("There is nothing of that name")
     imgui.end_child()

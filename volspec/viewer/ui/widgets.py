@@ -219,10 +219,15 @@ def search_field(label: str, hint: str, panel: LibraryState) -> bool:
     return entered
 
 
-def shown_rows(count: int, height: float = -1.0) -> Iterator[int]:
-    """Yield the indices of a list's rows in view; a negative row height is measured."""
+def shown_rows(count: int, height: float = -1.0, always: int | None = None) -> Iterator[int]:
+    """Yield the indices of a list's rows in view, and of one ``always`` if the list has it.
+
+    A negative row height is measured.
+    """
     clipper = imgui.ListClipper()
     clipper.begin(count, height)
+    if always is not None and always < count:
+        clipper.include_item_by_index(always)
     while clipper.step():
         yield from range(clipper.display_start, clipper.display_end)
     clipper.end()

@@ -1,4 +1,4 @@
-"""Where the voxels of NRRD, MetaImage and NIfTI files lie, and whether all are there.
+"""Layout of the voxels in NRRD, MetaImage and NIfTI files, and a check that all are there.
 
     header fields -> [layout] -> Stored | array -> itk
 
@@ -46,7 +46,7 @@ _NIFTI_HEADER = 348
 
 
 def _is_true(word: str) -> bool:
-    """Return True for what MetaIO takes as true, which is told by the first letter."""
+    """Return True for what MetaIO takes as true: it looks at the first letter alone."""
     return word[:1] in ("T", "t", "1")
 
 
