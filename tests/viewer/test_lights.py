@@ -17,7 +17,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import light_rows, lights
+from volspec.viewer.model import light_parts, light_rows, lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.light_mixes import mix_row
@@ -90,8 +90,8 @@ def test_two_strokes_meet_where_the_pen_was() -> None:
 
 def test_a_drawn_light_is_one_of_its_own_until_it_is_reset(lit: ViewState) -> None:
     dimmed = lights.set_weight(lit, 2, 0.4)
-    edited = lights.draw(dimmed, 2, 0, (0.2, 1.0), (0.4, 2.0))
-    again = lights.draw(edited, 2, 0, (0.6, 1.0), (0.7, 2.0))
+    edited = light_parts.draw(dimmed, 2, 0, (0.2, 1.0), (0.4, 2.0))
+    again = light_parts.draw(edited, 2, 0, (0.6, 1.0), (0.7, 2.0))
     rows = again.lights
     assert rows[2].name == "planck:3000 edited" and rows[2].texts == (None,)
     assert rows[2].kelvin is None and rows[2].weight == 0.4
@@ -102,14 +102,14 @@ def test_a_drawn_light_is_one_of_its_own_until_it_is_reset(lit: ViewState) -> No
 
 
 def test_a_pen_cannot_put_a_light_out(lit: ViewState) -> None:
-    assert lights.draw(lit, 0, 0, (-0.1, 0.0), (1.1, 0.0)) is lit
-    assert lights.draw(lit, 0, 0, (0.1, math.nan), (0.2, 1.0)) is lit
-    assert lights.draw(lit, 9, 0, (0.1, 1.0), (0.2, 1.0)) is lit
-    assert lights.draw(lit, 0, 3, (0.1, 1.0), (0.2, 1.0)) is lit
+    assert light_parts.draw(lit, 0, 0, (-0.1, 0.0), (1.1, 0.0)) is lit
+    assert light_parts.draw(lit, 0, 0, (0.1, math.nan), (0.2, 1.0)) is lit
+    assert light_parts.draw(lit, 9, 0, (0.1, 1.0), (0.2, 1.0)) is lit
+    assert light_parts.draw(lit, 0, 3, (0.1, 1.0), (0.2, 1.0)) is lit
 
 
 def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time(lit: ViewState) -> None:
-    edited = lights.draw(lit, 3, 1, (0.0, 0.0), (0.3, 0.0)).lights[3]
+    edited = light_parts.draw(lit, 3, 1, (0.0, 0.0), (0.3, 0.0)).lights[3]
     assert edited.rig.lights[0] is ROWS[3].rig.lights[0]
     assert edited.texts == ("A", None) and edited.rig.groups == ("lamp", "sky")
 
@@ -118,7 +118,7 @@ def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time(lit: ViewState) -
 
 
 def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
-    bright = lights.set_lux(lit, 0, 500.0)
+    bright = light_parts.set_lux(lit, 0, 500.0)
     rows = bright.lights
     rig = rig_of(rows)
     assert rig is not None and rig.total_lux == 500.0
@@ -135,12 +135,12 @@ def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
     )
     absolute = RelightSpec(level="absolute")
     assert "needs lux, and A has none" in light_rows.lux_note(both, _SHARES, absolute)
-    assert lights.set_lux(bright, 0, 0.0).lights[0].rig.illuminance_lux is None
+    assert light_parts.set_lux(bright, 0, 0.0).lights[0].rig.illuminance_lux is None
 
 
 def test_lux_of_groups_are_told_for_what_faces_them_all(lit: ViewState) -> None:
     """500 lx from a group with three quarters of the light, half of 100 from the rest."""
-    rig = lights.set_lux(lights.set_lux(lit, 3, 500.0), 3, 100.0, part=1).lights[3].rig
+    rig = light_parts.set_lux(light_parts.set_lux(lit, 3, 500.0), 3, 100.0, part=1).lights[3].rig
     assert rig.illuminance_lux == (500.0, 100.0)
     assert light_rows.facing_lux(rig, _SHARES) == pytest.approx(0.75 * 500 + 0.25 * 0.5 * 100)
     assert light_rows.facing_lux(rig, {"other": 1.0}) is None
@@ -156,50 +156,50 @@ def test_a_light_added_among_lights_with_lux_has_as_many(lit: ViewState) -> None
 
 
 def test_a_spectrum_for_all_groups_is_parted_and_joined_again(lit: ViewState) -> None:
-    parted = lights.split_part(lights.set_lux(lit, 0, 300.0), 0)
+    parted = light_parts.split_part(light_parts.set_lux(lit, 0, 300.0), 0)
     split = parted.lights[0]
     assert split.rig.groups == ("lamp", "sky") and split.texts == ("D65", "D65")
     assert split.rig.illuminance_lux == (300.0, 300.0)
     # All groups at 300 lx, and each at 300 lx times its share, are the same light.
     assert light_rows.facing_lux(split.rig, _SHARES) == pytest.approx(300.0)
-    less = lights.remove_part(parted, 0, 1)
+    less = light_parts.remove_part(parted, 0, 1)
     assert less.lights[0].rig.groups == ("lamp",) and less.lights[0].texts == ("D65",)
-    assert lights.remove_part(less, 0, 0) is less
-    assert lights.regroup(less, 0, 0, "").lights[0].rig.groups == ("",)
-    assert lights.add_part(less, 0, "sky").lights[0].rig.groups == ("lamp", "sky")
+    assert light_parts.remove_part(less, 0, 0) is less
+    assert light_parts.regroup(less, 0, 0, "").lights[0].rig.groups == ("",)
+    assert light_parts.add_part(less, 0, "sky").lights[0].rig.groups == ("lamp", "sky")
 
 
 def test_a_group_cannot_be_weighted_until_all_is_dark(lit: ViewState) -> None:
-    new = lights.set_part_weight(lit, 3, 0, 0.0)
+    new = light_parts.set_part_weight(lit, 3, 0, 0.0)
     assert new.lights[3].rig.weights == (0.0, 0.5)
-    assert lights.set_part_weight(new, 3, 1, 0.0) is new
-    brighter = lights.set_part_weight(new, 3, 1, 99.0)
+    assert light_parts.set_part_weight(new, 3, 1, 0.0) is new
+    brighter = light_parts.set_part_weight(new, 3, 1, 99.0)
     assert brighter.lights[3].rig.weights[1] == light_rows.MOST_WEIGHT
 
 
 def test_a_spectrum_is_respelled_or_refused_with_the_name(lit: ViewState) -> None:
-    new = lights.respell(lit, 0, 0, "planck:2700").state.lights[0]
+    new = light_parts.respell(lit, 0, 0, "planck:2700").state.lights[0]
     assert new.name == "2700 K" and new.kelvin == 2700.0 and new.weight == 1.0
-    sky = lights.respell(lit, 3, 1, "daylight:7500").state.lights[3]
+    sky = light_parts.respell(lit, 3, 1, "daylight:7500").state.lights[3]
     assert sky.name == "evening" and sky.texts == ("A", "daylight:7500")
-    assert lights.respell(lit, 0, 0, " D65 ").state is lit
-    refused = lights.respell(lit, 0, 0, "D6")
+    assert light_parts.respell(lit, 0, 0, " D65 ").state is lit
+    refused = light_parts.respell(lit, 0, 0, "D6")
     assert refused.state is lit and "D6" in refused.message
 
 
 def edit(state: ViewState, what: int, index: int, part: int, x: float) -> ViewState:
     """One of all edits."""
     if what == 0:
-        return lights.set_lux(state, index, x, part)
+        return light_parts.set_lux(state, index, x, part)
     if what == 1:
-        return lights.set_part_weight(state, index, part, x)
+        return light_parts.set_part_weight(state, index, part, x)
     if what == 2:
-        return lights.regroup(state, index, part, ("", "lamp", "sky")[part % 3])
+        return light_parts.regroup(state, index, part, ("", "lamp", "sky")[part % 3])
     if what == 3:
-        return lights.add_part(state, index, "sky")
+        return light_parts.add_part(state, index, "sky")
     if what == 4:
-        return lights.remove_part(state, index, part)
-    return lights.split_part(state, index)
+        return light_parts.remove_part(state, index, part)
+    return light_parts.split_part(state, index)
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
@@ -301,7 +301,7 @@ def test_a_kept_mix_with_lux_has_their_sum_and_shares_of_it() -> None:
 
 
 def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are(lit: ViewState) -> None:
-    edited = lights.set_weight(lights.draw(lit, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
+    edited = lights.set_weight(light_parts.draw(lit, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
     kept = mixed(edited.lights)
     assert kept.rig.groups == ("", "lamp", "sky") and kept.texts == (None, "A", "D65*0.5")
     dark = lights.toggle_mute(lights.set_weight(edited, 0, 0.0), 3)
@@ -318,7 +318,7 @@ def test_a_stroke_of_many_samples_is_one_step_of_undo(state: ViewState) -> None:
     pen = None
     for x in np.linspace(0.2, 0.8, 9):
         end = float(x), 2.0
-        history = history.then(lights.draw(history.present, 1, 0, pen or end, end), 5)
+        history = history.then(light_parts.draw(history.present, 1, 0, pen or end, end), 5)
         pen = end
     assert history.present.lights[1].name == "A edited"
     assert history.undone().present.lights == state.lights
@@ -332,9 +332,9 @@ def test_edits_of_lights_take_any_index_and_number(
         for part in (-1, 0, 5):
             for x in (-1e300, 0.0, 1e300):
                 for new in (
-                    lights.set_lux(state, index, x, part),
-                    lights.set_part_weight(state, index, part, x),
-                    lights.draw(state, index, part, start, (x, x)),
+                    light_parts.set_lux(state, index, x, part),
+                    light_parts.set_part_weight(state, index, part, x),
+                    light_parts.draw(state, index, part, start, (x, x)),
                 ):
                     rig = rig_of(new.lights)
                     assert rig is not None and np.isfinite(rig.mixed(DEFAULT_GRID).values).all()

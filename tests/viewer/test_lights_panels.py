@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import lights
+from volspec.viewer.model import light_parts, lights
 from volspec.viewer.model.state import ViewState
 
 AREA = (0, 20, 900, 600)
@@ -49,7 +49,7 @@ def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
 
 
 def test_a_notation_that_is_no_light_changes_nothing_and_says_why(state: ViewState) -> None:
-    for edit in (lights.add, partial(lights.respell, index=0, part=0)):
+    for edit in (lights.add, partial(light_parts.respell, index=0, part=0)):
         new, refusal = edit(state, text="D65*0.7+Q*0.3")
         assert new is state and "'Q' in the mix" in refusal and "\n" not in refusal
         assert "there.csv" in edit(state, text="not/there.csv").message

@@ -11,7 +11,7 @@ from tests.viewer._edits import MODULES, edits_of
 from volspec.raycast import ClipPlane
 from volspec.relight import RelightSpec
 from volspec.spectra import reflectance
-from volspec.viewer.model import camera, lights, slices, transfer_edits
+from volspec.viewer.model import camera, light_parts, lights, slices, transfer_edits
 from volspec.viewer.model.commands import BY_NAME, COMMANDS
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Edited, after
@@ -95,9 +95,9 @@ _COSTS: dict[str, tuple[Any, ...]] = {
     "slices.set_greys": ("frame", 0.3, 0.4),
     "lights.set_weight": ("relight", 1, 0.3),
     "lights.set_kelvin": ("relight", 3, 0.3),
-    "lights.set_lux": ("relight", 1, 0.3),
-    "lights.set_part_weight": ("relight", 1, 0, 0.3),
-    "lights.draw": ("relight", 1, 0, (0.3, 0.4), (0.3, 0.4)),
+    "light_parts.set_lux": ("relight", 1, 0.3),
+    "light_parts.set_part_weight": ("relight", 1, 0, 0.3),
+    "light_parts.draw": ("relight", 1, 0, (0.3, 0.4), (0.3, 0.4)),
     "lights.blend": ("relight", 0.3, 0.4),
     "lights.toggle_solo": ("relight", 1),
     "lights.toggle_mute": ("relight", 1),
@@ -108,13 +108,13 @@ _COSTS: dict[str, tuple[Any, ...]] = {
     "lights.rename": ("relight", 1, "gold"),
     "lights.keep_mix": ("relight",),
     "lights.add": ("relight", "HP1"),
-    "lights.respell": ("relight", 1, 0, "FL2"),
+    "light_parts.respell": ("relight", 1, 0, "FL2"),
     "lights.show_alone": ("relight", 1),
     # What mends or parts a light of one spectrum: of parts, there is one and no group.
-    "lights.regroup": ("relight", 1, 0, "gold"),
-    "lights.add_part": ("relight", 1, "gold"),
-    "lights.remove_part": (None, 1, 0),
-    "lights.split_part": (None, 1),
+    "light_parts.regroup": ("relight", 1, 0, "gold"),
+    "light_parts.add_part": ("relight", 1, "gold"),
+    "light_parts.remove_part": (None, 1, 0),
+    "light_parts.split_part": (None, 1),
     "light_states.save": ("frame",),
     "light_states.save_over": ("frame", 1),
     "light_states.rename": ("frame", 1, "gold"),
@@ -229,7 +229,7 @@ def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
     state = slices.set_greys(slices.move_slice(cut, 1, 0.3), 0.2, 0.4)
     old = transfer_edits.shift(replace(state, view=replace(state.view, zoom=3.0)), 0.1)
     states = [LightState(str(i), state.lights[1:], state.relight) for i in range(9)]
-    drawn = lights.draw(old, 2, 0, (0.5, 2.0), (0.5, 2.0))
+    drawn = light_parts.draw(old, 2, 0, (0.5, 2.0), (0.5, 2.0))
     old = replace(drawn, other=state.lights, saved_lights=tuple(states))
     old = replace(old, interface=replace(old.interface, light=2))
     for action in COMMANDS:

@@ -14,7 +14,7 @@ from volspec.errors import InputError
 from volspec.palette import Cell
 from volspec.relight import LightRig
 from volspec.spectra import light
-from volspec.viewer.model import cuts, light_rows, light_states, lights, transfer_edits
+from volspec.viewer.model import cuts, light_parts, light_rows, light_states, lights, transfer_edits
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import Difference, History
@@ -133,12 +133,12 @@ def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
 def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
     new = lights.choose(lights.rename(state, 3, "lamp"), 3)
     assert lights.set_kelvin(new, 3, 5000.0).lights[3].name == "lamp"
-    assert lights.respell(new, 3, 0, "D50").state.lights[3].name == "lamp"
-    pen = lights.draw(new, 3, 0, (0.1, 2.0), (0.5, 2.0))
+    assert light_parts.respell(new, 3, 0, "D50").state.lights[3].name == "lamp"
+    pen = light_parts.draw(new, 3, 0, (0.1, 2.0), (0.5, 2.0))
     assert pen.lights[3].name == "lamp" == done(pen, "reset-spectrum").lights[3].name
     # Also where it was given after the drawing.
-    later = lights.rename(lights.draw(state, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
-    assert lights.draw(later, 1, 0, (0.6, 2.0), (0.9, 2.0)).lights[1].name == "mine"
+    later = lights.rename(light_parts.draw(state, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
+    assert light_parts.draw(later, 1, 0, (0.6, 2.0), (0.9, 2.0)).lights[1].name == "mine"
 
 
 def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
@@ -166,8 +166,8 @@ def test_a_drawn_light_says_from_what(state: ViewState) -> None:
 
     lamp = LightRow("day", "D65 at noon", LightRig((light("D65"),)), 1.0, texts=("D65",))
     assert rows.row_tip(lamp) == "day\nD65 at noon"
-    pen = lights.draw(replace(state, lights=(lamp,)), 0, 0, (0.1, 2.0), (0.5, 2.0))
-    again = lights.draw(pen, 0, 0, (0.6, 2.0), (0.9, 2.0))
+    pen = light_parts.draw(replace(state, lights=(lamp,)), 0, 0, (0.1, 2.0), (0.5, 2.0))
+    again = light_parts.draw(pen, 0, 0, (0.6, 2.0), (0.9, 2.0))
     assert rows.row_tip(again.lights[0]) == "day edited\nDrawn by hand, from D65"
 
 

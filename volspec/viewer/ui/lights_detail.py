@@ -8,7 +8,7 @@ from imgui_bundle import imgui, imgui_knobs
 
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
-from volspec.viewer.model import light_rows, lights
+from volspec.viewer.model import light_parts, light_rows, lights
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
@@ -103,7 +103,7 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     ui.note("lux given")
     tip(_LUX_TIP)
     if pressed:
-        return lights.set_lux(state, index, viewing.illuminance_lux if on else 0.0)
+        return light_parts.set_lux(state, index, viewing.illuminance_lux if on else 0.0)
     imgui.same_line(0, ui.px(4))
     if not plain:
         facing = light_rows.facing_lux(rig, state.shading.shares())
@@ -117,7 +117,7 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     moved, lux = imgui.slider_float("Illuminance##lux", now, *light_rows.LUX, text, _LOG)
     imgui.end_disabled()
     ui.note("lux")
-    return lights.set_lux(state, index, lux) if moved and given else state
+    return light_parts.set_lux(state, index, lux) if moved and given else state
 
 
 def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) -> ViewState:
@@ -144,7 +144,7 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
     if not entered:
         return state
     panel.text_of = ("", 0)
-    new, refusal = lights.respell(state, index, part, text)
+    new, refusal = light_parts.respell(state, index, part, text)
     if refusal:
         panel.complain(refusal, (index, part), state.lights)
     return new
@@ -199,7 +199,7 @@ def _part(
     picked, at = imgui.combo("##group", now, [as_one_line(name) or _ALL for name in names])
     ui.note(f"group {j}")
     if picked:
-        new = lights.regroup(new, index, j, names[at])
+        new = light_parts.regroup(new, index, j, names[at])
     imgui.table_next_column()
     x, y = imgui.get_cursor_screen_pos()
     wide, tall, inset = ui.px(14), imgui.get_frame_height(), ui.px(3)
@@ -213,7 +213,7 @@ def _part(
     moved, weight = imgui.slider_float("##weight", rig.weights[j], 0.0, top, "%.2f")
     ui.note(f"part {j}")
     if moved:
-        new = lights.set_part_weight(new, index, j, weight)
+        new = light_parts.set_part_weight(new, index, j, weight)
     tip("Weight beside the other spectra of this light")
     if rig.illuminance_lux:
         imgui.table_next_column()
@@ -223,10 +223,10 @@ def _part(
         ui.note(f"part lux {j}")
         tip("On a surface that faces it, were all groups to shine like this one")
         if moved:
-            new = lights.set_lux(new, index, lux, j)
+            new = light_parts.set_lux(new, index, lux, j)
     imgui.table_next_column()
     if len(rig.lights) > 1 and imgui.button("×", (-1, 0)):
-        new = lights.remove_part(new, index, j)
+        new = light_parts.remove_part(new, index, j)
     return new
 
 
@@ -237,14 +237,14 @@ def _part_buttons(
     rig, new = state.lights[index].rig, state
     if "" in rig.groups:
         if imgui.button("A spectrum for each group"):
-            new = lights.split_part(new, index)
+            new = light_parts.split_part(new, index)
         ui.note("part groups")
         return new
     for i, name in enumerate(name for name in groups if name not in rig.groups):
         if i:
             imgui.same_line()
         if imgui.button(f"Light {name}"):
-            new = lights.add_part(new, index, name)
+            new = light_parts.add_part(new, index, name)
         tip(f"Nothing shines from {name} in this light")
     return new
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.spectra import SpectralGrid
-from volspec.viewer.model import lights
+from volspec.viewer.model import light_parts
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import LightRow, rig_of, row_at
 from volspec.viewer.model.state import ViewState
@@ -58,7 +58,7 @@ def draw_pen(state: ViewState, ui: UiContext, height: float) -> ViewState:
     place = pen_place((mouse.x, mouse.y), rect, len(values), panel.top)
     if held:
         start, panel.pen = panel.pen or place, place
-        new = lights.draw(new, index, panel.part, start, place)
+        new = light_parts.draw(new, index, panel.part, start, place)
     _crosshair(ui, rect, mouse.x, place, grid)
     return new
 
