@@ -2,7 +2,8 @@
 
 ``VolspecError`` splits in two: what the user gave (`InputError`, exit code 1 of the
 command line, one line on stderr) and what the machine lacks (`DeviceError`). A message
-says who complains, what it got, what it expected, and the likely remedy.
+says what it is about, what it got, what it expected, and the likely remedy; an error carries
+the same as fields, so that programs need not parse English.
 """
 
 from __future__ import annotations
@@ -10,10 +11,82 @@ from __future__ import annotations
 import difflib
 import unicodedata
 from collections.abc import Iterable
+from typing import Literal, Self, get_args
+
+Code = Literal[
+    "conflict",  # two things that were given contradict each other
+    "damaged",  # a file's contents cannot be what they claim to be
+    "duplicate",  # a name that is taken
+    "impossible",  # no result exists, or none can be computed
+    "missing",  # something needed was left out, or a list is empty
+    "not-found",  # no such file or folder
+    "range",  # a number out of range, or not finite
+    "shape",  # an array's shape, or how many there are
+    "size",  # more than memory, a format or a device holds
+    "state",  # closed already, or changed meanwhile
+    "syntax",  # a text that cannot be parsed
+    "type",  # a value of another kind
+    "unknown",  # a name that stands for nothing
+    "unsupported",  # valid, and not implemented or not installed
+    "unwritable",  # an output that cannot be made
+    "invalid",  # none of these
+]
+CODES: tuple[Code, ...] = get_args(Code)
 
 
 class VolspecError(Exception):
-    """Base of every exception raised on purpose by this package."""
+    """Base of every exception raised on purpose by this package.
+
+    Its text is one line, ``field: problem; remedy``. Left without a problem, it is what was
+    given: ``field is given; remedy``.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong.
+    remedy : str
+        What to do about it.
+    code : Code
+        The kind of problem, for programs.
+    field : str
+        What it is about, as a path such as ``"viewing.D"`` or ``"lights[1].group"``.
+    given : object
+        The value that was refused.
+
+    Examples
+    --------
+    >>> error = VolspecError("", "give 0 to 1", code="range", field="viewing.D", given=3.0)
+    >>> str(error), error.code, error.given
+    ('viewing.D is 3.0; give 0 to 1', 'range', 3.0)
+    >>> str(VolspecError("no such file", "check the path", field="a.nrrd", code="not-found"))
+    'a.nrrd: no such file; check the path'
+    """
+
+    def __init__(
+        self,
+        problem: str = "",
+        remedy: str = "",
+        *,
+        code: Code = "invalid",
+        field: str = "",
+        given: object = None,
+    ) -> None:
+        super().__init__(problem, remedy)
+        self.problem, self.remedy = problem, remedy
+        self.code, self.field, self.given = code, field, given
+
+    def __str__(self) -> str:
+        if not self.problem and not self.field:
+            return self.remedy
+        if not self.problem:
+            text = f"{self.field} is {quoted(self.given, 60)}"
+        else:
+            text = f"{self.field}: {self.problem}" if self.field else self.problem
+        return f"{text}; {self.remedy}" if self.remedy else text
+
+    def at(self, field: str) -> Self:
+        """Return the same error about another field: the name that the user knows it by."""
+        return type(self)(self.problem, self.remedy, code=self.code, field=field, given=self.given)
 
 
 class VolspecWarning(UserWarning):
