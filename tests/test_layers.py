@@ -19,6 +19,8 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 LAYERS = (
     *(
         "errors",
+        "_deprecated",
+        "settings",
         "_files",
         "_cache",
         "_child",

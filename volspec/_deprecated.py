@@ -1,0 +1,121 @@
+"""Old names of what was renamed: usable for one version, each use a `DeprecationWarning`.
+
+    [_deprecated] -> volspec, its packages
+
+A module that renamed something public ends in
+
+    __getattr__ = renamed(__name__, {"passage_of": "view_transform"})
+
+and a function that renamed a keyword takes it under both names by ``@renamed_keyword``.
+"""
+
+from __future__ import annotations
+
+import functools
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
+    """Make a module's ``__getattr__``, which answers to old names.
+
+    Parameters
+    ----------
+    module : str
+        ``__name__`` of the module.
+    names : {old: new}
+        A new name is one of the module, or ``"package.module:name"`` of another.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> old_names = renamed("math", {"hypotenuse": "hypot", "root": "cmath:sqrt"})
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     old_names("hypotenuse")(3, 4), old_names("root")(-1)
+    (5.0, 1j)
+    >>> str(caught[0].message)
+    'math.hypotenuse is now hypot; the old name goes with the next version'
+    """
+
+    def __getattr__(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        home, _, new = names[name].rpartition(":")
+        _warn(f"{module}.{name} is now {f'{home}.{new}' if home else new}")
+        return getattr(import_module(home) if home else sys.modules[module], new)
+
+    return __getattr__
+
+
+def renamed_attribute(new: str) -> Any:
+    """Make a property that reads an attribute under its old name.
+
+    Examples
+    --------
+    >>> class Light:
+    ...     weights = (1.0,)
+    ...     shares = renamed_attribute("weights")
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore")
+    ...     Light().shares
+    (1.0,)
+    """
+
+    class Renamed:
+        what = new
+
+        def __set_name__(self, owner: type, name: str) -> None:
+            self.what = f"{owner.__name__}.{name}"
+
+        def __get__(self, instance: object, owner: type) -> Any:
+            _warn(f"{self.what} is now {new}")
+            return getattr(owner if instance is None else instance, new)
+
+    return Renamed()
+
+
+def renamed_keyword(**names: str) -> Callable[[Callable[P, R]], Callable[..., R]]:
+    """Make a decorator for functions that take keywords under their old names, too.
+
+    Parameters
+    ----------
+    **names
+        ``old="new"``.
+
+    Examples
+    --------
+    >>> @renamed_keyword(tell="progress")
+    ... def export(progress=None):
+    ...     return progress
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore")
+    ...     export(tell=print) is print
+    True
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[..., R]:
+        @functools.wraps(function)
+        def wrapper(*args: Any, **kwargs: Any) -> R:
+            for old in names.keys() & kwargs.keys():
+                new = names[old]
+                if new in kwargs:
+                    raise TypeError(f"{function.__qualname__}() got both {old!r} and {new!r}")
+                _warn(f"{function.__qualname__}({old}=) is now {new}=")
+                kwargs[new] = kwargs.pop(old)
+            return function(*args, **kwargs)
+
+        return wrapper
+
+    return decorate
+
+
+def _warn(what: str) -> None:
+    message = f"{what}; the old name goes with the next version"
+    warnings.warn(message, DeprecationWarning, stacklevel=3)
