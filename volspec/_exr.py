@@ -69,7 +69,7 @@ def read_exr(
                         raise error(f"{name}: two parts hold a channel {key!r}; export one part")
                     channels[key] = np.array(channel.pixels)
     if any("error" in line.lower() or "EXR_ERR" in line for line in said):
-        raise error(f"{name}: damaged ({said[-1].strip()}); {again}")
+        raise error(f"{name}: damaged ({said[-1].strip()}); {again}", code="damaged")
     return header, channels
 
 
@@ -127,7 +127,7 @@ def _require_file(name: str, error: type[InputError], missing: str) -> None:
     except IsADirectoryError:
         raise error(f"{name}: is a folder; give an .exr file") from None
     except OSError as fault:
-        raise error(f"{name}: cannot be read: {fault.strerror}") from None
+        raise error(f"{name}: cannot be read: {fault.strerror}", code="damaged") from None
     except ValueError:  # a NUL character
         raise error(f"{name!r} is no path; give an .exr file") from None
 
@@ -140,10 +140,14 @@ def _refused(name: str, error: type[InputError], again: str) -> Iterator[None]:
     except error:
         raise
     except MemoryError as fault:
-        raise error(f"{name}: too large for this machine's memory; {again}, smaller") from fault
+        raise error(
+            f"{name}: too large for this machine's memory; {again}, smaller", code="size"
+        ) from fault
     # A damaged file ends in whatever C++ throws and in what its names and numbers break here.
     except Exception as fault:
-        raise error(f"{name}: not a readable OpenEXR file, or truncated; {again}") from fault
+        raise error(
+            f"{name}: not a readable OpenEXR file, or truncated; {again}", code="damaged"
+        ) from fault
 
 
 def write_exr(
@@ -178,7 +182,9 @@ def write_exr(
             with captured_output([]):
                 OpenEXR.File({**header, **layout}, pixels).write(os.fspath(temporary))
         except (RuntimeError, OSError, ValueError) as fault:
-            raise error(f"{os.fspath(path)}: cannot be written: {fault}") from fault
+            raise error(
+                f"{os.fspath(path)}: cannot be written: {fault}", code="unwritable"
+            ) from fault
 
 
 def chromaticities(

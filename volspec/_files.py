@@ -55,7 +55,8 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         lock_file, handle = _make_lock(target.parent)
     except OSError as error:
         raise InputError(
-            f"{Path(path)}: cannot write there: {error.strerror}; choose another folder"
+            f"{Path(path)}: cannot write there: {error.strerror}; choose another folder",
+            code="unwritable",
         ) from error
     temporary = lock_file.with_name(f"{lock_file.stem}.part{target.suffix}")
     try:
@@ -68,7 +69,8 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise
         raise InputError(
             f"{Path(path)}: cannot be written: {error.strerror or error}; make room on the disk, "
-            "or choose another, and repeat the command"
+            "or choose another, and repeat the command",
+            code="unwritable",
         ) from error
     finally:
         with suppress(OSError):
@@ -321,7 +323,9 @@ def _require_room(folder: Path, path: str | os.PathLike[str]) -> None:
     except OSError:
         writable = False
     if not writable:
-        raise InputError(f"{Path(path)}: cannot write there; choose another folder")
+        raise InputError(
+            f"{Path(path)}: cannot write there; choose another folder", code="unwritable"
+        )
 
 
 def _output(path: str | os.PathLike[str]) -> Path:
@@ -333,7 +337,9 @@ def _output(path: str | os.PathLike[str]) -> Path:
     except (TypeError, ValueError):
         raise InputError(f"{path!r} is no path; give a file name") from None
     except OSError as error:
-        raise InputError(f"{named}: cannot write there: {error.strerror}") from error
+        raise InputError(
+            f"{named}: cannot write there: {error.strerror}", code="unwritable"
+        ) from error
     if is_folder:
         raise InputError(f"{named}: is a folder; give a file name")
     if is_other:

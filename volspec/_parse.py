@@ -77,7 +77,7 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise error(f"{name}: no such file; check the path") from None
+        raise error(f"{name}: no such file; check the path", code="not-found") from None
     except IsADirectoryError:
         raise error(f"{name}: is a folder; give {what}") from None
     except UnicodeDecodeError as fault:
@@ -89,7 +89,9 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
         ) from None
     except OSError as fault:
         raise error(
-            f"{name}: cannot be read: {fault.strerror or fault}; check the path and its permissions"
+            f"{name}: cannot be read: {fault.strerror or fault}; check the path and its "
+            "permissions",
+            code="damaged",
         ) from fault
     except ValueError:  # a NUL character
         raise error(f"{name!r} is no path; give {what}") from None

@@ -43,37 +43,47 @@ class VolspecError(Exception):
     Parameters
     ----------
     problem : str
-        What is wrong.
+        The problem, and after its last ``"; "`` the remedy if that is not given apart.
     remedy : str
-        What to do about it.
-    code : Code
-        The kind of problem, for programs.
+        The action that helps.
+    code : Code, optional
+        The kind of problem, for programs; by default the class's.
     field : str
-        What it is about, as a path such as ``"viewing.D"`` or ``"lights[1].group"``.
+        The setting or parameter, as a path such as ``"viewing.D"`` or ``"lights[1].group"``.
     given : object
         The value that was refused.
 
     Examples
     --------
-    >>> error = VolspecError("", "give 0 to 1", code="range", field="viewing.D", given=3.0)
+    >>> error = VolspecError.refused("viewing.D", 3.0, "give 0 to 1", "range")
     >>> str(error), error.code, error.given
     ('viewing.D is 3.0; give 0 to 1', 'range', 3.0)
-    >>> str(VolspecError("no such file", "check the path", field="a.nrrd", code="not-found"))
-    'a.nrrd: no such file; check the path'
+    >>> VolspecError("a.nrrd: no such file; check the path").remedy
+    'check the path'
     """
+
+    code: Code = "invalid"
 
     def __init__(
         self,
         problem: str = "",
         remedy: str = "",
         *,
-        code: Code = "invalid",
+        code: Code | None = None,
         field: str = "",
         given: object = None,
     ) -> None:
         super().__init__(problem, remedy)
+        if not remedy and "; " in problem:
+            problem, _, remedy = problem.rpartition("; ")
         self.problem, self.remedy = problem, remedy
-        self.code, self.field, self.given = code, field, given
+        self.code = self.code if code is None else code
+        self.field, self.given = field, given
+
+    @classmethod
+    def refused(cls, field: str, given: object, remedy: str, code: Code | None = None) -> Self:
+        """Return the error of a value that cannot be used: ``field is given; remedy``."""
+        return cls("", remedy, code=code, field=field, given=given)
 
     def __str__(self) -> str:
         if not self.problem and not self.field:
@@ -99,6 +109,8 @@ class InputError(VolspecError, ValueError):
 
 class ShapeError(InputError):
     """An array's shape does not fit."""
+
+    code = "shape"
 
 
 class VolumeError(InputError):
@@ -148,9 +160,13 @@ class SceneError(InputError):
 class CastCancelled(VolspecError):
     """A cast was ended by the one who asked for it; what was there before stays."""
 
+    code = "state"
+
 
 class TableCancelled(VolspecError):
     """A table of appearance was given up by the one who asked for it."""
+
+    code = "state"
 
 
 class DeviceError(VolspecError, RuntimeError):
@@ -199,6 +215,8 @@ def quoted(given: object, most: int = 40) -> str:
     >>> quoted("8"), quoted(["a\\n", 1.0]), quoted("x" * 99, 9)
     ("'8'", "['a\\\\n', 1.0]", "'xxxxxxx…")
     """
+    if getattr(given, "shape", None) == ():  # a number of NumPy's
+        given = given.item()  # type: ignore[attr-defined]
     text = " ".join(line.strip() for line in repr(given).splitlines())
     return text if len(text) <= most else f"{text[: most - 1]}…"
 

@@ -270,7 +270,7 @@ def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, 
         ("notes", notes, Mapping | None, "a dict of text, or leave it out"),
     ):
         if not isinstance(given, kinds):
-            raise RaycastError(f"raycast: {what} is {quoted(given)}; give {wanted}")
+            raise RaycastError.refused(f"raycast: {what}", given, f"give {wanted}")
     for name, note in (notes or {}).items():
         if not (isinstance(name, str) and isinstance(note, str)):
             raise RaycastError(

@@ -37,7 +37,7 @@ CALLS = {
     "CAT02: target is": lambda x: adapt(D65, SEEN, x),
     "Guth: target is": lambda x: ADAPTATIONS["Guth"](SEEN, x),
     "adaptation is": adaptation,
-    "adaptation: passage is": lambda x: outside(D65, x),
+    "adaptation.passage is": lambda x: outside(D65, x),
     "appearance model is": model,
     "CIELAB: XYZ is": lambda x: cielab(x, D65),
     "CIELAB: the white is": lambda x: cielab(D65, x),

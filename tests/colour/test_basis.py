@@ -276,7 +276,7 @@ def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis
         ({"smoothness": -1.0}, "smoothness"),
         ({"restarts": -1}, "restarts"),
         ({"light_weights": [1.0]}, r"light_weights have shape \(1,\); expected \(3,\)"),
-        ({"light_weights": [1, 0, 1]}, "light_weights: number 2 is 0; weights are above 0"),
+        ({"light_weights": [1, 0, 1]}, "light_weights: number 2 is 0.0; weights are above 0"),
         ({"light_weights": "heavy"}, "light_weights are not a list of numbers"),
         ({"reflectance_weights": np.ones(5)}, r"reflectance_weights have shape .5,.; .*\(4,\)"),
         ({"reflectance_weights": [1, 1, 1, np.nan]}, "reflectance_weights: number 4 is nan"),

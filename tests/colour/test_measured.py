@@ -164,7 +164,7 @@ def test_a_black_picture_has_conditions_that_models_take():
         ({"at": ("a", "b")}, ViewingError, "at is \\('a', 'b'\\); expected"),
         ({"at": (math.nan, 1.0)}, ViewingError, "expected \\(x, y\\), a pixel"),
         ({"outside": -1.0}, ViewingError, "outside is -1"),
-        ({"white_XYZ": (1.0, 0.0, 1.0)}, ViewingError, "white's Y is 0"),
+        ({"white_XYZ": (1.0, 0.0, 1.0)}, ViewingError, "white's Y is 0.0"),
         ({"white_XYZ": (1.0, 1.0)}, ShapeError, "expected \\(3,\\)"),
         ({"surround": "dimm"}, ViewingError, "did you mean 'dim'"),
     ],

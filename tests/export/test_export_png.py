@@ -107,7 +107,7 @@ def test_codes_round_to_the_nearest_of_65536() -> None:
 
 @pytest.mark.parametrize("shape", [(4, 4), (4, 4, 2), (4, 4, 3, 1), (0, 2, 3)])
 def test_what_is_no_frame_is_refused(tmp_path: Path, shape: tuple[int, ...]) -> None:
-    with pytest.raises(ImageError, match="the frame is uint8"):
+    with pytest.raises(ImageError, match="the frame is 'uint8"):
         write_frame(tmp_path / "f.png", np.zeros(shape, np.uint8))
 
 

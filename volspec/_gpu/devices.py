@@ -71,8 +71,8 @@ def chosen_device(name: str | None = None) -> int:
         lists those there are, or the fault.
     """
     if name is not None and not isinstance(name, str):
-        raise OpenCLError(
-            f"device is {quoted(name)}; give part of a device's name, or its number as text, '0'"
+        raise OpenCLError.refused(
+            "device", name, "give part of a device's name, or its number as text, '0'"
         )
     found = devices()
     if not found:
@@ -88,7 +88,8 @@ def chosen_device(name: str | None = None) -> int:
         there = ", ".join(f"{i}: {d.name} ({d.platform})" for i, d in enumerate(found))
         raise OpenCLError(
             f"no OpenCL device named {quoted(wanted)}{source}; {nearest(wanted[:99], known)}there "
-            f"is {there}"
+            f"is {there}",
+            code="unknown",
         )
     # Where none works, the cache may hold what is not so any more.
     for again in (False, True):

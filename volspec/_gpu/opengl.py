@@ -80,7 +80,8 @@ def _moderngl() -> Any:
     except ImportError as error:
         build = "apt-get install g++ python3-dev libx11-dev; " if sys.platform == "linux" else ""
         raise OpenGLError(
-            f"OpenGL: moderngl cannot be imported ({one_line(error)}); {build}pip install moderngl"
+            f"OpenGL: moderngl cannot be imported ({one_line(error)}); {build}pip install moderngl",
+            code="unsupported",
         ) from error
     return moderngl
 

@@ -29,7 +29,8 @@ def asset_root() -> Path:
             return root
     raise VolspecError(
         f"volspec: kernels/ and shaders/ not found beside {package}; "
-        "the installation is incomplete, reinstall the package"
+        "the installation is incomplete, reinstall the package",
+        code="damaged",
     )
 
 

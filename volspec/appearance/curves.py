@@ -57,9 +57,11 @@ class Transfer:
         for name in ("power", "gain", "slope"):
             value = getattr(self, name)
             if not (is_finite(value) and value > 0.0):
-                raise ViewingError(f"Transfer.{name} is {quoted(value)}; expected a number above 0")
+                raise ViewingError.refused(
+                    f"Transfer.{name}", value, "expected a number above 0", "type"
+                )
         if not (is_finite(self.toe) and 0.0 <= self.toe < 1.0):
-            raise ViewingError(f"Transfer.toe is {quoted(self.toe)}; expected 0 to below 1")
+            raise ViewingError.refused("Transfer.toe", self.toe, "expected 0 to below 1", "range")
         jump = self.slope * self.toe - self.gain * self.toe**self.power + self.gain - 1.0
         if not abs(jump) <= _ROUNDING:
             raise ViewingError(
@@ -77,8 +79,8 @@ class Transfer:
             If γ is not above 0.
         """
         if not (is_finite(exponent) and exponent > 0.0):
-            raise ViewingError(
-                f"Transfer: gamma is {quoted(exponent)}; expected a number above 0, as 2.2"
+            raise ViewingError.refused(
+                "Transfer: gamma", exponent, "expected a number above 0, as 2.2", "type"
             )
         return cls(power=1.0 / exponent)
 
@@ -110,11 +112,13 @@ class Transfer:
         """
         for name, value in {"g": g, "a": a, "b": b, "c": c, "d": d, "e": e, "f": f}.items():
             if not is_finite(value):
-                raise ViewingError(
-                    f"Transfer: the ICC curve's {name} is {quoted(value)}; expected a finite number"
+                raise ViewingError.refused(
+                    f"Transfer: the ICC curve's {name}", value, "expected a finite number", "type"
                 )
         if not g > 0.0:
-            raise ViewingError(f"Transfer: the ICC curve's g is {g!r}; expected above 0, as 2.2")
+            raise ViewingError.refused(
+                "Transfer: the ICC curve's g", g, "expected above 0, as 2.2", "range"
+            )
         if e or f:
             raise ViewingError(
                 f"Transfer: the ICC curve adds e = {e:g}, f = {f:g} to linear light; expected 0, "
@@ -126,7 +130,9 @@ class Transfer:
                 "white is 1"
             )
         if not c > 0.0 and d > 0.0:
-            raise ViewingError(f"Transfer: the ICC curve's c is {c!r}; expected above 0")
+            raise ViewingError.refused(
+                "Transfer: the ICC curve's c", c, "expected above 0", "range"
+            )
         straight = d > 0.0
         slope, toe = (1.0 / c, c * d) if straight else (1.0, 0.0)
         return cls(1.0 / g, 1.0 / a, slope, toe)

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.appearance.net import AdaptingNet, between, pitch, sphere, weights
 from volspec.appearance.spec import ViewingConditions
 from volspec.appearance.surround import is_finite
-from volspec.errors import ShapeError, ViewingError, quoted
+from volspec.errors import ShapeError, ViewingError
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,9 @@ def measured_conditions(
     if white.shape != (3,):
         raise ShapeError(f"measured: the white has shape {white.shape}; expected (3,)")
     if not white[1] > 0.0:
-        raise ViewingError(f"measured: the white's Y is {white[1]}; expected above 0, as 100")
+        raise ViewingError.refused(
+            "measured: the white's Y", white[1], "expected above 0, as 100", "range"
+        )
     _require_luminance(luminance_of_white)
     height, width = picture.shape
     x, y = _pixel(at, (height, width))
@@ -149,7 +151,7 @@ def adapting_fields(
     picture = _factors(Y)
     _require_luminance(luminance_of_white)
     if not (math.isfinite(Y_w) and Y_w > 0.0):
-        raise ViewingError(f"measured: Y_w is {Y_w!r}; expected the white's Y, as 100")
+        raise ViewingError.refused("measured.Y_w", Y_w, "expected the white's Y, as 100")
     height, width = picture.shape
     net = AdaptingNet.of((height, width), fov_deg, _CELLS)
     cells = net.of_picture(picture)
@@ -178,7 +180,7 @@ def _pixel(at: tuple[float, float] | None, shape: tuple[int, int]) -> tuple[floa
     except (TypeError, ValueError):
         x = y = math.nan
     if not (is_finite(x) and is_finite(y)):
-        raise ViewingError(f"measured: at is {quoted(at)}; expected (x, y), a pixel, or None")
+        raise ViewingError.refused("measured.at", at, "expected (x, y), a pixel, or None")
     if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
         raise ViewingError(
             f"measured: at is ({x}, {y}), outside of the picture's {width} × {height} pixels"
@@ -190,12 +192,15 @@ def _outside(outside: float | None, picture: Array, spans: Array) -> float:
     if outside is None:
         return float(np.average(picture, weights=spans))
     if not (math.isfinite(outside) and outside >= 0.0):
-        raise ViewingError(f"measured: outside is {outside!r}; expected a Y of 0 or more")
+        raise ViewingError.refused("measured.outside", outside, "expected a Y of 0 or more", "type")
     return float(outside)
 
 
 def _require_luminance(value: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise ViewingError(
-            f"measured: luminance_of_white is {value!r}; expected cd/m² above 0, E_v/π of the light"
+        raise ViewingError.refused(
+            "measured.luminance_of_white",
+            value,
+            "expected cd/m² above 0, E_v/π of the light",
+            "range",
         )

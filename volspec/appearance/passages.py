@@ -15,7 +15,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import ShapeError, ViewingError, quoted
+from volspec.errors import ShapeError, ViewingError
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def triples(name: str, values: ArrayLike) -> Array:
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ShapeError(f"{name} is {quoted(values)}; expected numbers, (..., 3)") from None
+        raise ShapeError.refused(name, values, "expected numbers, (..., 3)") from None
     if array.ndim == 0 or array.shape[-1] != 3:
         raise ShapeError(f"{name} has shape {array.shape}; expected (..., 3)")
     return array

@@ -195,5 +195,6 @@ def preset(name: str) -> Preset:
         return PRESETS[name]
     raise ViewingError(
         f"viewing preset {name!r} is unknown; {nearest(str(name), PRESETS)}known: "
-        f"{', '.join(PRESETS)}"
+        f"{', '.join(PRESETS)}",
+        code="unknown",
     )

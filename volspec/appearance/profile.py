@@ -82,12 +82,15 @@ def _read(path: Path) -> bytes:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        raise ViewingError("no such file; check the path, or name a space, as 'sRGB'") from None
+        raise ViewingError(
+            "no such file; check the path, or name a space, as 'sRGB'", code="not-found"
+        ) from None
     except IsADirectoryError:
         raise ViewingError("is a folder; give a display's .icc file") from None
     except OSError as error:
         raise ViewingError(
-            f"cannot be read: {error.strerror or error}; check the path and its permissions"
+            f"cannot be read: {error.strerror or error}; check the path and its permissions",
+            code="damaged",
         ) from None
     if len(data) < 132 or data[36:40] != b"acsp":
         raise ViewingError("no ICC profile; give a display's .icc file")

@@ -76,9 +76,11 @@ class ColourSpace:
                 f"{quoted(self.white_xy)}; expected numbers, (3, 2) and (2,)"
             ) from None
         if not isinstance(self.transfer, Transfer):
-            raise ViewingError(
-                f"space {self.name!r}: transfer is {quoted(self.transfer)}; expected a Transfer, "
-                "as Transfer.gamma(2.2)"
+            raise ViewingError.refused(
+                f"space {self.name!r}: transfer",
+                self.transfer,
+                "expected a Transfer, as Transfer.gamma(2.2)",
+                "type",
             )
         if primaries.shape != (3, 2) or white.shape != (2,):
             raise ViewingError(
@@ -182,5 +184,6 @@ def space_of(space: str | Path | ColourSpace) -> ColourSpace:
         return read_profile(name)
     raise ViewingError(
         f"colour space {quoted(name)} is unknown; {nearest(name, SPACES)}known: "
-        f"{', '.join(SPACES)}; any other as FILE.icc or as a ColourSpace"
+        f"{', '.join(SPACES)}; any other as FILE.icc or as a ColourSpace",
+        code="unknown",
     )

@@ -48,9 +48,9 @@ def text(value: Any, what: str) -> str:
     BasisError
     """
     if not isinstance(value, str):
-        raise BasisError(f"{what} is {value!r:.40}; expected text")
+        raise BasisError.refused(what, value, "expected text", "type")
     if any(unicodedata.category(character) in _UNPRINTABLE for character in value):
-        raise BasisError(f"{what} is {value!r:.40}; leave out its control characters")
+        raise BasisError.refused(what, value, "leave out its control characters")
     return value
 
 
@@ -62,9 +62,11 @@ def grid_and_observer(grid: Any, observer_deg: Any, label: str) -> int:
     BasisError
     """
     if not isinstance(grid, SpectralGrid):
-        raise BasisError(
-            f"{label}: grid is {grid!r:.40}; expected a SpectralGrid, such as "
-            "volspec.SpectralGrid(400, 700, 10)"
+        raise BasisError.refused(
+            f"{label}: grid",
+            grid,
+            "expected a SpectralGrid, such as volspec.SpectralGrid(400, 700, 10)",
+            "type",
         )
     with basis_errors(label):
         check_observer(observer_deg)

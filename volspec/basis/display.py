@@ -98,7 +98,8 @@ def require_mode(mode: str) -> None:
     """
     if mode not in MODES:
         raise BasisError(
-            f"mode {mode!r} is unknown; {nearest(str(mode), MODES)}choose {', '.join(MODES)}"
+            f"mode {mode!r} is unknown; {nearest(str(mode), MODES)}choose {', '.join(MODES)}",
+            code="unknown",
         )
 
 

@@ -56,7 +56,7 @@ def fit_library(
         As `SpectralBasis.fit`, or if there are no such lights.
     """
     if lights not in (None, "smooth", "all"):
-        raise BasisError(f"lights {lights!r:.40} are unknown; choose smooth or all")
+        raise BasisError(f"lights {lights!r:.40} are unknown; choose smooth or all", code="unknown")
     sensors = method == "virtual-sensors"
     smooth, spiky = light_set("smooth"), light_set("spiky")
     options: dict[str, Any] = {}
@@ -99,7 +99,8 @@ def fit_shipped(name: str) -> SpectralBasis:
     """
     if name not in NAMES:
         raise BasisError(
-            f"basis {name!r} does not ship; {nearest(name, NAMES)}shipped: {', '.join(NAMES)}"
+            f"basis {name!r} does not ship; {nearest(name, NAMES)}shipped: {', '.join(NAMES)}",
+            code="unknown",
         )
     lights, size = name.removesuffix("-positive").split("-")
     basis = fit_library(

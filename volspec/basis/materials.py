@@ -126,7 +126,8 @@ class MaterialBasis(StoredBasis):
             if name not in self.materials:
                 raise BasisError(
                     f"material {name!r} is not in the basis; {nearest(name, own)}"
-                    f"it holds {', '.join(own)}: make the basis of all materials"
+                    f"it holds {', '.join(own)}: make the basis of all materials",
+                    code="unknown",
                 )
             if not np.allclose(self._checked(name, spectrum).values, self.materials[name].values):
                 raise BasisError(
@@ -174,7 +175,8 @@ class MaterialBasis(StoredBasis):
             if name not in self.materials:
                 raise BasisError(
                     f"no material {name!r}; {nearest(name, self.materials)}"
-                    f"known: {', '.join(self.materials)}"
+                    f"known: {', '.join(self.materials)}",
+                    code="unknown",
                 )
         return replace(self, materials={**self.materials, **changes})
 
@@ -230,9 +232,11 @@ class MaterialBasis(StoredBasis):
 
     def _checked(self, name: str, spectrum: Spectrum) -> Spectrum:
         if not isinstance(spectrum, Spectrum):
-            raise BasisError(
-                f"material {name!r} is {spectrum!r:.40}; expected a Spectrum, "
-                "such as volspec.reflectance('copper')"
+            raise BasisError.refused(
+                f"material {name!r}",
+                spectrum,
+                "expected a Spectrum, such as volspec.reflectance('copper')",
+                "type",
             )
         with checks.basis_errors():
             values = reflectance_values(spectrum, self.grid, f"material {name!r}")

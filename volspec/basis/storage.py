@@ -145,7 +145,8 @@ def _path(name_or_path: str | os.PathLike[str]) -> Path:
     """The file that a name or a path means."""
     if not isinstance(name_or_path, str | os.PathLike):
         raise BasisError(
-            f"{name_or_path!r:.40} is neither the name of a basis nor the path of a .json file"
+            f"{name_or_path!r:.40} is neither the name of a basis nor the path of a .json file",
+            code="not-found",
         )
     path = Path(name_or_path)
     if path.suffix.lower() == ".json" or path.name != str(name_or_path):
@@ -154,7 +155,8 @@ def _path(name_or_path: str | os.PathLike[str]) -> Path:
     if path.name not in shipped:
         raise BasisError(
             f"basis {path.name!r:.80} is unknown; {nearest(path.name, shipped)}"
-            f"shipped: {', '.join(shipped) or 'none'}; or give the path of a .json file"
+            f"shipped: {', '.join(shipped) or 'none'}; or give the path of a .json file",
+            code="unknown",
         )
     return asset("data/bases") / f"{path.name}.json"
 
@@ -165,20 +167,22 @@ def _json(path: Path) -> Any:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise BasisError(f"{label}: no such file; check the path") from None
+        raise BasisError(f"{label}: no such file; check the path", code="not-found") from None
     except IsADirectoryError:
         raise BasisError(f"{label}: is a folder; give a .json file") from None
     except OSError as error:
         said = (error.strerror or str(error)).lower()
-        raise BasisError(f"{label}: cannot be read: {said}") from None
+        raise BasisError(f"{label}: cannot be read: {said}", code="damaged") from None
     except UnicodeDecodeError:
-        raise BasisError(f"{label}: cannot be read as JSON: it is not UTF-8 text") from None
+        raise BasisError(
+            f"{label}: cannot be read as JSON: it is not UTF-8 text", code="damaged"
+        ) from None
     except ValueError:
         raise BasisError(f"{label!r} is no path; give a file name") from None
     try:
         return parse_json(text)
     except ValueError as error:
-        raise BasisError(f"{label}: cannot be read as JSON: {error}") from None
+        raise BasisError(f"{label}: cannot be read as JSON: {error}", code="damaged") from None
 
 
 def shipped_names() -> list[str]:

@@ -138,7 +138,10 @@ def appearance(
 
     if model is not None and "all" in model and len(model) > 1:
         other = next((name for name in model if name != "all"), "all")
-        raise InputError(f"--model all with --model {other}: all is every model; give one of them")
+        raise InputError(
+            f"--model all with --model {other}: all is every model; give one of them",
+            code="conflict",
+        )
     if image is not None:
         given = {"--table": table, "--inverse": inverse, "--json": json, "colours": values}
         if others := [name for name, value in given.items() if value]:

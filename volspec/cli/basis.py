@@ -177,7 +177,8 @@ def _case(
         options = [f"--{name}" for name in (*asked, *(["lights"] if lights else []))]
         raise BasisError(
             f"{subject} is fitted already, and {' and '.join(options)} would fit another; "
-            f"leave out {subject}, or give a scene (.toml)"
+            f"leave out {subject}, or give a scene (.toml)",
+            code="duplicate",
         )
     name = subject or _DEFAULT
     loaded = CoefficientImage.load(name).basis if suffix == ".exr" else load_basis(name)
@@ -199,7 +200,8 @@ def _of_scene(
     if lights:
         raise BasisError(
             f"{path}: a scene's basis is fitted to its own lights; --lights is for bases of the "
-            "library's training set: leave it out"
+            "library's training set: leave it out",
+            code="conflict",
         )
     tell("fit the basis", 0)
     changes = asked | ({} if observer is None else {"observer_deg": observer})
@@ -227,7 +229,9 @@ def _require_method(method: str, *, scene: bool) -> None:
     known = (*METHODS, "materials")
     if method not in known:
         raise BasisError(
-            f"basis method {method!r} is unknown; {nearest(method, known)}choose {', '.join(known)}"
+            f"basis method {method!r} is unknown; {nearest(method, known)}"
+            f"choose {', '.join(known)}",
+            code="unknown",
         )
     if method == "materials" and not scene:
         raise BasisError(

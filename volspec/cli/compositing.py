@@ -73,7 +73,9 @@ def compositing(
         if not light:
             raise ImageError(f"{output}: which lights shall it name? add --light, such as D65")
         if twice := [text for text in dict.fromkeys(light) if light.count(text) > 1]:
-            raise InputError(f"--light: {twice[0]!r} is given twice; give it once")
+            raise InputError(
+                f"--light: {twice[0]!r} is given twice; give it once", code="duplicate"
+            )
         stored = CoefficientImage.load(image)
         spec = viewing_of(stored).spec()
         with in_options():

@@ -30,7 +30,8 @@ def show_names(names: Sequence[str], search: str, what: str, as_json: bool) -> N
     if not found:
         raise InputError(
             f"--list {search!r}: stands in no {what}'s name; {nearest(search, names)}"
-            "leave it out to see all"
+            "leave it out to see all",
+            code="unknown",
         )
     if as_json:
         print_json([{"name": name} for name in found])

@@ -97,7 +97,8 @@ def page(
         if light and loaded.relight.level == "absolute":
             raise InputError(
                 f'--light {light[0]}: has no lux, which [viewing] level = "absolute" of {scene} '
-                "asks of all lights; leave it out, or make it a [[light]] with illuminance_lux"
+                "asks of all lights; leave it out, or make it a [[light]] with illuminance_lux",
+                code="conflict",
             )
         for text in light or ():
             lamp = read_setting(text, shares, loaded.basis.grid)

@@ -256,14 +256,16 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
                 _warn(f"{path}: its colour profile is left out; it is read as sRGB")
             return np.asarray(upright.convert("RGB"))
     except FileNotFoundError:
-        raise ImageError(f"{path}: no such file; check the path") from None
+        raise ImageError(f"{path}: no such file; check the path", code="not-found") from None
     except UnidentifiedImageError:
         raise ImageError(
             f"{path}: is no picture that can be read; give PNG, JPEG or TIFF"
         ) from None
     # Of a damaged file Pillow raises SyntaxError, struct.error, MemoryError and others.
     except Exception as error:
-        raise ImageError(f"{path}: cannot be read ({one_line(error)}); export it again") from None
+        raise ImageError(
+            f"{path}: cannot be read ({one_line(error)}); export it again", code="damaged"
+        ) from None
 
 
 def _warn(message: str) -> None:

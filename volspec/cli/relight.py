@@ -239,7 +239,10 @@ def _check_kind(
     for name, value in given.items():
         if value is not None and name not in ("exposure", "lux"):
             option = name if name[0].isupper() else name.replace("_", "-")
-            raise InputError(f"--{option} with --spectral: no eye looks at spectra; leave it out")
+            raise InputError(
+                f"--{option} with --spectral: no eye looks at spectra; leave it out",
+                code="conflict",
+            )
 
 
 def _picture(path: Path, basis: str | None, taken_under: str | None) -> CoefficientImage:
@@ -273,6 +276,9 @@ def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectru
         if not (material.strip() and equals and text.strip()):
             raise InputError(f"--reflectance {word!r}: write MATERIAL=REFLECTANCE, as rotor=copper")
         if material.strip() in changes:
-            raise InputError(f"--reflectance: {material.strip()!r} is given twice; give it once")
+            raise InputError(
+                f"--reflectance: {material.strip()!r} is given twice; give it once",
+                code="duplicate",
+            )
         changes[material.strip()] = reflectance(text.strip(), grid)
     return changes

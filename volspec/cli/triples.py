@@ -58,7 +58,7 @@ def read_triples(
             )
         return rows
     if values:
-        raise InputError(f"{kind} both as words and in {table}; give one of them")
+        raise InputError(f"{kind} both as words and in {table}; give one of them", code="conflict")
     try:
         is_piped = str(table) == "-"
         text = sys.stdin.read() if is_piped else read_text(table, InputError, f"a CSV of {kind}")

@@ -48,7 +48,9 @@ def view(
         require_writable(trace)
     # Before a window opens for nothing.
     if file is not None and not Path(file.partition("?")[0]).exists():
-        raise InputError(f"{file.partition('?')[0]}: no such file; check the path")
+        raise InputError(
+            f"{file.partition('?')[0]}: no such file; check the path", code="not-found"
+        )
     if file is not None:
         require_scene(
             Path(file), "the viewer casts its scene itself: volspec view SCENE.toml; or " + RELIGHT

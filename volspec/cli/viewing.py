@@ -35,7 +35,7 @@ _OPTIONS = (
     (r" or as a ColourSpace", ""),
     (r"adapting='picture'", "--adapting picture"),
     (r"--white_XYZ", "the white"),
-    (r"^lamp: (power|distance|beam)_(?=W|m|deg)", r"--\1-"),
+    (r"^lamp[:.] ?(power|distance|beam)_(?=W|m|deg)", r"--\1-"),
 )
 # What of `[viewing.display]` a preset says.
 _ROOM = ("white_cd_m2", "L_A", "Y_b", "surround")

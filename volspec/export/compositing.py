@@ -197,7 +197,8 @@ class Recipe:
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ImageError(
                 f"{name}: volspec:{_JSON} cannot be read ({error}); write it again by "
-                "`volspec compositing`"
+                "`volspec compositing`",
+                code="damaged",
             ) from None
 
     def texts(self) -> dict[str, str]:

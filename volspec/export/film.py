@@ -100,7 +100,8 @@ def ffmpeg() -> str:
         found = str(get_ffmpeg_exe())
     except (ImportError, RuntimeError) as error:
         raise DeviceError(
-            "export: films need ffmpeg, which is not here; pip install 'volspec[video]'"
+            "export: films need ffmpeg, which is not here; pip install 'volspec[video]'",
+            code="unsupported",
         ) from error
     if os.environ.get(_VARIABLE) and not _is_ffmpeg(found):
         raise DeviceError(

@@ -66,9 +66,10 @@ def write_frame(
         and frame.size
     ):
         what = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else repr(frame)
-        raise ImageError(
-            f"{os.fspath(path)}: the frame is {what:.60}; give (H, W, 3) uint8, as "
-            "Relighter.frame makes it"
+        raise ImageError.refused(
+            f"{os.fspath(path)}: the frame",
+            what,
+            "give (H, W, 3) uint8, as Relighter.frame makes it",
         )
     with write_whole(path) as temporary:
         temporary.write_bytes(png_bytes(frame, text or {}, colours))
@@ -138,7 +139,8 @@ def read_frame(path: Path) -> Image.Image:
             return file.copy()
     except Exception as error:  # Pillow's are of any class
         raise InputError(
-            f"{path}: cannot be read ({one_line(error)}); delete it and repeat the command"
+            f"{path}: cannot be read ({one_line(error)}); delete it and repeat the command",
+            code="damaged",
         ) from None
 
 

@@ -121,7 +121,8 @@ class Folder:
             why = f"{NAME} beside it cannot be read" if damaged else "not from an export"
             raise InputError(
                 f"{self.path / there}: is there already, and {why}; choose another folder, or add "
-                "--overwrite"
+                "--overwrite",
+                code="duplicate",
             )
         files = (old or {}).get("files", ())
         names = [*map(str, files if isinstance(files, list) else ()), *self.files]
@@ -217,7 +218,7 @@ def alone_in(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: is a file; give the name of a folder") from None
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be made: {error.strerror}; choose another folder"
+            f"{path}: cannot be made: {error.strerror}; choose another folder", code="unwritable"
         ) from error
     place, flags = path.resolve(), os.O_RDONLY
     if sys.platform == "win32":  # where folders cannot be opened

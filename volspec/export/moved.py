@@ -252,7 +252,7 @@ def shifted(transfer: Transfer, by: float) -> Transfer:
             for region in transfer.regions
         ]
         return replace(transfer, regions=regions)
-    raise SceneError("shift: labels have no values to shift; leave it out")
+    raise SceneError("shift: labels have no values to shift; leave it out", code="conflict")
 
 
 def _points(
@@ -278,7 +278,8 @@ def _points(
             if unknown := [name for name in row.shares if name not in names]:
                 raise SceneError(
                     f"points: material {unknown[0]!r} at {time:g} s is unknown; there is "
-                    f"{', '.join(names)}"
+                    f"{', '.join(names)}",
+                    code="unknown",
                 )
     numbers = [
         [[row.value, row.opacity, *(row.shares.get(name, 0.0) for name in names)] for row in rows]
@@ -296,7 +297,9 @@ def _own_points(scene: Scene) -> Sequence[Any]:
         return scene.transfer.points
     if isinstance(scene.transfer, Isosurfaces):
         return scene.transfer.surfaces
-    raise SceneError("points: [transfer] has neither points nor surfaces; leave them out")
+    raise SceneError(
+        "points: [transfer] has neither points nor surfaces; leave them out", code="conflict"
+    )
 
 
 def _with_points(scene: Scene, numbers: NDArray[np.float64]) -> Transfer:

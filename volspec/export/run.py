@@ -11,7 +11,7 @@ from pathlib import Path
 
 from volspec._files import require_writable, require_writable_folder
 from volspec._tables.written import plain
-from volspec.errors import InputError, ViewingError, quoted
+from volspec.errors import InputError, ViewingError
 from volspec.export.film import SUFFIXES, check_film, write_film
 from volspec.export.framefiles import FrameFiles
 from volspec.export.maker import Maker, Tell
@@ -123,8 +123,8 @@ def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
     try:
         width, height = (operator.index(n) for n in size)
     except (TypeError, ValueError):
-        raise InputError(
-            f"export: size is {quoted(size)}; give (width, height) in whole pixels"
+        raise InputError.refused(
+            "export.size", size, "give (width, height) in whole pixels"
         ) from None
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise InputError(f"export: the picture is {width}x{height}; give 1x1 to {MAX_SIDE} a side")

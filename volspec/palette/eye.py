@@ -58,7 +58,8 @@ class Eye:
         if not isinstance(passage, ClosedPassage):
             raise PaletteError(
                 f"palette: viewing model {viewing.model!r} has no inverse in closed form to design "
-                "with; use CIECAM02, CAM16, CIELAB, RLAB, an adaptation as CAT02, or none"
+                "with; use CIECAM02, CAM16, CIELAB, RLAB, an adaptation as CAT02, or none",
+                code="state",
             )
         return cls(passage, viewing.exposure, viewing.display.colours)
 

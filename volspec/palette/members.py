@@ -57,14 +57,16 @@ class PaletteSpectrum:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name.strip()):
-            raise PaletteError(f"palette: a spectrum's name is {self.name!r}; give it a name")
+            raise PaletteError.refused("palette: a spectrum's name", self.name, "give it a name")
         label = f"palette: {self.name!r}"
         if self.spectrum is None and not self.open:
-            raise PaletteError(f"{label} has no spectrum; give one, or open it for design")
+            raise PaletteError(
+                f"{label} has no spectrum; give one, or open it for design", code="conflict"
+            )
         for name in ("lower", "upper"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
-                raise PaletteError(f"{label}: {name} is {value!r}; give a number, or none")
+                raise PaletteError.refused(f"{label}: {name}", value, "give a number, or none")
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
             remedy = "leave a range between them" if self.lower == self.upper else "swap them"
             raise PaletteError(

@@ -138,7 +138,8 @@ def require_open(plotter: Any) -> None:
         raise RaycastError(f"plotter: got {quoted(plotter)}; give a pyvista Plotter")
     if plotter.render_window is None:
         raise RaycastError(
-            "plotter: it is closed; go on before show(), or after show(auto_close=False)"
+            "plotter: it is closed; go on before show(), or after show(auto_close=False)",
+            code="state",
         )
 
 
@@ -182,7 +183,8 @@ def _chosen(plotter: Any, name: str | None) -> tuple[Any, str]:
         if not isinstance(name, str) or name not in volumes:
             raise RaycastError(
                 f"plotter: no volume {quoted(name)}; {nearest(name, volumes)}"
-                f"it has {', '.join(map(repr, volumes)) or 'none'}"
+                f"it has {', '.join(map(repr, volumes)) or 'none'}",
+                code="unknown",
             )
         return volumes[name], name
     shown = {key: actor for key, actor in volumes.items() if actor.GetVisibility()}

@@ -18,7 +18,7 @@ from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import assemble
-from volspec.errors import OpenCLError, RaycastError, quoted
+from volspec.errors import OpenCLError, RaycastError
 from volspec.raycast import packed
 from volspec.raycast.bands import Bands, Cancel, Progress, Receiver, Result
 from volspec.raycast.camera import Camera
@@ -77,12 +77,14 @@ class Raycaster:
         context: Any = None,
     ) -> None:
         if not isinstance(volume, Volume):
-            raise RaycastError(f"Raycaster: volume is {quoted(volume)}; give a volspec.Volume")
+            raise RaycastError.refused("Raycaster: volume", volume, "give a volspec.Volume")
         if context is not None and not hasattr(context, "buffer"):
-            raise RaycastError(f"Raycaster: context is {quoted(context)}; give a moderngl.Context")
+            raise RaycastError.refused("Raycaster: context", context, "give a moderngl.Context")
         # True and 8.0 are equal to numbers of rays, and are none.
         if lanes is not None and (type(lanes) is not int or lanes not in TILES):
-            raise RaycastError(f"Raycaster: lanes is {quoted(lanes)}; give one of {sorted(TILES)}")
+            raise RaycastError.refused(
+                "Raycaster: lanes", lanes, f"give one of {sorted(TILES)}", "missing"
+            )
         self.volume = volume
         self._compute = Compute.open(device, context)
         self.lanes = lanes or (8 if self._compute.info.is_cpu else 1)
@@ -234,7 +236,7 @@ class Raycaster:
                 *(np.empty((height, width), np.float32) for _ in range(3)),
             )
         except MemoryError:
-            raise OpenCLError(f"raycast: no memory for {what}; {remedy}") from None
+            raise OpenCLError(f"raycast: no memory for {what}; {remedy}", code="size") from None
         kernel = self._kernel(program, spec, numbers)
         arguments = self._voxels, self._codes(table, spec), *inputs, light, struct
         tile, group = TILES[self.lanes], GROUPS[self.lanes]

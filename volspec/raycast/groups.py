@@ -23,8 +23,8 @@ _LONGEST_NAME = 40
 def checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
     """Light groups as a dictionary of their own, each named and with its share."""
     if not (isinstance(groups, Mapping) and groups):
-        raise ImageError(
-            f"coefficient image: groups is {quoted(groups, 60)}; give {{name: share}}, at least one"
+        raise ImageError.refused(
+            "coefficient image: groups", groups, "give {name: share}, at least one", "range"
         )
     shares = {}
     for name, share in groups.items():

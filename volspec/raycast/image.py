@@ -112,9 +112,11 @@ class CoefficientImage:
         if self.fov_deg is not None:
             fov_deg = number("coefficient image: fov_deg", self.fov_deg, ImageError)
             if not 0.0 < fov_deg < 180.0:
-                raise ImageError(
-                    f"coefficient image: fov_deg is {fov_deg:g}; expected degrees above 0 and "
-                    "below 180, or None where it has no perspective"
+                raise ImageError.refused(
+                    "coefficient image: fov_deg",
+                    fov_deg,
+                    "expected degrees above 0 and below 180, or None where it has no perspective",
+                    "range",
                 )
 
     def layer(self, group: str) -> NDArray[Any]:
@@ -128,7 +130,8 @@ class CoefficientImage:
         if group not in self.groups:
             raise ImageError(
                 f"coefficient image: no light group {group!r}; {nearest(str(group), self.groups)}"
-                f"it has {', '.join(self.groups)}"
+                f"it has {', '.join(self.groups)}",
+                code="unknown",
             )
         size = self.basis.size
         first = list(self.groups).index(group) * size

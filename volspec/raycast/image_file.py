@@ -100,25 +100,32 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
     if (version := header.get("volspec:format")) not in _READ:
         raise ImageError(
             f"{name}: format {version}, this volspec reads {', '.join(map(str, _READ))}; "
-            "render the scene again"
+            "render the scene again",
+            code="damaged",
         )
     try:
         basis = basis_from_dict(parse_json(header["volspec:basis"]))
         notes = dict(parse_json(header.get("volspec:notes", "{}")))
     except (BasisError, ValueError, KeyError, TypeError) as error:
-        raise ImageError(f"{name}: its basis is refused ({error}); render again") from error
+        raise ImageError(
+            f"{name}: its basis is refused ({error}); render again", code="damaged"
+        ) from error
     try:
         stored = ONE_GROUP if version == 1 else parse_json(header["volspec:groups"])
         groups = checked_groups(stored)
     except (ImageError, ValueError, KeyError, TypeError) as error:
-        raise ImageError(f"{name}: its light groups are refused ({error}); render again") from error
+        raise ImageError(
+            f"{name}: its light groups are refused ({error}); render again", code="damaged"
+        ) from error
     names = channel_names if version == FORMAT else old_channel_names
     coefficients, alpha = _checked_pixels(name, pixels, names(groups, basis.size))
     first = pixels.get("first.Z" if version == FORMAT else "ZFirst")
     try:
         fov_deg = parse_json(header.get("volspec:fov_deg", "null"))
     except (ValueError, TypeError) as error:
-        raise ImageError(f"{name}: volspec:fov_deg cannot be read ({error})") from error
+        raise ImageError(
+            f"{name}: volspec:fov_deg cannot be read ({error})", code="damaged"
+        ) from error
     return {
         "coefficients": coefficients,
         "alpha": alpha,

@@ -223,9 +223,13 @@ def _check_together(table: TransferTable | SurfaceTable, spec: RaycastSpec) -> N
     else:
         return
     if spec.mode != "composite":
-        raise RaycastError(f"raycast: mode {spec.mode!r} has no meaning with {kind}")
+        raise RaycastError(
+            f"raycast: mode {spec.mode!r} has no meaning with {kind}", code="conflict"
+        )
     if spec.preintegrated:
-        raise RaycastError(f"raycast: preintegrated cannot be had with {kind}; leave it out")
+        raise RaycastError(
+            f"raycast: preintegrated cannot be had with {kind}; leave it out", code="conflict"
+        )
     if spec.adaptive > 0 and kind in ("isosurfaces", "spectral absorption"):
         raise RaycastError(f"raycast: adaptive steps cannot be had with {kind}; give adaptive=0")
 

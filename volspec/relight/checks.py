@@ -20,9 +20,11 @@ Shape = tuple[int, ...]
 def shape_of(image: CoefficientImage) -> Shape:
     """(H, W, L·M), where an image's arrays, basis and groups fit together."""
     if not hasattr(image, "coefficients"):
-        raise RelightError(
-            f"Relighter: the image is {image!r:.60}; expected a CoefficientImage, from "
-            "volspec.raycast or CoefficientImage.load"
+        raise RelightError.refused(
+            "Relighter: the image",
+            image,
+            "expected a CoefficientImage, from volspec.raycast or CoefficientImage.load",
+            "type",
         )
     coefficients, alpha = np.shape(image.coefficients), np.shape(image.alpha)
     size = image.basis.size * len(image.groups)
@@ -41,7 +43,7 @@ def pixel_type(dtype: Any) -> type:
     except TypeError:
         kind = np.void
     if kind not in (np.uint8, np.float32):
-        raise RelightError(f"relight: dtype is {dtype!r}; expected numpy.uint8 or numpy.float32")
+        raise RelightError.refused("relight.dtype", dtype, "expected numpy.uint8 or numpy.float32")
     return kind
 
 

@@ -96,9 +96,11 @@ class Relighter:
         packed: PackedLayers | None = None,
     ) -> None:
         if backend is not None and backend not in BACKENDS:
-            raise RelightError(
-                f"Relighter: backend is {backend!r}; {nearest(str(backend), BACKENDS)}"
-                f"expected {' or '.join(BACKENDS)}, or None"
+            raise RelightError.refused(
+                "Relighter: backend",
+                backend,
+                f"{nearest(str(backend), BACKENDS)}expected {' or '.join(BACKENDS)}, or None",
+                "unknown",
             )
         coefficients, alpha = arrays_of(image)
         if packed is not None:
@@ -107,9 +109,11 @@ class Relighter:
         self._edits: dict[str, Spectrum] = {}
         self._adapting = Adapting()
         if table not in (None, True, False):
-            raise RelightError(f"Relighter: table is {table!r}; expected True, False or None")
+            raise RelightError.refused(
+                "Relighter: table", table, "expected True, False or None", "type"
+            )
         if not isinstance(tables, HostTables | None):
-            raise RelightError(f"Relighter: tables is {tables!r:.60}; expected HostTables or None")
+            raise RelightError.refused("Relighter: tables", tables, "expected HostTables or None")
         self._closed = False
         self._table = table
         self._tables = HostTables() if tables is None else tables
@@ -389,7 +393,7 @@ class Relighter:
 
     def _require_open(self) -> None:
         if self._closed:
-            raise RelightError("Relighter: already closed; make another")
+            raise RelightError("Relighter: already closed; make another", code="state")
 
     def __enter__(self) -> Self:
         return self

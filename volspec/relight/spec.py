@@ -34,21 +34,24 @@ def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...
     try:
         numbers = tuple(float(v) for v in values)
     except (TypeError, ValueError):
-        raise ViewingError(f"{name} is {values!r:.60}; expected one number a light") from None
+        raise ViewingError.refused(name, values, "expected one number a light", "type") from None
     if len(numbers) != count:
         raise ViewingError(f"{name} has {len(numbers)} numbers for {count} lights; give one each")
     for j, value in enumerate(numbers):
         if not (math.isfinite(value) and value >= 0.0):
-            raise ViewingError(f"{name} number {j + 1} is {value}; expected finite and at least 0")
+            raise ViewingError.refused(
+                f"{name} number {j + 1}", value, "expected finite and at least 0", "range"
+            )
     return numbers
 
 
 def _names(groups: Sequence[str], count: int) -> tuple[str, ...]:
     one_each = not isinstance(groups, str) and isinstance(groups, Sequence)
     if not (one_each and all(isinstance(name, str) for name in groups)):
-        raise ViewingError(
-            f"LightRig.groups is {groups!r:.60}; expected the name of a light group for each "
-            "light, '' for all groups"
+        raise ViewingError.refused(
+            "LightRig.groups",
+            groups,
+            "expected the name of a light group for each light, '' for all groups",
         )
     names = tuple(groups) or ("",) * count
     if len(names) != count:
@@ -114,9 +117,11 @@ class LightRig:
             raise ViewingError("LightRig: no light; give at least one Spectrum")
         for j, light in enumerate(lights):
             if not isinstance(light, Spectrum):
-                raise ViewingError(
-                    f"LightRig: light {j + 1} is {light!r:.60}; expected a Spectrum, "
-                    "such as volspec.light('D65')"
+                raise ViewingError.refused(
+                    f"LightRig: light {j + 1}",
+                    light,
+                    "expected a Spectrum, such as volspec.light('D65')",
+                    "type",
                 )
         count = len(lights)
         given = self.weights if np.size(self.weights) else (1.0,) * count
@@ -145,9 +150,11 @@ class LightRig:
             return light
         if isinstance(light, Spectrum):
             return cls((light,))
-        raise ViewingError(
-            f"relight: light is {light!r:.60}; expected a Spectrum, such as "
-            "volspec.light('D65'), or a LightRig"
+        raise ViewingError.refused(
+            "relight.light",
+            light,
+            "expected a Spectrum, such as volspec.light('D65'), or a LightRig",
+            "type",
         )
 
     def facing(self, shares: Mapping[str, float]) -> LightRig:
@@ -173,7 +180,8 @@ class LightRig:
             if group and group not in shares:
                 raise ViewingError(
                     f"LightRig: light {j + 1} shines from group {group!r}; "
-                    f"{nearest(group, shares)}the image has {', '.join(shares)}"
+                    f"{nearest(group, shares)}the image has {', '.join(shares)}",
+                    code="unknown",
                 )
         weights = tuple(
             weight * (shares[group] if group else 1.0)
@@ -283,12 +291,16 @@ class RelightSpec:
 
     def __post_init__(self) -> None:
         if not isinstance(self.viewing, Viewing):
-            raise ViewingError(f"relight: viewing is {self.viewing!r:.60}; expected a Viewing")
+            raise ViewingError.refused(
+                "relight.viewing", self.viewing, "expected a Viewing", "type"
+            )
         for name, value, known in (("mode", self.mode, MODES), ("level", self.level, LEVELS)):
             if value not in known:
-                raise ViewingError(
-                    f"relight: {name} is {value!r}; {nearest(str(value), known)}"
-                    f"known: {', '.join(known)}"
+                raise ViewingError.refused(
+                    f"relight: {name}",
+                    value,
+                    f"{nearest(str(value), known)}known: {', '.join(known)}",
+                    "unknown",
                 )
         if isinstance(self.backdrop, Spectrum):
             low, high = float(self.backdrop.values.min()), float(self.backdrop.values.max())
@@ -296,9 +308,11 @@ class RelightSpec:
             try:
                 low = high = float(self.backdrop)
             except (TypeError, ValueError):
-                raise ViewingError(
-                    f"relight: backdrop is {self.backdrop!r:.60}; "
-                    "expected a reflectance 0 to 1 or a Spectrum"
+                raise ViewingError.refused(
+                    "relight.backdrop",
+                    self.backdrop,
+                    "expected a reflectance 0 to 1 or a Spectrum",
+                    "type",
                 ) from None
         if not (low >= 0.0 and high <= 1.0):
             raise ViewingError(
@@ -320,7 +334,9 @@ class RelightSpec:
             return spec
         if isinstance(spec, Viewing):
             return cls(spec)
-        raise ViewingError(f"relight: spec is {spec!r:.60}; expected a RelightSpec or a Viewing")
+        raise ViewingError.refused(
+            "relight.spec", spec, "expected a RelightSpec or a Viewing", "type"
+        )
 
     def for_lights(self, lights: Iterable[Spectrum | LightRig]) -> RelightSpec:
         """The same for lights that are shown in turn: relative where one of them carries no lux.

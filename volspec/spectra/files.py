@@ -201,7 +201,8 @@ def _tm27(path: str) -> Spectrum:
             document = colour.SpectralDistribution_IESTM2714(path)
     except Exception as error:  # it expects what it reads, and says so in any class
         raise SpectrumError(
-            f"{path}: cannot be read as IES TM-27 ({one_line(error)}); mend or export it again"
+            f"{path}: cannot be read as IES TM-27 ({one_line(error)}); mend or export it again",
+            code="damaged",
         ) from None
     notes = {}
     for part in (document.header, document):
@@ -235,7 +236,9 @@ def _check_tm27(path: str) -> None:
         root = ElementTree.fromstring(content, ElementTree.XMLParser(target=_NoEntities()))
     # An encoding that Python does not know, or that the parser cannot take.
     except (ElementTree.ParseError, LookupError, ValueError) as error:
-        raise SpectrumError(f"{path}: damaged XML ({error}); export the file again") from None
+        raise SpectrumError(
+            f"{path}: damaged XML ({error}); export the file again", code="damaged"
+        ) from None
     tag = root.tag.rpartition("}")[2]
     if tag != "IESTM2714" or "}" not in root.tag:
         raise SpectrumError(

@@ -56,7 +56,9 @@ class SpectralGrid:
                 # One float type, so that grids made from 400 and 400.0 hash alike.
                 object.__setattr__(self, field, float(given))
             except (TypeError, ValueError, OverflowError):
-                raise SpectrumError(f"grid: {field} is {given!r}; give a number of nm") from None
+                raise SpectrumError.refused(
+                    f"grid: {field}", given, "give a number of nm"
+                ) from None
         text = f"grid {self.start_nm:g}-{self.stop_nm:g}/{self.step_nm:g} nm"
         if not all(math.isfinite(v) for v in (self.start_nm, self.stop_nm, self.step_nm)):
             raise SpectrumError(f"{text}: start, stop and step must be finite numbers")

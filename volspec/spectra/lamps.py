@@ -79,7 +79,7 @@ def lamp(name: str) -> Lamp:
     if bare in LAMPS:
         return LAMPS[bare]
     raise SpectrumError(
-        f"lamp {name!r} is unknown; {nearest(bare, LAMPS)}known: {', '.join(LAMPS)}"
+        f"lamp {name!r} is unknown; {nearest(bare, LAMPS)}known: {', '.join(LAMPS)}", code="unknown"
     )
 
 
@@ -163,7 +163,9 @@ def lamp_illuminance_lux(
     _require_above_0("distance_m", distance_m)
     beam = 360.0 if beam_deg is None else beam_deg
     if not 0.0 < beam <= 360.0:
-        raise SpectrumError(f"lamp: beam_deg is {beam_deg!r}; expected above 0, 360 at most")
+        raise SpectrumError.refused(
+            "lamp.beam_deg", beam_deg, "expected above 0, 360 at most", "range"
+        )
     solid_angle = 4.0 * math.pi * math.sin(math.radians(beam) / 4.0) ** 2
     lit_m2 = solid_angle * distance_m * distance_m
     lux = flux_lm(of, power_W) / lit_m2 if lit_m2 > 0.0 else math.inf
@@ -242,4 +244,6 @@ def irradiance(light: Spectrum, illuminance: float, grid: SpectralGrid | None = 
 
 def _require_above_0(name: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise SpectrumError(f"lamp: {name} is {value!r}; expected a finite number above 0")
+        raise SpectrumError.refused(
+            f"lamp: {name}", value, "expected a finite number above 0", "type"
+        )

@@ -170,7 +170,8 @@ def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
     else:
         raise SpectrumError(
             f"light set {name!r} is unknown; {nearest(name, ('smooth', 'spiky'))}"
-            "choose smooth or spiky"
+            "choose smooth or spiky",
+            code="unknown",
         )
     return [light(n, grid) for n in names]
 
@@ -219,7 +220,9 @@ def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
         bare = name.strip() if name and _number(weight) is not None else part.strip()
         if not _is_known(bare, folder):
             raise _unknown(bare, f" in the mix {text!r}")
-    raise SpectrumError(f"light {text!r}: cannot be read as a mix NAME*WEIGHT+NAME*WEIGHT")
+    raise SpectrumError(
+        f"light {text!r}: cannot be read as a mix NAME*WEIGHT+NAME*WEIGHT", code="damaged"
+    )
 
 
 def _read_term(text: str, folder: Folder) -> _Term | None:
@@ -329,11 +332,13 @@ def _unknown(name: str, where: str = "") -> SpectrumError:
     lamps = [f"{PREFIX}:{each}" for each in LAMPS]
     if _folded(name).startswith(f"{PREFIX}:"):
         return SpectrumError(
-            f"light {name!r}{where} is unknown; {nearest(name, lamps)}known: {', '.join(lamps)}"
+            f"light {name!r}{where} is unknown; {nearest(name, lamps)}known: {', '.join(lamps)}",
+            code="unknown",
         )
     return SpectrumError(
         f"light {name!r}{where} is unknown; {nearest(name, light_names())}"
-        f"other forms: planck:3200, daylight:6500, lamp:candle-1900, {FILE_FORMS}"
+        f"other forms: planck:3200, daylight:6500, lamp:candle-1900, {FILE_FORMS}",
+        code="unknown",
     )
 
 

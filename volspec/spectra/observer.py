@@ -66,5 +66,6 @@ def check_observer(observer_deg: object) -> None:
     whole = isinstance(observer_deg, int | np.integer) and not isinstance(observer_deg, bool)
     if not whole or observer_deg not in (2, 10):
         raise SpectrumError(
-            f"observer_deg {observer_deg!r} is unknown; use 2 (CIE 1931) or 10 (CIE 1964)"
+            f"observer_deg {observer_deg!r} is unknown; use 2 (CIE 1931) or 10 (CIE 1964)",
+            code="unknown",
         )

@@ -108,10 +108,13 @@ def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], 
     if len(found) == 1:
         return data, found[0]
     if found:
-        raise SpectrumError(f"{path}: {len(found)} spectra are named {selector!r}; rename one")
+        raise SpectrumError(
+            f"{path}: {len(found)} spectra are named {selector!r}; rename one", code="duplicate"
+        )
     raise SpectrumError(
         f"{path}: no {what} is named {selector!r}; {nearest(selector, names)}"
-        f"there is {', '.join(names)}"
+        f"there is {', '.join(names)}",
+        code="unknown",
     )
 
 
@@ -137,8 +140,8 @@ def _grid(path: str, data: dict[str, Any]) -> SpectralGrid:
     try:
         start, stop, step = (float(number) for number in given)
     except (TypeError, ValueError):
-        raise SpectrumError(
-            f"{path}: [criteria] grid_nm is {given!r:.60}; give [start, stop, step] in nm"
+        raise SpectrumError.refused(
+            f"{path}: [criteria] grid_nm", given, "give [start, stop, step] in nm"
         ) from None
     return SpectralGrid(start, stop, step)
 

@@ -82,7 +82,8 @@ def reflectance(
     if folded not in known:
         raise SpectrumError(
             f"reflectance {name!r} is unknown; {nearest(name, reflectance_names())}"
-            f"other forms: grey:0.18, white, black, {FILE_FORMS}"
+            f"other forms: grey:0.18, white, black, {FILE_FORMS}",
+            code="unknown",
         )
     w, v = sample_tables()[known[folded]]
     try:

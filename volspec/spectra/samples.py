@@ -44,7 +44,8 @@ def reflectance_set_names(name: str) -> tuple[str, ...]:
     """
     if name not in _SETS:
         raise SpectrumError(
-            f"reflectance set {name!r} is unknown; {nearest(name, _SETS)}choose {', '.join(_SETS)}"
+            f"reflectance set {name!r} is unknown; {nearest(name, _SETS)}choose {', '.join(_SETS)}",
+            code="unknown",
         )
     return tuple(n for start in _SETS[name] for n in sample_tables() if n.startswith(start))
 

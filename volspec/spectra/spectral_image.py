@@ -264,7 +264,9 @@ def require_kind(kind: object, label: str) -> None:
     SpectrumError
     """
     if kind not in get_args(Kind):
-        raise SpectrumError(f"{label}: kind {kind!r} is unknown; choose reflective or emissive")
+        raise SpectrumError(
+            f"{label}: kind {kind!r} is unknown; choose reflective or emissive", code="unknown"
+        )
 
 
 def _only(held: list[Kind]) -> str:
@@ -317,4 +319,6 @@ def _notes(name: str, header: dict[str, Any]) -> dict[str, str]:
         own = parse_json(header.get("volspec:notes", "{}"))
         return notes | {str(key): str(value) for key, value in own.items()}
     except (ValueError, AttributeError) as error:
-        raise SpectrumError(f"{name}: volspec:notes cannot be read ({error})") from None
+        raise SpectrumError(
+            f"{name}: volspec:notes cannot be read ({error})", code="damaged"
+        ) from None

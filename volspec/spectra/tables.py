@@ -93,7 +93,8 @@ class TextTable:
             return int(column) - 1
         raise SpectrumError(
             f"{self.path}: no column {column!r}; {nearest(column, self.names)}"
-            f"there are {listed}, or a number from 1 to {len(self.names)}"
+            f"there are {listed}, or a number from 1 to {len(self.names)}",
+            code="unknown",
         )
 
 
@@ -111,7 +112,8 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
     except UnicodeDecodeError as error:
         raise SpectrumError(
             f"{name}: cannot be read as text ({error.reason} at byte {error.start}); "
-            "save it as UTF-8"
+            "save it as UTF-8",
+            code="damaged",
         ) from None
     rows: list[list[float]] = []
     lines: list[int] = []
@@ -166,10 +168,11 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
     try:
         return Path(path_text(path)).read_bytes()
     except FileNotFoundError:
-        raise SpectrumError(f"{path}: no such file; check the path") from None
+        raise SpectrumError(f"{path}: no such file; check the path", code="not-found") from None
     except OSError as error:
         raise SpectrumError(
-            f"{path}: cannot be read: {error.strerror}; check the path and its permissions"
+            f"{path}: cannot be read: {error.strerror}; check the path and its permissions",
+            code="damaged",
         ) from None
 
 
@@ -213,7 +216,9 @@ def require_nanometres(wavelengths: NDArray[np.float64], label: str) -> None:
         guess = "are they wavenumbers in 1/cm? nm = 1e7 / wavenumber, then sort"
     else:
         return
-    raise SpectrumError(f"{label}: wavelengths of {low:g}-{high:g} nm, none visible; {guess}")
+    raise SpectrumError(
+        f"{label}: wavelengths of {low:g}-{high:g} nm, none visible; {guess}", code="unknown"
+    )
 
 
 def _keep_note(line: str, notes: dict[str, str]) -> None:

@@ -121,7 +121,8 @@ def light_power(
     if not total > _LEAST_LIGHT:
         raise SpectrumError(
             f"{label} has no luminous energy (sum E V = {total:g}); "
-            f"give power within {grid.start_nm:g}-{grid.stop_nm:g} nm, or leave it out"
+            f"give power within {grid.start_nm:g}-{grid.stop_nm:g} nm, or leave it out",
+            code="conflict",
         )
     return E
 

@@ -69,8 +69,8 @@ def transfer_from_vtk(
         raise TransferError(f"{name}: has a 2-D transfer function; give curves over values")
     thickness = settings.GetScalarOpacityUnitDistance(0)
     if not 0 < thickness < math.inf:
-        raise TransferError(
-            f"{name}: opacity_unit_distance is {thickness:g}; give a length above 0"
+        raise TransferError.refused(
+            f"{name}: opacity_unit_distance", thickness, "give a length above 0", "range"
         )
     curve = settings.GetScalarOpacity(0)
     values = _values(curve, _colours(settings))

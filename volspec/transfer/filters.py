@@ -35,7 +35,7 @@ def checked_filters(
     TransferError
     """
     if not isinstance(filters, Mapping):
-        raise TransferError(f"{who}: filters is {filters!r:.40}; give {{material: Spectrum}}")
+        raise TransferError.refused(f"{who}: filters", filters, "give {material: Spectrum}")
     if filters and isinstance(basis, MaterialBasis):
         raise TransferError(
             f"{who}: filters need channels of wavelengths, those of a MaterialBasis are "
@@ -45,11 +45,12 @@ def checked_filters(
         if name not in materials:
             known = ", ".join(sorted(materials))
             raise TransferError(
-                f"{who}: filter of no material {name!r}; {nearest(name, materials)}known: {known}"
+                f"{who}: filter of no material {name!r}; {nearest(name, materials)}known: {known}",
+                code="unknown",
             )
         if not isinstance(spectrum, Spectrum):
-            raise TransferError(
-                f"{who}: filter of {name!r} is {spectrum!r:.40}; expected a Spectrum of 0…1"
+            raise TransferError.refused(
+                f"{who}: filter of {name!r}", spectrum, "expected a Spectrum of 0…1", "type"
             )
         low, high = spectrum.values.min(), spectrum.values.max()
         if low < 0 or high > 1 + 1e-6:

@@ -66,9 +66,11 @@ class LabelFunction:
 
     def __post_init__(self) -> None:
         if not isinstance(self.labels, Mapping) or not self.labels:
-            raise TransferError(
-                f"{_WHO}: labels is {self.labels!r:.40}; give {{label: (opacity, material)}}, "
-                "at least one"
+            raise TransferError.refused(
+                f"{_WHO}: labels",
+                self.labels,
+                "give {label: (opacity, material)}, at least one",
+                "range",
             )
         check_materials(_WHO, self.materials, self.basis)
         checked = dict(self._checked(label, look) for label, look in self.labels.items())
@@ -84,8 +86,8 @@ class LabelFunction:
         try:
             opacity, mix = look
         except (TypeError, ValueError):
-            raise TransferError(
-                f"{where} is {look!r:.60}; expected (opacity, material or mix)"
+            raise TransferError.refused(
+                where, look, "expected (opacity, material or mix)"
             ) from None
         opacity = fraction(where, "opacity", opacity)
         return int(label), (opacity, checked_mix(where, mix, self.materials))

@@ -34,9 +34,11 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
     TransferError
     """
     if not isinstance(basis, SpectralBasis | MaterialBasis):
-        raise TransferError(
-            f"{who}: basis is {basis!r:.40}; expected a SpectralBasis, "
-            "such as SpectralBasis.load('general-7'), or a MaterialBasis"
+        raise TransferError.refused(
+            f"{who}: basis",
+            basis,
+            "expected a SpectralBasis, such as SpectralBasis.load('general-7'), or a MaterialBasis",
+            "type",
         )
     if basis.size > MAX_CHANNELS:
         what = f"{basis.size} channels"
@@ -51,8 +53,8 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
     for name, spectrum in materials.items():
         label = f"{who}: material {name!r}"
         if not isinstance(spectrum, Spectrum):
-            raise TransferError(
-                f"{label} is {spectrum!r:.40}; expected a Spectrum, such as reflectance('copper')"
+            raise TransferError.refused(
+                label, spectrum, "expected a Spectrum, such as reflectance('copper')", "type"
             )
         worst = spectrum.values.min()
         if worst < 0:
@@ -75,7 +77,9 @@ def checked_step(who: str, step_mm: Any) -> float | None:
         return None
     step = number(who, "reference_step_mm", step_mm)
     if not (math.isfinite(step) and step > 0):
-        raise TransferError(f"{who}: reference_step_mm is {step_mm}; give mm above 0")
+        raise TransferError.refused(
+            f"{who}: reference_step_mm", step_mm, "give mm above 0", "range"
+        )
     return step
 
 
@@ -84,7 +88,7 @@ def listed(who: str, what: str, given: Any, one: str) -> tuple[Any, ...]:
     try:
         found = tuple(given)
     except TypeError:
-        raise TransferError(f"{who}: {what} is {given!r:.40}; give a list of {one}") from None
+        raise TransferError.refused(f"{who}: {what}", given, f"give a list of {one}") from None
     if not found:
         raise TransferError(f"{who}: no {what}; give at least one {one}")
     return found
@@ -93,7 +97,7 @@ def listed(who: str, what: str, given: Any, one: str) -> tuple[Any, ...]:
 def number(where: str, what: str, given: Any) -> float:
     """A number as float; text and truth values are none."""
     if isinstance(given, bool) or not isinstance(given, Real):
-        raise TransferError(f"{where}: {what} is {given!r:.40}; expected a number")
+        raise TransferError.refused(f"{where}: {what}", given, "expected a number", "type")
     return float(given)
 
 
@@ -108,15 +112,16 @@ def fraction(where: str, what: str, given: Any) -> float:
 def checked_mix(where: str, given: Any, materials: Mapping[str, Spectrum] | None) -> Mix:
     """A mix as {material: share}; without materials the names are left for later."""
     if not isinstance(given, str | Mapping):
-        raise TransferError(
-            f"{where}: material is {given!r:.40}; expected a name or {{name: share}}"
+        raise TransferError.refused(
+            f"{where}: material", given, "expected a name or {name: share}", "type"
         )
     shares = {}
     for name, share in shares_of(given).items():
         if materials is not None and name not in materials:
             known = ", ".join(sorted(materials)) or "none"
             raise TransferError(
-                f"{where}: no material {name!r}; {nearest(name, materials)}known: {known}"
+                f"{where}: no material {name!r}; {nearest(name, materials)}known: {known}",
+                code="unknown",
             )
         shares[name] = number(where, f"share of {name!r}", share)
         if not (math.isfinite(shares[name]) and shares[name] >= 0):
@@ -132,8 +137,8 @@ def checked_point(where: str, given: Any, materials: Mapping[str, Spectrum]) -> 
     try:
         value, opacity, mix = given
     except (TypeError, ValueError):
-        raise TransferError(
-            f"{where} is {given!r:.60}; expected (value, opacity, material or mix)"
+        raise TransferError.refused(
+            where, given, "expected (value, opacity, material or mix)"
         ) from None
     value = number(where, "value", value)
     if not math.isfinite(value):

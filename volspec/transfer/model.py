@@ -108,7 +108,8 @@ class TransferFunction:
             filters = checked_filters(_WHO, self.filters, self.materials, self.basis)
             if filters and self.gradient_opacity is not None:
                 raise TransferError(
-                    f"{_WHO}: filters and gradient_opacity do not go together; give one of them"
+                    f"{_WHO}: filters and gradient_opacity do not go together; give one of them",
+                    code="conflict",
                 )
             object.__setattr__(self, "filters", filters)
 
@@ -179,7 +180,7 @@ def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float,
         try:
             gradient, factor = pair
         except (TypeError, ValueError):
-            raise TransferError(f"{where} is {pair!r:.60}; expected {what}") from None
+            raise TransferError.refused(where, pair, f"expected {what}") from None
         gradient = number(where, "gradient", gradient)
         if not (math.isfinite(gradient) and gradient >= 0):
             raise TransferError(f"{where} has gradient {gradient:g}; give 0 or more, value per mm")

@@ -137,7 +137,7 @@ def _extinctions(table: TransferTable, step_mm: float) -> Array:
             f"preintegration: the table is of {kind}; it needs a transfer function of values alone"
         )
     if not (math.isfinite(step_mm) and step_mm > 0):
-        raise TransferError(f"preintegration: step_mm is {step_mm}; give mm above 0")
+        raise TransferError.refused("preintegration.step_mm", step_mm, "give mm above 0", "range")
     tau = 0.0 - np.log(np.maximum(1 - table.step_opacity(step_mm), LEAST_TRANSMITTANCE))
     return tau[:, None] * np.column_stack([np.ones(len(tau)), table.shares])
 

@@ -135,7 +135,9 @@ class TransferFunction2D:
         check_materials(_WHO, self.materials, self.basis)
         for i, region in enumerate(regions, start=1):
             if not isinstance(region, Region):
-                raise TransferError(f"{_WHO}: region {i} is {region!r:.60}; expected a Region")
+                raise TransferError.refused(
+                    f"{_WHO}: region {i}", region, "expected a Region", "type"
+                )
             checked_mix(f"{_WHO}: region {i}", region.material, self.materials)
         object.__setattr__(self, "regions", regions)
         object.__setattr__(self, "reference_step_mm", checked_step(_WHO, self.reference_step_mm))
@@ -205,7 +207,7 @@ def _checked_bounds(what: str, given: Any) -> tuple[float, float]:
     try:
         low, high = given
     except (TypeError, ValueError):
-        raise TransferError(f"region: {what} is {given!r:.40}; expected (low, high)") from None
+        raise TransferError.refused(f"region: {what}", given, "expected (low, high)") from None
     low, high = number("region", what, low), number("region", what, high)
     if not low < high:
         raise TransferError(f"region: {what} are {low:g} to {high:g}; let the second be greater")

@@ -78,7 +78,9 @@ class Isosurfaces:
         )
         for lower, upper in pairwise(checked):
             if lower[0] == upper[0]:
-                raise TransferError(f"{_WHO}: two surfaces have value {lower[0]:g}; leave out one")
+                raise TransferError(
+                    f"{_WHO}: two surfaces have value {lower[0]:g}; leave out one", code="conflict"
+                )
         object.__setattr__(self, "surfaces", tuple(checked))
 
     def __repr__(self) -> str:

@@ -80,7 +80,9 @@ class TransferTable:
     def __post_init__(self) -> None:
         low, high = self.domain
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise TransferError(f"transfer table: the domain is {self.domain}; give two that rise")
+            raise TransferError.refused(
+                "transfer table: the domain", self.domain, "give two that rise"
+            )
         opacity, shares = _taken(self, "opacity"), _taken(self, "shares")
         two = self.gradient_top is not None
         if opacity.ndim != 1 + two or min(opacity.shape) < 2:
@@ -99,7 +101,9 @@ class TransferTable:
         if self.gradient_top is not None and not (
             math.isfinite(self.gradient_top) and self.gradient_top > 0
         ):
-            raise TransferError(f"transfer table: gradient_top is {self.gradient_top}; give > 0")
+            raise TransferError.refused(
+                "transfer table: gradient_top", self.gradient_top, "give > 0"
+            )
         M = _take_channels(self)
         if self.labels and (two or (low, high) != (0, len(opacity) - 1)):
             raise TransferError(

@@ -163,7 +163,9 @@ def checked_geometry(
     if spacing is not None:
         spacing_array = _numbers(spacing)
         if spacing_array.shape != (3,):
-            raise VolumeError(f"{name}: spacing_mm is {spacing!r}; give three numbers (x, y, z)")
+            raise VolumeError.refused(
+                f"{name}: spacing_mm", spacing, "give three numbers (x, y, z)", "type"
+            )
         if not (np.isfinite(spacing_array).all() and (spacing_array > 0).all()):
             raise VolumeError(
                 f"{name}: spacing {tuple(spacing_array.tolist())} mm; "
@@ -191,7 +193,8 @@ def checked_geometry(
         if spacing is not None and not np.allclose(lengths, spacing_array, rtol=1e-4):
             raise VolumeError(
                 f"{name}: spacing {tuple(spacing_array.tolist())} mm and world_from_index "
-                f"(columns {lengths.round(6).tolist()} mm) disagree; give one of them"
+                f"(columns {lengths.round(6).tolist()} mm) disagree; give one of them",
+                code="conflict",
             )
         spacing_array = lengths
     matrix.flags.writeable = False

@@ -82,6 +82,7 @@ def _start_and_step(coordinates: Any, dim: Any, name: str) -> tuple[float, float
     if not (step and (np.abs(at - even) <= _UNEVEN * abs(step)).all()):
         raise VolumeError(
             f"{name}: the coordinates along {str(dim)!r} are not evenly spaced numbers; "
-            f"interpolate to a regular lattice, or leave them out: drop_vars({str(dim)!r})"
+            f"interpolate to a regular lattice, or leave them out: drop_vars({str(dim)!r})",
+            code="conflict",
         )
     return float(at[0]), float(step)

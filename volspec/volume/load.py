@@ -146,7 +146,7 @@ def library_of(query: Query) -> str:
 def _reader(query: Query) -> Callable[[Query], Reading]:
     path = query.path
     if not path.exists():
-        raise VolumeError(f"{path}: no such file; check the path")
+        raise VolumeError(f"{path}: no such file; check the path", code="not-found")
     if path.is_dir():
         return _folder_reader(path)
     if not path.is_file():
@@ -171,7 +171,7 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
         return read_series
     if lower.endswith(".raw") or query.options:
         return read_raw
-    raise VolumeError(f"{path}: unknown format; known are {_KNOWN}")
+    raise VolumeError(f"{path}: unknown format; known are {_KNOWN}", code="unknown")
 
 
 def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
@@ -184,7 +184,8 @@ def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
             return read_series
     except OSError as error:
         raise VolumeError(
-            f"{error.filename}: cannot be read: {error.strerror}; check its permissions"
+            f"{error.filename}: cannot be read: {error.strerror}; check its permissions",
+            code="damaged",
         ) from error
     raise VolumeError(
         f"{folder}: is a folder without slices (DICOM, TIFF or PNG); give the folder that holds "

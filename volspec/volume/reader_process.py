@@ -91,7 +91,8 @@ def read_in_child(query: Query) -> Reading:
         process.close()
         raise DeviceError(
             f"{query.path}: no memory for its voxels ({one_line(error)}); close programs, or raise "
-            "the limit"
+            "the limit",
+            code="size",
         ) from error
     idle.append(process)
     world = answer["world_from_index"]
@@ -106,7 +107,8 @@ def read_in_child(query: Query) -> Reading:
 def _no_process(query: Query, cause: str) -> DeviceError:
     return DeviceError(
         f"{query.path}: no process can be started to read it with ({sys.executable!r}: {cause}); "
-        "are memory, open files or processes limited?"
+        "are memory, open files or processes limited?",
+        code="size",
     )
 
 
@@ -175,7 +177,9 @@ class _ReaderProcess:
             fault = f"takes longer than {self._seconds:.0f} s to read"
         else:
             fault = f"ends the library that reads it ({cause_of(self._process.returncode)})"
-        raise VolumeError(f"{query.path}: {fault}; the file is damaged, copy or export it again")
+        raise VolumeError(
+            f"{query.path}: {fault}; the file is damaged, copy or export it again", code="damaged"
+        )
 
     def take(self, voxels: Stored) -> NDArray[Any]:
         """Map voxels in shared memory, and let the child forget them."""

@@ -150,7 +150,9 @@ def reveal(
     drawing = Drawing(scene)
     others = drawing.beside(material)
     if not 0.0 < distance <= 100.0:
-        raise SceneError(f"{scene.path}: distance is {distance:g}; give a ΔE above 0, up to 100")
+        raise SceneError.refused(
+            f"{scene.path}: distance", distance, "give a ΔE above 0, up to 100", "range"
+        )
     about = WishedLight.of(drawing, under, like, lamps)
     wish = Wish(drawing, (material,), about)
     furthest = 0.0

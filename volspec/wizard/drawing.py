@@ -36,9 +36,10 @@ class Drawing:
 
     def __post_init__(self) -> None:
         if self.scene.basis.observer_deg != 2:
-            raise SceneError(
-                f"{self.scene.path}: [basis] observer_deg is {self.scene.basis.observer_deg}; "
-                "palettes are designed for the 2° observer, give 2"
+            raise SceneError.refused(
+                f"{self.scene.path}: [basis] observer_deg",
+                self.scene.basis.observer_deg,
+                "palettes are designed for the 2° observer, give 2",
             )
 
     @property
@@ -58,7 +59,8 @@ class Drawing:
         if name not in names:
             raise SceneError(
                 f"{self.scene.path}: no material is named {name!r}; {nearest(str(name), names)}"
-                f"there is {', '.join(names)}"
+                f"there is {', '.join(names)}",
+                code="unknown",
             )
         return name
 
@@ -113,7 +115,8 @@ class Drawing:
             names = [light.name for light in self.scene.lights]
             raise SceneError(
                 f"{self.scene.path}: no light of the scene is named {name!r}; "
-                f"{nearest(str(name), names)}there is {', '.join(names)}{hint}"
+                f"{nearest(str(name), names)}there is {', '.join(names)}{hint}",
+                code="unknown",
             )
         return found
 
@@ -129,7 +132,8 @@ class Drawing:
             raise SceneError(f"{self.scene.path}: the new light has no name; give it one")
         if any(light.name == name for light in self.scene.lights):
             raise SceneError(
-                f"{self.scene.path}: a light is named {name!r} already; name the new one otherwise"
+                f"{self.scene.path}: a light is named {name!r} already; name the new one otherwise",
+                code="duplicate",
             )
         return name
 

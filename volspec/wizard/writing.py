@@ -67,14 +67,18 @@ def require_place(scene: Scene, path: Path) -> Path:
     if _same(path, scene.path):
         raise SceneError(f"{path}: is the scene that the new one is made of; name it otherwise")
     if path.exists() and not _takes_from(path, beside):
-        raise SceneError(f"{path}: is there already, and no wizard's; name the new scene otherwise")
+        raise SceneError(
+            f"{path}: is there already, and no wizard's; name the new scene otherwise",
+            code="duplicate",
+        )
     if not beside.exists():
         return beside
     first = beside.read_bytes().removeprefix(b"\xef\xbb\xbf")[:200].decode("utf-8", "replace")
     if not first.lstrip("# ").startswith(_OURS):
         raise SceneError(
             f"{beside}: is there already, and no wizard's; rename it, or name the new scene "
-            "otherwise"
+            "otherwise",
+            code="duplicate",
         )
     if any(_same(beside, scene.folder / file) for file in _files_of(scene.file, scene.folder)):
         raise SceneError(
@@ -112,7 +116,8 @@ def write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Pat
     if not scene.path.is_file():
         raise SceneError(
             f"{scene.path}: cannot be read again; load the scene from a file, whose comments are "
-            "kept"
+            "kept",
+            code="damaged",
         )
     # Written as all names of the scene's files are: counted from the scene's own folder.
     palette = moved_file(beside.name, beside.parent, scene.folder)

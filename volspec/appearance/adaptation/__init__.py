@@ -20,7 +20,7 @@ from volspec.appearance.adaptation.base import Adaptation, Array, outside
 from volspec.appearance.passages import Passage
 from volspec.appearance.spec import ViewingConditions
 from volspec.appearance.surround import require_conditions
-from volspec.errors import ViewingError, nearest, quoted
+from volspec.errors import ViewingError, nearest
 
 __all__ = ["ADAPTATIONS", "Adaptation", "adapt", "adaptation", "outside"]
 
@@ -73,9 +73,11 @@ def adaptation(name: str) -> Adaptation:
     volspec.errors.ViewingError: adaptation is 'CAT2'; did you mean 'CAT02'...
     """
     if not (isinstance(name, str) and name in ADAPTATIONS):
-        raise ViewingError(
-            f"adaptation is {quoted(name)}; {nearest(str(name), ADAPTATIONS)}known: "
-            f"{', '.join(ADAPTATIONS)}"
+        raise ViewingError.refused(
+            "adaptation",
+            name,
+            f"{nearest(str(name), ADAPTATIONS)}known: {', '.join(ADAPTATIONS)}",
+            "unknown",
         )
     return ADAPTATIONS[name]
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.passages import CurvePassage, Passage, triples
 from volspec.appearance.spec import ViewingConditions
-from volspec.errors import ViewingError, quoted
+from volspec.errors import ViewingError
 
 Array = NDArray[np.float64]
 Adaptation = Callable[[ViewingConditions, ViewingConditions], Passage]
@@ -106,9 +106,11 @@ def outside(XYZ: ArrayLike, passage: Passage) -> NDArray[np.bool_]:
     [False, True]
     """
     if not isinstance(passage, Passage):
-        raise ViewingError(
-            f"adaptation: passage is {quoted(passage)}; expected one of `adaptation`, as "
-            "adaptation('CAT02')(source, target)"
+        raise ViewingError.refused(
+            "adaptation.passage",
+            passage,
+            "expected one of `adaptation`, as adaptation('CAT02')(source, target)",
+            "type",
         )
     colours = triples("adaptation: XYZ", XYZ)
     lost = ~np.isfinite(colours).all(axis=-1)

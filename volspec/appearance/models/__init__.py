@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from volspec.appearance.models import cam16, ciecam02, cielab, hunt, nayatani95, rlab
 from volspec.appearance.models.base import Appearance, Model
-from volspec.errors import ViewingError, nearest, quoted
+from volspec.errors import ViewingError, nearest
 
 __all__ = ["MODELS", "Appearance", "Model", "model"]
 
@@ -38,8 +38,10 @@ def model(name: str) -> Model:
     volspec.errors.ViewingError: appearance model is 'hunt'; did you mean 'Hunt'? known: ...
     """
     if not (isinstance(name, str) and name in MODELS):
-        raise ViewingError(
-            f"appearance model is {quoted(name)}; {nearest(str(name), MODELS)}known: "
-            f"{', '.join(MODELS)}"
+        raise ViewingError.refused(
+            "appearance model",
+            name,
+            f"{nearest(str(name), MODELS)}known: {', '.join(MODELS)}",
+            "unknown",
         )
     return MODELS[name]

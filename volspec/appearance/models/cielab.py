@@ -19,7 +19,7 @@ from volspec.appearance.models.base import ROUNDING, Appearance, only_defined, o
 from volspec.appearance.passages import LinearPassage, triples
 from volspec.appearance.spec import ViewingConditions
 from volspec.appearance.surround import as_triple, require_conditions
-from volspec.errors import ViewingError, quoted
+from volspec.errors import ViewingError
 
 NAME = "CIELAB"
 Array = NDArray[np.float64]
@@ -43,8 +43,8 @@ def _f_slope(ratio: Array) -> Array:
 def _white(white_XYZ: ArrayLike) -> Array:
     white = as_triple(white_XYZ)
     if white is None or min(white) <= 0.0:
-        raise ViewingError(
-            f"CIELAB: the white is {quoted(white_XYZ)}; expected three finite numbers above 0"
+        raise ViewingError.refused(
+            "CIELAB: the white", white_XYZ, "expected three finite numbers above 0", "range"
         )
     return np.array(white)
 

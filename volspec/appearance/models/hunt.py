@@ -40,7 +40,7 @@ from volspec.appearance.models.hunt_eye import (
 from volspec.appearance.models.numeric import root
 from volspec.appearance.passages import signed_power, triples
 from volspec.appearance.spec import ViewingConditions
-from volspec.errors import ShapeError, quoted
+from volspec.errors import ShapeError
 
 __all__ = ["NAME", "HuntSettings", "forward", "inverse"]
 
@@ -109,8 +109,8 @@ def _scotopic(S: ArrayLike, like: Array) -> Array:
     try:
         return np.broadcast_to(np.asarray(S, dtype=np.float64), like.shape)
     except (TypeError, ValueError):
-        raise ShapeError(
-            f"Hunt: S is {quoted(S)}; expected numbers, one or for each of the colours {like.shape}"
+        raise ShapeError.refused(
+            "Hunt: S", S, f"expected numbers, one or for each of the colours {like.shape}"
         ) from None
 
 

@@ -84,24 +84,25 @@ class HuntSettings:
         for name in ("N_c", "N_b", "L_AS", "CCT_kelvin"):
             value = getattr(self, name)
             if value is not None and not (is_finite(value) and value > 0.0):
-                raise ViewingError(
-                    f"HuntSettings.{name} is {quoted(value)}; expected a finite number above 0, or "
-                    "None"
+                raise ViewingError.refused(
+                    f"HuntSettings.{name}",
+                    value,
+                    "expected a finite number above 0, or None",
+                    "type",
                 )
         if not (is_finite(self.p) and -1.0 <= self.p <= 1.0):
-            raise ViewingError(
-                f"HuntSettings.p is {quoted(self.p)}; expected -1 (contrast) to 1 (assimilation)"
+            raise ViewingError.refused(
+                "HuntSettings.p", self.p, "expected -1 (contrast) to 1 (assimilation)", "range"
             )
         for name in ("proximal_XYZ", "background_XYZ"):
             value = getattr(self, name)
             if value is not None and not _excites(value):
-                raise ViewingError(
-                    f"HuntSettings.{name} is {quoted(value)}; expected the XYZ of a real colour, "
-                    "or None"
+                raise ViewingError.refused(
+                    f"HuntSettings.{name}", value, "expected the XYZ of a real colour, or None"
                 )
         if not isinstance(self.helson_judd, bool):
-            raise ViewingError(
-                f"HuntSettings.helson_judd is {quoted(self.helson_judd)}; expected True or False"
+            raise ViewingError.refused(
+                "HuntSettings.helson_judd", self.helson_judd, "expected True or False", "type"
             )
 
 

@@ -74,8 +74,8 @@ class NayataniSettings:
         for name in ("E_or", "n"):
             value = getattr(self, name)
             if not (is_finite(value) and value > 0.0):
-                raise ViewingError(
-                    f"NayataniSettings.{name} is {quoted(value)}; expected a finite number above 0"
+                raise ViewingError.refused(
+                    f"NayataniSettings.{name}", value, "expected a finite number above 0", "type"
                 )
 
 

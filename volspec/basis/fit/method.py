@@ -113,7 +113,8 @@ def _check_method(method: Any) -> None:
     if method not in METHODS:
         raise BasisError(
             f"basis method {method!r} is unknown; {nearest(str(method), METHODS)}"
-            f"choose {', '.join(METHODS)}"
+            f"choose {', '.join(METHODS)}",
+            code="unknown",
         )
 
 
@@ -154,7 +155,8 @@ def _refuse_options(method: str, **options: Any) -> None:
     for name, value in options.items():
         if value is not None:
             raise BasisError(
-                f"{method} takes no {name}; leave it out, or use method='virtual-sensors'"
+                f"{method} takes no {name}; leave it out, or use method='virtual-sensors'",
+                code="conflict",
             )
 
 

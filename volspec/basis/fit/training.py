@@ -183,8 +183,10 @@ def _weights(values: ArrayLike | None, count: int, what: str) -> Array:
         )
     if not (np.isfinite(weights) & (weights > 0)).all():
         worst = int(np.argmin(np.where(np.isfinite(weights), weights, -np.inf)))
-        raise BasisError(
-            f"{what}: number {worst + 1} is {weights[worst]:g}; weights are above 0, "
-            "leave out what shall not count"
+        raise BasisError.refused(
+            f"{what}: number {worst + 1}",
+            weights[worst],
+            "weights are above 0, leave out what shall not count",
+            "range",
         )
     return weights / weights.mean()

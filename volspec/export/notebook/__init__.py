@@ -64,7 +64,8 @@ def notebook(
         if error.name not in ("anywidget", "ipywidgets", "traitlets"):
             raise
         raise DeviceError(
-            f"notebook: {error.name} is not here; pip install 'volspec[notebook]'"
+            f"notebook: {error.name} is not here; pip install 'volspec[notebook]'",
+            code="unsupported",
         ) from error
     named = named_lights(lights, image)
     return RelightWidget(image, named, opened(image, named, viewing))

@@ -60,7 +60,9 @@ def named_lights(
         raise ImageError("notebook: there is no light; give at least one")
     names = [lamp.name for lamp in named]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
-        raise ImageError(f"notebook: two lights are {twice[0]!r}; give them names, as a dict")
+        raise ImageError(
+            f"notebook: two lights are {twice[0]!r}; give them names, as a dict", code="duplicate"
+        )
     require_lit(named, image)
     return named
 
@@ -103,8 +105,8 @@ def _named(name: str | None, given: Given | NamedLight, image: CoefficientImage)
     elif isinstance(given, LightRig):
         rig = given
     else:
-        raise SpectrumError(
-            f"notebook: a light is {quoted(given)}; give a name, as 'D65', a Spectrum or a LightRig"
+        raise SpectrumError.refused(
+            "notebook: a light", given, "give a name, as 'D65', a Spectrum or a LightRig"
         )
     if not (isinstance(name, str) and name.strip()):
         raise SpectrumError("notebook: a light has no name; give lights as {name: light}")

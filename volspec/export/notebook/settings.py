@@ -15,7 +15,7 @@ from volspec.appearance.live import CLOSED
 from volspec.appearance.models import MODELS
 from volspec.appearance.screen import Screen
 from volspec.appearance.spec import SURROUND_RATIOS
-from volspec.errors import ViewingError, quoted
+from volspec.errors import ViewingError
 from volspec.export.page import payload
 from volspec.raycast import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
@@ -87,11 +87,14 @@ def checked_viewing(viewing: object) -> Viewing:
         If it cannot, or it is none.
     """
     if not isinstance(viewing, Viewing):
-        raise ViewingError(f"notebook: viewing is {quoted(viewing)}; expected a volspec.Viewing")
+        raise ViewingError.refused(
+            "notebook.viewing", viewing, "expected a volspec.Viewing", "type"
+        )
     if viewing.model not in CLOSED and viewing.model not in ADAPTATIONS:
         raise ViewingError(
             f"notebook: model {viewing.model!r} has no closed form, which the page needs; take "
-            f"{', '.join(CLOSED)}, or volspec.relight"
+            f"{', '.join(CLOSED)}, or volspec.relight",
+            code="state",
         )
     if viewing.adapting != "given":
         raise ViewingError(

@@ -202,7 +202,7 @@ class RelightWidget(anywidget.AnyWidget):
 
     def _checked_image(self, image: object) -> CoefficientImage:
         if not isinstance(image, CoefficientImage):
-            raise ImageError(f"notebook: image is {quoted(image)}; expected a CoefficientImage")
+            raise ImageError.refused("notebook.image", image, "expected a CoefficientImage", "type")
         require_lit(self._lights, image)
         return image
 
@@ -216,10 +216,13 @@ class RelightWidget(anywidget.AnyWidget):
             if name not in self._names:
                 raise ViewingError(
                     f"notebook: no light {name!r}; {nearest(str(name), self._names)}"
-                    f"there are {', '.join(self._names)}"
+                    f"there are {', '.join(self._names)}",
+                    code="unknown",
                 )
             if not (is_finite(weight) and 0.0 <= weight <= 1.0):
-                raise ViewingError(f"notebook: weight of {name!r} is {weight!r}; expected 0 to 1")
+                raise ViewingError.refused(
+                    f"notebook: weight of {name!r}", weight, "expected 0 to 1", "range"
+                )
         return MappingProxyType({name: float(weights.get(name, 0.0)) for name in self._names})
 
     def _checked_viewing(self, viewing: object) -> Viewing:
@@ -249,9 +252,8 @@ class RelightWidget(anywidget.AnyWidget):
             return None
         if not (isinstance(probe, Sequence) and len(probe) == 2 and _inside(probe, self.image)):
             width, height = self.image.size
-            raise ImageError(
-                f"notebook: probe is {quoted(probe)}; give (x, y) inside of {width}x{height}, or "
-                "None"
+            raise ImageError.refused(
+                "notebook.probe", probe, f"give (x, y) inside of {width}x{height}, or None"
             )
         return int(probe[0]), int(probe[1])
 

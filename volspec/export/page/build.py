@@ -22,7 +22,7 @@ from typing import Any
 
 from volspec import __version__
 from volspec._files import write_whole
-from volspec.errors import ImageError, ShapeError, quoted
+from volspec.errors import ImageError, ShapeError
 from volspec.export.page import payload
 from volspec.export.page.channels import carried
 from volspec.pipeline import Relighter
@@ -70,7 +70,7 @@ class PageSpec:
     def __post_init__(self) -> None:
         for name in ("title", "caption"):
             if not isinstance(getattr(self, name), str):
-                raise ImageError(f"page: {name} is {quoted(getattr(self, name))}; give text")
+                raise ImageError.refused(f"page: {name}", getattr(self, name), "give text")
         whole = isinstance(self.bits, int) and not isinstance(self.bits, bool)
         if not (whole and BITS[0] <= self.bits <= BITS[1]):
             raise ImageError(f"page: bits are {self.bits!r}; give {BITS[0]} to {BITS[1]}")

@@ -79,7 +79,9 @@ class LightGrid:
         if min(self.shape_xyz) < 2:
             raise RaycastError(f"light grid: {self.shape_xyz} nodes; give 2 or more an axis")
         if not (math.isfinite(self.cell_mm) and self.cell_mm > 0):
-            raise RaycastError(f"light grid: cell_mm is {self.cell_mm}; give mm above 0")
+            raise RaycastError.refused(
+                "light grid: cell_mm", self.cell_mm, "give mm above 0", "range"
+            )
         if np.shape(self.grid_from_world) != (4, 4):
             raise RaycastError("light grid: grid_from_world must be a (4, 4) matrix")
 

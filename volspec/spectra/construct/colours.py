@@ -181,7 +181,8 @@ def sRGB_of_word(text: str, others: str = "X Y Z with Y = 100 for white") -> Arr
         if word not in names:
             raise SpectrumError(
                 f"colour {quoted(text)} is unknown; {nearest(word, names)}write a CSS name, "
-                f"#rrggbb, or {others}"
+                f"#rrggbb, or {others}",
+                code="unknown",
             )
         word = names[word].casefold()
     digits = word[1:] if len(word) == 7 else "".join(2 * digit for digit in word[1:])

@@ -232,7 +232,8 @@ def _method(method: object) -> str:
     if word not in METHODS:
         raise SpectrumError(
             f"reflectance method {method!r} is unknown; {nearest(word, METHODS)}"
-            f"choose {', '.join(METHODS)}"
+            f"choose {', '.join(METHODS)}",
+            code="unknown",
         )
     return word
 

@@ -254,7 +254,9 @@ def add_plane(state: ViewState, normal: Vector) -> ViewState:
     for plane in planes:
         near = abs(distance_mm(plane, volume)) <= _SAME * radius_mm(volume)
         if near and math.dist(plane.normal, new.normal) <= _SAME:
-            raise InputError("A clip plane lies here already; move that one first")
+            raise InputError(
+                "A clip plane lies here already; move that one first", code="duplicate"
+            )
     if len(planes) >= MAX_PLANES:
         raise InputError(f"{MAX_PLANES} clip planes are the most; remove one first")
     chosen = with_aids(state, plane=len(planes), planes=True)

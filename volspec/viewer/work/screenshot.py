@@ -85,7 +85,7 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     """Cast, relight and write a picture, not on the window's thread; return its path."""
     path = shot.path(state.document.title)
     if not path.parent.is_dir():
-        raise InputError(f"{path.parent}: no such folder; choose another")
+        raise InputError(f"{path.parent}: no such folder; choose another", code="not-found")
     frame = frame_of(state, shot.size(state.size), progress)
     notes = {"scene": state.document.title, "Software": f"volspec {__version__}"}
     write_frame(path, frame, notes, state.relight.viewing.display.space)

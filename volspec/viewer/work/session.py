@@ -132,7 +132,7 @@ def read_session(path: str | os.PathLike[str]) -> Session:
         raise BrokenSession(f"{name}: is no session; its field 'format' is not {FORMAT!r}")
     version = data.get("version")
     if type(version) is not int or version < 1:
-        raise BrokenSession(f"{name}: version is {version!r:.40}; expected a number from 1")
+        raise BrokenSession.refused(f"{name}: version", version, "expected a number from 1", "type")
     if version > VERSION:
         raise SessionError(
             f"{name}: is of version {version}, this volspec reads up to {VERSION}; install a later "

@@ -207,7 +207,7 @@ def _scalar(hint: Any, data: Any, where: str) -> Any:
             try:
                 data.encode()
             except UnicodeEncodeError as error:  # half of a surrogate pair
-                raise ValueFault(f"{where} is {data!r:.60}; expected text") from error
+                raise ValueFault.refused(where, data, "expected text", "type") from error
     return data
 
 
@@ -220,7 +220,7 @@ def _kind_of(data: Any) -> str:
 
 def _require(fits: bool, data: Any, wanted: str, where: str) -> None:
     if not fits:
-        raise ValueFault(f"{where} is {data!r:.60}; expected {wanted}")
+        raise ValueFault.refused(where, data, f"expected {wanted}")
 
 
 _hints = cache(get_type_hints)

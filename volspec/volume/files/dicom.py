@@ -144,7 +144,8 @@ def _one_stack(series: list[Slice], query: Query, remarks: list[str]) -> list[Sl
     if len(frames) > 1:
         raise VolumeError(
             f"{query.path}: holds {len(frames)} files of many frames, each a volume; give one of "
-            f"them, as {frames[0].path}"
+            f"them, as {frames[0].path}",
+            code="conflict",
         )
     stacks.sort(key=lambda stack: len(stack) * stack[0].size[2])
     *others, most = stacks
@@ -253,7 +254,8 @@ def _picture(file: Slice) -> NDArray[Any]:
     except RuntimeError as error:
         raise VolumeError(
             f"{file.path}: cannot be read ({complaint(error, [])}); damaged, or compressed in "
-            "a way that GDCM does not know"
+            "a way that GDCM does not know",
+            code="damaged",
         ) from error
     values: NDArray[Any] = sitk.GetArrayFromImage(image)
     return values

@@ -139,7 +139,8 @@ def _header(path: Path) -> Slice | None:
             return None
         raise VolumeError(
             f"{path}: cannot be read as a DICOM picture; damaged or truncated, copy it again or "
-            "take it out of the folder"
+            "take it out of the folder",
+            code="damaged",
         ) from error
     columns, rows, *frames = reader.GetSize()
     x, y, *z = reader.GetSpacing()

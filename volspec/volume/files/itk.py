@@ -57,7 +57,8 @@ def read_itk(query: Query) -> Reading:
     except RuntimeError as error:
         raise VolumeError(
             f"{path}: cannot be read ({complaint(error, said)}); is the file complete and of the "
-            "type its name says?"
+            "type its name says?",
+            code="damaged",
         ) from error
     spacing = np.array(image.GetSpacing())
     directions = np.array(image.GetDirection()).reshape(3, 3)

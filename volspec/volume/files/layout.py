@@ -290,4 +290,6 @@ def _one_line_for(path: Path) -> Iterator[None]:
         yield
     except (OSError, EOFError, zlib.error) as error:
         cause = getattr(error, "strerror", None) or one_line(error)
-        raise VolumeError(f"{path}: cannot be read ({cause}); is the file complete?") from error
+        raise VolumeError(
+            f"{path}: cannot be read ({cause}); is the file complete?", code="damaged"
+        ) from error

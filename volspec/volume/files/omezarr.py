@@ -68,7 +68,8 @@ def read_ome_zarr(query: Query) -> Reading:
         import zarr
     except ImportError as error:
         raise DeviceError(
-            f'{path}: is an OME-Zarr, which needs zarr; pip install "volspec[zarr]"'
+            f'{path}: is an OME-Zarr, which needs zarr; pip install "volspec[zarr]"',
+            code="unsupported",
         ) from error
     remarks: list[str] = []
     try:
@@ -80,7 +81,8 @@ def read_ome_zarr(query: Query) -> Reading:
     except _DAMAGE as error:
         raise VolumeError(
             f"{path}: its OME-Zarr metadata cannot be read ({one_line(error)[:120]}); is the "
-            "folder complete?"
+            "folder complete?",
+            code="damaged",
         ) from error
     level = levels[_level(levels, names, query, remarks)]
     world = _world(level, axes, query, remarks)
@@ -207,7 +209,9 @@ def _values(level: Level, names: list[str], query: Query) -> NDArray[Any]:
         values = np.asarray(level.array[tuple(index)])
     except _DAMAGE as error:
         raise VolumeError(
-            f"{query.path}: a chunk cannot be read ({one_line(error)[:120]}); copy the folder again"
+            f"{query.path}: a chunk cannot be read ({one_line(error)[:120]}); copy the "
+            "folder again",
+            code="damaged",
         ) from error
     order = [name for name in names if name in _SPACE]
     return values.transpose([order.index(name) for name in _SPACE])

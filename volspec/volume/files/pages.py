@@ -71,7 +71,8 @@ def readable(path: Path) -> Iterator[None]:
         if _lacks_codec(error):
             raise VolumeError(
                 f"{path}: its pages are compressed in a way that needs another package; "
-                "pip install imagecodecs, or save the stack without compression"
+                "pip install imagecodecs, or save the stack without compression",
+                code="unsupported",
             ) from error
         raise VolumeError(_damaged(path, [*said, str(error)])) from error
     finally:

@@ -68,7 +68,7 @@ class Query:
         options: dict[str, str] = {}
         for key, value in parse_qsl(query, keep_blank_values=True):
             if key in options:
-                raise VolumeError(f"{path}: {key}= is given twice; give it once")
+                raise VolumeError(f"{path}: {key}= is given twice; give it once", code="duplicate")
             options[key] = value
         return cls(Path(path), options)
 
@@ -86,7 +86,8 @@ class Query:
         """
         if unknown := sorted(set(self.options) - set(known)):
             raise VolumeError(
-                f"{self.path}: unknown option {unknown[0]!r}; known are {', '.join(known)}"
+                f"{self.path}: unknown option {unknown[0]!r}; known are {', '.join(known)}",
+                code="unknown",
             )
 
     @property
@@ -106,7 +107,8 @@ class Query:
         except ValueError as error:
             raise VolumeError(
                 f"{self.path}: spacing={given} cannot be read; write millimetres along x, y, z "
-                f"as in {self.name}?spacing=0.65,0.65,2"
+                f"as in {self.name}?spacing=0.65,0.65,2",
+                code="damaged",
             ) from error
         return x, y, z
 
@@ -130,7 +132,9 @@ class Query:
         if given is None and count == 1:
             return 0
         if count == 1 and given != "0":
-            raise VolumeError(f"{self.path}: {key}={given}, but there is one only; leave it out")
+            raise VolumeError(
+                f"{self.path}: {key}={given}, but there is one only; leave it out", code="conflict"
+            )
         if given is None or not given.isdecimal() or int(given) >= count:
             wrong = "" if given is None else f" and {key}={given} is none of them"
             raise VolumeError(
@@ -157,13 +161,15 @@ class Query:
         counts = "x".join(map(str, shape))
         if min(shape, default=0) < 1:
             raise VolumeError(
-                f"{self.path}: its header declares {counts or 'no'} voxels; is it damaged?"
+                f"{self.path}: its header declares {counts or 'no'} voxels; is it damaged?",
+                code="damaged",
             )
         free = host_free_bytes()
         if nbytes > free:
             raise VolumeError(
                 f"{self.path}: its header declares {counts} voxels, {nbytes / 2**30:.1f} GiB; "
-                f"{free / 2**30:.1f} GiB of memory are free; give a smaller volume"
+                f"{free / 2**30:.1f} GiB of memory are free; give a smaller volume",
+                code="size",
             )
         self.declare(nbytes)
 
@@ -228,7 +234,9 @@ class Stored:
                 while left and (count := file.readinto(left)):
                     left = left[count:]
         except OSError as error:
-            raise VolumeError(f"{self.path}: cannot be read ({one_line(error)})") from error
+            raise VolumeError(
+                f"{self.path}: cannot be read ({one_line(error)})", code="damaged"
+            ) from error
         if left:
             raise VolumeError(f"{self.path}: has become shorter while it was read; read it again")
         return np.ndarray(self.shape, self.dtype, memory)

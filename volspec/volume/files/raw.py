@@ -76,7 +76,8 @@ def read_raw(query: Query) -> Reading:
         offset = int(options.get("offset", "0"))
     except (ValueError, TypeError, SyntaxError, RecursionError) as error:  # the last two by dtype
         raise VolumeError(
-            f"{path}: {key}={options[key]} cannot be read; write it as in {path.name}?{_EXAMPLE}"
+            f"{path}: {key}={options[key]} cannot be read; write it as in {path.name}?{_EXAMPLE}",
+            code="damaged",
         ) from error
     if options.get("order", "little") not in ("little", "big"):
         raise VolumeError(f"{path}: order={options['order']}; give little or big")

@@ -1,0 +1,39 @@
+"""Assert an error by its class, code and field; transcripts hold the English."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeVar
+
+import pytest
+
+from volspec.errors import CODES, VolspecError
+
+if TYPE_CHECKING:
+    from _pytest._code import ExceptionInfo
+
+E = TypeVar("E", bound=VolspecError)
+
+
+@contextmanager
+def raises(
+    expected: type[E], code: str | None = None, field: str | None = None
+) -> Iterator[ExceptionInfo[E]]:
+    """Assert that a volspec error is raised whose message is one line.
+
+    Parameters
+    ----------
+    expected : type of VolspecError
+    code, field : str, optional
+        The error's; left out, any.
+    """
+    assert code is None or code in CODES, f"{code!r} is no code"
+    with pytest.raises(expected) as caught:
+        yield caught
+    error = caught.value
+    assert "\n" not in str(error)
+    assert code is None or error.code == code, f"code {error.code!r}, expected {code!r}: {error}"
+    assert field is None or error.field == field, (
+        f"field {error.field!r}, expected {field!r}: {error}"
+    )
