@@ -21,14 +21,7 @@ from volspec._gpu.sources import assemble
 from volspec.errors import OpenCLError, RaycastError
 from volspec.raycast import packed
 from volspec.raycast.bands import Bands, Cancel, Progress, Receiver, Result
-from volspec.raycast.camera import Camera
-from volspec.raycast.checks import check_callable, checked_size
-from volspec.raycast.light_volume.gpu import LightVolume
-from volspec.raycast.reach import check_reach
-from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
-from volspec.volume import Volume
-from volspec.volume.bricks import (
+from volspec.raycast.bricks import (
     BRICK,
     brick_ranges,
     chessboard_leaps,
@@ -36,6 +29,13 @@ from volspec.volume.bricks import (
     straddled_bricks,
     visible_bricks,
 )
+from volspec.raycast.camera import Camera
+from volspec.raycast.checks import check_callable, checked_size
+from volspec.raycast.light_volume.gpu import LightVolume
+from volspec.raycast.reach import check_reach
+from volspec.raycast.spec import RaycastSpec
+from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
+from volspec.volume import Volume
 
 # Packet shape by LANES, (width, height) in pixels; lanes.clh numbers the lanes row by row.
 TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2)}

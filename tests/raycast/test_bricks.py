@@ -7,8 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from volspec.volume import Volume
-from volspec.volume.bricks import (
+from volspec.raycast.bricks import (
     BRICK,
     brick_ranges,
     chessboard_leaps,
@@ -16,6 +15,7 @@ from volspec.volume.bricks import (
     straddled_bricks,
     visible_bricks,
 )
+from volspec.volume import Volume
 
 SHAPES = [(2, 2, 2), (8, 9, 7), (16, 17, 33), (25, 8, 40), (9, 64, 2)]
 
