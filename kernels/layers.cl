@@ -1,9 +1,9 @@
-// Pack the channels of cast pixels as the relighting shader reads them: four to a texture's layer.
+// Pack the channels of cast pixels for the relighting shader: four per layer of a texture.
 //
 //     layers[c / 4][line][column][c % 4] = v within ±LIMIT, NaN as 0
-//     v: channel c of the pixel; c = CHANNELS is alpha, what follows is 0
+//     v: channel c of the pixel; c = CHANNELS is alpha, the rest is 0
 //
-// With HALF the picture is kept in half-float, and what is shown is rounded as that is.
+// With HALF channels are rounded to half-float, as the image in memory is.
 //
 // NumPy twin: volspec/relight/packed.py (pack_layers). The same numbers.
 //

@@ -1,70 +1,49 @@
-// The light volume: what of each source's light arrives at the nodes of a coarse grid.
+// The light volume: the part of each source's light that arrives at the nodes of a coarse grid.
 //
 //     σ = mean over the voxels nearest to a node of −log(1 − opacity(v)) / reference step
 //     T = exp(−∫ σ ds) towards a light;  open = min(1, 2 · mean of T over the sphere)
 //
 // NumPy twin: volspec/raycast/light_volume/reference.py (layers). Same steps, same order.
 //
-// Launch: 1-D, whole work-groups. `extinction` has a work-item a node of the padded grid, the
-// others one a packet of LANES nodes along x: for each layer `parallel` or `converging`.
+// Launch: 1-D, whole work-groups. `extinction` has a work-item per node of the padded grid; then,
+// for each layer, `parallel` or `converging` has one per packet of LANES nodes along x.
 //
 // The padded grid float[nz + 2][ny + 2][nx + 2 LANES] holds σ per cell, 0 in the padding: packets
 // read whole vectors at any shift, and light that leaves the grid meets nothing.
 //
-// extinction  reads   voxels VOXEL[nz][ny][nx] as the volume has them; spans Span[nx + ny + nz],
-//                     the voxels of each node, axis by axis; table float2[rows][entries]: σ per
-//                     cell and difference to the next entry, or for SURFACES (level, optical depth)
+// extinction  reads   voxels VOXEL[nz][ny][nx]; spans Span[nx + ny + nz], the voxels of each node,
+//                     axis by axis; grid Grid, settings; table float2[rows][entries]: σ
+//                     per cell and difference to the next entry; BY_SURFACE: (level, optical depth)
 //             writes  the padded grid
 // parallel    reads   the padded grid; steps Step[], direction after direction; ends int[] of each
 // converging  reads   the padded grid; the light's place
-//             write   a layer of layers ushort[layer][nz][ny][nx], 65535 where all light arrives
+//             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives
 //
-// The host sets LANES, VOXEL, KIND (one of the four below) and MAX_PLANES.
+// The host sets LANES, VOXEL, KIND (one of the four below) and the structs Span, Grid and Step
+// (volspec/raycast/light_volume/gpu.py describes their members).
 
 #include "lanes.clh"
 
-#define VALUES 0     // table over values
-#define GRADIENTS 1  // table over values and gradients
-#define LABELS 2     // entry i is for label i; beyond the table is nothing
-#define SURFACES 3   // levels
+#define BY_VALUE 0
+#define BY_GRADIENT 1  // and by value
+#define BY_LABEL 2     // entry i is for label i; labels beyond the table are transparent
+#define BY_SURFACE 3   // levels
 
 // Transmittance of less than half of 1/65535.
 #define DARK 12.0f
 
-typedef struct {
-    int first, count;
-    float weight, slope;  // voxel n of the span counts weight + n · slope
-} Span;
-
-typedef struct {
-    float4 planes[MAX_PLANES];  // voxel (i, j, k) is cut where a i + b j + c k + d < 0
-    float4 gradient[3];  // rows: difference of two voxels apart along x, y, z -> rows of the table
-    float4 edge;         // cells per spacing along x, y, z
-    int4 nodes, voxels;
-    int4 low, high;      // the crop: first voxel that stays, and first that does not again
-    float domain_low, domain_scale;  // value of entry 0, entries per value
-    int last_entry, last_row;        // of the table; the last surface
-    int plane_count;
-} Field;
-
-// A step along a direction, the same for all nodes: its cell of the grid, seen from the node, and
-// the trilinear weights of the cell's corners (x fastest) times the step's length in cells.
-typedef struct {
-    int x, y, z, at;
-    float weight[8];
-} Step;
-
-#if KIND == SURFACES
-// Optical depth of a voxel's share of the surfaces, per cell.
-static inline float sigma_of(__global const VOXEL *voxels, __global const float2 *table,
-                             const Field *field, int x, int y, int z, size_t at) {
-    const int row = field->voxels.x, slice = row * field->voxels.y;
+#if KIND == BY_SURFACE
+// Extinction of the voxel (x, y, z), number `at`: optical depth of the surfaces between it and the
+// next along each axis, per cell.
+static inline float extinction_at(__global const VOXEL *voxels, __global const float2 *table,
+                                  const Grid *grid, int x, int y, int z, size_t at) {
+    const int row = grid->voxels.x, slice = row * grid->voxels.y;
     const float here = voxels[at];
-    const float next_x = x + 1 < field->voxels.x ? (float)voxels[at + 1] : here;
-    const float next_y = y + 1 < field->voxels.y ? (float)voxels[at + row] : here;
-    const float next_z = z + 1 < field->voxels.z ? (float)voxels[at + slice] : here;
+    const float next_x = x + 1 < grid->voxels.x ? (float)voxels[at + 1] : here;
+    const float next_y = y + 1 < grid->voxels.y ? (float)voxels[at + row] : here;
+    const float next_z = z + 1 < grid->voxels.z ? (float)voxels[at + slice] : here;
     float depth_x = 0.0f, depth_y = 0.0f, depth_z = 0.0f;
-    for (int s = 0; s <= field->last_entry; ++s) {
+    for (int s = 0; s <= grid->last_entry; ++s) {
         const float2 surface = table[s];
         const int below = here < surface.x;
         depth_x += below != (next_x < surface.x) ? surface.y : 0.0f;
@@ -72,45 +51,47 @@ static inline float sigma_of(__global const VOXEL *voxels, __global const float2
         depth_z += below != (next_z < surface.x) ? surface.y : 0.0f;
     }
     if (depth_x + depth_y + depth_z == 0.0f) return 0.0f;
-    const float gx = fabs(next_x - here) * field->domain_scale * field->edge.x;
-    const float gy = fabs(next_y - here) * field->domain_scale * field->edge.y;
-    const float gz = fabs(next_z - here) * field->domain_scale * field->edge.z;
-    const float across = depth_x * gx * field->edge.x + depth_y * gy * field->edge.y +
-                         depth_z * gz * field->edge.z;
-    return across * rsqrt(UPPER(gx * gx + gy * gy + gz * gz, 1e-30f));
+    const float gx = fabs(next_x - here) * grid->domain_scale * grid->edge.x;
+    const float gy = fabs(next_y - here) * grid->domain_scale * grid->edge.y;
+    const float gz = fabs(next_z - here) * grid->domain_scale * grid->edge.z;
+    const float across = depth_x * gx * grid->edge.x + depth_y * gy * grid->edge.y +
+                         depth_z * gz * grid->edge.z;
+    return across * rsqrt(MAX(gx * gx + gy * gy + gz * gz, 1e-30f));
 }
 #else
-static inline float entry_at(__global const float2 *row, int j, float f) {
-    const float2 two = row[j];
-    return two.x + f * two.y;
+static inline float interpolate_entry(__global const float2 *row, int j, float f) {
+    const float2 pair = row[j];
+    return pair.x + f * pair.y;
 }
 
-static inline float sigma_of(__global const VOXEL *voxels, __global const float2 *table,
-                             const Field *field, int x, int y, int z, size_t at) {
+// Extinction of the voxel (x, y, z), number `at`.
+static inline float extinction_at(__global const VOXEL *voxels, __global const float2 *table,
+                                  const Grid *grid, int x, int y, int z, size_t at) {
     const float value = voxels[at];
-#if KIND == LABELS
+#if KIND == BY_LABEL
     const int label = value < 0.0f ? -1 : (int)value;
-    return label < 0 || label > field->last_entry ? 0.0f : table[label].x;
+    return label < 0 || label > grid->last_entry ? 0.0f : table[label].x;
 #else
-    const float last = field->last_entry;
-    const float raw = (value - field->domain_low) * field->domain_scale;
-    const float entry = LOWER(UPPER(raw, 0.0f), last);
-    const int j = LOWER((int)entry, field->last_entry - 1);
+    const float last = grid->last_entry;
+    const float raw = (value - grid->domain_low) * grid->domain_scale;
+    const float entry = MIN(MAX(raw, 0.0f), last);
+    const int j = MIN((int)entry, grid->last_entry - 1);
     const float f = entry - (float)j;
-#if KIND == VALUES
-    return entry_at(table, j, f);
+#if KIND == BY_VALUE
+    return interpolate_entry(table, j, f);
 #else
-    const int row = field->voxels.x, slice = row * field->voxels.y;
-    const float dx = (float)voxels[x + 1 < field->voxels.x ? at + 1 : at] - voxels[x ? at - 1 : at];
+    const int row = grid->voxels.x, slice = row * grid->voxels.y;
+    const float dx = (float)voxels[x + 1 < grid->voxels.x ? at + 1 : at] - voxels[x ? at - 1 : at];
     const float dy =
-        (float)voxels[y + 1 < field->voxels.y ? at + row : at] - voxels[y ? at - row : at];
+        (float)voxels[y + 1 < grid->voxels.y ? at + row : at] - voxels[y ? at - row : at];
     const float dz =
-        (float)voxels[z + 1 < field->voxels.z ? at + slice : at] - voxels[z ? at - slice : at];
-    const float4 g = dx * field->gradient[0] + dy * field->gradient[1] + dz * field->gradient[2];
-    const float height = LOWER(sqrt(g.x * g.x + g.y * g.y + g.z * g.z), (float)field->last_row);
-    const int r = LOWER((int)height, field->last_row - 1);
-    __global const float2 *below = table + r * (field->last_entry + 1);
-    const float a = entry_at(below, j, f), b = entry_at(below + field->last_entry + 1, j, f);
+        (float)voxels[z + 1 < grid->voxels.z ? at + slice : at] - voxels[z ? at - slice : at];
+    const float4 g = dx * grid->gradient[0] + dy * grid->gradient[1] + dz * grid->gradient[2];
+    const float height = MIN(sqrt(g.x * g.x + g.y * g.y + g.z * g.z), (float)grid->last_row);
+    const int r = MIN((int)height, grid->last_row - 1);
+    __global const float2 *below = table + r * (grid->last_entry + 1);
+    __global const float2 *above = below + (grid->last_entry + 1);
+    const float a = interpolate_entry(below, j, f), b = interpolate_entry(above, j, f);
     return a + (height - (float)r) * (b - a);
 #endif
 #endif
@@ -118,37 +99,37 @@ static inline float sigma_of(__global const VOXEL *voxels, __global const float2
 #endif
 
 __kernel void extinction(__global const VOXEL *restrict voxels, __global const Span *restrict spans,
-                         __global const float2 *restrict table, const Field field,
+                         __global const float2 *restrict table, const Grid grid,
                          __global float *restrict sigma) {
     const uint item = get_global_id(0);
-    const uint row = field.nodes.x + 2 * LANES, slice = row * (field.nodes.y + 2);
-    if (item >= slice * (field.nodes.z + 2)) return;
-    const int nx = (int)(item % row) - LANES, ny = (int)(item / row % (field.nodes.y + 2)) - 1;
+    const uint row = grid.nodes.x + 2 * LANES, slice = row * (grid.nodes.y + 2);
+    if (item >= slice * (grid.nodes.z + 2)) return;
+    const int nx = (int)(item % row) - LANES, ny = (int)(item / row % (grid.nodes.y + 2)) - 1;
     const int nz = (int)(item / slice) - 1;
     float sum = 0.0f;
-    if (nx >= 0 && nx < field.nodes.x && ny >= 0 && ny < field.nodes.y && nz >= 0 &&
-        nz < field.nodes.z) {
-        const Span across = spans[nx], down = spans[field.nodes.x + ny];
-        const Span deep = spans[field.nodes.x + field.nodes.y + nz];
-        const int begin = UPPER(across.first, field.low.x);
-        const int end = LOWER(across.first + across.count, field.high.x);
+    if (nx >= 0 && nx < grid.nodes.x && ny >= 0 && ny < grid.nodes.y && nz >= 0 &&
+        nz < grid.nodes.z) {
+        const Span across = spans[nx], down = spans[grid.nodes.x + ny];
+        const Span deep = spans[grid.nodes.x + grid.nodes.y + nz];
+        const int begin = MAX(across.first, grid.low.x);
+        const int end = MIN(across.first + across.count, grid.high.x);
         for (int k = 0; k < deep.count; ++k) {
             const int z = deep.first + k;
-            if (z < field.low.z || z >= field.high.z) continue;
+            if (z < grid.low.z || z >= grid.high.z) continue;
             for (int j = 0; j < down.count; ++j) {
                 const int y = down.first + j;
-                if (y < field.low.y || y >= field.high.y) continue;
-                const size_t start = ((size_t)z * field.voxels.y + y) * field.voxels.x;
+                if (y < grid.low.y || y >= grid.high.y) continue;
+                const size_t start = ((size_t)z * grid.voxels.y + y) * grid.voxels.x;
                 float line = 0.0f;
                 for (int x = begin; x < end; ++x) {
                     int cut = 0;
-                    for (int p = 0; p < field.plane_count; ++p) {
-                        const float4 plane = field.planes[p];
+                    for (int p = 0; p < grid.plane_count; ++p) {
+                        const float4 plane = grid.planes[p];
                         cut |= plane.x * x + plane.y * y + plane.z * z + plane.w < 0.0f;
                     }
                     if (cut) continue;
                     line += (across.weight + (float)(x - across.first) * across.slope) *
-                            sigma_of(voxels, table, &field, x, y, z, start + x);
+                            extinction_at(voxels, table, &grid, x, y, z, start + x);
                 }
                 sum += (deep.weight + (float)k * deep.slope) *
                        (down.weight + (float)j * down.slope) * line;
@@ -164,8 +145,8 @@ typedef struct {
     __global const float *sigma;  // that node, in the padded grid
 } Packet;
 
-// The packet of this work-item; false where there is none left.
-static inline bool packet_of(const int4 nodes, __global const float *sigma, Packet *p) {
+// This work-item's packet; false if there is none left.
+static inline bool make_packet(const int4 nodes, __global const float *sigma, Packet *p) {
     const uint item = get_global_id(0), columns = (nodes.x + LANES - 1) / LANES;
     if (item >= columns * nodes.y * nodes.z) return false;
     p->x = item % columns * LANES;
@@ -182,28 +163,28 @@ static inline void store(const Packet *p, const int4 nodes, floatN light, int la
     intL level;
     level.v = CONVERT_INT(light * 65535.0f + 0.5f);
     const size_t at = (((size_t)layer * nodes.z + p->z) * nodes.y + p->y) * nodes.x + p->x;
-    FOR_LANES(l) if (p->x + l < nodes.x) layers[at + l] = level.s[l];
+    UNROLL(l, LANES) if (p->x + l < nodes.x) layers[at + l] = level.s[l];
 }
 
 // Vectors at any address.
 typedef struct __attribute__((packed)) { floatN v; } Nodes;
 #define NODES(offset) (((__global const Nodes *)(first + (offset)))->v)
 
-// What arrives along directions that are the same for all nodes: neighbours read neighbours, with
-// the same weights. gain: times the mean over the directions, up to 1.
+// Light along directions that are the same for all nodes: neighbours read neighbours, with the
+// same weights. gain: factor of the mean over the directions; clipped to 1.
 __kernel void parallel(__global const float *restrict sigma, __global const Step *restrict steps,
                        __global const int *restrict ends, const int directions, const float gain,
                        const int4 nodes, const int layer,
                        __global ushort *restrict layers) {
     Packet p;
-    if (!packet_of(nodes, sigma, &p)) return;
+    if (!make_packet(nodes, sigma, &p)) return;
     floatN light = 0.0f;
     for (int d = 0, s = 0; d < directions; ++d) {
         const int end = ends[d];
         floatN depth = 0.0f;
         for (; s < end; ++s) {
             __global const Step *step = steps + s;
-            // Beyond the grid for all lanes; a straight way does not come back.
+            // Beyond the grid for all lanes: a straight line does not come back.
             if ((uint)(p.x + step->x + LANES) >= (uint)(nodes.x + LANES) ||
                 (uint)(p.y + step->y + 1) > (uint)nodes.y ||
                 (uint)(p.z + step->z + 1) > (uint)nodes.z)
@@ -220,52 +201,52 @@ __kernel void parallel(__global const float *restrict sigma, __global const Step
         light += exp_minus(depth);
     }
     light *= gain / (float)directions;
-    store(&p, nodes, LOWER(light, 1.0f), layer, layers);
+    store(&p, nodes, MIN(light, 1.0f), layer, layers);
 }
 
-// What arrives from a point. place: of the light in the grid; world_x, y, z: rows that take a way
-// in the grid to the world, in cells; bias: where the way begins, in cells.
+// Light from a point. place: its position in the grid; world_x, y, z: rows of world_from_grid, in
+// cells; bias: distance from the node at which sampling begins, in cells.
 __kernel void converging(__global const float *restrict sigma, const float4 place,
                          const float4 world_x, const float4 world_y, const float4 world_z,
                          const float bias, const int4 nodes, const int layer,
-                       __global ushort *restrict layers) {
+                         __global ushort *restrict layers) {
     Packet p;
-    if (!packet_of(nodes, sigma, &p)) return;
+    if (!make_packet(nodes, sigma, &p)) return;
     floatL column;
-    FOR_LANES(l) column.s[l] = p.x + l;
+    UNROLL(l, LANES) column.s[l] = p.x + l;
     const float last_x = nodes.x, last_y = nodes.y, last_z = nodes.z;
     floatN dx = place.x - column.v, dy = place.y - p.y, dz = place.z - p.z;
     const floatN wx = world_x.x * dx + world_x.y * dy + world_x.z * dz;
     const floatN wy = world_y.x * dx + world_y.y * dy + world_y.z * dz;
     const floatN wz = world_z.x * dx + world_z.y * dy + world_z.z * dz;
-    const floatN square = UPPER(wx * wx + wy * wy + wz * wz, 1e-30f);
+    const floatN square = MAX(wx * wx + wy * wy + wz * wz, 1e-30f);
     const floatN inverse = inverse_root(square), away = square * inverse;
     dx *= inverse;
     dy *= inverse;
     dz *= inverse;
     floatN depth = 0.0f;
     for (float begin = bias;; begin += 1.0f) {
-        const floatN left = UPPER(LOWER(away - begin, 1.0f), 0.0f);
+        const floatN left = MAX(MIN(away - begin, 1.0f), 0.0f);
         const floatN middle = begin + 0.5f * left;
         const floatN x = column.v + middle * dx, y = p.y + middle * dy, z = p.z + middle * dz;
         const intN inside = MASK(x > -1.0f) & MASK(x < last_x) & MASK(y > -1.0f) &
                             MASK(y < last_y) & MASK(z > -1.0f) & MASK(z < last_z);
         if (!ANY(inside & MASK(left > 0.0f) & MASK(depth < DARK))) break;
         // Lanes beyond the grid read its padding.
-        const floatN cx = LOWER(UPPER(x, -1.0f), last_x) + 1.0f;
-        const floatN cy = LOWER(UPPER(y, -1.0f), last_y) + 1.0f;
-        const floatN cz = LOWER(UPPER(z, -1.0f), last_z) + 1.0f;
-        const intN ix = LOWER(CONVERT_INT(cx), nodes.x), iy = LOWER(CONVERT_INT(cy), nodes.y),
-                   iz = LOWER(CONVERT_INT(cz), nodes.z);
+        const floatN cx = MIN(MAX(x, -1.0f), last_x) + 1.0f;
+        const floatN cy = MIN(MAX(y, -1.0f), last_y) + 1.0f;
+        const floatN cz = MIN(MAX(z, -1.0f), last_z) + 1.0f;
+        const intN ix = MIN(CONVERT_INT(cx), nodes.x), iy = MIN(CONVERT_INT(cy), nodes.y),
+                   iz = MIN(CONVERT_INT(cz), nodes.z);
         const floatN fx = cx - CONVERT_FLOAT(ix), fy = cy - CONVERT_FLOAT(iy),
                      fz = cz - CONVERT_FLOAT(iz);
         intL at;
         at.v = iz * p.slice + iy * p.row + ix + LANES - 1;
         const int rows[4] = {0, p.row, p.slice, p.slice + p.row};
         floatL a[4], b[4];
-        FOR_LANES(l) {
+        UNROLL(l, LANES) {
             __global const float *here = sigma + (uint)at.s[l];
-            _Pragma("unroll") for (int r = 0; r < 4; ++r) {
+            UNROLL(r, 4) {
                 a[r].s[l] = here[rows[r]];
                 b[r].s[l] = here[rows[r] + 1];
             }

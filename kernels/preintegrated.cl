@@ -7,113 +7,114 @@
 // values: no value between them is missed, however steep the transfer function. NumPy twin:
 // volspec/raycast/reference.py, with volspec.transfer.segment_means.
 //
-// Launch and what is read and written: as raycast.cl, but
-//         shares   floatP[4][last_entry + 1][PARTS]: with c = (τ s₁ … τ s_K, τ) of a whole step,
-//                  the integral up to an entry as a sum of two, c there, and what c rises by
-//                  to the next; SHARES is K + 1
-// opacity and filters are not read. The host sets NEAREST beside what raycast.cl wants: ends nearer
-// than that, in entries, take the value in their middle.
+// Launch and arguments: as raycast.cl, but
+//         material_weights  floatV[4][last_entry + 1][VECTORS]: with c = (τ s₁ … τ s_K, τ) of a
+//                  whole step, the integral up to an entry as a sum of two, c there, and the rise
+//                  of c to the next; WEIGHTS is K + 1
+// opacity is not read. The host sets NEAREST in addition to the constants of raycast.cl: ends
+// closer to each other than that, in entries, take the value in their middle.
 
-#include "casts.clh"
-#include "ends.clh"
+#include "lanes.clh"
+#include "rays.clh"
+#include "field.clh"
+#include "shade.clh"
+#include "picture.clh"
+#include "step_ends.clh"
 
-// Up to a position held within the table; beyond it the integral goes on at `rate`.
-typedef struct { floatP high[PARTS], low[PARTS], rate[PARTS]; float beyond; } Integral;
+// The integral up to a position clamped to the table; beyond the table it goes on at `rate`.
+typedef struct { floatV high[VECTORS], low[VECTORS], rate[VECTORS]; float beyond; } Integral;
 
 // The integral up to position p of the table, in entries.
-static inline Integral integral_at(__global const floatP *rows, int entries, float p) {
+static inline Integral integral_at(__global const floatV *rows, int entries, float p) {
     Integral found;
-    const float inside = LOWER(UPPER(p, 0.0f), (float)(entries - 1));
-    const int j = LOWER((int)inside, entries - 2);
+    const float inside = MIN(MAX(p, 0.0f), (float)(entries - 1));
+    const int j = MIN((int)inside, entries - 2);
     const float f = inside - (float)j;
-    EACH(part, PARTS) {
-        __global const floatP *row = rows + j * PARTS + part;
-        const int next = entries * PARTS;
-        const floatP rate = row[2 * next], rise = row[3 * next];
-        found.high[part] = row[0];
-        found.low[part] = row[next] + (floatP)(f) * (rate + (floatP)(0.5f * f) * rise);
-        found.rate[part] = rate + (floatP)(f) * rise;
+    UNROLL(v, VECTORS) {
+        __global const floatV *row = rows + j * VECTORS + v;
+        const int next = entries * VECTORS;
+        const floatV rate = row[2 * next], rise = row[3 * next];
+        found.high[v] = row[0];
+        found.low[v] = row[next] + (floatV)(f) * (rate + (floatV)(0.5f * f) * rise);
+        found.rate[v] = rate + (floatV)(f) * rise;
     }
     found.beyond = p - inside;
     return found;
 }
 
-// Its growth from a to b. Beyond one end the two differences are taken together, whose parts may
-// be far larger than they.
-static inline floatP growth(const Integral *a, const Integral *b, int part) {
-    const floatP inside = (b->high[part] - a->high[part]) + (b->low[part] - a->low[part]);
-    if (a->beyond * b->beyond > 0.0f)
-        return inside + (floatP)(b->beyond - a->beyond) * b->rate[part];
-    return inside + (floatP)(b->beyond) * b->rate[part] - (floatP)(a->beyond) * a->rate[part];
+// Its growth from a to b, in vector v. Beyond one end the two differences are taken together: each
+// may be far larger than their sum.
+static inline floatV growth(const Integral *a, const Integral *b, int v) {
+    const floatV inside = (b->high[v] - a->high[v]) + (b->low[v] - a->low[v]);
+    if (a->beyond * b->beyond > 0.0f) return inside + (floatV)(b->beyond - a->beyond) * b->rate[v];
+    return inside + (floatV)(b->beyond) * b->rate[v] - (floatV)(a->beyond) * a->rate[v];
 }
 
-CASTS(preintegrated, uchar) {
-    TILE_OF_PIXELS(cast)
-    const Rays r = rays_of(&cast, pixel_x, pixel_y);
+__kernel void preintegrated(__global const VOXEL *restrict voxels,
+                            __global const uchar *restrict brick_codes,
+                            __global const float2 *restrict opacity,
+                            __global const floatV *restrict material_weights,
+                            __global const float *restrict channels,
+                            __global const float4 *restrict sources,
+                            __global const ushort *restrict light_volume, const Cast cast,
+                            __global float *restrict coefficients_out,
+                            __global float *restrict alpha_out, __global float *restrict depth_out,
+                            __global float *restrict first_out, const int first_tile) {
+    const int2 pixel = tile_pixel(first_tile);
+    if (pixel.x >= cast.width || pixel.y >= cast.height) return;
+    const Rays r = make_rays(&cast, pixel);
     const float per_step = 1.0f / cast.step;
     const int entries = (int)cast.last_entry + 1;
-    intN k = first_step(&cast, &r), due = k, stride = 1;
-    const intN k_end = end_step(&cast, &r, k);
-    Gathered g;
-    begin(&g);
-    Ends e;
-    e.next = k - 1;
-    e.back = 0.0f;
+    March m = start_march(&cast, &r);
+    Accumulator g;
+    clear(&g);
+    StepEnds e = no_ends(m.k);
 
-    intN live = MASK(k < k_end);
-    while (ANY(live)) {
-        leap(&cast, &r, codes, k_end, &k, &due, &stride, &live);
-        if (!ANY(live)) break;
-        intN taken = 1;
+    while (ANY(m.live)) {
+        skip_empty_bricks(&cast, &r, brick_codes, &m);
+        if (!ANY(m.live)) break;
+        intN count = 1;
 #if ADAPTIVE
-        taken = PICK(MASK(k + stride <= due), stride, 1);
+        count = SELECT(MASK(m.k + m.stride <= m.next_brick), m.stride, 1);
 #endif
-        read_ends(&cast, voxels, opacity, &r, k, taken, live, &e);
+        read_ends(&cast, voxels, opacity, &r, &m, count, &e);
         floatL front, back, depth_of_step;
-        sharesP mean[LANES];
+        WeightRow mean[LANES];
         front.v = (e.front - cast.domain_low - cast.domain_rest) * cast.domain_scale;
         back.v = (e.back - cast.domain_low - cast.domain_rest) * cast.domain_scale;
-        FOR_LANES(l) {
+        UNROLL(l, LANES) {
             const float apart = back.s[l] - front.s[l];
             if (apart >= NEAREST || apart <= -NEAREST) {
-                const Integral a = integral_at(shares, entries, front.s[l]);
-                const Integral b = integral_at(shares, entries, back.s[l]);
-                EACH(p, PARTS) mean[l].v[p] = growth(&a, &b, p) / (floatP)(apart);
+                const Integral a = integral_at(material_weights, entries, front.s[l]);
+                const Integral b = integral_at(material_weights, entries, back.s[l]);
+                UNROLL(v, VECTORS) mean[l].v[v] = growth(&a, &b, v) / (floatV)(apart);
             } else {
                 const float middle = 0.5f * (front.s[l] + back.s[l]);
-                const Integral there = integral_at(shares, entries, middle);
-                EACH(p, PARTS) mean[l].v[p] = there.rate[p];
+                const Integral there = integral_at(material_weights, entries, middle);
+                UNROLL(v, VECTORS) mean[l].v[v] = there.rate[v];
             }
-            depth_of_step.s[l] = mean[l].s[SHARES - 1];
+            depth_of_step.s[l] = mean[l].s[WEIGHTS - 1];
         }
-        const floatN steps = (e.end - e.begin) * per_step;
-        const floatN tau = UPPER(depth_of_step.v, 0.0f) * steps;
-        // 1 − e^−τ would lose a faint τ.
+        const floatN fraction = (e.end - e.begin) * per_step;
+        const floatN tau = MAX(depth_of_step.v, 0.0f) * fraction;
+        // 1 − e^−τ has no digits left for a faint τ.
         const floatN faint = tau * (1.0f - 0.5f * tau * (1.0f - tau * 0.33333333f));
-        floatN share = PICK(MASK(tau < 0.004f), faint, 1.0f - exp_minus(tau));
-        share = PICK(live, share, (floatN)(0.0f));
-        if (ANY(MASK(share > 0.0f))) {
-            const floatN visible = g.through * share, middle = 0.5f * (e.begin + e.end);
-            floatN nx = 0.0f, ny = 0.0f, nz = 0.0f;
-#if NORMALS
-            const Field f = field_at(&cast, voxels, opacity, &r, middle);
-            gradient_at(&cast, voxels, opacity, &f, &nx, &ny, &nz);
-#endif
-            floatN weight[GROUPS], gloss[GROUPS];
-            shade(&cast, sources, layers, &r, middle, nx, ny, nz, visible, weight, gloss);
-            cover(&cast, &g, visible, middle);
-            live &= MASK(g.through > cast.opaque);
-            // c holds τ s: what is reflected is its share of τ.
-            floatL weights[GROUPS];
-            const floatN per_depth = 1.0f / UPPER(depth_of_step.v, 1e-30f);
-            EACH(group, GROUPS) {
-                weights[group].v = weight[group] * per_depth;
-                g.gloss[group] += gloss[group];
-            }
-            FOR_LANES(l) gather(&g, l, weights, mean[l].v);
+        floatN alpha = SELECT(MASK(tau < 0.004f), faint, 1.0f - exp_minus(tau));
+        alpha = SELECT(m.live, alpha, (floatN)(0.0f));
+        if (ANY(MASK(alpha > 0.0f))) {
+            const floatN visible = g.transmittance * alpha, middle = 0.5f * (e.begin + e.end);
+            floatL shading[GROUPS];
+            add_shaded(&cast, voxels, opacity, sources, light_volume, &r, middle, visible, &g,
+                       shading);
+            m.live &= MASK(g.transmittance > cast.min_transmittance);
+            // c holds τ s: divided by τ it is s.
+            const floatN per_depth = 1.0f / MAX(depth_of_step.v, 1e-30f);
+            UNROLL(group, GROUPS) shading[group].v *= per_depth;
+            UNROLL(l, LANES) accumulate(&g, l, shading, mean[l].v);
         }
-        k += taken;
-        live &= MASK(k < k_end);
+        m.k += count;
+        m.live &= MASK(m.k < m.k_end);
     }
-    WRITE_PICTURE(cast, g, r);
+    write_picture(&cast, &g, &r, pixel, first_tile * TILE_HEIGHT, channels, coefficients_out,
+                  alpha_out, depth_out, first_out);
 }

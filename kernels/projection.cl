@@ -2,71 +2,86 @@
 //
 //     C = opacity(v) · Σ light · s(v),  v = max or mean of the values at the steps' middles
 //
-// Nothing is shaded: every source counts as faced. NumPy twin: volspec/raycast/reference.py
+// Nothing is shaded: n · l = 1 for every source. NumPy twin: volspec/raycast/reference.py
 // (_Projection).
 //
-// Launch and what is read and written: as raycast.cl, but
-//         codes    VOXEL per brick: the greatest value in it, which the maximum leaps by
-//         opacity  of the reference step, not of a step, and no logs
-// The host sets MAXIMUM (1, or 0 for the mean) beside what raycast.cl wants.
+// Launch and arguments: as raycast.cl, but
+//         brick_codes  VOXEL per brick: its greatest value, by which MAXIMUM skips bricks
+//         opacity      of the reference step, not of a step, and no logs
+// The host sets MAXIMUM (1, or 0 for the mean) in addition to the constants of raycast.cl.
 
-#include "casts.clh"
+#include "lanes.clh"
+#include "rays.clh"
+#include "field.clh"
 #include "classify.clh"
+#include "shade.clh"
+#include "picture.clh"
 
-CASTS(projection, VOXEL) {
-    TILE_OF_PIXELS(cast)
-    const Rays r = rays_of(&cast, pixel_x, pixel_y);
-    intN k = first_step(&cast, &r), due = k;
-    const intN k_end = end_step(&cast, &r, k), meets = MASK(k < k_end);
-    intN live = meets;
-    floatN sum = 0.0f, length = 0.0f, best = -FAR, place = 0.0f;
-    while (ANY(live)) {
+__kernel void projection(__global const VOXEL *restrict voxels,
+                         __global const VOXEL *restrict brick_codes,
+                         __global const float2 *restrict opacity,
+                         __global const floatV *restrict material_weights,
+                         __global const float *restrict channels,
+                         __global const float4 *restrict sources,
+                         __global const ushort *restrict light_volume, const Cast cast,
+                         __global float *restrict coefficients_out,
+                         __global float *restrict alpha_out, __global float *restrict depth_out,
+                         __global float *restrict first_out, const int first_tile) {
+    const int2 pixel = tile_pixel(first_tile);
+    if (pixel.x >= cast.width || pixel.y >= cast.height) return;
+    const Rays r = make_rays(&cast, pixel);
+    March m = start_march(&cast, &r);
+    const intN meets = m.live;
+    floatN sum = 0.0f, length = 0.0f, best = -INFINITE, best_at = 0.0f;
+    while (ANY(m.live)) {
 #if MAXIMUM
-        for (intN ask = live & MASK(k >= due); ANY(ask); ask = live & MASK(k >= due)) {
-            const Bricks bricks = bricks_at(&cast, &r, middle_of(&cast, &r, k));
+        for (intN pending = PENDING(m); ANY(pending); pending = PENDING(m)) {
+            const Bricks bricks = bricks_at(&cast, &r, step_middle(&cast, &r, m.k));
             intL number;
-            floatL most;
+            floatL greatest;
             number.v = bricks.number;
-            FOR_LANES(l) most.s[l] = codes[(uint)number.s[l]];
-            const floatN leave = leave_bricks(&r, &bricks, (intN)(0));
-            const intN next = k + steps_beyond(&cast, k, leave);
-            const intN lower = MASK(most.v <= best);
-            due = PICK(ask & ~lower, next, due);
-            k = PICK(ask & lower, next, k);
-            live &= MASK(k < k_end);
+            UNROLL(l, LANES) greatest.s[l] = brick_codes[(uint)number.s[l]];
+            const floatN leave = bricks_exit(&r, &bricks, (intN)(0));
+            const intN next = m.k + steps_beyond(&cast, m.k, leave);
+            const intN lower = MASK(greatest.v <= best);
+            m.next_brick = SELECT(pending & ~lower, next, m.next_brick);
+            m.k = SELECT(pending & lower, next, m.k);
+            m.live &= MASK(m.k < m.k_end);
         }
-        if (!ANY(live)) break;
+        if (!ANY(m.live)) break;
 #endif
-        const floatN begin = UPPER(CONVERT_FLOAT(k) * cast.step, r.near);
-        const floatN end = LOWER(CONVERT_FLOAT(k + 1) * cast.step, r.far);
+        const floatN begin = MAX(CONVERT_FLOAT(m.k) * cast.step, r.near);
+        const floatN end = MIN(CONVERT_FLOAT(m.k + 1) * cast.step, r.far);
         const floatN middle = 0.5f * (begin + end);
-        const Field f = field_at(&cast, voxels, opacity, &r, middle);
+        const Sample f = sample_at(&cast, voxels, opacity, &r, middle);
 #if MAXIMUM
-        const intN more = live & MASK(f.value > best);
-        best = PICK(more, f.value, best);
-        place = PICK(more, middle, place);
+        const intN more = m.live & MASK(f.value > best);
+        best = SELECT(more, f.value, best);
+        best_at = SELECT(more, middle, best_at);
 #else
-        const floatN part = PICK(live, end - begin, (floatN)(0.0f));
-        sum += part * f.value;
-        length += part;
+        const floatN clipped = SELECT(m.live, end - begin, (floatN)(0.0f));
+        sum += clipped * f.value;
+        length += clipped;
 #endif
-        k += 1;
-        live &= MASK(k < k_end);
+        m.k += 1;
+        m.live &= MASK(m.k < m.k_end);
     }
 #if !MAXIMUM
-    best = sum / UPPER(length, 1e-30f);
-    place = 0.5f * (r.near + r.far);
+    best = sum / MAX(length, 1e-30f);
+    best_at = 0.5f * (r.near + r.far);
 #endif
-    Gathered g;
-    begin(&g);
-    Field shown;
-    shown.value = PICK(meets, best, (floatN)(0.0f));
-    const Entry entry = entry_at(&cast, opacity, &shown);
-    const floatN visible = PICK(meets, entry.opacity, (floatN)(0.0f));
+    Accumulator g;
+    clear(&g);
+    Sample shown;
+    shown.value = SELECT(meets, best, (floatN)(0.0f));
+    const Entry entry = classify(&cast, opacity, &shown);
+    const floatN visible = SELECT(meets, entry.opacity, (floatN)(0.0f));
     const floatN unshaded = 0.0f;
-    floatN weight[GROUPS], gloss[GROUPS];
-    shade(&cast, sources, layers, &r, place, unshaded, unshaded, unshaded, visible, weight, gloss);
-    reflect(&g, shares, &cast, &shown, &entry, weight);
-    cover(&cast, &g, visible, place);
-    WRITE_PICTURE(cast, g, r);
+    floatN shading[GROUPS], highlight[GROUPS];
+    shade(&cast, sources, light_volume, &r, best_at, unshaded, unshaded, unshaded, visible, shading,
+          highlight);
+    reflect(&g, material_weights, &cast, &shown, &entry, shading);
+    add_alpha(&cast, &g, visible, best_at);
+    write_picture(&cast, &g, &r, pixel, first_tile * TILE_HEIGHT, channels, coefficients_out,
+                  alpha_out, depth_out, first_out);
 }

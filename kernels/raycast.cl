@@ -1,136 +1,156 @@
-// Cast rays through a scalar volume and gather what they meet, front to back.
+// Cast rays through a scalar volume and composite their samples, front to back.
 //
 //     α = 1 − (1 − opacity(v))^(length / step),  C += T α (g s(v) + k_s),  T ← T (1 − α)
-//     g, k_s: what the light groups shed (include/shade.clh), a layer of C each      (METHOD §3)
+//     g, k_s: shading by the light groups (include/shade.clh), one layer of C per group
 //
-// With FILTERED every channel has its own transmittance t_k of a step, and α_k = 1 − t_k.
+// (docs/method.md §3.) With FILTERED every channel has its own transmittance t_k of a step, and
+// α_k = 1 − t_k.
 //
 // NumPy twin: volspec/raycast/reference.py (cast). Same steps, same clipping, same order.
 //
 // Launch: 2-D, one work-item per tile of TILE_WIDTH × TILE_HEIGHT pixels (a packet of LANES
-// rays), in bands: first_tile is the first row of tiles. (PoCL would build a second program for
-// a launch with an offset.)
+// rays), in bands: first_tile is the band's first row of tiles. (PoCL would build a second program
+// for a launch with an offset.)
 //
-// Reads   voxels   VOXEL[nz][ny][nx] (include/voxels.clh)
-//         codes    uchar per brick of BRICK³ cells: what may be seen (include/rays.clh)
-//         opacity  float2[2][rows][last_entry + 2]: opacity of one whole step, difference to the
-//                  next entry; then the log of what one lets through (finite, also where that
-//                  is nothing), that of the next entry; rows by gradient where TABLE_ROWS > 1
-//         shares   floatP[rows][last_entry + 2][2][PARTS], what is reflected, and its difference
-//         channels float[SHARES + 1][CHANNELS], what shares mix, and white
-//         filters  floatP[last_entry + 2][2][PARTS], with FILTERED: transmittance of one whole
-//                  step, channel by channel, and its difference; the last is white
-//         sources, layers   light (include/shade.clh, include/light.clh)
-// Writes  coefficients float[height][width][GROUPS][CHANNELS] premultiplied; alpha, depth and
-//         first float[height][width] (expected and first depth in smallest spacings, inf where
-//         nothing is), from the band's first row on
+// Reads   voxels       VOXEL[nz][ny][nx] (include/voxels.clh)
+//         brick_codes  uchar per brick of BRICK³ cells: visibility (include/rays.clh)
+//         opacity      float2[2][rows][last_entry + 2]: opacity of one whole step, difference to
+//                      the next entry; then the log of a step's transmittance (finite, also for
+//                      opaque entries), that of the next entry; rows by gradient if TABLE_ROWS > 1
+//         material_weights  floatV[rows][last_entry + 2][2][VECTORS]: weights of the materials in
+//                      the reflectance, and their difference to the next entry
+//         channels     float[WEIGHTS + 1][CHANNELS]: channels of each material, then of white
+//         filters      floatV[last_entry + 2][2][VECTORS], with FILTERED: transmittance of one
+//                      whole step, channel by channel, and its difference; the last is white
+//         sources, light_volume  (include/shade.clh, include/light.clh)
+//         cast         settings of the cast: CAST in volspec/raycast/packed.py
+// Writes  coefficients_out float[height][width][GROUPS][CHANNELS] premultiplied; alpha_out,
+//         depth_out and first_out float[height][width] (expected and first depth in smallest
+//         spacings, inf for empty pixels), from the band's first row on
 //
-// The host sets LANES, TILE_WIDTH, TILE_HEIGHT, TABLE_ROWS, STEPS (how many are sampled at once, so
-// that one's loads overlap another's sums), and what the includes want.
+// The host sets LANES, TILE_WIDTH, TILE_HEIGHT, TABLE_ROWS, STEPS (samples taken at once, so that
+// one's loads overlap another's sums), and the constants of the includes.
 
-#include "casts.clh"
+#include "lanes.clh"
+#include "rays.clh"
+#include "field.clh"
 #include "classify.clh"
+#include "shade.clh"
+#include "picture.clh"
 
-CASTS(raycast, uchar) {
-    TILE_OF_PIXELS(cast)
-    const Rays r = rays_of(&cast, pixel_x, pixel_y);
+__kernel void raycast(__global const VOXEL *restrict voxels,
+                      __global const uchar *restrict brick_codes,
+                      __global const float2 *restrict opacity,
+                      __global const floatV *restrict material_weights,
+                      __global const float *restrict channels,
+                      __global const floatV *restrict filters,
+                      __global const float4 *restrict sources,
+                      __global const ushort *restrict light_volume, const Cast cast,
+                      __global float *restrict coefficients_out, __global float *restrict alpha_out,
+                      __global float *restrict depth_out, __global float *restrict first_out,
+                      const int first_tile) {
+    const int2 pixel = tile_pixel(first_tile);
+    if (pixel.x >= cast.width || pixel.y >= cast.height) return;
+    const Rays r = make_rays(&cast, pixel);
     const float per_step = 1.0f / cast.step;
-    intN k = first_step(&cast, &r), due = k, stride = 1;
-    const intN k_end = end_step(&cast, &r, k);
-    Gathered g;
-    begin(&g);
+    March m = start_march(&cast, &r);
+    Accumulator g;
+    clear(&g);
 
-    intN live = MASK(k < k_end);
-    // Bricks are asked only where no ray of the packet sees anything: while one does, the others
-    // would wait for it all the same.
-    int blank = 1;
-    while (ANY(live)) {
-        if (blank | ADAPTIVE) {
-            leap(&cast, &r, codes, k_end, &k, &due, &stride, &live);
-            if (!ANY(live)) break;
+    // Bricks are looked up only after steps without opacity in any lane: while one lane samples
+    // something, the others wait for it anyway.
+    int transparent = 1;
+    while (ANY(m.live)) {
+        if (transparent | ADAPTIVE) {
+            skip_empty_bricks(&cast, &r, brick_codes, &m);
+            if (!ANY(m.live)) break;
         }
         // Steps, clipped, and sampled at their middles: STEPS at once and stage by stage, so that
         // one's loads overlap another's.
-        floatN middle[STEPS], share[STEPS], whole[STEPS], taken[STEPS];
+        floatN middle[STEPS], alpha[STEPS], steps[STEPS];
+        floatN fraction[STEPS];  // the clipped length, in steps
         floatN nx[STEPS], ny[STEPS], nz[STEPS];
         intN marched[STEPS];
-        Field f[STEPS];
+        Sample f[STEPS];
         Entry entry[STEPS];
-        blank = 1;
-        EACH(s, STEPS) {
-            intN steps = 1;
+        transparent = 1;
+        UNROLL(s, STEPS) {
+            intN count = 1;
 #if ADAPTIVE
-            // Long steps end where their brick does.
-            steps = PICK(MASK(k + stride <= due), stride, 1);
+            // Long steps end at the boundary of their brick.
+            count = SELECT(MASK(m.k + m.stride <= m.next_brick), m.stride, 1);
 #endif
-            taken[s] = CONVERT_FLOAT(steps);
-            const floatN begin = UPPER(CONVERT_FLOAT(k) * cast.step, r.near);
-            const floatN end = LOWER(CONVERT_FLOAT(k + steps) * cast.step, r.far);
+            steps[s] = CONVERT_FLOAT(count);
+            const floatN begin = MAX(CONVERT_FLOAT(m.k) * cast.step, r.near);
+            const floatN end = MIN(CONVERT_FLOAT(m.k + count) * cast.step, r.far);
             middle[s] = 0.5f * (begin + end);
-            whole[s] = (end - begin) * per_step;
-            f[s] = field_at(&cast, voxels, opacity, &r, middle[s]);
-            live &= MASK(k < k_end);
-            marched[s] = live;
-            k += steps;
+            fraction[s] = (end - begin) * per_step;
+            f[s] = sample_at(&cast, voxels, opacity, &r, middle[s]);
+            m.live &= MASK(m.k < m.k_end);
+            marched[s] = m.live;
+            m.k += count;
         }
-        EACH(s, STEPS) {
+        UNROLL(s, STEPS) {
 #if TABLE_ROWS > 1
             gradient_at(&cast, voxels, opacity, &f[s], &nx[s], &ny[s], &nz[s]);
-            entry[s] = entry_at(&cast, opacity, &f[s], nx[s], ny[s], nz[s]);
+            entry[s] = classify(&cast, opacity, &f[s], nx[s], ny[s], nz[s]);
 #else
-            entry[s] = entry_at(&cast, opacity, &f[s]);
+            entry[s] = classify(&cast, opacity, &f[s]);
 #endif
-            share[s] = entry[s].opacity;
+            alpha[s] = entry[s].opacity;
 #if ADAPTIVE
-            // Not by way of 1 − share, where faint media have no digits left.
-            const floatN two = share[s] * (2.0f - share[s]), four = two * (2.0f - two);
-            share[s] = PICK(MASK(taken[s] == 2.0f), two, share[s]);
-            share[s] = PICK(MASK(taken[s] == 4.0f), four, share[s]);
+            // Not by way of 1 − alpha, which has no digits left for faint media.
+            const floatN two = alpha[s] * (2.0f - alpha[s]), four = two * (2.0f - two);
+            alpha[s] = SELECT(MASK(steps[s] == 2.0f), two, alpha[s]);
+            alpha[s] = SELECT(MASK(steps[s] == 4.0f), four, alpha[s]);
 #endif
-            share[s] = PICK(marched[s], share[s], (floatN)(0.0f));
-            blank &= !ANY(MASK(share[s] > 0.0f));
+            alpha[s] = SELECT(marched[s], alpha[s], (floatN)(0.0f));
+            transparent &= !ANY(MASK(alpha[s] > 0.0f));
         }
 #if TABLE_ROWS == 1
-        EACH(s, STEPS) {
+        UNROLL(s, STEPS) {
             nx[s] = ny[s] = nz[s] = 0.0f;
 #if NORMALS
-            // In one block they overlap; for rows of two-byte voxels it would want more registers
-            // than there are.
-            if (FOUR_SHORTS ? ANY(MASK(share[s] > 0.0f)) : !blank)
+            // In one block they overlap; with rows of two-byte voxels that would need more
+            // registers than there are.
+            if (FOUR_SHORTS ? ANY(MASK(alpha[s] > 0.0f)) : !transparent)
                 gradient_at(&cast, voxels, opacity, &f[s], &nx[s], &ny[s], &nz[s]);
 #endif
         }
 #endif
-        EACH(s, STEPS) {
-            share[s] = PICK(MASK(g.through > cast.opaque), share[s], (floatN)(0.0f));
-            const intN seen = MASK(share[s] > 0.0f);
-            if (!ANY(seen)) continue;
+        UNROLL(s, STEPS) {
+            const intN reached = MASK(g.transmittance > cast.min_transmittance);
+            alpha[s] = SELECT(reached, alpha[s], (floatN)(0.0f));
+            const intN opaque = MASK(alpha[s] > 0.0f);
+            if (!ANY(opaque)) continue;
             // The first and the last step of a ray are clipped.
-            const intN clipped = seen & MASK(whole[s] < taken[s] - 1e-5f);
+            const intN clipped = opaque & MASK(fraction[s] < steps[s] - 1e-5f);
             if (ANY(clipped)) {
-                const floatN through = log_through(&cast, opacity, &f[s], &entry[s]);
-                const floatN along = opacity_along(entry[s].opacity, through, whole[s]);
-                share[s] = PICK(clipped, along, share[s]);
+                const floatN log_step = log_transmittance(&cast, opacity, &f[s], &entry[s]);
+                const floatN shorter = opacity_along(entry[s].opacity, log_step, fraction[s]);
+                alpha[s] = SELECT(clipped, shorter, alpha[s]);
             }
-            floatN weight[GROUPS], gloss[GROUPS];
+            floatN shading[GROUPS], highlight[GROUPS];
 #if FILTERED
-            // Each channel is weighted by its own loss, in gather_filtered.
-            const floatN once = PICK(seen, (floatN)(1.0f), (floatN)(0.0f));
-            floatL length;
-            length.v = PICK(seen, whole[s], (floatN)(0.0f));
-            shade(&cast, sources, layers, &r, middle[s], nx[s], ny[s], nz[s], once, weight, gloss);
-            reflect_filtered(&g, shares, filters, &cast, &entry[s], weight, gloss, length);
-            cover(&cast, &g, g.through - passing(&g), middle[s]);
+            // Each channel is weighted by its own loss, in accumulate_filtered.
+            const floatN unweighted = SELECT(opaque, (floatN)(1.0f), (floatN)(0.0f));
+            const floatN length = SELECT(opaque, fraction[s], (floatN)(0.0f));
+            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], unweighted,
+                  shading, highlight);
+            reflect_filtered(&g, material_weights, filters, &cast, &entry[s], shading, highlight,
+                             length);
+            add_alpha(&cast, &g, g.transmittance - mean_transmittance(&g), middle[s]);
 #else
-            const floatN visible = g.through * share[s];
-            shade(&cast, sources, layers, &r, middle[s], nx[s], ny[s], nz[s], visible, weight,
-                  gloss);
-            reflect(&g, shares, &cast, &f[s], &entry[s], weight);
-            EACH(group, GROUPS) g.gloss[group] += gloss[group];
-            cover(&cast, &g, visible, middle[s]);
+            const floatN visible = g.transmittance * alpha[s];
+            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], visible,
+                  shading, highlight);
+            reflect(&g, material_weights, &cast, &f[s], &entry[s], shading);
+            UNROLL(group, GROUPS) g.highlight[group] += highlight[group];
+            add_alpha(&cast, &g, visible, middle[s]);
 #endif
         }
-        live &= MASK(k < k_end) & MASK(g.through > cast.opaque);
+        m.live &= MASK(m.k < m.k_end) & MASK(g.transmittance > cast.min_transmittance);
     }
-    WRITE_PICTURE(cast, g, r);
+    write_picture(&cast, &g, &r, pixel, first_tile * TILE_HEIGHT, channels, coefficients_out,
+                  alpha_out, depth_out, first_out);
 }

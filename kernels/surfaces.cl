@@ -1,90 +1,91 @@
-// Cast rays through a scalar volume and meet its isosurfaces, front to back.
+// Cast rays through a scalar volume and composite its isosurfaces, front to back.
 //
-//     C += T a (g s + k_s),  T ← T (1 − a)      where the value passes a level of opacity a
+//     C += T a (g s + k_s),  T ← T (1 − a)      at each crossing of a level of opacity a
 //
 // A level lies in a step when the values at the step's two ends lie on either side of it (below,
-// or at and above); its place follows from ROUNDS rounds of the rule of false position. NumPy twin:
+// or at and above); its place follows from ITERATIONS of the rule of false position. NumPy twin:
 // volspec/raycast/reference.py (_Surfaces).
 //
-// Launch and what is read and written: as raycast.cl, but
-//         opacity  float2[SURFACES]: a surface's level and opacity, by rising level
-//         shares   floatP[SURFACES][PARTS]
-// The host sets SURFACES and ROUNDS beside what raycast.cl wants; TABLE_ROWS and LABELS have no
-// meaning.
+// Launch and arguments: as raycast.cl, but
+//         opacity           float2[SURFACES]: level and opacity of a surface, by rising level
+//         material_weights  floatV[SURFACES][VECTORS]
+// The host sets SURFACES and ITERATIONS in addition to the constants of raycast.cl; TABLE_ROWS and
+// LABELS have no meaning.
 
-#include "casts.clh"
-#include "ends.clh"
+#include "lanes.clh"
+#include "rays.clh"
+#include "field.clh"
+#include "shade.clh"
+#include "picture.clh"
+#include "step_ends.clh"
 
-// Where between the step's ends the value is `level`.
-static inline floatN place_of(const Cast *cast, __global const VOXEL *voxels,
-                              __global const float2 *opacity, const Rays *r, const Ends *e,
-                              floatN level) {
-    floatN near = e->begin, far = e->end, front = e->front, back = e->back;
-    floatN along = near + (level - front) / (back - front) * (far - near);
-    for (int round = 0; round < ROUNDS; ++round) {
-        const Field f = field_at(cast, voxels, opacity, r, along);
+// Place between the step's ends at which the value is `level`.
+static inline floatN find_crossing(const Cast *cast, __global const VOXEL *voxels,
+                                   __global const float2 *opacity, const Rays *r,
+                                   const StepEnds *e, floatN level) {
+    floatN begin = e->begin, end = e->end, front = e->front, back = e->back;
+    floatN along = begin + (level - front) / (back - front) * (end - begin);
+    for (int i = 0; i < ITERATIONS; ++i) {
+        const Sample f = sample_at(cast, voxels, opacity, r, along);
         const intN before = MASK(f.value < level) == MASK(front < level);
-        near = PICK(before, along, near);
-        front = PICK(before, f.value, front);
-        far = PICK(before, far, along);
-        back = PICK(before, back, f.value);
+        begin = SELECT(before, along, begin);
+        front = SELECT(before, f.value, front);
+        end = SELECT(before, end, along);
+        back = SELECT(before, back, f.value);
         const floatN rise = back - front;
-        along = PICK(MASK(rise == 0.0f), near, near + (level - front) / rise * (far - near));
+        along = SELECT(MASK(rise == 0.0f), begin, begin + (level - front) / rise * (end - begin));
     }
     return along;
 }
 
-CASTS(surfaces, uchar) {
-    TILE_OF_PIXELS(cast)
-    const Rays r = rays_of(&cast, pixel_x, pixel_y);
-    intN k = first_step(&cast, &r), due = k, stride = 1;
-    const intN k_end = end_step(&cast, &r, k);
-    Gathered g;
-    begin(&g);
-    Ends e;
-    e.next = k - 1;
-    e.back = 0.0f;
+__kernel void surfaces(__global const VOXEL *restrict voxels,
+                       __global const uchar *restrict brick_codes,
+                       __global const float2 *restrict opacity,
+                       __global const floatV *restrict material_weights,
+                       __global const float *restrict channels,
+                       __global const float4 *restrict sources,
+                       __global const ushort *restrict light_volume, const Cast cast,
+                       __global float *restrict coefficients_out,
+                       __global float *restrict alpha_out, __global float *restrict depth_out,
+                       __global float *restrict first_out, const int first_tile) {
+    const int2 pixel = tile_pixel(first_tile);
+    if (pixel.x >= cast.width || pixel.y >= cast.height) return;
+    const Rays r = make_rays(&cast, pixel);
+    March m = start_march(&cast, &r);
+    Accumulator g;
+    clear(&g);
+    StepEnds e = no_ends(m.k);
 
-    intN live = MASK(k < k_end);
-    while (ANY(live)) {
-        leap(&cast, &r, codes, k_end, &k, &due, &stride, &live);
-        if (!ANY(live)) break;
-        read_ends(&cast, voxels, opacity, &r, k, 1, live, &e);
+    while (ANY(m.live)) {
+        skip_empty_bricks(&cast, &r, brick_codes, &m);
+        if (!ANY(m.live)) break;
+        read_ends(&cast, voxels, opacity, &r, &m, 1, &e);
         const intN rising = MASK(e.back > e.front);
         for (int s = 0; s < SURFACES; ++s) {
             // Levels in the order the ray meets them.
             const float2 up = opacity[s], down = opacity[SURFACES - 1 - s];
-            const floatN level = PICK(rising, (floatN)(up.x), (floatN)(down.x));
-            const intN met = live & (MASK(e.front < level) ^ MASK(e.back < level));
+            const floatN level = SELECT(rising, (floatN)(up.x), (floatN)(down.x));
+            const intN met = m.live & (MASK(e.front < level) ^ MASK(e.back < level));
             if (!ANY(met)) continue;
-            const floatN own = PICK(rising, (floatN)(up.y), (floatN)(down.y));
-            const floatN visible = PICK(met, g.through * own, (floatN)(0.0f));
-            floatN along = place_of(&cast, voxels, opacity, &r, &e, level);
-            along = PICK(met, along, e.begin);
-            floatN nx = 0.0f, ny = 0.0f, nz = 0.0f;
-#if NORMALS
-            const Field f = field_at(&cast, voxels, opacity, &r, along);
-            gradient_at(&cast, voxels, opacity, &f, &nx, &ny, &nz);
-#endif
-            floatN weight[GROUPS], gloss[GROUPS];
-            shade(&cast, sources, layers, &r, along, nx, ny, nz, visible, weight, gloss);
-            cover(&cast, &g, visible, along);
-            live &= MASK(g.through > cast.opaque);
-            intL which;
-            floatL weights[GROUPS];
-            which.v = PICK(rising, (intN)(s), (intN)(SURFACES - 1 - s));
-            EACH(group, GROUPS) {
-                weights[group].v = weight[group];
-                g.gloss[group] += gloss[group];
-            }
-            FOR_LANES(l) {
-                floatP row[PARTS];
-                EACH(p, PARTS) row[p] = shares[which.s[l] * PARTS + p];
-                gather(&g, l, weights, row);
+            const floatN alpha = SELECT(rising, (floatN)(up.y), (floatN)(down.y));
+            const floatN visible = SELECT(met, g.transmittance * alpha, (floatN)(0.0f));
+            floatN along = find_crossing(&cast, voxels, opacity, &r, &e, level);
+            along = SELECT(met, along, e.begin);
+            floatL shading[GROUPS];
+            add_shaded(&cast, voxels, opacity, sources, light_volume, &r, along, visible, &g,
+                       shading);
+            m.live &= MASK(g.transmittance > cast.min_transmittance);
+            intL surface;
+            surface.v = SELECT(rising, (intN)(s), (intN)(SURFACES - 1 - s));
+            UNROLL(l, LANES) {
+                floatV row[VECTORS];
+                UNROLL(v, VECTORS) row[v] = material_weights[surface.s[l] * VECTORS + v];
+                accumulate(&g, l, shading, row);
             }
         }
-        k += 1;
-        live &= MASK(k < k_end);
+        m.k += 1;
+        m.live &= MASK(m.k < m.k_end);
     }
-    WRITE_PICTURE(cast, g, r);
+    write_picture(&cast, &g, &r, pixel, first_tile * TILE_HEIGHT, channels, coefficients_out,
+                  alpha_out, depth_out, first_out);
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,12 @@ from hypothesis import strategies as st
 
 from tests.twins.test_raycast import TOLERANCE, assert_alike
 from volspec._gpu.opencl import Compute
+from volspec._gpu.prelude import Struct
 from volspec._gpu.sources import Source, asset
 from volspec.errors import OpenCLError
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
+from volspec.raycast.light_volume import gpu as light_volume
 from volspec.raycast.packed import CAST
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
@@ -114,23 +115,14 @@ def test_a_constant_volume_casts_without_a_gradient() -> None:
     assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(specular=0.5), size=(16, 16))
 
 
-def test_the_kernel_s_struct_has_the_fields_of_its_twin_in_order() -> None:
-    text = asset("kernels/include/rays.clh").read_text(encoding="utf-8")
-    body = re.search(r"typedef struct \{(.*?)\} Cast;", text, re.DOTALL)
-    assert body is not None
-    plain = re.sub(r"//[^\n]*", "", body[1])
-    fields: list[tuple[str, str]] = []
-    for kind, names in re.findall(r"(float4|float|int)\s+([^;]+);", plain):
-        fields += [(name.strip(), kind) for name in names.split(",")]
-    numpy_kind = {"float4": ("<f4", (4,)), "float": ("<f4", ()), "int": ("<i4", ())}
-    wanted = [(name, *numpy_kind[kind]) for name, kind in fields]
-    wanted = [
-        ("planes", "<f4", (6, 4)) if name == "planes[MAX_PLANES]" else (name, base, shape)
-        for name, base, shape in wanted
-    ]
-    ours = [(n, CAST[n].base.str, CAST[n].shape) for n in CAST.names or () if n != "unused"]
-    assert ours == wanted
-    assert CAST.itemsize % 16 == 0, "OpenCL pads the struct to the alignment of float4"
+@pytest.mark.parametrize("struct", [CAST, *light_volume.STRUCTS], ids=lambda each: each.name)
+def test_structs_are_as_large_for_the_compiler_as_for_numpy(struct: Struct) -> None:
+    compute = Compute.open()
+    text = f"{struct.declaration}__kernel void f(__global int *x) {{ *x = sizeof({struct.name}); }}"
+    found, buffer = np.zeros(1, np.int32), compute.output(4)
+    kernel = compute.kernel(Source(text, ("<prelude>", "f.cl")), "f")
+    compute.download(buffer, found, kernel(compute.queue, (1,), None, buffer))
+    assert found == struct.dtype.itemsize
 
 
 def test_lanes_are_numbered_row_by_row_in_their_tile() -> None:

@@ -1,12 +1,15 @@
-"""Turn Python numbers into ``#define`` lines that OpenCL C and GLSL both read.
+"""Turn Python numbers into ``#define`` lines that OpenCL C and GLSL both read, and structs.
 
 A constant is typed once, in Python; kernels and shaders receive it by name. Scalars become
-float or int literals, vectors and matrices become constructor calls of the language.
+float or int literals, vectors and matrices become constructor calls of the language. So is a
+struct that the host fills: its one description gives the NumPy dtype and the declaration in C.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -14,7 +17,7 @@ from numpy.typing import ArrayLike
 
 Language = Literal["opencl", "glsl"]
 
-# OpenCL C's names of the types that volumes are kept in, by NumPy's.
+# OpenCL C's names of the types of voxels, by NumPy's.
 C_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
 
 
@@ -54,3 +57,60 @@ def prelude(constants: Mapping[str, ArrayLike], language: Language) -> str:
     #define Y_B (2.000000000e+01)
     """
     return "".join(_define(name, value, language) + "\n" for name, value in constants.items())
+
+
+_MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
+_NUMPY_TYPES = {"float": ("f4", 1), "int": ("i4", 1), "float4": ("f4", 4), "int4": ("i4", 4)}
+
+
+@dataclass(frozen=True, slots=True)
+class Struct:
+    """A struct of OpenCL C that the host fills.
+
+    Parameters
+    ----------
+    name : str
+    members : tuple of (type, names, meaning)
+        ``float``, ``int``, ``float4`` or ``int4``; names are separated by commas, an array's is
+        followed by its length in brackets. Vectors come first, where they are aligned.
+
+    Examples
+    --------
+    >>> pair = Struct("Pair", (("float4", "a, b[2]", "two places"), ("int", "n", "")))
+    >>> pair.dtype.itemsize, pair.dtype["b"].shape
+    (64, (2, 4))
+    >>> print(pair.declaration, end="")
+    typedef struct {
+        float4 a, b[2];  // two places
+        int n;
+    } Pair;
+    """
+
+    name: str
+    members: tuple[tuple[str, str, str], ...]
+    dtype: np.dtype[np.void] = field(init=False)
+
+    def __post_init__(self) -> None:
+        fields: list[tuple[str, str, tuple[int, ...]]] = []
+        offset, alignment = 0, 4
+        for kind, names, _ in self.members:
+            code, width = _NUMPY_TYPES[kind]
+            for name, length in _MEMBER.findall(names):
+                if offset % (4 * width):
+                    raise ValueError(f"{self.name}.{name}: vectors come before single numbers")
+                shape = (*((int(length),) if length else ()), *((width,) if width > 1 else ()))
+                fields.append((name, code, shape))
+                offset += 4 * int(np.prod(shape, dtype=int))
+                alignment = max(alignment, 4 * width)
+        if offset % alignment:  # C pads a struct to the alignment of its members
+            fields.append(("unused", "i4", ((-offset % alignment) // 4,)))
+        object.__setattr__(self, "dtype", np.dtype(fields))
+
+    @property
+    def declaration(self) -> str:
+        """The struct in OpenCL C."""
+        lines = [
+            f"    {kind} {names};{f'  // {meaning}' if meaning else ''}\n"
+            for kind, names, meaning in self.members
+        ]
+        return f"typedef struct {{\n{''.join(lines)}}} {self.name};\n"

@@ -222,13 +222,7 @@ class Raycaster:
         light, numbers = self._light(struct, table, spec, camera)
         inputs = [
             self._compute.upload(np.ascontiguousarray(array))
-            for array in (
-                program.opacity,
-                program.shares,
-                program.channels,
-                program.filters,
-                packed.source_rows(self.volume, camera, spec),
-            )
+            for array in (*program.tables, packed.source_rows(self.volume, camera, spec))
         ]
         try:
             result = Result(
@@ -323,8 +317,9 @@ class Raycaster:
             **program.constants,
             **packed.definitions(spec, layers),
         }
-        constants["WIDE"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
-        steps = 2 if constants["WIDE"] else 4
+        constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
+        steps = 2 if constants["NEIGHBOURS"] else 4
         constants["STEPS"] = steps if self.lanes > 1 else 1
-        source = assemble(f"kernels/{program.name}.cl", prelude(constants, "opencl"))
+        text = prelude(constants, "opencl") + packed.CAST.declaration
+        source = assemble(f"kernels/{program.name}.cl", text)
         return self._compute.kernel(source, program.name)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._gpu.prelude import Struct
 from volspec.errors import RaycastError
 from volspec.raycast.camera import Camera
 from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Headlight, Point, Source
@@ -19,33 +20,47 @@ from volspec.raycast.spec import MAX_PLANES, RaycastSpec
 from volspec.transfer import NEAREST_POSITIONS, SurfaceTable, TransferTable, integral_rows
 from volspec.volume import Volume
 
-# The struct Cast of rays.clh, field for field.
-CAST = np.dtype(
-    [
-        (name, np.float32, 4)
-        for name in (
-            *("target", "forward", "across", "down", "index_x", "index_y", "index_z"),
-            *("low", "high", "last", "shade"),
-        )
-    ]
-    + [("planes", np.float32, (MAX_PLANES, 4)), ("light_scale", np.float32, 4)]
-    + [
-        (name, np.float32)
-        for name in (
-            *("middle_x", "middle_y", "distance", "perspective", "light_lift", "phase", "start"),
-            *("step", "jitter", "domain_low", "domain_rest", "domain_scale", "last_entry"),
-            *("row_scale", "last_row", "opaque", "first_opacity"),
-            *("gradient_scale", "gradient_floor_squared"),
-        )
-    ]
-    + [
-        (name, np.int32)
-        for name in (
-            *("width", "height", "row", "slice", "bricks_x", "bricks_y"),
-            *("light_x", "light_y", "light_z", "plane_count", "shininess", "seed"),
-        )
-    ]
-    + [("unused", np.int32, 1)]  # OpenCL pads the struct to the alignment of float4
+# Settings of a cast. Lengths are in the volume's smallest spacing, so that no unit of the user's is
+# too large or too small for float32. Rays start in the plane through the target, as RayField.
+CAST = Struct(
+    "Cast",
+    (
+        ("float4", "target", "in index space"),
+        ("float4", "forward, across, down", "in the world; across and down one pixel long"),
+        ("float4", "index_x, index_y, index_z", "rows of index_from_world"),
+        ("float4", "low, high", "crop box in index space"),
+        ("float4", "last", "largest index along x, y, z"),
+        ("float4", "shade", "ambient, diffuse, specular, unused"),
+        ("float4", f"planes[{MAX_PLANES}]", "in index space: visible if normal . index >= w"),
+        ("float4", "light_scale", "from index to node of the light volume, along x, y, z"),
+        ("float", "middle_x, middle_y", "pixel that looks at the target"),
+        ("float", "distance", "from the camera to the target"),
+        ("float", "perspective", "1, or 0 for parallel rays"),
+        ("float", "light_lift", "distance in front of surfaces at which light is read"),
+        ("float", "phase", "from the target to step 0; steps are whole ones from the camera"),
+        ("float", "start", "position of the camera counted from step 0"),
+        ("float", "step", "length of a step"),
+        ("float", "jitter", "fraction of a step by which rays are shifted"),
+        ("float", "domain_low, domain_rest", "value of table entry 0, as the sum of two"),
+        ("float", "domain_scale", "table entries per value"),
+        ("float", "last_entry", "of the table"),
+        (
+            "float",
+            "row_scale, last_row",
+            "table rows per gradient; the last row",
+        ),
+        ("float", "min_transmittance", "at which a ray ends"),
+        ("float", "first_opacity", "at which a ray counts as having hit something"),
+        ("float", "gradient_scale", "central difference -> fraction of the volume's range"),
+        ("float", "gradient_floor_squared", "in those fractions; shading fades below it"),
+        ("int", "width, height", "of the picture"),
+        ("int", "row, slice", "elements from one voxel row, one slice to the next"),
+        ("int", "bricks_x, bricks_y", "number of bricks"),
+        ("int", "light_x, light_y, light_z", "nodes of the light volume"),
+        ("int", "plane_count", ""),
+        ("int", "shininess", "Blinn-Phong exponent"),
+        ("int", "seed", "of the jitter"),
+    ),
 )
 # Bits of the exponents that a program takes: one for all to 63, one to 1024.
 SHININESS_BITS = 6, 11
@@ -53,8 +68,8 @@ SHININESS_BITS = 6, 11
 KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
 # The log of what an opaque step lets through, finite so that a chord of no length stays clear.
 LOG_OPAQUE = -1e30
-# Rounds of false position that place an isosurface within its step.
-ROUNDS = 2
+# Iterations of false position that place an isosurface within its step.
+ITERATIONS = 2
 
 
 def cast_struct(
@@ -77,7 +92,7 @@ def cast_struct(
     unit = min(volume.spacing_mm)
     matrix = volume.index_from_world
     field = camera.ray_field(*size)
-    cast = np.zeros((), CAST)
+    cast = np.zeros((), CAST.dtype)
     cast["target"][:3] = matrix[:3, :3] @ field.target + matrix[:3, 3]
     cast["forward"][:3] = field.forward
     cast["across"][:3], cast["down"][:3] = field.across / unit, field.down / unit
@@ -96,7 +111,7 @@ def cast_struct(
     planes = spec.index_planes(volume)
     cast["planes"][: len(planes)], cast["plane_count"] = planes, len(planes)
     cast["shininess"], cast["seed"] = spec.shininess, np.uint32(spec.seed).view(np.int32)
-    cast["step"], cast["opaque"] = step / unit, 1 - spec.alpha_stop
+    cast["step"], cast["min_transmittance"] = step / unit, 1 - spec.alpha_stop
     cast["jitter"], cast["first_opacity"] = spec.jitter, spec.first_opacity
     cast["gradient_floor_squared"] = spec.gradient_floor_squared
     cast["width"], cast["height"] = size
@@ -141,18 +156,16 @@ class Program:
     Parameters
     ----------
     name : str
-        Of the kernel, and of its file in ``kernels/``.
+        The kernel's, and its file's in ``kernels/``.
     constants : {str: number}
-    opacity, shares, channels, filters : arrays
-        As the kernel's header says.
+    tables : arrays
+        Opacity, material weights, channels, and for the kernel ``raycast`` filters: in the order of
+        the kernel's arguments, with the layouts that its header describes.
     """
 
     name: str
     constants: Mapping[str, float]
-    opacity: NDArray[np.float32]
-    shares: NDArray[np.float32]
-    channels: NDArray[np.float32]
-    filters: NDArray[np.float32]
+    tables: tuple[NDArray[np.float32], ...]
 
     @classmethod
     def of(cls, table: TransferTable | SurfaceTable, spec: RaycastSpec, step_mm: float) -> Program:
@@ -168,16 +181,16 @@ class Program:
         extra: dict[str, float] = {}
         name, rows = "raycast", 1
         mixed = np.vstack([table.channels, table.white])
-        filters = np.zeros((1, 8))
+        filters: NDArray[np.float64] | None = None
         if isinstance(table, SurfaceTable):
-            name, extra = "surfaces", {"SURFACES": len(table.values), "ROUNDS": ROUNDS}
+            name, extra = "surfaces", {"SURFACES": len(table.values), "ITERATIONS": ITERATIONS}
             opacity = np.stack([table.values, table.opacity], axis=1).astype(np.float32)
-            shares = _padded(table.shares)
+            weights = _padded(table.shares)
         elif spec.preintegrated:
             name, count, extra = "preintegrated", count + 1, {"NEAREST": NEAREST_POSITIONS}
-            # (τ, τ s …) -> (τ s …, τ): the shares first, as everywhere; τ mixes nothing.
+            # (τ, τ s …) -> (τ s …, τ): the weights first, as everywhere; τ mixes nothing.
             quantities = [np.roll(q, -1, axis=1) for q in integral_rows(table, step_mm)]
-            shares = np.stack([_padded(q) for q in quantities])
+            weights = np.stack([_padded(q) for q in quantities])
             opacity = np.zeros((1, 2), np.float32)
             mixed = np.insert(mixed, len(mixed) - 1, 0.0, axis=0)
         else:
@@ -188,27 +201,32 @@ class Program:
                 entries = _rising(table.opacity)
             rows = 1 if table.gradient_top is None else len(table.opacity)
             opacity = entries.astype(np.float32)
-            shares = _padded(with_rises(table.shares))
+            weights = _padded(with_rises(table.shares))
+            if name == "raycast":
+                filters = np.zeros((1, 8))
             if table.filters is not None:
-                # Every channel has a transmittance: shares must be the channels themselves.
+                # Every channel has a transmittance: weights must be the channels themselves.
                 count = channels
                 mixed = np.vstack([np.eye(channels), table.white])
-                shares = _padded(with_rises(table.coefficients))
+                weights = _padded(with_rises(table.coefficients))
                 filters = with_rises(table.step_transmittance(step_mm))
                 filters[-1, 0] = table.white
-        part = part_of(count)
+        width = vector_width(count)
         constants = {
-            "SHARES": count,
+            "WEIGHTS": count,
             "CHANNELS": channels,
-            "PART": part,
-            "PARTS": -(-count // part),
+            "VECTOR": width,
+            "VECTORS": -(-count // width),
             "LABELS": int(isinstance(table, TransferTable) and table.labels),
             "TABLE_ROWS": rows,
             "FILTERED": int(isinstance(table, TransferTable) and table.filters is not None),
-            "ENDS": int(name in ("surfaces", "preintegrated")),
+            "STEP_ENDS": int(name in ("surfaces", "preintegrated")),
             **extra,
         }
-        return cls(name, constants, opacity, shares, mixed.astype(np.float32), _padded(filters))
+        tables: tuple[NDArray[np.float32], ...] = opacity, weights, mixed.astype(np.float32)
+        if filters is not None:
+            tables = *tables, _padded(filters)
+        return cls(name, constants, tables)
 
 
 def _check_together(table: TransferTable | SurfaceTable, spec: RaycastSpec) -> None:
@@ -258,16 +276,16 @@ def _logs(table: TransferTable, step_mm: float) -> NDArray[np.float64]:
     return rows
 
 
-def part_of(count: int) -> int:
-    """Floats in a vector of shares. Never 16: PoCL 3.0 cannot compile float16 for AVX-512."""
+def vector_width(count: int) -> int:
+    """Floats in a vector of weights. Never 16: PoCL 3.0 cannot compile float16 for AVX-512."""
     return 4 if count <= 4 else 8
 
 
 def _padded(rows: NDArray[Any]) -> NDArray[np.float32]:
     """Rows lengthened with zeros to whole vectors."""
     count = rows.shape[-1]
-    part = part_of(count)
-    result = np.zeros((*rows.shape[:-1], -(-count // part) * part), np.float32)
+    width = vector_width(count)
+    result = np.zeros((*rows.shape[:-1], -(-count // width) * width), np.float32)
     result[..., :count] = rows
     return result
 

@@ -7,7 +7,7 @@ of the volume; each is sampled at its middle and weighs as much as its clipped l
 homogeneous body therefore has exactly Beer-Lambert's transmittance along any ray. Front to back
 
     α = 1 − (1 − opacity(v))^(length / reference step)
-    C += T α (g s(v) + k_s),   T ← T (1 − α)                               (METHOD §3)
+    C += T α (g s(v) + k_s),   T ← T (1 − α) (docs/method.md §3)
 
 The twins are ``kernels/raycast.cl`` and, by name below, those beside it.
 """
@@ -21,7 +21,7 @@ import numpy as np
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume.reference import arrivals
 from volspec.raycast.light_volume.spec import LightGrid
-from volspec.raycast.packed import ROUNDS
+from volspec.raycast.packed import ITERATIONS
 from volspec.raycast.reach import check_reach
 from volspec.raycast.sampling import (
     Array,
@@ -239,9 +239,9 @@ class _Surfaces(_March):
     def _place(
         self, rays: Index, near: Array, far: Array, front: Array, back: Array, level: Array
     ) -> Array:
-        """Where the value is the level, by `ROUNDS` rounds of false position."""
+        """Where the value is the level, by `ITERATIONS` of false position."""
         along = near + (level - front) / (back - front) * (far - near)
-        for _ in range(ROUNDS):
+        for _ in range(ITERATIONS):
             value = self.sampler.value(self.point(rays, along))
             before = (value < level) == (front < level)
             near, front = np.where(before, along, near), np.where(before, value, front)

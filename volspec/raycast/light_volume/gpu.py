@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.opencl import Compute
-from volspec._gpu.prelude import C_TYPES, prelude
+from volspec._gpu.prelude import C_TYPES, Struct, prelude
 from volspec._gpu.sources import assemble
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume.spec import (
@@ -33,17 +33,35 @@ from volspec.raycast.spec import MAX_PLANES, RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume
 
-_VALUES, _GRADIENTS, _LABELS, _SURFACES = range(4)
+_BY_VALUE, _BY_GRADIENT, _BY_LABEL, _BY_SURFACE = range(4)
 _LOCAL = 64
-# The kernel's structs, field for field.
-_SPAN = np.dtype([("first", "i4"), ("count", "i4"), ("weight", "f4"), ("slope", "f4")])
-_STEP = np.dtype([("cell", "i4", 3), ("at", "i4"), ("weight", "f4", 8)])
-_FIELD = np.dtype(
-    [("planes", "f4", (MAX_PLANES, 4)), ("gradient", "f4", (3, 4)), ("edge", "f4", 4)]
-    + [(name, "i4", 4) for name in ("nodes", "voxels", "low", "high")]
-    + [("domain_low", "f4"), ("domain_scale", "f4")]
-    + [("last_entry", "i4"), ("last_row", "i4"), ("plane_count", "i4"), ("unused", "i4", 3)]
+# The voxels of a node along one axis.
+_SPAN = Struct(
+    "Span",
+    (("int", "first, count", ""), ("float", "weight, slope", "voxel n weighs weight + n slope")),
 )
+# A step along a direction, the same for all nodes: its cell of the grid, counted from the node.
+_STEP = Struct(
+    "Step",
+    (
+        ("int", "x, y, z, at", ""),
+        ("float", "weight[8]", "of the cell's corners, x fastest, times the length in cells"),
+    ),
+)
+_GRID = Struct(
+    "Grid",
+    (
+        ("float4", f"planes[{MAX_PLANES}]", "voxel (i, j, k) is cut if a i + b j + c k + d < 0"),
+        ("float4", "gradient[3]", "rows: difference of voxels two apart -> rows of the table"),
+        ("float4", "edge", "cells per spacing along x, y, z"),
+        ("int4", "nodes, voxels", "number of them along x, y, z"),
+        ("int4", "low, high", "crop: first voxel inside, first one beyond"),
+        ("float", "domain_low, domain_scale", "value of entry 0, entries per value"),
+        ("int", "last_entry, last_row", "of the table; of surfaces the last"),
+        ("int", "plane_count", ""),
+    ),
+)
+STRUCTS = _SPAN, _STEP, _GRID
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,10 +158,10 @@ class LightVolume:
         )
         axes = zip(self._volume.shape_xyz, grid.shape_xyz, strict=True)
         spans = np.concatenate([_spans(voxels, nodes) for voxels, nodes in axes])
-        field, rows, kind = _field(self._volume, table, spec, grid)
+        constants, rows, kind = _constants(self._volume, table, spec, grid)
         self._sigma = self._compute.output(padded * 4)
         upload = self._compute.upload
-        arguments = (self._voxels, upload(spans), upload(rows), field, self._sigma)
+        arguments = (self._voxels, upload(spans), upload(rows), constants, self._sigma)
         self._launch("extinction", padded, arguments, kind)
 
     def _follow(self, layer: LightLayer, number: int, grid: LightGrid) -> None:
@@ -173,15 +191,15 @@ class LightVolume:
         return rows, self._compute.upload(ends), np.int32(len(ways)), np.float32(gain)
 
     def _launch(
-        self, name: str, items: int, arguments: tuple[Any, ...], kind: int = _VALUES
+        self, name: str, items: int, arguments: tuple[Any, ...], kind: int = _BY_VALUE
     ) -> None:
         constants: dict[str, Any] = {
             "LANES": self._lanes,
             "KIND": kind,
-            "MAX_PLANES": MAX_PLANES,
             "VOXEL": C_TYPES[self._volume.values.dtype.name],
         }
-        source = assemble("kernels/light_volume.cl", prelude(constants, "opencl"))
+        text = prelude(constants, "opencl") + "".join(each.declaration for each in STRUCTS)
+        source = assemble("kernels/light_volume.cl", text)
         kernel = self._compute.kernel(source, name)
         kernel(self._compute.queue, (-(-items // _LOCAL) * _LOCAL,), (_LOCAL,), *arguments)
 
@@ -196,7 +214,7 @@ def _float4s(*threes: NDArray[np.float64]) -> list[NDArray[np.float32]]:
 
 def _spans(voxels: int, nodes: int) -> NDArray[np.void]:
     """The voxels along an axis that make each node: those nearest to it, or the two around."""
-    spans = np.zeros(nodes, _SPAN)
+    spans = np.zeros(nodes, _SPAN.dtype)
     # Whole numbers, since halves must round alike everywhere.
     nearest = (2 * np.arange(voxels) * (nodes - 1) + voxels - 1) // (2 * (voxels - 1))
     spans["first"] = np.searchsorted(nearest, np.arange(nodes))
@@ -222,10 +240,10 @@ def _steps(
     at = (ways[:, None] * middles[:, None]).reshape(-1, 3)
     cell = np.floor(at)
     f = at - cell
-    rows = np.zeros(max(len(at), 1), _STEP)
+    rows = np.zeros(max(len(at), 1), _STEP.dtype)
     if not len(at):
         return rows
-    rows["cell"] = cell
+    rows["x"], rows["y"], rows["z"] = cell.T
     x, y, _ = grid.shape_xyz
     row = x + 2 * lanes
     rows["at"] = cell @ [1, row, row * (y + 2)]
@@ -235,45 +253,45 @@ def _steps(
     return rows
 
 
-def _field(
+def _constants(
     volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, grid: LightGrid
 ) -> tuple[NDArray[np.void], NDArray[np.float32], int]:
     """The kernel's constants, its table and which kind that is."""
-    field = np.zeros((), _FIELD)
-    field["nodes"][:3], field["voxels"][:3] = grid.shape_xyz, volume.shape_xyz
-    field["edge"][:3] = grid.cell_mm / np.array(volume.spacing_mm)
+    constants = np.zeros((), _GRID.dtype)
+    constants["nodes"][:3], constants["voxels"][:3] = grid.shape_xyz, volume.shape_xyz
+    constants["edge"][:3] = grid.cell_mm / np.array(volume.spacing_mm)
     top = np.array(volume.shape_xyz)
     crop = np.array(spec.crop_voxels or [(0, n - 1) for n in top])
-    field["low"][:3] = np.clip(np.ceil(crop[:, 0] - CUT_TOLERANCE), 0, top)
-    field["high"][:3] = np.clip(np.floor(crop[:, 1] + CUT_TOLERANCE) + 1, 0, top)
-    for place, plane in zip(field["planes"], spec.clip_planes, strict=False):
+    constants["low"][:3] = np.clip(np.ceil(crop[:, 0] - CUT_TOLERANCE), 0, top)
+    constants["high"][:3] = np.clip(np.floor(crop[:, 1] + CUT_TOLERANCE) + 1, 0, top)
+    for place, plane in zip(constants["planes"], spec.clip_planes, strict=False):
         normal = np.array(plane.normal) / min(volume.spacing_mm)
         place[:] = normal @ volume.world_from_index[:3]
         place[3] += CUT_TOLERANCE - normal @ plane.point_mm
-    field["plane_count"] = len(spec.clip_planes)
+    constants["plane_count"] = len(spec.clip_planes)
     if isinstance(table, SurfaceTable):
         # Differences of values are only compared with each other: any scale serves.
         span = volume.range[1] - volume.range[0]
-        field["domain_scale"] = 1 / max(span, float(np.finfo(np.float32).tiny))
-        field["last_entry"] = len(table.values) - 1
+        constants["domain_scale"] = 1 / max(span, float(np.finfo(np.float32).tiny))
+        constants["last_entry"] = len(table.values) - 1
         depth = extinction_per_mm(table.opacity, 1.0)
-        return field, np.stack([table.values, depth], axis=1).astype(np.float32), _SURFACES
-    return field, *_with_table(field, volume, table, grid)
+        return constants, np.stack([table.values, depth], axis=1).astype(np.float32), _BY_SURFACE
+    return constants, *_with_table(constants, volume, table, grid)
 
 
 def _with_table(
-    field: NDArray[np.void], volume: Volume, table: TransferTable, grid: LightGrid
+    constants: NDArray[np.void], volume: Volume, table: TransferTable, grid: LightGrid
 ) -> tuple[NDArray[np.float32], int]:
     entries = extinction_per_mm(table.opacity, table.reference_step_mm / grid.cell_mm)
     rows = np.stack([entries, np.diff(entries, append=entries[..., -1:])], axis=-1)
     last = entries.shape[-1] - 1
-    field["last_entry"], field["domain_low"] = last, table.domain[0]
-    field["domain_scale"] = table.entries_per_value
+    constants["last_entry"], constants["domain_low"] = last, table.domain[0]
+    constants["domain_scale"] = table.entries_per_value
     if table.labels:
-        return rows.astype(np.float32), _LABELS
+        return rows.astype(np.float32), _BY_LABEL
     if table.gradient_top is None:
-        return rows.astype(np.float32), _VALUES
-    field["last_row"] = len(entries) - 1
+        return rows.astype(np.float32), _BY_VALUE
+    constants["last_row"] = len(entries) - 1
     per_row = (len(entries) - 1) / table.gradient_top / 2
-    field["gradient"][:, :3] = volume.index_from_world[:3, :3] * per_row
-    return rows.astype(np.float32), _GRADIENTS
+    constants["gradient"][:, :3] = volume.index_from_world[:3, :3] * per_row
+    return rows.astype(np.float32), _BY_GRADIENT
