@@ -19,7 +19,7 @@ from PIL import Image
 
 from benchmarks.page import replaced
 from benchmarks.palette import MODELS, SEEDS, Array, Model, colours, drawn, error
-from volspec.basis.figure.style import FAINT, HAIR, INK, PAPER
+from volspec._figures import FAINT, HAIR, INK, PAPER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

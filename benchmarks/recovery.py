@@ -20,17 +20,17 @@ from numpy.typing import NDArray
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.spectra import (
     BaseSpectra,
-    XYZ_of,
+    XYZ_from_spectra,
     base_spectra,
     light,
     reflectance,
     reflectance_names,
     reflectance_set,
-    reflectances_of,
+    reflectances_from_colours,
     white_XYZ,
 )
 from volspec.spectra.construct import METHODS, ROUTES, XYZ_from_sRGB
-from volspec.spectra.construct.search import Mesh, distinct, edge
+from volspec.spectra.construct.search import Mesh, clip_to_hull, select_distinct
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ SLOW = ("meng-2015",)
 CUBE = 33
 
 
-def color_checker() -> Array:
+def colour_checker() -> Array:
     """(24, 31) reflectances of the BabelColor average."""
     names = [name for name in reflectance_names() if name.startswith("ColorChecker/")]
     return np.array([reflectance(name).values for name in names])
@@ -65,7 +65,7 @@ def errors(made: Array, true: Array, lamp: str) -> Array:
     """CIEDE2000 between reflectances under a light, which is white."""
     E = light(lamp)
     white = white_XYZ(E)
-    return delta_E_2000(*(cielab(XYZ_of(E, S), white) for S in (made, true)))
+    return delta_E_2000(*(cielab(XYZ_from_spectra(E, S), white) for S in (made, true)))
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Test:
 
 
 def tests() -> list[Test]:
-    base, checker = base_spectra(), color_checker()
+    base, checker = base_spectra(), colour_checker()
     return [
         Test("ColorChecker", checker, base),
         Test(NO_COPIES, checker, without_near_copies(base, checker)),
@@ -92,15 +92,16 @@ def print_table() -> None:
     head = f"{'test':16s}{'method':14s}{'ms each':>8s}{'within 0-1':>11s}"
     print(head + "".join(f"{f'under {lamp}':>22s}" for lamp in (GIVEN, *SEEN)) + "   routes")
     for test in tests():
-        XYZ = XYZ_of(light(GIVEN), test.true)
+        XYZ = XYZ_from_spectra(light(GIVEN), test.true)
         for method in METHODS:
             mixed = method in METHODS[:2]
             # The others have no base to take near copies from, or no end.
             if (test.name == NO_COPIES and not mixed) or (method in SLOW and len(XYZ) > 24):
                 continue
-            reflectances_of(XYZ[:1], method, GIVEN, base=test.base)  # tables read, mesh made
+            # Reads the tables and makes the mesh.
+            reflectances_from_colours(XYZ[:1], method, GIVEN, base=test.base)
             start = time.perf_counter()
-            made = reflectances_of(XYZ, method, GIVEN, base=test.base)
+            made = reflectances_from_colours(XYZ, method, GIVEN, base=test.base)
             each = 1e3 * (time.perf_counter() - start) / len(XYZ)
             valid = ((made.values >= 0) & (made.values <= 1)).all(-1).mean()
             cells = [errors(made.values, test.true, lamp) for lamp in (GIVEN, *SEEN)]
@@ -121,10 +122,10 @@ def print_sRGB() -> None:
     E = light(GIVEN)
     XYZ = XYZ_from_sRGB(cube, white_XYZ(E))
     start = time.perf_counter()
-    made = reflectances_of(XYZ)
+    made = reflectances_from_colours(XYZ)
     taken = time.perf_counter() - start
     valid = ((made.values >= 0) & (made.values <= 1)).all(-1).mean()
-    off = np.abs(XYZ_of(E, made.values) - XYZ).max()
+    off = np.abs(XYZ_from_spectra(E, made.values) - XYZ).max()
     print(
         f"\nsRGB, {CUBE} levels a channel: {valid:.1%} within 0-1, off by {off:.1e} in XYZ at most;"
     )
@@ -136,7 +137,7 @@ def print_speed() -> None:
     grey = 0.5 + 0.1 * np.random.default_rng(4).standard_normal((512, 512, 3)).clip(-2, 2)
     XYZ = XYZ_from_sRGB(grey, white_XYZ(light(GIVEN)))
     start = time.perf_counter()
-    made = reflectances_of(XYZ)
+    made = reflectances_from_colours(XYZ)
     print(f"512 x 512 colours: {time.perf_counter() - start:.2f} s, {made.counts()}")
 
 
@@ -146,15 +147,15 @@ def print_seam() -> None:
     white = white_XYZ(E)
     cube = np.random.default_rng(1).uniform(0, 1, (500, 3))
     colours = XYZ_from_sRGB(cube, white)
-    beyond = colours[reflectances_of(colours).route == ROUTES.index("extended")]
-    points = XYZ_of(E, base_spectra().values) / white
-    mesh = Mesh.of(points[distinct(points)])
-    on_edge = edge(mesh, beyond / white) * white
+    beyond = colours[reflectances_from_colours(colours).route == ROUTES.index("extended")]
+    points = XYZ_from_spectra(E, base_spectra().values) / white
+    mesh = Mesh.of(points[select_distinct(points)])
+    on_edge = clip_to_hull(mesh, beyond / white) * white
     just = on_edge + 1e-4 * (beyond - on_edge)
-    inner = reflectances_of(on_edge).values
+    inner = reflectances_from_colours(on_edge).values
     print("\nacross the edge of the base colours, mean / max:")
     for method in ("delaunay", "smoothest"):
-        outer = reflectances_of(just, method).values
+        outer = reflectances_from_colours(just, method).values
         cells = [errors(inner, outer, lamp) for lamp in SEEN]
         print(f"  {method:12s}" + "".join(f"{c.mean():9.3f} / {c.max():.2f}" for c in cells))
 

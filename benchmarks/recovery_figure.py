@@ -12,19 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from volspec._figures import FAINT, HAIR, INK, PAPER, inch_axes, style_axes, write
 from volspec._files import write_whole
 from volspec.appearance import srgb
-from volspec.basis.figure.reflectance import save_reflectance_figure
-from volspec.basis.figure.spectra import line_colour
-from volspec.basis.figure.style import FAINT, HAIR, INK, PAPER, inch_axes, plain, write
+from volspec.basis.figure import line_colour
+from volspec.basis.reflectance_figure import save_reflectance_figure
 from volspec.spectra import (
     BaseSpectra,
     SpectralGrid,
-    XYZ_of,
+    XYZ_from_spectra,
     base_spectra,
-    color_matching_functions,
+    colour_matching_functions,
     light,
-    reflectance_of,
+    reflectance_from_colour,
     white_XYZ,
 )
 from volspec.spectra.construct.colours import XYZ_from_linear_sRGB
@@ -55,7 +55,7 @@ def xy(XYZ: Array) -> Array:
 
 def locus() -> Array:
     """(n, 2) chromaticities of monochromatic light."""
-    return xy(color_matching_functions(_LOCUS).T)
+    return xy(colour_matching_functions(_LOCUS).T)
 
 
 def xy_share(base: BaseSpectra) -> float:
@@ -70,12 +70,12 @@ def solid_share(base: BaseSpectra) -> float:
     starts, stops = np.triu_indices(N + 1, 1)
     bands = np.arange(N)
     blocks = (bands >= starts[:, None]) & (bands < stops[:, None])
-    extreme = XYZ_of(E, np.vstack([blocks, ~blocks]).astype(float))
-    return float(ConvexHull(XYZ_of(E, base.values)).volume / ConvexHull(extreme).volume)
+    extreme = XYZ_from_spectra(E, np.vstack([blocks, ~blocks]).astype(float))
+    return float(ConvexHull(XYZ_from_spectra(E, base.values)).volume / ConvexHull(extreme).volume)
 
 
 def _chromaticities(base: BaseSpectra) -> Array:
-    return xy(XYZ_of(light("D65"), base.values))
+    return xy(XYZ_from_spectra(light("D65"), base.values))
 
 
 def draw() -> None:
@@ -91,7 +91,7 @@ def draw() -> None:
     _draw_chromaticities(figure, 6.95, "and what Bouguer's law adds", enlarged)
     with write_whole(IMAGES / "base-spectra.png") as temporary:
         figure.savefig(temporary, format="png", dpi=_DPI)
-    made = reflectance_of(EXAMPLE)
+    made = reflectance_from_colour(EXAMPLE)
     base = base_spectra()
     values = dict(zip(base.names, base.values, strict=True))
     mix = (part.partition(" ") for part in made.notes["mixed from"].split(", "))
@@ -102,7 +102,7 @@ def draw() -> None:
 
 def _draw_curves(figure: Any, measured: BaseSpectra) -> None:
     axes = inch_axes(figure, 0.45, 0.5, 2.75, 2.7)
-    plain(axes)
+    style_axes(axes)
     w = measured.grid.wavelengths_nm
     axes.set(xlim=(w[0], w[-1]), ylim=(0, 1), yticks=[0, 0.5, 1])
     axes.set_xlabel("wavelength, nm", fontsize=8, color=FAINT, labelpad=3)
@@ -115,7 +115,7 @@ def _draw_curves(figure: Any, measured: BaseSpectra) -> None:
 
 def _draw_chromaticities(figure: Any, left: float, title: str, base: BaseSpectra) -> None:
     axes = inch_axes(figure, left, 0.5, 2.8, 2.7)
-    plain(axes)
+    style_axes(axes)
     # One unit is as long in y as in x.
     axes.set(xlim=(0, 0.8 * 2.8 / 2.7 + 0.03), ylim=(0, 0.86), xticks=[0, 0.2, 0.4, 0.6],
              yticks=[0.2, 0.4, 0.6, 0.8])  # fmt: skip
@@ -133,7 +133,7 @@ def _draw_chromaticities(figure: Any, left: float, title: str, base: BaseSpectra
         )
     E = light("D65")
     white = white_XYZ(E)
-    XYZ = XYZ_of(E, base.values)
+    XYZ = XYZ_from_spectra(E, base.values)
     seen = XYZ.sum(1) > 1e-6
     # As bright as the screen shows the chromaticity: dark base spectra are points too.
     linear = XYZ[seen] @ np.linalg.inv(XYZ_from_linear_sRGB(white)).T

@@ -13,8 +13,8 @@ import pytest
 
 from volspec import cli
 from volspec.basis import MaterialBasis, SpectralBasis, load_basis
+from volspec.basis import report_table as table
 from volspec.basis.make import SPIKY_SHARE
-from volspec.basis.report import table
 from volspec.pipeline import raycast
 from volspec.raycast import Camera
 from volspec.spectra import light_set, reflectance
@@ -60,7 +60,7 @@ def noted_fits(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
 
     monkeypatch.setattr(SpectralBasis, "fit", fit)
     # What it gives is for no other test.
-    monkeypatch.setattr("volspec.basis.kept.kept", lambda name, maker, make: make())
+    monkeypatch.setattr("volspec.basis.fit_cache.kept", lambda name, maker, make: make())
     return asked
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from volspec.cli import main
-from volspec.spectra.temperature import correlated_temperature
+from volspec.spectra.photometry import correlated_temperature
 
 LAMP = "lamp:tungsten-2850"
 

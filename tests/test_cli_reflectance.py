@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from volspec import cli
-from volspec.spectra import SpectralImage, XYZ_of, light, reflectance, white_XYZ
+from volspec.spectra import SpectralImage, XYZ_from_spectra, light, reflectance, white_XYZ
 from volspec.spectra.construct import XYZ_from_sRGB
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -55,7 +55,9 @@ def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: pytest.CaptureFi
     assert [row["light"] for row in said["lights"]] == ["A", "FL11"]
     assert said["lights"][0]["delta_e"] < 1e-6
     assert sum(part["share"] for part in said["mix"]) == pytest.approx(1)
-    np.testing.assert_allclose(XYZ_of(light("A"), said["reflectance"]), [30, 27, 9], atol=1e-6)
+    np.testing.assert_allclose(
+        XYZ_from_spectra(light("A"), said["reflectance"]), [30, 27, 9], atol=1e-6
+    )
 
 
 def test_a_colour_outside_is_extended_and_one_beyond_is_warned_of(
@@ -76,7 +78,7 @@ def test_the_spectrum_file_is_what_scenes_read(tmp_path: Path) -> None:
     assert call("tomato", "-o", str(file), "--figure", str(figure)) == 0
     paint = reflectance(str(file))
     wanted = XYZ_from_sRGB(np.array([255, 99, 71]) / 255, white_XYZ(light("D65")))
-    np.testing.assert_allclose(XYZ_of(light("D65"), paint), wanted, atol=1e-5)
+    np.testing.assert_allclose(XYZ_from_spectra(light("D65"), paint), wanted, atol=1e-5)
     height, width = iio.imread(figure).shape[:2]
     assert (width, height) == (1024, 544)
 
@@ -95,7 +97,7 @@ def test_a_photograph_becomes_a_spectral_picture(
     assert image.values.min() >= 0 and image.values.max() <= 1
     wanted = XYZ_from_sRGB(codes / 255, white_XYZ(light("D65")))
     # float32 holds seven digits.
-    np.testing.assert_allclose(XYZ_of(light("D65"), image.values), wanted, atol=1e-4)
+    np.testing.assert_allclose(XYZ_from_spectra(light("D65"), image.values), wanted, atol=1e-4)
 
 
 def test_transparency_and_profiles_are_left_out_with_a_word(

@@ -49,7 +49,7 @@ def stored(path: Path, basis: Basis = GENERAL) -> Path:
         shares = [[[0.9, 0.0, 0.0], [0.4, 0.4, 0.1], [0.0, 0.9, 0.0]]]
         coefficients = np.array(shares, np.float32)
     else:
-        coefficients = (0.8 * basis.analyze(CHART)).astype(np.float32)
+        coefficients = (0.8 * basis.analyse(CHART)).astype(np.float32)
     alpha = np.full(coefficients.shape[:2], 0.9, np.float32)
     CoefficientImage(coefficients, alpha, np.ones_like(alpha), basis).save(path)
     return path
@@ -197,7 +197,7 @@ def test_lights_without_lux_relight_the_image_of_a_scene_with_lux(tmp_path: Path
 
 def grouped(path: Path) -> Path:
     """The chart under a key from the left and a fill from the right."""
-    chart = (0.8 * GENERAL.analyze(CHART)).astype(np.float32)
+    chart = (0.8 * GENERAL.analyse(CHART)).astype(np.float32)
     ramp = np.linspace(0, 1, chart.shape[1], dtype=np.float32)[None, :, None]
     alpha = np.full(chart.shape[:2], 0.9, np.float32)
     layers = np.concatenate([0.7 * (1 - ramp) * chart, 0.3 * ramp * chart], axis=-1)

@@ -38,7 +38,7 @@ SCENE = {
 @pytest.fixture
 def chart(tmp_path: Path) -> Path:
     """The test reflectances, with the viewing of a scene."""
-    chart = (0.8 * GENERAL.analyze(reflectance_set("test").reshape(7, 12, 31))).astype(np.float32)
+    chart = (0.8 * GENERAL.analyse(reflectance_set("test").reshape(7, 12, 31))).astype(np.float32)
     alpha = np.full(chart.shape[:2], 0.9, np.float32)
     notes = {"viewing": json.dumps(SCENE)}
     CoefficientImage(chart, alpha, alpha, GENERAL, notes=notes).save(tmp_path / "chart.exr")

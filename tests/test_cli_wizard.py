@@ -54,7 +54,10 @@ def test_hide_writes_a_scene_that_renders_and_keeps_its_comments(
     assert scene.materials["core"].designed and not scene.materials["stone"].designed
     assert scene.render(size=(16, 16)).alpha.max() > 0.5
     under = [light.spectrum for light in scene.lights if light.name == "lamp"]
-    seen = [scene.basis.xyz(row, under[0]) for row in scene.basis.channels_of(scene.materials)]
+    seen = [
+        scene.basis.xyz(row, under[0])
+        for row in scene.basis.channels_for_materials(scene.materials)
+    ]
     assert np.abs(seen[0] - seen[1]).max() < 0.01
     palette = load_palette(new.with_name("new-palette.toml"))
     assert palette.cells["core", "lamp"].other == ("shell", "lamp")

@@ -17,9 +17,9 @@ import pytest
 from rich.table import Table
 
 from tests.viewer.test_files_scene import opened
+from volspec._figures import write
 from volspec._toml import key_text, toml_text
 from volspec.basis import SpectralBasis
-from volspec.basis.figure.style import write
 from volspec.cli.shell import Terminal
 from volspec.errors import ImageError
 from volspec.export.compositing import Recipe

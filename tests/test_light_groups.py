@@ -15,8 +15,8 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec, error_map
 from volspec.spectra import (
     Spectrum,
-    XYZ_of,
-    color_matching_functions,
+    XYZ_from_spectra,
+    colour_matching_functions,
     light,
     reflectance,
     white_XYZ,
@@ -90,7 +90,7 @@ def test_white_that_faces_every_source_is_the_adopted_white(
     image = cast()
     rig = LightRig((A, D65, FL2), weights, groups=("key", "fill", "rim"))
     # XYZ of a sum of lights: by the luminous energies in which they reach the surface.
-    Y = np.array([color_matching_functions(GENERAL.grid)[1] @ E.values for E in (A, D65, FL2)])
+    Y = np.array([colour_matching_functions(GENERAL.grid)[1] @ E.values for E in (A, D65, FL2)])
     part = Y * weights * list(SHARES.values())
     white = part @ [white_XYZ(E) for E in (A, D65, FL2)] / part.sum()
     found = lit(image, rig, mode=mode)
@@ -103,13 +103,13 @@ def test_white_that_faces_every_source_is_the_adopted_white(
 def test_exact_mode_is_31_bands_where_each_group_has_its_own_light() -> None:
     shares = {"key": 0.6, "fill": 0.4}
     names = ("ColorChecker/orange", "ColorChecker/blue sky")
-    S = GENERAL.synthesize(GENERAL.analyze([reflectance(name) for name in names]))
+    S = GENERAL.synthesise(GENERAL.analyse([reflectance(name) for name in names]))
     facing = np.array([[0.9, 0.1], [0.2, 1.0]])[:, None] * list(shares.values())
-    coefficients = (facing[..., None] * GENERAL.analyze(S)[:, None, None]).reshape(2, 1, -1)
+    coefficients = (facing[..., None] * GENERAL.analyse(S)[:, None, None]).reshape(2, 1, -1)
     one = np.ones((2, 1), np.float32)
     image = CoefficientImage(coefficients.astype("f4"), one, one, GENERAL, groups=shares)
     E = np.array([A.values, 2 * FL2.values])
-    Q = color_matching_functions(GENERAL.grid)
+    Q = colour_matching_functions(GENERAL.grid)
     kappa = 100 / (Q[1] @ (np.array(list(shares.values())) @ E))
     truth = kappa * ((facing[:, 0] @ E) * S) @ Q.T
     rig = LightRig((A, FL2), (1, 2), groups=("key", "fill"))
@@ -151,7 +151,7 @@ def test_lux_is_what_a_light_gives_from_all_groups() -> None:
         rig = LightRig((A, D65), illuminance_lux=lux, groups=groups)
         found = lit(image, rig, level="absolute", viewing=Viewing(illuminance_lux=2000.0))
         assert found.illuminance_lux == pytest.approx(expected)
-        white = XYZ_of(rig.facing(SHARES).mixed(GENERAL.grid), np.ones(31))
+        white = XYZ_from_spectra(rig.facing(SHARES).mixed(GENERAL.grid), np.ones(31))
         backdrop = 0.2 * white * expected / 2000
         np.testing.assert_allclose(found.backdrop_XYZ, backdrop, rtol=1e-12)
 

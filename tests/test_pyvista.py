@@ -195,8 +195,8 @@ def test_opaque_colours_are_vtks_under_daylight(plot: Plots) -> None:
 def colour_of(mix: dict[str, float], materials: dict[str, vs.Spectrum]) -> np.ndarray:
     """sRGB codes of a mix under D65."""
     basis = SpectralBasis.bands()
-    channels = basis.channels_of({name: materials[name] for name in mix})
-    XYZ = basis.color_matrix(vs.light("D65"), "exact") @ (list(mix.values()) @ channels)
+    channels = basis.channels_for_materials({name: materials[name] for name in mix})
+    XYZ = basis.colour_matrix(vs.light("D65"), "exact") @ (list(mix.values()) @ channels)
     return np.asarray(255 * sRGB_CURVE.encode(constants.sRGB_FROM_XYZ @ XYZ))
 
 

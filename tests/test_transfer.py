@@ -27,13 +27,13 @@ def test_table_runs_linearly_between_points_and_stays_beyond() -> None:
     table = function((10, 0.0, "copper"), (30, 0.8, "steel")).bake(1.0, size=21)
     assert table.domain == (10, 30)
     assert np.allclose(table.opacity, np.linspace(0, 0.8, 21))
-    copper, steel = (BASIS.analyze(MATERIALS[name]) for name in ("copper", "steel"))
+    copper, steel = (BASIS.analyse(MATERIALS[name]) for name in ("copper", "steel"))
     assert np.allclose(table.coefficients[[0, 10, 20]], [copper, (copper + steel) / 2, steel])
 
 
 def test_mixes_are_weighted_sums_of_materials() -> None:
     table = function((0, 1.0, {"copper": 0.3, "steel": 0.5})).bake(1.0)
-    mix = 0.3 * BASIS.analyze(MATERIALS["copper"]) + 0.5 * BASIS.analyze(MATERIALS["steel"])
+    mix = 0.3 * BASIS.analyse(MATERIALS["copper"]) + 0.5 * BASIS.analyse(MATERIALS["steel"])
     assert np.allclose(table.coefficients, mix)
 
 
@@ -47,7 +47,7 @@ def test_two_points_of_one_value_make_a_step() -> None:
 def test_a_step_at_an_end_holds_beyond_it() -> None:
     table = function((0, 0.0, "steel"), (60, 0.0, "steel"), (60, 1.0, "copper")).bake(1.0)
     assert table.opacity[-1] == 1 and table.opacity[-2] == 0
-    assert np.allclose(table.coefficients[-1], BASIS.analyze(MATERIALS["copper"]))
+    assert np.allclose(table.coefficients[-1], BASIS.analyse(MATERIALS["copper"]))
     table = function((0, 0.3, "steel"), (0, 1.0, "steel"), (60, 1.0, "copper")).bake(1.0)
     assert table.opacity[0] == 0.3 and table.opacity[1] == 1
 
@@ -65,7 +65,7 @@ def test_narrow_peaks_are_not_missed() -> None:
 def test_only_materials_in_use_are_rows() -> None:
     table = function((0, 0.5, "steel"), (1, 0.5, {"steel": 0.5, "copper": 0})).bake(1.0)
     assert table.shares.shape == (1024, 1) and table.channels.shape == (1, 7)
-    assert np.allclose(table.channels[0], BASIS.analyze(MATERIALS["steel"]))
+    assert np.allclose(table.channels[0], BASIS.analyse(MATERIALS["steel"]))
 
 
 @settings(derandomize=True, deadline=None, max_examples=50)
@@ -77,7 +77,7 @@ def test_rows_are_never_more_than_channels_and_colours_are_the_mixes(shares: lis
     table = TransferFunction(points, MANY, BASIS).bake(1.0, size=3 * (len(mixes) - 1) + 1)
     assert len(table.channels) <= 7 == table.size
     for i, mix in enumerate(mixes):
-        expected = sum(share * BASIS.analyze(MANY[name]) for name, share in mix.items())
+        expected = sum(share * BASIS.analyse(MANY[name]) for name, share in mix.items())
         assert np.allclose(table.coefficients[3 * i], expected)
 
 
@@ -109,7 +109,7 @@ def test_filters_are_mixed_by_shares_and_free_of_opacity() -> None:
     table = function(
         (0, 0.1, "steel"), (1, 0.9, {"copper": 0.25, "steel": 0.25}), filters={"copper": AMBER}
     ).bake(1.0, size=3)
-    amber = BASIS.analyze(AMBER)
+    amber = BASIS.analyse(AMBER)
     assert amber.min() > 0 and amber.max() < 1
     # In the middle 0.125 of copper and 0.625 of steel: a sixth.
     assert table.filters is not None
@@ -124,7 +124,7 @@ def test_a_table_without_a_filter_in_use_has_none() -> None:
 def test_filters_beyond_the_basis_are_clipped_and_told() -> None:
     narrow = Spectrum([390, 549, 550, 560, 561, 710], [0, 0, 1, 1, 0, 0])
     signed = function((0, 0.5, "copper"), filters={"copper": narrow})
-    assert BASIS.analyze(narrow).min() < -0.02
+    assert BASIS.analyse(narrow).min() < -0.02
     with pytest.warns(VolspecWarning, match=r"filter of 'copper' leaves 0…1 by 0\.") as caught:
         filters = signed.bake(1.0).filters
     assert filters is not None and filters.min() == 0 and filters.max() <= 1

@@ -16,7 +16,7 @@ from volspec.transfer import Isosurfaces, LabelFunction
 
 BASIS = SpectralBasis.load("general-7")
 MATERIALS = {name: reflectance(name) for name in ("copper", "steel", "gold")}
-COPPER, STEEL, GOLD = (BASIS.analyze(spectrum) for spectrum in MATERIALS.values())
+COPPER, STEEL, GOLD = (BASIS.analyse(spectrum) for spectrum in MATERIALS.values())
 
 
 def labels(given: object, **settings: object) -> LabelFunction:
@@ -44,7 +44,7 @@ def test_entry_i_is_of_label_i_and_all_others_are_transparent(given_labels: dict
     assert not table.opacity[others].any() and not table.shares[others].any()
     for label, (opacity, name) in given_labels.items():
         assert table.opacity[label] == opacity
-        expected = BASIS.analyze(MATERIALS[name]) if opacity else np.zeros(7)
+        expected = BASIS.analyse(MATERIALS[name]) if opacity else np.zeros(7)
         assert np.allclose(table.shares[label] @ table.channels, expected)
 
 

@@ -63,7 +63,7 @@ def test_overlapping_regions_mix_by_opacity() -> None:
     first = Region((0, 20), (0, 10), 0.2, "copper", softness=0)
     second = Region((10, 30), (0, 10), 0.6, {"steel": 0.5}, softness=0)
     table = function(first, second).bake(1.0, size=(31, 11))
-    copper, steel = (BASIS.analyze(MATERIALS[name]) for name in ("copper", "steel"))
+    copper, steel = (BASIS.analyse(MATERIALS[name]) for name in ("copper", "steel"))
     assert np.allclose(table.opacity[5, [5, 15, 25]], [0.2, 1 - 0.8 * 0.4, 0.6])
     mixed = (0.2 * copper + 0.6 * 0.5 * steel) / 0.8
     assert np.allclose(table.coefficients[5, [5, 15, 25]], [copper, mixed, 0.5 * steel])

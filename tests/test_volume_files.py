@@ -11,7 +11,7 @@ import pytest
 
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import Volume, load_volume
-from volspec.volume.summary import summarize
+from volspec.volume.summary import summarise
 
 VALUES = np.arange(24, dtype=np.int16).reshape(2, 3, 4) * 100 - 700
 # x runs along +y with 2 mm, y along −x with 1 mm, z along +z with 3 mm.
@@ -188,7 +188,7 @@ def test_spacings_that_are_not_positive_are_refused(files: Path, spacing: str) -
 def test_summary_counts_every_voxel() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        summary = summarize(Volume(VALUES, world_from_index=WORLD))
+        summary = summarise(Volume(VALUES, world_from_index=WORLD))
     assert sum(count for _, _, count in summary.histogram) == 24
     assert summary.extent_mm == (6, 2, 3) and summary.range == (-700, 1600)
     assert summary.table().row_count > 8

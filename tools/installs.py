@@ -33,7 +33,7 @@ TESTS = (
     *("test_volume_files", "test_volume_series", "test_volume_tiff", "test_volume_zarr"),
     *("test_pyvista", "test_opencl", "twins/test_relight", "viewer/test_window"),
     *("palette/test_problem", "palette/test_palette_figure", "export/test_export_film"),
-    *("notebook/test_widget", "colour/test_reflectance_of"),
+    *("notebook/test_widget", "spectra/test_construct"),
 )
 
 

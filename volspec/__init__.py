@@ -10,6 +10,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from volspec._deprecated import renamed
+
 __version__ = "0.1.0"
 
 _HOMES = {
@@ -42,8 +44,8 @@ _HOMES = {
     "volspec.scene": ("Scene",),
     "volspec.spectra": (
         *("SpectralGrid", "SpectralImage", "Spectrum", "light", "light_names"),
-        *("read_spectrum", "reflectance", "reflectance_names", "reflectance_of"),
-        "reflectances_of",
+        *("read_spectrum", "reflectance", "reflectance_names", "reflectance_from_colour"),
+        "reflectances_from_colours",
     ),
     "volspec.transfer": (
         *("Isosurfaces", "LabelFunction", "Region", "TransferFunction", "TransferFunction2D"),
@@ -70,10 +72,20 @@ class _Package(ModuleType):
 sys.modules[__name__].__class__ = _Package
 
 
-def __getattr__(name: str) -> Any:
+def _import_name(name: str) -> Any:
     if name not in _HOME_OF:
         raise AttributeError(f"module 'volspec' has no attribute {name!r}")
     return getattr(import_module(_HOME_OF[name]), name)
+
+
+__getattr__ = renamed(
+    __name__,
+    {
+        "reflectance_of": "reflectance_from_colour",
+        "reflectances_of": "reflectances_from_colours",
+    },
+    otherwise=_import_name,
+)
 
 
 def __dir__() -> list[str]:

@@ -22,7 +22,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
+def renamed(
+    module: str, names: Mapping[str, str], otherwise: Callable[[str], Any] | None = None
+) -> Callable[[str], Any]:
     """Make a module's ``__getattr__``, which answers to old names.
 
     Parameters
@@ -31,6 +33,8 @@ def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
         ``__name__`` of the module.
     names : {old: new}
         A new name is one of the module, or ``"package.module:name"`` of another.
+    otherwise : function of a name, optional
+        The module's own ``__getattr__``, called for all other names.
 
     Examples
     --------
@@ -45,6 +49,8 @@ def renamed(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:
     """
 
     def __getattr__(name: str) -> Any:
+        if name not in names and otherwise is not None:
+            return otherwise(name)
         if name not in names:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
         home, _, new = names[name].rpartition(":")

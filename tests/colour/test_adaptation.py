@@ -14,7 +14,7 @@ from volspec.appearance.constants import DISPLAY_WHITE_XYZ, XYZ_FROM_sRGB
 from volspec.appearance.models.conditions import Conditions
 from volspec.appearance.passages import CurvePassage, LinearPassage, Passage
 from volspec.errors import ShapeError, ViewingError
-from volspec.spectra._colour import colour_science
+from volspec.spectra.datasets import colour_science
 
 A, D50, D65 = (109.85, 100.0, 35.58), (96.42, 100.0, 82.49), (95.047, 100.0, 108.883)
 FL11, BLUE, GREEN = (100.97, 100.0, 64.37), (98.0, 100.0, 180.0), (60.0, 100.0, 45.0)

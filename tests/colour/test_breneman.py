@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from volspec.appearance.adaptation import ADAPTATIONS, adapt, breneman
-from volspec.spectra._colour import colour_science
+from volspec.spectra.datasets import colour_science
 
 DOC = Path(__file__).parents[2] / "docs" / "adaptation.md"
 # Mean Δu'v' over eight experiments of 12 colours, as computed beforehand from the papers'

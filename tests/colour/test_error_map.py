@@ -10,7 +10,7 @@ from PIL import ImageDraw
 
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
-from volspec.basis.report import report
+from volspec.basis.report import basis_report
 from volspec.errors import RelightError, ViewingError
 from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage
@@ -23,7 +23,7 @@ TEST = reflectance_set("test")
 
 def chart(alpha: float = 1.0) -> CoefficientImage:
     """The 84 test reflectances as an image of 7 rows and 12 columns."""
-    coefficients = alpha * BASIS.analyze(TEST).reshape(7, 12, 7).astype(np.float32)
+    coefficients = alpha * BASIS.analyse(TEST).reshape(7, 12, 7).astype(np.float32)
     opacity = np.full((7, 12), alpha, np.float32)
     return CoefficientImage(coefficients, opacity, np.ones_like(opacity), BASIS)
 
@@ -31,10 +31,10 @@ def chart(alpha: float = 1.0) -> CoefficientImage:
 def test_the_map_is_the_report_of_what_the_basis_makes_of_the_pixels() -> None:
     """Opaque pixels: the same numbers as `report` gives for the synthesised reflectances."""
     lamp = light("FL4")
-    made = BASIS.synthesize(BASIS.analyze(TEST))
+    made = BASIS.synthesise(BASIS.analyse(TEST))
     possible = (made >= 0).all(axis=1)  # a report refuses what dips below 0
     assert possible.sum() > 60
-    truth = report(BASIS, [lamp], made[possible])
+    truth = basis_report(BASIS, [lamp], made[possible])
     found = error_map(chart(), lamp)
     assert found.delta_e.shape == (7, 12) and found.delta_e.dtype == np.float32
     errors = found.delta_e.ravel()[possible]
@@ -112,7 +112,7 @@ def test_a_half_transparent_pixel_s_error_is_that_before_its_backdrop() -> None:
     for backdrop in (0.0, 0.2, 0.9):
         behind = (1 - alpha) * backdrop * white
         Lab = [
-            cielab(image.coefficients @ BASIS.color_matrix(lamp, mode).T + behind, white)
+            cielab(image.coefficients @ BASIS.colour_matrix(lamp, mode).T + behind, white)
             for mode in ("exact", "componentwise")
         ]
         found[backdrop] = error_map(image, lamp, backdrop=backdrop).delta_e

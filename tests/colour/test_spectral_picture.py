@@ -18,7 +18,7 @@ NM = BASIS.grid.wavelengths_nm
 
 def test_a_chart_of_reflectances_is_analysed_pixel_by_pixel() -> None:
     image = CoefficientImage.from_spectral_image(SpectralImage(CHART, NM, "reflective"), BASIS)
-    assert np.allclose(image.coefficients, BASIS.analyze(CHART), atol=1e-6)
+    assert np.allclose(image.coefficients, BASIS.analyse(CHART), atol=1e-6)
     assert image.alpha.min() == 1
     assert relight(image, light("A"), backend="numpy").std() > 30
 
@@ -28,7 +28,7 @@ def test_radiances_are_divided_by_the_light_they_were_taken_under() -> None:
     lamp = light("A")
     radiance = SpectralImage(3.7 * CHART * lamp.values, NM, "emissive")
     image = CoefficientImage.from_spectral_image(radiance, BASIS, taken_under=lamp)
-    wanted = BASIS.analyze(CHART)
+    wanted = BASIS.analyse(CHART)
     factor = image.coefficients.mean() / wanted.mean()
     assert np.allclose(image.coefficients, factor * wanted, atol=1e-5)
     assert 1 <= factor < 1.3, "the brightest patch, which reflects 0.9, counts as white"
@@ -50,7 +50,7 @@ def test_a_hot_pixel_does_not_become_the_white() -> None:
     assert np.allclose(found[y, x], 5 * plain[y, x], rtol=1e-5)
     found[y, x] = plain[y, x]
     assert np.array_equal(found, plain)
-    wanted = BASIS.analyze(np.tile(CHART, (4, 5, 1))) / CHART.mean(axis=-1).max()
+    wanted = BASIS.analyse(np.tile(CHART, (4, 5, 1))) / CHART.mean(axis=-1).max()
     assert np.allclose(plain, wanted, atol=1e-5), "the brightest patch is the white"
 
 

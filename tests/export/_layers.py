@@ -35,7 +35,7 @@ def made(basis: Basis = GENERAL, kind: type = np.float32) -> CoefficientImage:
     if isinstance(basis, MaterialBasis):
         own = np.random.default_rng(7).dirichlet(np.ones(3), (7, 12))
     else:
-        own = basis.analyze(reflectance_set("test").reshape(7, 12, 31))
+        own = basis.analyse(reflectance_set("test").reshape(7, 12, 31))
     alpha = np.linspace(0, 1, 84, dtype=np.float32).reshape(7, 12)
     ramp = np.linspace(0, 1, 12)[:, None]
     layers = np.concatenate([0.6 * (1 - ramp) * own, 0.25 * ramp * own], -1) * alpha[..., None]

@@ -81,7 +81,7 @@ def test_numbers_of_a_light_are_its_channels_and_one_for_flat_white() -> None:
     rows = Recipe.of(GENERAL, SHARES, lights, spec).lights
     assert np.allclose(rows["flat"].numbers["key"], 1.0)
     assert list(rows["key"].numbers) == list(rows["key"].matrices) == ["key"], "the sky is dark"
-    e = GENERAL.analyze(light("A"))
+    e = GENERAL.analyse(light("A"))
     assert np.allclose(rows["key"].numbers["key"] / rows["key"].numbers["key"][0], e / e[0])
     # White that faces the key alone gets 0.7 of what faces both, and it is the adopted white.
     assert np.allclose(0.7 * rows["key"].matrices["key"] @ np.ones(7), 1.0)

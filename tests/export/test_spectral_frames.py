@@ -32,9 +32,9 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.spectra import SpectralImage, light, reflectance
-from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.datasets import colour_matching_functions
 
-EYE = color_matching_functions(GENERAL.grid).T
+EYE = colour_matching_functions(GENERAL.grid).T
 
 
 def spectral(path: Path) -> tuple[dict[str, Any], NDArray[Any], NDArray[Any]]:

@@ -37,7 +37,7 @@ def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page of a ball that nobody cast, from 36 sides, under three lights."""
     basis, (y, x) = SpectralBasis.load("general-5"), np.mgrid[-1:1:18j, -1.4:1.4:24j]
     alpha = (np.hypot(x, y) < 0.9).astype(np.float32)
-    colour = basis.analyze(reflectance("copper")).astype(np.float32)
+    colour = basis.analyse(reflectance("copper")).astype(np.float32)
     image = CoefficientImage(alpha[..., None] * colour, alpha, alpha, basis)
     lamps = [(name, light(name)) for name in ("D65", "A", "FL2")]
     lights = [NamedLight(name, f"lamp {name}", lamp, LightRig((lamp,))) for name, lamp in lamps]

@@ -149,7 +149,7 @@ def test_the_error_map_has_the_desktops_figures(
 ) -> None:
     basis, lamp = SpectralBasis.load("general-5"), light("FL2")
     names = [f"CES/{number}" for number in range(1, 82)]
-    samples = basis.analyze([reflectance(name) for name in names])
+    samples = basis.analyse([reflectance(name) for name in names])
     one = np.ones((9, 9), np.float32)
     image = CoefficientImage(samples.reshape(9, 9, 5).astype(np.float32), one, one, basis)
     lights = [NamedLight("FL2", "", lamp, LightRig((lamp,)))]

@@ -18,7 +18,7 @@ from volspec.appearance.models.conditions import CamPassage
 from volspec.appearance.passages import CurvePassage, LinearPassage
 from volspec.appearance.spec import Display
 from volspec.basis import MODES, MaterialBasis, SpectralBasis
-from volspec.basis.stored import Basis
+from volspec.basis.materials import Basis
 from volspec.export.page import payload
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.scene.lights import NamedLight

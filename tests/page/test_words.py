@@ -40,7 +40,7 @@ def page_of(opened: Page, tmp_path: Path) -> Page:
         width, height = picture
         basis, lamp = SpectralBasis.load("general-5"), light("D65")
         whole = np.ones((height, width), np.float32)
-        grey = basis.analyze(0.5 * np.ones_like(lamp.values)).astype(np.float32)
+        grey = basis.analyse(0.5 * np.ones_like(lamp.values)).astype(np.float32)
         image = CoefficientImage(whole[..., None] * grey, whole, whole, basis)
         lights = [NamedLight(name, name, lamp, LightRig((lamp,))) for name in names]
         path = tmp_path / "words.html"

@@ -19,9 +19,9 @@ from volspec.palette.criteria import Phase
 from volspec.palette.eye import Eye
 from volspec.palette.problem import Term
 from volspec.palette.state import State
-from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, color_matching_functions, light
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, colour_matching_functions, light
 
-Q = color_matching_functions(DEFAULT_GRID)
+Q = colour_matching_functions(DEFAULT_GRID)
 NM = DEFAULT_GRID.wavelengths_nm
 RGB_FROM_XYZ = Viewing("none").display.colours.RGB_from_XYZ
 RGB = Criteria(metric="RGB", rounds=1)
@@ -182,7 +182,7 @@ def basis_XYZ(palette: Palette, E: np.ndarray, S: np.ndarray) -> np.ndarray:
     basis = palette.basis
     assert basis is not None
     lit = Spectrum(NM, E)
-    channels = basis.analyze(lit) * (basis.analysis @ S)
+    channels = basis.analyse(lit) * (basis.analysis @ S)
     return np.asarray(basis.display_matrix(lit) @ channels * (Q[1] @ E) / 100.0)
 
 

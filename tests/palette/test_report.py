@@ -12,7 +12,7 @@ import pytest
 
 import volspec as vs
 from volspec.palette import Cell, Criteria, DesignReport, Palette, PaletteSpectrum, design
-from volspec.spectra import XYZ_of
+from volspec.spectra import XYZ_from_spectra
 
 ROOT = Path(__file__).resolve().parents[2]
 GREY = (0.6, 0.6, 0.6)
@@ -40,7 +40,7 @@ def test_a_cell_shows_the_colour_that_its_spectra_make() -> None:
     )
     report = DesignReport.of(design(palette))
     copper, grey = report.cells
-    seen = XYZ_of(vs.light("A"), vs.reflectance("copper"))
+    seen = XYZ_from_spectra(vs.light("A"), vs.reflectance("copper"))
     assert np.allclose(copper.XYZ, seen)
     assert (copper.kind, copper.wanted, copper.delta_E_2000) == ("", None, None)
     assert grey.wanted == pytest.approx(GREY) and grey.delta_E_2000 == pytest.approx(0, abs=1e-3)

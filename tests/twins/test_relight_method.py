@@ -14,7 +14,7 @@ from volspec.basis import SpectralBasis
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec, relight
 from volspec.relight.reference import relight_reference
-from volspec.spectra import Spectrum, color_matching_functions, light, reflectance
+from volspec.spectra import Spectrum, colour_matching_functions, light, reflectance
 
 
 @pytest.fixture(scope="module")
@@ -35,13 +35,13 @@ def two_materials(basis: SpectralBasis) -> tuple[CoefficientImage, np.ndarray, n
     Both materials lie in the basis' span, so that 31 bands and the light matrix must agree.
     """
     names = ("ColorChecker/orange", "ColorChecker/blue sky")
-    spans = basis.synthesize(basis.analyze([reflectance(name) for name in names]))
+    spans = basis.synthesise(basis.analyse([reflectance(name) for name in names]))
     rng = np.random.default_rng(8)
     share = rng.random((6, 5, 1))
     alpha = rng.random((6, 5)).astype(np.float32)
     alpha[0], alpha[-1] = 1.0, 0.0
     spectra = share * spans[0] + (1.0 - share) * spans[1]
-    coefficients = (basis.analyze(spectra) * alpha[..., None]).astype(np.float32)
+    coefficients = (basis.analyse(spectra) * alpha[..., None]).astype(np.float32)
     depth = np.full(alpha.shape, np.inf, np.float32)
     return CoefficientImage(coefficients, alpha, depth, basis), spectra, alpha
 
@@ -50,7 +50,7 @@ def two_materials(basis: SpectralBasis) -> tuple[CoefficientImage, np.ndarray, n
 def test_relight_is_method_4_in_31_bands(backend, general, name):
     image, S, alpha = two_materials(general)
     behind = reflectance("ColorChecker/red")
-    E, Q = light(name).values, color_matching_functions(GRID)
+    E, Q = light(name).values, colour_matching_functions(GRID)
     kappa = 100.0 / (Q[1] @ E)
     surface = kappa * (E * S) @ Q.T
     backdrop = kappa * (E * behind.values) @ Q.T

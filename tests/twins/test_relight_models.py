@@ -14,7 +14,7 @@ from volspec.appearance.table import TablePassage, TableSpace
 from volspec.relight.gpu import GLEngine
 from volspec.relight.host import HostEngine
 from volspec.spectra import light
-from volspec.spectra.photometry import XYZ_of, white_XYZ
+from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 
 LIGHTS = ("A", "FL2")
 # Known colour by colour only: always looked up.
@@ -99,7 +99,7 @@ def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(
     name: str, viewing: Viewing
 ) -> None:
     lamp = light(name)
-    XYZ = XYZ_of(lamp, boxes())
+    XYZ = XYZ_from_spectra(lamp, boxes())
     passage = passage_of(viewing, white_XYZ(lamp))
     colours = viewing.display.colours
     table = TablePassage.of(passage, TableSpace.between(white_XYZ(lamp), colours))
@@ -114,7 +114,7 @@ def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(
 
 def test_a_picture_with_colours_that_no_table_holds_is_drawn_by_the_closed_form() -> None:
     lamp = light("D65")
-    coefficients, alpha, lit = opaque(XYZ_of(lamp, boxes())[:, None], white_XYZ(lamp))
+    coefficients, alpha, lit = opaque(XYZ_from_spectra(lamp, boxes())[:, None], white_XYZ(lamp))
     frames = []
     for table in (False, True):
         gl = GLEngine(coefficients, alpha, table=table)

@@ -75,7 +75,7 @@ VIEWINGS = (
 def test_designed_spectra_under_designed_lights_give_no_nan(model: str) -> None:
     spectra = designed()
     assert len(spectra) % 3 == 0
-    coefficients = BASIS.analyze(spectra).reshape(3, -1, BASIS.size).astype(np.float32)
+    coefficients = BASIS.analyse(spectra).reshape(3, -1, BASIS.size).astype(np.float32)
     alpha = np.ones(coefficients.shape[:2], np.float32)
     alpha[0, :4] = 0.0
     # Two models have no closed form: always looked up, in a table that takes the host a second.

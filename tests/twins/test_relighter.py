@@ -32,7 +32,7 @@ from volspec.relight.packed import PackedLayers
 from volspec.relight.reference import relight_reference
 from volspec.relight.tables import MOST_TABLES, HostTables, TableKey
 from volspec.spectra import SpectralGrid, Spectrum, light
-from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.datasets import colour_matching_functions
 
 GRID = SpectralGrid()
 RAW = Viewing(model="none")
@@ -42,7 +42,7 @@ def box_basis(size: int = 5) -> SpectralBasis:
     """Channels that are means over groups of neighbouring bands."""
     B = np.zeros((GRID.size, size))
     B[np.arange(GRID.size), np.arange(GRID.size) * size // GRID.size] = 1.0
-    Q = color_matching_functions(GRID)
+    Q = colour_matching_functions(GRID)
     D = 100.0 * Q @ B / Q[1].sum()
     return SpectralBasis("boxes", "boxes", GRID, (B / B.sum(0)).T, B, D)
 
@@ -163,8 +163,8 @@ def test_relative_level_ignores_a_light_s_power(backend):
 def test_mixed_light_is_the_weighted_sum_of_analyses():
     basis = box_basis()
     rig = LightRig((light("A"), light("FL2")), weights=(0.25, 2.0))
-    expected = 0.25 * basis.analyze(light("A")) + 2.0 * basis.analyze(light("FL2"))
-    np.testing.assert_allclose(basis.analyze(rig.mixed(GRID)), expected, rtol=1e-12)
+    expected = 0.25 * basis.analyse(light("A")) + 2.0 * basis.analyse(light("FL2"))
+    np.testing.assert_allclose(basis.analyse(rig.mixed(GRID)), expected, rtol=1e-12)
 
 
 def test_weights_may_be_an_array():

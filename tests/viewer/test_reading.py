@@ -13,7 +13,7 @@ from volspec.pipeline import raycast
 from volspec.raycast import Camera, CoefficientImage
 from volspec.relight import Illumination, LightRig
 from volspec.relight.error_map import error_map
-from volspec.spectra import color_matching_functions
+from volspec.spectra import colour_matching_functions
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import rig_of
 from volspec.viewer.model.state import ViewState
@@ -61,11 +61,11 @@ def test_a_value_is_that_of_the_nearest_voxel(document: Document) -> None:
 
 
 def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) -> None:
-    """Q times the spectrum is the exact picture's XYZ, as both synthesize the same channels."""
+    """Q times the spectrum is the exact picture's XYZ, as both synthesise the same channels."""
     _, image, rig = shot(state)
     seen = replace(state.relight, mode="exact")
     light, reflected = spectra(image, rig, seen, MIDDLE)
-    Q = color_matching_functions(image.basis.grid)
+    Q = colour_matching_functions(image.basis.grid)
     XYZ = 100.0 * (Q @ reflected) / (Q[1] @ light)
     lit = Illumination.of(image.basis, rig, seen, image.groups)
     x, y = MIDDLE

@@ -14,8 +14,8 @@ from tests.viewer.test_files_scene import assert_same_picture, opened, picture
 from tests.viewer.test_transfer import KINDS, of_kind
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.errors import TransferError
-from volspec.spectra import Spectrum, light, reflectance, reflectance_names, reflectance_of
-from volspec.spectra.construct.colours import sRGB_of_word
+from volspec.spectra import Spectrum, light, reflectance, reflectance_from_colour, reflectance_names
+from volspec.spectra.construct.colours import sRGB_from_word
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import materials, transfer_edits
 from volspec.viewer.model.history import History
@@ -50,7 +50,7 @@ def test_a_material_of_the_library_is_exact_under_any_light(state: ViewState) ->
     basis = new.transfer.basis
     assert isinstance(basis, MaterialBasis)
     lamp, banana = light("HP1"), reflectance("PMC/Banana")
-    channels = basis.channels_of({"PMC/Banana": banana})[0]
+    channels = basis.channels_for_materials({"PMC/Banana": banana})[0]
     exact = SpectralBasis.load("general-7").grid
     wanted = MaterialBasis({"one": banana}, grid=exact).xyz([1.0, 0.0], lamp)
     np.testing.assert_allclose(basis.xyz(channels, lamp), wanted, rtol=1e-12)
@@ -173,7 +173,7 @@ def test_colours_of_the_web_are_made_beside_whoever_asks(state: ViewState) -> No
     while made.spectra is None and time.monotonic() < end:
         time.sleep(0.01)
     assert made.spectra is not None and set(made.spectra) == set(colour_names())
-    tomato = reflectance_of("tomato")
+    tomato = reflectance_from_colour("tomato")
     np.testing.assert_allclose(made.spectra["tomato"].values, tomato.values, atol=1e-12)
 
 
@@ -193,7 +193,7 @@ def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
     assert {name for name in names if library.class_of(name) != "CSS colour"} == measured
     assert "sample" not in {library.class_of(name) for name in names}
     for name in set(names) - measured:
-        assert sRGB_of_word(name).shape == (3,)
+        assert sRGB_from_word(name).shape == (3,)
     assert library.matching_entries("banana")[0] == "PMC/Banana"
     assert "steelblue" in library.matching_entries("blue css")
 

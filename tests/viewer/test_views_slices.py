@@ -187,7 +187,7 @@ def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
         layout = layout_of(state.document.volume, PLANES[0])
         SlicePictures(context).texture(lit, "Axial", layout, 200.0)
         pixels = context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)
-        gold = state.transfer.basis.analyze(state.transfer.materials["gold"].values)
+        gold = state.transfer.basis.analyse(state.transfer.materials["gold"].values)
         one = np.ones((1, 1), np.float32)
         image = CoefficientImage(gold[None, None].astype(np.float32), one, one, lit.transfer.basis)
         with Relighter(image, backend="numpy") as relighter:
@@ -234,7 +234,7 @@ def test_every_kind_of_transfer_function_has_a_table(state: ViewState) -> None:
         "regions": TransferFunction2D([region], materials, basis),
     }
     volume = numbered()
-    gold = basis.analyze(materials["gold"].values)
+    gold = basis.analyse(materials["gold"].values)
     for name, transfer in kinds.items():
         image = slice_table.table_image(volume, transfer, state.shading, (0.0, 1.0))
         assert image.size == (346, 1) and np.isfinite(image.coefficients).all(), name

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import srgb
+from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.observer import color_matching_functions
 
 _SEEN = SpectralGrid(360.0, 830.0, 2.0)
 
@@ -33,7 +33,7 @@ def spectrum_colours(wavelengths_nm: ArrayLike) -> NDArray[np.float64]:
     [1, 0]
     """
     at = np.asarray(wavelengths_nm, dtype=np.float64)
-    linear = _in_gamut(color_matching_functions(_SEEN).T)
+    linear = _in_gamut(colour_matching_functions(_SEEN).T)
     columns = [np.interp(at, _SEEN.wavelengths_nm, column, 0, 0) for column in linear.T]
     return srgb.encode(np.stack(columns, axis=-1) * (0.7 / linear.max()))
 

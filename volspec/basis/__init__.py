@@ -1,10 +1,9 @@
 """Spectral bases: N bands to m channels in which light times surface is componentwise."""
 
 from volspec.basis.display import MODES
-from volspec.basis.materials import MaterialBasis
+from volspec.basis.materials import Basis, MaterialBasis, basis_from_dict, load_basis
 from volspec.basis.model import SpectralBasis
 from volspec.basis.report import BasisReport, ErrorSummary, WorstPair
-from volspec.basis.stored import Basis, basis_from_dict, load_basis
 
 __all__ = [
     "MODES",

@@ -2,25 +2,33 @@
 
     [base] -> SpectralBasis, MaterialBasis
 
-The pipeline asks either kind for no more than this and for `size`, `white`, `channels_of`,
-`synthesize` and `fingerprint`.
+The pipeline uses no more of either kind than this, `white`, `channels_for_materials`, `synthesise`
+and `fingerprint`.
 """
 
 from __future__ import annotations
 
 import os
+import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self, cast
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.basis import checks, storage
-from volspec.spectra.spectrum import Spectrum
+from volspec._deprecated import renamed_attribute
+from volspec.basis import storage
+from volspec.errors import BasisError, SpectrumError
+from volspec.spectra.datasets import check_observer
+from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.spectrum import Spectrum, real_array
 
 if TYPE_CHECKING:
+    from volspec.basis.materials import Basis
+    from volspec.basis.model import SpectralBasis
     from volspec.basis.report import BasisReport
-    from volspec.basis.stored import Basis
 
 
 class StoredBasis(ABC):
@@ -30,13 +38,17 @@ class StoredBasis(ABC):
 
     name: str
 
+    channels_of = renamed_attribute("channels_for_materials")
+    color_matrix = renamed_attribute("colour_matrix")
+    synthesize = renamed_attribute("synthesise")
+
     @property
     @abstractmethod
     def size(self) -> int:
         """Number of channels, m."""
 
     @abstractmethod
-    def color_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[Any]:
+    def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[Any]:
         """(3, m) what takes a picture's channels to XYZ under a light, Y = 100 for white."""
 
     @abstractmethod
@@ -69,14 +81,14 @@ class StoredBasis(ABC):
         SpectrumError
             If the light cannot be seen by or does not cover the grid.
         """
-        return checks.channels(self, coefficients) @ self.color_matrix(light).T
+        return require_channels(self, coefficients) @ self.colour_matrix(light).T
 
     def report(
         self,
         lights: Sequence[Spectrum] | None = None,
         reflectances: Sequence[Spectrum] | ArrayLike | None = None,
     ) -> BasisReport:
-        """CIEDE2000 against full spectra; see `volspec.basis.report.report`.
+        """CIEDE2000 against full spectra; see `volspec.basis.report.basis_report`.
 
         By default under the 26 smooth lights, of the 84 held-out samples or, where channels are
         materials, of these.
@@ -90,9 +102,9 @@ class StoredBasis(ABC):
         >>> table.componentwise.max < 0.1 < table.rgb_product.max
         True
         """
-        from volspec.basis.report import report
+        from volspec.basis.report import basis_report
 
-        return report(cast("Basis", self), lights, reflectances)
+        return basis_report(cast("Basis", self), lights, reflectances)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a .json file; it appears whole or not at all.
@@ -122,3 +134,132 @@ class StoredBasis(ABC):
         7
         """
         return storage.load(name_or_path, cls.from_dict)
+
+
+Array = NDArray[np.float64]
+
+ROUND_TRIP_TOLERANCE = 1e-5
+"""Channels lose this much on the way to a spectrum and back: rounding, where B is large."""
+_WHITE_TOLERANCE = 1e-6
+# Controls, halves of characters, and breaks of lines.
+_UNPRINTABLE = ("Cc", "Cs", "Zl", "Zp")
+
+
+@contextmanager
+def basis_errors(label: str = "") -> Iterator[None]:
+    """What is wrong with a spectrum inside is wrong with the basis that is made of it."""
+    try:
+        yield
+    except SpectrumError as error:
+        raise BasisError(f"{label}: {error}" if label else str(error)) from None
+
+
+def require_text(value: Any, what: str) -> str:
+    """A name or a note: text without control characters.
+
+    Raises
+    ------
+    BasisError
+    """
+    if not isinstance(value, str):
+        raise BasisError.refused(what, value, "expected text", "type")
+    if any(unicodedata.category(character) in _UNPRINTABLE for character in value):
+        raise BasisError.refused(what, value, "leave out its control characters")
+    return value
+
+
+def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> int:
+    """Check both; the observer as a plain int.
+
+    Raises
+    ------
+    BasisError
+    """
+    if not isinstance(grid, SpectralGrid):
+        raise BasisError.refused(
+            f"{label}: grid",
+            grid,
+            "expected a SpectralGrid, such as volspec.SpectralGrid(400, 700, 10)",
+            "type",
+        )
+    with basis_errors(label):
+        check_observer(observer_deg)
+    return int(observer_deg)
+
+
+def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
+    """A, B and D by field name: read-only float64 copies that fit together.
+
+    Raises
+    ------
+    BasisError
+        If shapes do not fit, a value is not finite, flat white is not kept, or the synthesis
+        is not the analysis' own.
+    """
+    label = f"basis {basis.name!r}"
+    found: dict[str, Array] = {}
+    for field in ("analysis", "synthesis", "XYZ_from_channels"):
+        try:
+            array = real_array(getattr(basis, field), field)
+        except SpectrumError:
+            raise BasisError(f"{label}: {field} is not an array of numbers") from None
+        if array.ndim != 2 or not np.isfinite(array).all():
+            raise BasisError(f"{label}: {field} is not a matrix of finite numbers")
+        array.flags.writeable = False
+        found[field] = array
+    m, N = found["analysis"].shape[0], basis.grid.size
+    for field, expected in zip(found, ((m, N), (N, m), (3, m)), strict=True):
+        shape = found[field].shape
+        if shape != expected or m < 1:
+            raise BasisError(
+                f"{label}: {field} has shape {shape}, expected {expected} on {basis.grid}"
+            )
+    off = float(np.abs(found["analysis"].sum(1) - 1).max())
+    if off > _WHITE_TOLERANCE:
+        raise BasisError(
+            f"{label}: flat white does not analyse to ones (a row sums to 1 +- {off:.2g}); "
+            "scale the channels by A 1"
+        )
+    loss = round_trip_loss(found["analysis"], found["synthesis"])
+    if loss > ROUND_TRIP_TOLERANCE:
+        raise BasisError(
+            f"{label}: analysis and synthesis do not belong together (A B differs from the "
+            f"identity by {loss:.2g}); were the numbers edited? Fit the basis again"
+        )
+    return found
+
+
+def round_trip_loss(A: Array, B: Array) -> float:
+    """How far A B is from the identity."""
+    return float(np.abs(A @ B - np.eye(len(A))).max())
+
+
+def require_channels(basis: StoredBasis, coefficients: ArrayLike) -> Array:
+    """(..., m) float64 coefficients of a basis.
+
+    Raises
+    ------
+    BasisError
+        If they are not finite numbers, or their last axis is not the basis' m.
+    """
+    with basis_errors():
+        c = real_array(coefficients, "coefficients")
+    if c.ndim == 0 or c.shape[-1] != basis.size:
+        raise BasisError(
+            f"coefficients have shape {c.shape}, basis {basis.name!r} has {basis.size} channels; "
+            "were they made with another basis?"
+        )
+    if not np.isfinite(c).all():
+        raise BasisError("coefficients hold NaN or infinite values; leave those pixels out")
+    return c
+
+
+def require_materials(given: Any, label: str) -> None:
+    """Refuse what is not a mapping of names to something.
+
+    Raises
+    ------
+    BasisError
+    """
+    if not isinstance(given, Mapping) or not given:
+        raise BasisError(f"{label}: no materials in {given!r:.40}; give {{name: reflectance}}")

@@ -15,7 +15,8 @@ import numpy as np
 from volspec._gpu.sources import asset
 from volspec.basis.model import SpectralBasis
 from volspec.errors import BasisError, nearest
-from volspec.spectra.library import light_set, reflectance_set
+from volspec.spectra.lights import light_set
+from volspec.spectra.reflectances import reflectance_set
 
 SIZES = (5, 7, 9)
 # All spiky lights together count this much against the smooth ones: enough to quarter their

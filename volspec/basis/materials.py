@@ -16,24 +16,29 @@ References
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.basis import checks, display, storage
-from volspec.basis.base import StoredBasis
+from volspec.basis import display, storage
+from volspec.basis.base import (
+    StoredBasis,
+    basis_errors,
+    require_channels,
+    require_grid_and_observer,
+    require_materials,
+    require_text,
+)
+from volspec.basis.model import SpectralBasis
 from volspec.errors import BasisError, nearest
+from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.observer import color_matching_functions
-from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.values import light_power, real_array, reflectance_values
-
-if TYPE_CHECKING:
-    pass
+from volspec.spectra.spectrum import Spectrum, light_power, real_array, reflectance_values
 
 Array = NDArray[np.float64]
 METHOD = storage.MATERIALS
@@ -77,16 +82,16 @@ class MaterialBasis(StoredBasis):
     observer_deg: int = 2
 
     def __post_init__(self) -> None:
-        checks.materials(self.materials, "material basis")
+        require_materials(self.materials, "material basis")
         for name, what in [
             (self.name, "name"),
             *((m, "name of a material") for m in self.materials),
         ]:
-            if not checks.text(name, f"material basis: {what}"):
+            if not require_text(name, f"material basis: {what}"):
                 raise BasisError(f"material basis: {what} is empty; give one")
-        observer_deg = checks.grid_and_observer(self.grid, self.observer_deg, "material basis")
+        observer_deg = require_grid_and_observer(self.grid, self.observer_deg, "material basis")
         object.__setattr__(self, "observer_deg", observer_deg)
-        rows = {name: self._checked(name, s) for name, s in self.materials.items()}
+        rows = {name: self._resample(name, s) for name, s in self.materials.items()}
         object.__setattr__(self, "materials", MappingProxyType(rows))
 
     def __repr__(self) -> str:
@@ -112,7 +117,7 @@ class MaterialBasis(StoredBasis):
         """(K + 1,) channels of the perfect diffuser: none of any material, one of white."""
         return np.eye(self.size)[-1]
 
-    def channels_of(self, materials: Mapping[str, Spectrum]) -> Array:
+    def channels_for_materials(self, materials: Mapping[str, Spectrum]) -> Array:
         """(L, K + 1) channels of some of the basis' own materials, by name.
 
         Raises
@@ -120,7 +125,7 @@ class MaterialBasis(StoredBasis):
         BasisError
             If there are none, a name is unknown, or its reflectance is not the basis' own.
         """
-        checks.materials(materials, "material basis")
+        require_materials(materials, "material basis")
         own = list(self.materials)
         for name, spectrum in materials.items():
             if name not in self.materials:
@@ -129,18 +134,18 @@ class MaterialBasis(StoredBasis):
                     f"it holds {', '.join(own)}: make the basis of all materials",
                     code="unknown",
                 )
-            if not np.allclose(self._checked(name, spectrum).values, self.materials[name].values):
+            if not np.allclose(self._resample(name, spectrum).values, self.materials[name].values):
                 raise BasisError(
                     f"material {name!r} has another reflectance in the basis; make both of the "
                     "same, and change it afterwards by Relighter.set_reflectances"
                 )
         return np.eye(self.size)[[own.index(name) for name in materials]]
 
-    def synthesize(self, coefficients: ArrayLike) -> Array:
+    def synthesise(self, coefficients: ArrayLike) -> Array:
         """(..., K + 1) channels to (..., N) spectra: the mixture itself."""
-        return checks.channels(self, coefficients) @ self._reflectances()
+        return require_channels(self, coefficients) @ self._reflectances()
 
-    def color_matrix(self, light: Spectrum, mode: str = "componentwise") -> Array:
+    def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> Array:
         """(3, K + 1): the XYZ of every material and of white under a light; every mode is exact.
 
         Raises
@@ -152,7 +157,7 @@ class MaterialBasis(StoredBasis):
         """
         display.require_mode(mode)
         E = light_power(light, self.grid)
-        Q = color_matching_functions(self.grid, self.observer_deg)
+        Q = colour_matching_functions(self.grid, self.observer_deg)
         return np.asarray((Q * E) @ self._reflectances().T * (100.0 / (Q[1] @ E)))
 
     def with_reflectances(self, changes: Mapping[str, Spectrum]) -> MaterialBasis:
@@ -195,16 +200,16 @@ class MaterialBasis(StoredBasis):
             If it is not a basis of materials, of another version, a field is missing or wrong,
             or the numbers are not those of its fingerprint.
         """
-        names = ("name", "materials") if storage.is_of_materials(data) else ("name",)
+        names = ("name", "materials") if storage.is_material_basis(data) else ("name",)
         head = storage.head_from_dict(data, names)
-        if not storage.is_of_materials(data):
+        if not storage.is_material_basis(data):
             raise BasisError(
                 "it is no basis of materials; use volspec.load_basis or volspec.SpectralBasis"
             )
         if not isinstance(data["materials"], dict):
             raise BasisError("material basis: field 'materials' is not a table of reflectances")
         w = head["grid"].wavelengths_nm
-        with checks.basis_errors("material basis"):
+        with basis_errors("material basis"):
             rows = {
                 name: Spectrum(w, real_array(values, f"values of {name!r}"), name)
                 for name, values in data["materials"].items()
@@ -230,7 +235,7 @@ class MaterialBasis(StoredBasis):
         rows = [spectrum.values for spectrum in self.materials.values()]
         return np.array([*rows, np.ones(self.grid.size)])
 
-    def _checked(self, name: str, spectrum: Spectrum) -> Spectrum:
+    def _resample(self, name: str, spectrum: Spectrum) -> Spectrum:
         if not isinstance(spectrum, Spectrum):
             raise BasisError.refused(
                 f"material {name!r}",
@@ -238,6 +243,34 @@ class MaterialBasis(StoredBasis):
                 "expected a Spectrum, such as volspec.reflectance('copper')",
                 "type",
             )
-        with checks.basis_errors():
+        with basis_errors():
             values = reflectance_values(spectrum, self.grid, f"material {name!r}")
         return Spectrum(self.grid.wavelengths_nm, values, spectrum.name, spectrum.notes)
+
+
+Basis = SpectralBasis | MaterialBasis
+"""What a coefficient image's channels mean."""
+
+
+def basis_from_dict(data: Any) -> Basis:
+    """The inverse of either basis' ``to_dict``.
+
+    Raises
+    ------
+    BasisError
+        If it is not a basis, of another version, or a field is missing or wrong.
+    """
+    if storage.is_material_basis(data):
+        return MaterialBasis.from_dict(data)
+    return SpectralBasis.from_dict(data)
+
+
+def load_basis(name_or_path: str | os.PathLike[str]) -> Basis:
+    """A shipped basis by name (``"general-7"``), or a file that ``save`` of either kind wrote.
+
+    Raises
+    ------
+    BasisError
+        Names the file and what is wrong with it; an unknown name lists the shipped ones.
+    """
+    return storage.load(name_or_path, basis_from_dict)

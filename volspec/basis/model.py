@@ -23,13 +23,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.basis import checks, display, storage
-from volspec.basis.base import StoredBasis
+from volspec._deprecated import renamed_attribute
+from volspec.basis import display, storage
+from volspec.basis.base import (
+    StoredBasis,
+    require_channels,
+    require_grid_and_observer,
+    require_materials,
+    require_matrices,
+    require_text,
+)
 from volspec.errors import BasisError
+from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.observer import color_matching_functions
-from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.values import light_power, stack
+from volspec.spectra.spectrum import Spectrum, light_power, stack
 
 if TYPE_CHECKING:
     pass
@@ -75,14 +82,16 @@ class SpectralBasis(StoredBasis):
     trained_on: str = ""
     observer_deg: int = 2
 
+    analyze = renamed_attribute("analyse")
+
     def __post_init__(self) -> None:
         for field in ("name", "method", "trained_on"):
-            checks.text(getattr(self, field), f"spectral basis: {field}")
-        observer_deg = checks.grid_and_observer(
+            require_text(getattr(self, field), f"spectral basis: {field}")
+        observer_deg = require_grid_and_observer(
             self.grid, self.observer_deg, f"basis {self.name!r}"
         )
         object.__setattr__(self, "observer_deg", observer_deg)
-        for field, matrix in checks.matrices(self).items():
+        for field, matrix in require_matrices(self).items():
             object.__setattr__(self, field, matrix)
 
     def __repr__(self) -> str:
@@ -99,7 +108,7 @@ class SpectralBasis(StoredBasis):
         """(m,) channels of the perfect diffuser: ones."""
         return np.ones(self.size)
 
-    def analyze(self, spectra: Spectra) -> NDArray[np.float64]:
+    def analyse(self, spectra: Spectra) -> NDArray[np.float64]:
         """Channels of lights or reflectances.
 
         Parameters
@@ -119,7 +128,7 @@ class SpectralBasis(StoredBasis):
         """
         return stack(spectra, self.grid) @ self.analysis.T
 
-    def channels_of(self, materials: Mapping[str, Spectrum]) -> NDArray[np.float64]:
+    def channels_for_materials(self, materials: Mapping[str, Spectrum]) -> NDArray[np.float64]:
         """(K, m) channels of the materials of a transfer function, in the mapping's order.
 
         Raises
@@ -129,21 +138,21 @@ class SpectralBasis(StoredBasis):
         SpectrumError
             If one does not cover the grid.
         """
-        checks.materials(materials, f"basis {self.name!r}")
-        return self.analyze(list(materials.values())).reshape(-1, self.size)
+        require_materials(materials, f"basis {self.name!r}")
+        return self.analyse(list(materials.values())).reshape(-1, self.size)
 
-    def synthesize(self, coefficients: ArrayLike) -> NDArray[np.float64]:
+    def synthesise(self, coefficients: ArrayLike) -> NDArray[np.float64]:
         """(..., m) channels to (..., N) spectra: the basis' best guess."""
-        return checks.channels(self, coefficients) @ self.synthesis.T
+        return require_channels(self, coefficients) @ self.synthesis.T
 
-    def color_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[np.float64]:
+    def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[np.float64]:
         """What takes a picture's channels to XYZ under a light.
 
         Parameters
         ----------
         light : Spectrum
         mode : {"componentwise", "exact", "linear-model"}
-            ``display_matrix(light) * analyze(light)``, what post-illumination shows;
+            ``display_matrix(light) * analyse(light)``, what post-illumination shows;
             ``light_matrix(light)``, no factor model; or D R(e), the product inside the
             subspace that the componentwise one approximates ([1] eq. 7).
 
@@ -170,7 +179,7 @@ class SpectralBasis(StoredBasis):
         return display.display_matrix(self.XYZ_from_channels @ R, self.white, E, self._Q)
 
     def display_matrix(self, light: Spectrum) -> NDArray[np.float64]:
-        """K with XYZ = K (e * c), e = analyze(light), c the reflectance's channels.
+        """K with XYZ = K (e * c), e = analyse(light), c the reflectance's channels.
 
         K is D with each row scaled so that the light's white is exactly the XYZ of its full
         spectrum. Where that would stretch a row beyond a factor of two (a light with little
@@ -219,7 +228,7 @@ class SpectralBasis(StoredBasis):
         Returns
         -------
         (m, m) float64
-            On the light's own scale, as `analyze`.
+            On the light's own scale, as `analyse`.
 
         Raises
         ------
@@ -277,13 +286,14 @@ class SpectralBasis(StoredBasis):
             do not fit, or a light has no energy.
         """
         # Late: a stored basis needs no fitter.
-        from volspec.basis.fit import fit_basis, training_set
+        from volspec.basis.fit import fit_basis
+        from volspec.basis.fit.training import training_set
 
         training = training_set(
             lights,
             reflectances,
             grid,
-            observer_deg=checks.grid_and_observer(grid, observer_deg, "fit"),
+            observer_deg=require_grid_and_observer(grid, observer_deg, "fit"),
             light_weights=light_weights,
             reflectance_weights=reflectance_weights,
         )
@@ -317,8 +327,8 @@ class SpectralBasis(StoredBasis):
         >>> SpectralBasis.bands().size
         31
         """
-        checks.grid_and_observer(grid, observer_deg, "bands")
-        Q = color_matching_functions(grid, observer_deg)
+        require_grid_and_observer(grid, observer_deg, "bands")
+        Q = colour_matching_functions(grid, observer_deg)
         return cls(
             name=f"{grid.size} bands",
             method="bands",
@@ -344,7 +354,7 @@ class SpectralBasis(StoredBasis):
             If it is not a basis, of another version or kind, a field is missing or wrong, or
             the numbers are not those of its fingerprint.
         """
-        if storage.is_of_materials(data):
+        if storage.is_material_basis(data):
             raise BasisError(
                 "it is a basis of materials; use volspec.load_basis or volspec.MaterialBasis"
             )
@@ -367,4 +377,4 @@ class SpectralBasis(StoredBasis):
 
     @property
     def _Q(self) -> NDArray[np.float64]:
-        return color_matching_functions(self.grid, self.observer_deg)
+        return colour_matching_functions(self.grid, self.observer_deg)

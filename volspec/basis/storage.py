@@ -47,7 +47,7 @@ def to_dict(basis: SpectralBasis | MaterialBasis, numbers: Mapping[str, Any]) ->
     }
 
 
-def is_of_materials(data: Any) -> bool:
+def is_material_basis(data: Any) -> bool:
     """Whether a dictionary means to be a `MaterialBasis`."""
     return isinstance(data, dict) and data.get("method") == MATERIALS
 

@@ -89,7 +89,7 @@ def basis(
     output
         A .json to write the basis to.
     """
-    from volspec.basis.report.table import error_table
+    from volspec.basis.report_table import error_table
 
     if figure is not None:
         if figure.suffix.lower() not in _FIGURES:
@@ -130,7 +130,7 @@ def basis(
 
 
 def _print(table: Any, reason: str) -> None:
-    from volspec.basis.report.text import terminal_table, verdict, worst_line
+    from volspec.basis.report_table import terminal_table, verdict, worst_line
 
     console = Terminal(highlight=False)
     head = f": {table.method}, {table.size} channels"
@@ -193,7 +193,7 @@ def _case(
 def _of_scene(
     path: Path, asked: dict[str, Any], lights: str | None, observer: int | None, tell: Tell
 ) -> _Case:
-    from volspec.basis.report.table import CLASSES
+    from volspec.basis.report_table import CLASSES
     from volspec.scene import Scene
     from volspec.spectra import Spectrum, light_set
 
@@ -244,7 +244,7 @@ def _samples(case: _Case, wanted: str | None) -> tuple[Any, list[str] | None, st
     """The reflectances to measure with, their names, and what to call them together."""
     from volspec.basis import MaterialBasis
     from volspec.spectra import reflectance_set
-    from volspec.spectra.library import reflectance_set_names
+    from volspec.spectra.reflectances import reflectance_set_names
 
     own = case.basis.materials if isinstance(case.basis, MaterialBasis) else None
     materials = own or case.materials

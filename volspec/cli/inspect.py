@@ -49,13 +49,13 @@ def info(volume: str, /, *, json: Json = False) -> None:
         `channel=`, `time=`, `level=`.
     """
     from volspec.volume import load_volume
-    from volspec.volume.summary import summarize
+    from volspec.volume.summary import summarise
 
     path = Path(volume)
     require_scene(path, f"and no volume; {RELIGHT}")
     require_image(path, "give the file that its [volume] names, or volspec scene check {file}")
     loaded = load_volume(volume)
-    summary, labels = summarize(loaded), _labels(loaded)
+    summary, labels = summarise(loaded), _labels(loaded)
     if json:
         print_json(summary.to_dict() | ({"labels": labels} if labels else {}))
         return

@@ -59,12 +59,11 @@ def light(
         LAMPS,
         PREFIX,
         flux_lm,
+        lamp_for_light,
         lamp_illuminance_lux,
-        lamp_of,
         lumens_per_watt,
     )
-    from volspec.spectra.photometry import white_XYZ
-    from volspec.spectra.temperature import correlated_temperature
+    from volspec.spectra.photometry import correlated_temperature, white_XYZ
 
     for name, value, other, its in (
         ("--beam-deg", beam_deg, "--distance-m", distance_m),
@@ -96,9 +95,9 @@ def light(
     }
     with in_options():
         if power_W is not None:
-            row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_of(spectrum), power_W)}
+            row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_for_light(spectrum), power_W)}
         if power_W is not None and distance_m is not None:
-            lux = lamp_illuminance_lux(lamp_of(spectrum), power_W, distance_m, beam_deg)
+            lux = lamp_illuminance_lux(lamp_for_light(spectrum), power_W, distance_m, beam_deg)
             row |= {"distance_m": distance_m, "beam_deg": beam_deg, "illuminance_lux": lux}
     if json:
         print_json(row)

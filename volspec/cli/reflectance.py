@@ -117,19 +117,19 @@ def _construct(
     figure: Path | None,
     as_json: bool,
 ) -> None:
-    from volspec.basis.figure.reflectance import save_reflectance_figure
+    from volspec.basis.reflectance_figure import save_reflectance_figure
     from volspec.spectra import light as named_light
-    from volspec.spectra import reflectances_of, white_XYZ, write_spectrum
+    from volspec.spectra import reflectances_from_colours, white_XYZ, write_spectrum
     from volspec.spectra.construct import colour_XYZ
-    from volspec.spectra.construct.construct import spectrum_of
+    from volspec.spectra.construct.construct import constructed_spectrum
 
     by_name: dict[str, Spectrum] = {}
     for lamp in map(named_light, (asked.light, *under)):
         by_name.setdefault(lamp.name, lamp)
     lamps = list(by_name.values())
     XYZ = colour_XYZ(word, white_XYZ(lamps[0], asked.observer))
-    made = reflectances_of(XYZ, asked.method, lamps[0], observer_deg=asked.observer)
-    paint = spectrum_of(made, word, XYZ, lamps[0], asked.method, asked.observer)
+    made = reflectances_from_colours(XYZ, asked.method, lamps[0], observer_deg=asked.observer)
+    paint = constructed_spectrum(made, word, XYZ, lamps[0], asked.method, asked.observer)
     rows = _under(paint, lamps, XYZ, asked.observer)
     if output is not None:
         write_spectrum(paint, output)
@@ -163,12 +163,12 @@ def _under(
 ) -> list[dict[str, Any]]:
     """The reflectance's colour under each light, and how far from what was asked for."""
     from volspec.appearance.models.cielab import cielab, delta_E_2000
-    from volspec.spectra import XYZ_of, white_XYZ
+    from volspec.spectra import XYZ_from_spectra, white_XYZ
 
     wanted = cielab(XYZ, white_XYZ(lamps[0], observer))
     rows = []
     for lamp in lamps:
-        seen = XYZ_of(lamp, paint, observer)
+        seen = XYZ_from_spectra(lamp, paint, observer)
         Lab = cielab(seen, white_XYZ(lamp, observer))
         numbers = dict(zip("XYZLab", [*seen.tolist(), *Lab.tolist()], strict=True))
         rows.append({"light": lamp.name, **numbers, "delta_e": float(delta_E_2000(wanted, Lab))})
@@ -207,7 +207,7 @@ def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
     """A photograph as a spectral picture of reflectances."""
     import numpy as np
 
-    from volspec.spectra import DEFAULT_GRID, SpectralImage, reflectances_of, white_XYZ
+    from volspec.spectra import DEFAULT_GRID, SpectralImage, reflectances_from_colours, white_XYZ
     from volspec.spectra import light as named_light
     from volspec.spectra.construct import XYZ_from_sRGB
 
@@ -222,7 +222,7 @@ def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
     XYZ = XYZ_from_sRGB(triples / 255.0, white_XYZ(lamp, asked.observer))
     with bar() as tell:
         tell("reflectances", 0)
-        made = reflectances_of(
+        made = reflectances_from_colours(
             XYZ,
             asked.method,
             lamp,

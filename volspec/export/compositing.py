@@ -312,7 +312,7 @@ def _numbers(
     kappa = per_flat_white(basis, rig.facing(groups).mixed(basis.grid), gain)
     shining = {group: rig.shining_from(group) for group in groups}
     return {
-        group: kappa * basis.analyze(own.mixed(basis.grid))
+        group: kappa * basis.analyse(own.mixed(basis.grid))
         for group, own in shining.items()
         if own is not None
     }

@@ -18,7 +18,7 @@ import numpy as np
 
 from volspec import __version__
 from volspec._files import write_whole
-from volspec.basis.report import report
+from volspec.basis.report import basis_report
 from volspec.export.compositing import save_for_compositors, scene_recipe
 from volspec.export.frames import file_stem, write_frame
 from volspec.export.page import PageSpec, PageView, write_page
@@ -114,7 +114,7 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
             plain = relighter.frame(light.rig, unadapted)
             frames[light.name] = frame
             columns.append(SheetColumn(light.name, light.label, light.spectrum, [frame, plain]))
-            errors = report(scene.basis, light.rig.lights, materials)
+            errors = basis_report(scene.basis, light.rig.lights, materials)
             error = errors.exact if relit.mode == "exact" else errors.componentwise
             reports.append(
                 LightReport(

@@ -33,9 +33,9 @@ from volspec.raycast.groups import ONE_GROUP
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.spectra import SpectralGrid, Spectrum
-from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.photometry import illuminance_lux
-from volspec.spectra.values import stack
+from volspec.spectra.spectrum import stack
 
 Array = NDArray[np.float64]
 
@@ -109,7 +109,7 @@ class SpectralIllumination:
         bare = 1.0 - np.asarray(alpha, np.float64)
         C = np.asarray(coefficients, np.float64)
         spectra = C @ self.bands_from_channels.T + bare[..., None] * self.backdrop
-        Q = color_matching_functions(self.grid, self.observer_deg)
+        Q = colour_matching_functions(self.grid, self.observer_deg)
         to_RGB = PRIMARIES["Rec. 709"].RGB_from_XYZ @ (100.0 * Q / Q[1].sum())
         return np.concatenate([spectra @ to_RGB.T, spectra], axis=-1)
 
@@ -127,17 +127,17 @@ class SpectralIllumination:
 
 def per_flat_white(basis: Basis, light: Spectrum, gain: float) -> float:
     """κ: times the light, 1 in every band is flat white of its luminance; times the gain."""
-    V = color_matching_functions(basis.grid, basis.observer_deg)[1]
+    V = colour_matching_functions(basis.grid, basis.observer_deg)[1]
     return float(gain * V.sum() / (V @ light.values))
 
 
 def _product(basis: Basis, light: Spectrum, mode: str) -> Array:
     """(N, M): channels to the bands of the colour signal."""
-    B = basis.synthesize(np.eye(basis.size)).T
+    B = basis.synthesise(np.eye(basis.size)).T
     if not isinstance(basis, SpectralBasis) or mode == "exact":
         return light.values[:, None] * B
     if mode == "componentwise":
-        return B * basis.analyze(light)
+        return B * basis.analyse(light)
     return B @ basis.illumination_matrix(light)
 
 

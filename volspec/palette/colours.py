@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from volspec.errors import PaletteError, SpectrumError, quoted
-from volspec.spectra.construct.colours import sRGB_of_word
+from volspec.spectra.construct.colours import sRGB_from_word
 
 Codes = tuple[float, float, float]
 
@@ -40,7 +40,7 @@ def parsed_colour(given: str | Sequence[float]) -> Codes:
     if not isinstance(given, str):
         return _codes(given)
     try:
-        return _codes(sRGB_of_word(given, "[r, g, b] with codes 0 to 1"))
+        return _codes(sRGB_from_word(given, "[r, g, b] with codes 0 to 1"))
     except SpectrumError as error:
         raise PaletteError(str(error)) from None
 

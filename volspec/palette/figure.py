@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._figures import FAINT, HAIR, INK, PAPER, inch_axes, shorten, write
 from volspec._files import write_whole
 from volspec.appearance.wavelengths import spectrum_colours
-from volspec.basis.figure.style import FAINT, HAIR, INK, PAPER, inch_axes, shortened, write
 from volspec.errors import ImageError
 from volspec.palette.cells import CellReport
 from volspec.palette.report import DesignReport
@@ -76,7 +76,7 @@ def palette_figure(design: Design, report: DesignReport | None = None, title: st
         y = 1.0 - 0.3 / layout.height
         text = write(figure, _MARGIN / layout.width, y, title, fontsize=12, weight="bold",
                      color=INK, va="center")  # fmt: skip
-        shortened(text, layout.width - 2 * _MARGIN)
+        shorten(text, layout.width - 2 * _MARGIN)
     _draw_lights(figure, layout, design)
     _draw_reflectances(figure, layout, design)
     _draw_cells(figure, layout, report)
@@ -149,7 +149,7 @@ def _draw_lights(figure: Figure, layout: _Layout, design: Design) -> None:
         middle, above = (x + layout.side / 2) / layout.width, low + layout.plot[1] + 0.11
         text = write(figure, middle, above / layout.height, name, va="center", fontsize=layout.font,
                      color=INK, ha="left" if layout.aslant else "center")  # fmt: skip
-        shortened(text, _LONGEST)
+        shorten(text, _LONGEST)
         if layout.aslant:
             text.set(rotation=_SLANT_DEG, rotation_mode="anchor")
 
@@ -170,7 +170,7 @@ def _draw_reflectances(figure: Figure, layout: _Layout, design: Design) -> None:
         at = (layout.left - 0.24 - wide) / layout.width
         text = write(figure, at, (y + layout.side / 2) / layout.height, name, ha="right",
                      va="center", fontsize=layout.font, color=INK)  # fmt: skip
-        shortened(text, layout.names)
+        shorten(text, layout.names)
 
 
 def _draw_spectrum(axes: Axes, grid: SpectralGrid, values: Array, top: float) -> None:

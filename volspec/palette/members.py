@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from volspec.errors import PaletteError
 from volspec.spectra import SpectralGrid, Spectrum
-from volspec.spectra.values import light_power, stack
+from volspec.spectra.spectrum import light_power, stack
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from volspec.errors import PaletteError
 from volspec.palette.eye import Eye
 from volspec.palette.members import PaletteSpectrum
 from volspec.palette.model import Palette
-from volspec.spectra import SpectralGrid, Spectrum, color_matching_functions
-from volspec.spectra.values import light_power, reflectance_values
+from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
+from volspec.spectra.spectrum import light_power, reflectance_values
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class State:
         """
         grid = palette.grid
         S = [_reflectance(row, grid) for row in palette.reflectances]
-        V = color_matching_functions(grid)[1]
+        V = colour_matching_functions(grid)[1]
         E = []
         for number, column in enumerate(palette.lights):
             power = _light(column, grid, number)
@@ -72,7 +72,7 @@ class State:
     @property
     def Q(self) -> Array:
         """(3, N) colour-matching functions."""
-        return color_matching_functions(self.palette.grid)
+        return colour_matching_functions(self.palette.grid)
 
     @property
     def XYZ(self) -> Array:

@@ -26,8 +26,9 @@ from volspec.palette.model import Cell, Palette
 from volspec.palette.solve import Design
 from volspec.palette.tables import ViewingTable
 from volspec.spectra import Spectrum, light
-from volspec.spectra.moved import moved_address, moved_file, moved_light
-from volspec.spectra.values import stack
+from volspec.spectra.files import rebase_address, rebase_path
+from volspec.spectra.lights import rebase_light
+from volspec.spectra.spectrum import stack
 
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument
@@ -91,21 +92,21 @@ def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
             )
         for entry, member in zip(document[kind], members, strict=True):
             if elsewhere and "spectrum" in entry:
-                move = moved_light if kind == "light" else moved_address
+                move = rebase_light if kind == "light" else rebase_address
                 entry["spectrum"] = move(str(entry["spectrum"]), *folders)
             if elsewhere and "mixture" in entry:
-                entry["mixture"] = [moved_light(str(lamp), *folders) for lamp in entry["mixture"]]
+                entry["mixture"] = [rebase_light(str(lamp), *folders) for lamp in entry["mixture"]]
             if member.open:
                 if "design" not in entry:
                     put(entry, "design", True)
                 if member.spectrum is not None:
                     put(entry, "values", _values(member, palette))
     if elsewhere and (profile := table.viewing.display.profile):
-        document["viewing"]["display"]["space"] = moved_file(profile, *folders)
+        document["viewing"]["display"]["space"] = rebase_path(profile, *folders)
     if table.viewing.exposure == "auto":
         document["viewing"]["exposure"] = float(f"{palette.viewing.exposure:.6g}")
     if (basis := table.criteria.basis) and basis.endswith(".json"):
-        document["criteria"]["basis"] = moved_file(basis, *folders)
+        document["criteria"]["basis"] = rebase_path(basis, *folders)
     return document
 
 

@@ -21,7 +21,7 @@ from volspec.raycast.checks import number
 from volspec.raycast.groups import ONE_GROUP, checked_groups
 from volspec.raycast.image_file import read_image, write_image
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
-from volspec.spectra.values import light_power
+from volspec.spectra.spectrum import light_power
 
 # What a camera's noise may bring below 0, and highlights above 1, in a spectral picture.
 _NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
@@ -223,7 +223,7 @@ class CoefficientImage:
                 )
             spectra /= E
             spectra /= max(float(np.percentile(spectra.mean(axis=-1), 99.9)), 1e-12)
-        coefficients = basis.analyze(spectra).astype(np.float32)
+        coefficients = basis.analyse(spectra).astype(np.float32)
         alpha = np.ones(coefficients.shape[:2], np.float32)
         return cls(coefficients, alpha, np.full_like(alpha, np.inf), basis, dict(image.notes))
 

@@ -213,8 +213,8 @@ class GLEngine:
     def _target(self, dtype: str) -> moderngl.Framebuffer:
         if dtype not in self._targets:
             size = (self._width, self._height)
-            color = self._keep(self._context.texture(size, 4, dtype=dtype))
-            self._targets[dtype] = self._keep(self._context.framebuffer([color]))
+            colour = self._keep(self._context.texture(size, 4, dtype=dtype))
+            self._targets[dtype] = self._keep(self._context.framebuffer([colour]))
         return self._targets[dtype]
 
     def render(

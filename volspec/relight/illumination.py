@@ -28,8 +28,8 @@ from volspec.appearance.spec import Viewing
 from volspec.errors import ShapeError, ViewingError
 from volspec.raycast.groups import ONE_GROUP
 from volspec.relight.spec import LightRig, RelightSpec
-from volspec.spectra.observer import color_matching_functions
-from volspec.spectra.photometry import XYZ_of, white_XYZ
+from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ class Illumination:
         white = white_XYZ(mixed, basis.observer_deg)
         matrix = _groups_matrix(basis, rig, spec.mode, groups, mixed)
         if isinstance(spec.backdrop, Spectrum):
-            backdrop = XYZ_of(mixed, spec.backdrop, basis.observer_deg)
+            backdrop = XYZ_from_spectra(mixed, spec.backdrop, basis.observer_deg)
         else:
             backdrop = spec.backdrop * white
         lux = facing.total_lux
@@ -179,7 +179,7 @@ def _groups_matrix(
     basis: Basis, rig: LightRig, mode: str, groups: Mapping[str, float], mixed: Spectrum
 ) -> Array:
     """(3, L·M): each group's colour matrix, as bright beside ``mixed`` as the group is."""
-    V = color_matching_functions(basis.grid, basis.observer_deg)[1]
+    V = colour_matching_functions(basis.grid, basis.observer_deg)[1]
     columns = []
     for group in groups:
         own = rig.shining_from(group)
@@ -189,5 +189,5 @@ def _groups_matrix(
         E = own.mixed(basis.grid)
         # The basis scales to Y = 100 for the group alone; the white is that of the groups together.
         brightness = float(V @ E.values) / float(V @ mixed.values)
-        columns.append(basis.color_matrix(E, mode) * brightness)
+        columns.append(basis.colour_matrix(E, mode) * brightness)
     return np.hstack(columns)

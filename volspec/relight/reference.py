@@ -24,7 +24,7 @@ from volspec.errors import ViewingError
 from volspec.relight.adapted import Adapting
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
-from volspec.spectra._colour import colour_science
+from volspec.spectra.datasets import colour_science
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:

@@ -22,8 +22,7 @@ from volspec.basis import MODES
 from volspec.errors import ViewingError, nearest
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import illuminance_lux
-from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.values import light_power
+from volspec.spectra.spectrum import Spectrum, light_power
 
 Pixels = NDArray[Any]
 """(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding; row 0 is the top."""

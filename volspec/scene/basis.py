@@ -18,11 +18,18 @@ import numpy as np
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.display import visible_white
-from volspec.basis.kept import fitted
+from volspec.basis.fit_cache import fit_cached
 from volspec.basis.storage import shipped_names
 from volspec.scene.tables import BasisTable
 from volspec.scene.transfer import TransferTable
-from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, XYZ_of, light_set, white_XYZ
+from volspec.spectra import (
+    DEFAULT_GRID,
+    SpectralGrid,
+    Spectrum,
+    XYZ_from_spectra,
+    light_set,
+    white_XYZ,
+)
 
 # Above this CIEDE2000 of its worst pair a general basis is not good enough for a scene.
 LARGEST_ERROR = 1.0
@@ -109,12 +116,12 @@ def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[floa
     """The largest CIEDE2000 of the scene's materials under its lights, and where it is."""
     reflectances = spectra.reflectances
     S = np.array([reflectance.values for reflectance in reflectances.values()])
-    channels = basis.analyze(S)
+    channels = basis.analyse(S)
     found = []
     for light in spectra.lights:
         white = visible_white(white_XYZ(light, basis.observer_deg))
-        shown = cielab(channels @ basis.color_matrix(light, mode).T, white)
-        true = cielab(XYZ_of(light, S, basis.observer_deg), white)
+        shown = cielab(channels @ basis.colour_matrix(light, mode).T, white)
+        true = cielab(XYZ_from_spectra(light, S, basis.observer_deg), white)
         errors = delta_E_2000(true, shown)
         k = int(errors.argmax())
         found.append((float(errors[k]), f"{list(reflectances)[k]} under {light.name}"))
@@ -133,7 +140,7 @@ def train_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> Spectral
     own = np.maximum(np.asarray(spectra.weights, dtype=np.float64), 0.0)
     own = np.maximum(own / max(own.max(), 1e-12), _LEAST_USE)
     shares = np.full(len(library), _LIBRARY_SHARE / len(library))
-    return fitted(
+    return fit_cached(
         [*spectra.lights, *library],
         list(spectra.reflectances.values()),
         size=table.size,

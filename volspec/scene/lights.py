@@ -23,7 +23,7 @@ from volspec.relight import LightRig
 from volspec.scene.keyparts import NotNegative
 from volspec.scene.spectra import Given, given_light
 from volspec.spectra import SpectralGrid, Spectrum
-from volspec.spectra.lamps import lamp_illuminance_lux, lamp_of
+from volspec.spectra.lamps import lamp_for_light, lamp_illuminance_lux
 
 _AMBIENT, _HEAD = Ambient(), Headlight()
 _FAR, _NEAR = Directional((0, 0, 1)), Point((0, 0, 0))
@@ -206,7 +206,7 @@ class LightTable(Table):
         """
         if self.power_W is None or self.distance_m is None or not isinstance(self.spectrum, str):
             return self.illuminance_lux
-        source = lamp_of(self.spectrum)
+        source = lamp_for_light(self.spectrum)
         return lamp_illuminance_lux(source, self.power_W, self.distance_m, self.beam_deg)
 
 

@@ -27,7 +27,7 @@ from volspec.scene.moving import moved_scene
 from volspec.scene.reading import scene_text
 from volspec.scene.spectra import SpectrumTable
 from volspec.scene.versions import migrate, newest
-from volspec.spectra.moved import moved_file
+from volspec.spectra.files import rebase_path
 
 if TYPE_CHECKING:
     from volspec.scene.model import Scene
@@ -152,7 +152,7 @@ def _led_to_schema(text: str, source: Path, target: Path) -> str:
     if found is None or source.parent.resolve() == target.parent.resolve():
         return text
     start, end = found.span(1)
-    return text[:start] + moved_file(found[1], source.parent, target.parent) + text[end:]
+    return text[:start] + rebase_path(found[1], source.parent, target.parent) + text[end:]
 
 
 def _anew(file: SceneFile) -> str:

@@ -1,28 +1,27 @@
 """Light and matter as functions of wavelength: grid, spectrum, photometry, files, library."""
 
+from volspec._deprecated import renamed
 from volspec.spectra.construct import (
     BaseSpectra,
     MadeReflectances,
     base_spectra,
-    reflectance_of,
-    reflectances_of,
+    reflectance_from_colour,
+    reflectances_from_colours,
 )
+from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.files import read_spectrum
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.library import (
-    light,
-    light_names,
-    light_set,
+from volspec.spectra.lights import light, light_names, light_set
+from volspec.spectra.photometry import XYZ_from_spectra, illuminance_lux, luminance, white_XYZ
+from volspec.spectra.reflectances import (
     reflectance,
     reflectance_names,
     reflectance_set,
     reflectance_set_names,
 )
-from volspec.spectra.observer import color_matching_functions
-from volspec.spectra.photometry import XYZ_of, illuminance_lux, luminance, white_XYZ
-from volspec.spectra.save import write_spectrum
 from volspec.spectra.spectral_image import SpectralImage
 from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.tables import write_spectrum
 
 __all__ = [
     "DEFAULT_GRID",
@@ -31,9 +30,9 @@ __all__ = [
     "SpectralGrid",
     "SpectralImage",
     "Spectrum",
-    "XYZ_of",
+    "XYZ_from_spectra",
     "base_spectra",
-    "color_matching_functions",
+    "colour_matching_functions",
     "illuminance_lux",
     "light",
     "light_names",
@@ -41,11 +40,21 @@ __all__ = [
     "luminance",
     "read_spectrum",
     "reflectance",
+    "reflectance_from_colour",
     "reflectance_names",
-    "reflectance_of",
     "reflectance_set",
     "reflectance_set_names",
-    "reflectances_of",
+    "reflectances_from_colours",
     "white_XYZ",
     "write_spectrum",
 ]
+
+__getattr__ = renamed(
+    __name__,
+    {
+        "XYZ_of": "XYZ_from_spectra",
+        "color_matching_functions": "colour_matching_functions",
+        "reflectance_of": "reflectance_from_colour",
+        "reflectances_of": "reflectances_from_colours",
+    },
+)

@@ -9,17 +9,20 @@ cache folder (`volspec._cache`), in milliseconds.
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Callable, Iterable, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._cache import kept
-from volspec.spectra._colour import colour_science
+from volspec.errors import SpectrumError
+from volspec.spectra.grid import SpectralGrid
 
 Table = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Wavelengths (L,), nm, and values (L,) or (L, K); read-only."""
@@ -29,25 +32,25 @@ Table = tuple[NDArray[np.float64], NDArray[np.float64]]
 def observers() -> Mapping[str, Table]:
     """Colour-matching functions x, y, z by colour-science's name: values are (L, 3)."""
     names = ("CIE 1931 2 Degree Standard Observer", "CIE 1964 10 Degree Standard Observer")
-    return _kept("observers", lambda: _of(colour_science().MSDS_CMFS, names))
+    return _cached("observers", lambda: _of(colour_science().MSDS_CMFS, names))
 
 
 @cache
 def illuminants() -> Mapping[str, Table]:
     """Illuminants of the CIE and ISO."""
-    return _kept("illuminants", lambda: _of(colour_science().SDS_ILLUMINANTS))
+    return _cached("illuminants", lambda: _of(colour_science().SDS_ILLUMINANTS))
 
 
 @cache
 def light_sources() -> Mapping[str, Table]:
     """Measured lamps."""
-    return _kept("light-sources", lambda: _of(colour_science().SDS_LIGHT_SOURCES))
+    return _cached("light-sources", lambda: _of(colour_science().SDS_LIGHT_SOURCES))
 
 
 @cache
 def daylight_components() -> Mapping[str, Table]:
     """S0, S1 and S2, of which daylight of any temperature is a sum (CIE 15:2018, table T.2)."""
-    return _kept(
+    return _cached(
         "daylight",
         lambda: _of(colour_science().colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES),
     )
@@ -56,7 +59,7 @@ def daylight_components() -> Mapping[str, Table]:
 @cache
 def reflectances() -> Mapping[str, Table]:
     """Charts and test samples as ``SET/name``; the numbers of a set begin at 1."""
-    return _kept("reflectances", _reflectances)
+    return _cached("reflectances", _reflectances)
 
 
 def _reflectances() -> dict[str, Table]:
@@ -92,14 +95,14 @@ def _of(group: Mapping[str, Any], names: Iterable[str] | None = None) -> dict[st
     return {name: (group[name].wavelengths, group[name].values) for name in names or group}
 
 
-def _kept(group: str, read: Callable[[], Mapping[str, Table]]) -> dict[str, Table]:
+def _cached(group: str, read: Callable[[], Mapping[str, Table]]) -> dict[str, Table]:
     """Tables from the cache, or as read from colour-science."""
     reader = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
     maker = f"colour-science {version('colour-science')}, reader {reader}"
-    return _unpacked(kept(f"spectra/{group}", maker, lambda: _packed(read())))
+    return _unpack(kept(f"spectra/{group}", maker, lambda: _pack(read())))
 
 
-def _packed(tables: Mapping[str, Table]) -> dict[str, NDArray[Any]]:
+def _pack(tables: Mapping[str, Table]) -> dict[str, NDArray[Any]]:
     """Tables in few arrays, one after the other: an archive of hundreds is slow to read."""
     return {
         "names": np.array(list(tables)),
@@ -109,6 +112,74 @@ def _packed(tables: Mapping[str, Table]) -> dict[str, NDArray[Any]]:
     }
 
 
-def _unpacked(packed: Mapping[str, NDArray[Any]]) -> dict[str, Table]:
+def _unpack(packed: Mapping[str, NDArray[Any]]) -> dict[str, Table]:
     nm, values = (np.split(packed[key], packed["ends"][:-1]) for key in ("nm", "values"))
     return dict(zip(packed["names"].tolist(), zip(nm, values, strict=True), strict=True))
+
+
+@cache
+def colour_science() -> ModuleType:
+    """The ``colour`` module, without its side effects.
+
+    On import it warns of optional packages that are absent and switches NumPy's printing to
+    a legacy style; neither is the caller's business.
+    """
+    with warnings.catch_warnings(), np.printoptions():
+        warnings.simplefilter("ignore")
+        import colour
+    return colour
+
+
+_OBSERVERS = {
+    2: "CIE 1931 2 Degree Standard Observer",
+    10: "CIE 1964 10 Degree Standard Observer",
+}
+
+
+# One grid in most programs; spectra that are measured or tried bring their own.
+@lru_cache(maxsize=64)
+def colour_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDArray[np.float64]:
+    """Colour-matching functions of a standard observer as band means.
+
+    Parameters
+    ----------
+    grid : SpectralGrid
+        Within 360-830 nm.
+    observer_deg : {2, 10}
+        CIE 1931 2 degrees, or CIE 1964 10 degrees.
+
+    Returns
+    -------
+    (3, N) float64, read-only
+        x, y, z; unitless.
+
+    Raises
+    ------
+    SpectrumError
+        If the grid leaves 360-830 nm or the observer is another.
+    """
+    check_observer(observer_deg)
+    try:
+        Q = grid.band_means(*observers()[_OBSERVERS[observer_deg]]).T
+    except SpectrumError:
+        raise SpectrumError(
+            f"grid {grid}: the eye's colour-matching functions span 360-830 nm; stay within"
+        ) from None
+    Q = np.ascontiguousarray(Q)
+    Q.flags.writeable = False
+    return Q
+
+
+def check_observer(observer_deg: object) -> None:
+    """Refuse what is neither the 2 nor the 10 degree observer.
+
+    Raises
+    ------
+    SpectrumError
+    """
+    whole = isinstance(observer_deg, int | np.integer) and not isinstance(observer_deg, bool)
+    if not whole or observer_deg not in (2, 10):
+        raise SpectrumError(
+            f"observer_deg {observer_deg!r} is unknown; use 2 (CIE 1931) or 10 (CIE 1964)",
+            code="unknown",
+        )

@@ -21,15 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, VolspecWarning, one_line
-from volspec.spectra._colour import colour_science
-from volspec.spectra._paths import path_text
+from volspec.spectra.datasets import colour_science
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.palettes import SUFFIX as PALETTE
 from volspec.spectra.palettes import named_spectrum, palette_spectrum
 from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.spectral_image import Kind, SpectralImage, require_kind
 from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.tables import file_content, read_number, read_table, require_nanometres
+from volspec.spectra.tables import (
+    file_content,
+    path_text,
+    read_number,
+    read_table,
+    require_nanometres,
+)
 
 Address = str | os.PathLike[str]
 FILE_FORMS = "FILE.csv, FILE.csv#column, FILE.spdx, FILE.exr, PALETTE.toml#name"
@@ -114,7 +119,7 @@ def split_address(text: Address) -> tuple[str, str] | None:
     return (match[1], (match[3] or "").strip()) if match else None
 
 
-def given_in_palette(
+def named_in_palette(
     address: tuple[str, str], role: str, folder: Address
 ) -> tuple[str, str] | None:
     """What a palette's address stands for where it is no spectrum of the palette's own making.
@@ -145,7 +150,22 @@ def given_in_palette(
     return None if given is None else (given, os.fspath(path.parent))
 
 
-def on_grid(
+def rebase_address(text: str, folder: Path, to: Path) -> str:
+    """``FILE#selector`` as it reads from another folder; other names as they are."""
+    if (address := split_address(text)) is None:
+        return text
+    return rebase_path(address[0], folder, to) + text[len(address[0]) :]
+
+
+def rebase_path(file: str, folder: Path, to: Path) -> str:
+    """A file's name as it reads from another folder; absolute ones stay."""
+    if os.path.isabs(file):
+        return file
+    # Of a folder behind a link, `..` is what stands above the folder, not above the link.
+    return Path(os.path.relpath(folder.resolve() / file, to.resolve())).as_posix()
+
+
+def resample(
     measured: Spectrum, grid: SpectralGrid, label: str, *, unit: float = 1.0, stacklevel: int
 ) -> NDArray[np.float64]:
     """Band means of a file's spectrum; where it ends too soon, continued with a warning.

@@ -19,12 +19,10 @@ from types import MappingProxyType
 import numpy as np
 
 from volspec.errors import SpectrumError, nearest
-from volspec.spectra.datasets import observers
+from volspec.spectra.datasets import colour_matching_functions, observers
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.observer import color_matching_functions
 from volspec.spectra.photometry import LUMINOUS_EFFICACY, illuminance_lux
-from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.values import light_power
+from volspec.spectra.spectrum import Spectrum, light_power
 
 PREFIX = "lamp"
 
@@ -83,7 +81,7 @@ def lamp(name: str) -> Lamp:
     )
 
 
-def lamp_of(light: str) -> Lamp:
+def lamp_for_light(light: str) -> Lamp:
     """The lamp that a light's text names: what watts and metres can be counted for.
 
     Raises
@@ -184,7 +182,7 @@ def lumens_per_watt(radiation: Spectrum) -> float:
     """
     grid = radiation.grid
     power = light_power(radiation, grid)
-    return float(LUMINOUS_EFFICACY * (color_matching_functions(grid)[1] @ power) / power.sum())
+    return float(LUMINOUS_EFFICACY * (colour_matching_functions(grid)[1] @ power) / power.sum())
 
 
 def monochromatic_lm(power_W: float, wavelength_nm: float) -> float:

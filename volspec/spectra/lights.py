@@ -20,26 +20,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, nearest
-from volspec.spectra._paths import path_text
-from volspec.spectra.datasets import Table, daylight_components, illuminants, light_sources
+from volspec.spectra.datasets import (
+    Table,
+    colour_matching_functions,
+    daylight_components,
+    illuminants,
+    light_sources,
+)
 from volspec.spectra.files import (
     FILE_FORMS,
-    given_in_palette,
-    on_grid,
+    named_in_palette,
     read_spectrum,
+    rebase_address,
+    resample,
     split_address,
 )
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.lamps import LAMPS, PREFIX
-from volspec.spectra.observer import color_matching_functions
-from volspec.spectra.palettes import holds
-from volspec.spectra.photometry import extended_band_means
-from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.tables import read_number
-from volspec.spectra.values import light_power
-
-C2_NM_K = 1.438776877e7
-"""Second radiation constant h c / k (CODATA 2018; 000 eq. 7 has a misprint)."""
+from volspec.spectra.palettes import palette_holds
+from volspec.spectra.photometry import C2_NM_K, extended_band_means
+from volspec.spectra.spectrum import Spectrum, light_power
+from volspec.spectra.tables import path_text, read_number
 
 # Thermal and xenon lamps are smooth; without them and the two "Natural" tubes the class
 # has the 89 lights of METHOD section 2.
@@ -102,7 +103,7 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
         raise SpectrumError("light: empty name; give a name such as D65, planck:3200 or FILE.csv")
     require_grid(grid)
     # No light can be scaled on a grid that leaves the eye's range: said before any warning.
-    color_matching_functions(grid)
+    colour_matching_functions(grid)
     folder = path_text(folder, "folder")
     terms = None if _is_known(wanted, folder) else _parse_mix(wanted, folder)
     if terms is None:
@@ -141,6 +142,31 @@ def light_terms(text: str, folder: Folder = ".") -> list[tuple[str, float]]:
     """
     terms = None if _is_known(text, folder) else _parse_mix(text, folder)
     return [(term.name, term.weight) for term in terms or [_Term(text, 1.0)]]
+
+
+def rebase_light(text: str, folder: Path, to: Path) -> str:
+    """A light's name, mixes too, as it reads from another folder.
+
+    Parameters
+    ----------
+    text : str
+        As `volspec.light` takes it.
+    folder, to : path
+        What relative names in it start from, and shall start from.
+
+    Raises
+    ------
+    SpectrumError
+        If a part of a mix is unknown.
+    """
+    terms = light_terms(text, folder)
+    names = [rebase_address(name, folder, to) for name, _ in terms]
+    if names == [name for name, _ in terms]:
+        return text
+    return "+".join(
+        name if weight == 1.0 else f"{name}*{weight!r}"
+        for name, (_, weight) in zip(names, terms, strict=True)
+    )
 
 
 def light_names() -> tuple[str, ...]:
@@ -188,7 +214,7 @@ def _is_known(name: str, folder: Folder) -> bool:
         # "A+lamp.csv" is a mix, unless a file is called so; "p.toml#x+A", unless a light in it is.
         path = Path(folder, file)
         if set("+*") & set(selector):
-            return holds(os.fspath(path), selector, "light")
+            return palette_holds(os.fspath(path), selector, "light")
         return path.is_file()
     prefix, _, number = low.partition(":")
     if prefix == PREFIX:
@@ -251,10 +277,10 @@ def _number(text: str) -> float | None:
 
 
 @lru_cache(maxsize=1024)
-def _named(name: str, grid: SpectralGrid) -> Spectrum:
+def _named_light(name: str, grid: SpectralGrid) -> Spectrum:
     w, v = _tables()[name]
     try:
-        return _normalised(extended_band_means(w, v, grid), grid, name)
+        return _normalise(extended_band_means(w, v, grid), grid, name)
     except SpectrumError as error:
         raise SpectrumError(f"light {name!r}: {error}") from None
 
@@ -262,7 +288,7 @@ def _named(name: str, grid: SpectralGrid) -> Spectrum:
 def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
     canonical = _canonical(name)
     if canonical in _tables():
-        return _named(canonical, grid)
+        return _named_light(canonical, grid)
     prefix, _, number = _folded(name).partition(":")
     kelvin = _number(number)
     if prefix in ("planck", "daylight"):
@@ -276,14 +302,14 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
                 f"light {name!r}: {kelvin:g} K is outside {low}-{high} K; choose one inside"
             )
         values = _planck(kelvin, grid) if prefix == "planck" else _daylight(kelvin, grid)
-        return _normalised(values, grid, f"{prefix}:{kelvin:g}")
+        return _normalise(values, grid, f"{prefix}:{kelvin:g}")
     if prefix == PREFIX and number.strip() in LAMPS:
         source = LAMPS[number.strip()]
-        return _normalised(_planck(source.kelvin, grid), grid, f"{PREFIX}:{source.name}")
+        return _normalise(_planck(source.kelvin, grid), grid, f"{PREFIX}:{source.name}")
     if address := split_address(name):
-        if given := given_in_palette(address, "light", folder):
+        if given := named_in_palette(address, "light", folder):
             text, its_folder = given
-            return _normalised(light(text, grid, folder=its_folder).values, grid, text)
+            return _normalise(light(text, grid, folder=its_folder).values, grid, text)
         return _from_file(os.fspath(Path(folder, name)), grid)
     raise _unknown(name)
 
@@ -318,9 +344,9 @@ def as_light(
             "is negative; a light's values are 0 or more"
         )
     # Sums of values near the ends of float64 overflow, or vanish, unless the peak is 1.
-    values = on_grid(measured, grid, label, unit=peak or 1.0, stacklevel=stacklevel)
+    values = resample(measured, grid, label, unit=peak or 1.0, stacklevel=stacklevel)
     values /= np.abs(values).max() or 1.0
-    return replace(_normalised(values, grid, measured.name, label), notes=measured.notes)
+    return replace(_normalise(values, grid, measured.name, label), notes=measured.notes)
 
 
 def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
@@ -342,10 +368,10 @@ def _unknown(name: str, where: str = "") -> SpectrumError:
     )
 
 
-def _normalised(
+def _normalise(
     values: NDArray[np.float64], grid: SpectralGrid, name: str, label: str = ""
 ) -> Spectrum:
-    V = color_matching_functions(grid)[1]
+    V = colour_matching_functions(grid)[1]
     power = light_power(values, grid, label or f"light {name!r}")
     return Spectrum(grid.wavelengths_nm, power * (V.sum() / (V @ power)), name)
 

@@ -77,7 +77,7 @@ def named_spectrum(path: str, selector: str, role: str) -> str | None:
     return given
 
 
-def holds(path: str, selector: str, role: str) -> bool:
+def palette_holds(path: str, selector: str, role: str) -> bool:
     """Whether a file is a palette with a spectrum of that name."""
     if Path(path).suffix.lower() != SUFFIX:
         return False

@@ -9,14 +9,15 @@ XYZ = kappa Q (E * S), kappa such that a perfect diffuser has Y = 100; absolute 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.spectra.datasets import colour_matching_functions, observers
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.observer import color_matching_functions
-from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.values import light_power, stack
+from volspec.spectra.spectrum import Spectrum, light_power, stack
 
 LUMINOUS_EFFICACY = 683.0
 """lm/W at 555 nm."""
@@ -24,7 +25,7 @@ LUMINOUS_EFFICACY = 683.0
 _FULL_RANGE_NM = (360.0, 830.0)
 
 
-def XYZ_of(
+def XYZ_from_spectra(
     light: Spectrum,
     reflectances: Spectrum | Sequence[Spectrum] | ArrayLike,
     observer_deg: int = 2,
@@ -38,7 +39,7 @@ def XYZ_of(
     reflectances : Spectrum, list of Spectrum, or (..., N) array
         Spectra are put on the light's grid; arrays must already be on it.
     observer_deg : {2, 10}
-        As `color_matching_functions`.
+        As `colour_matching_functions`.
 
     Returns
     -------
@@ -53,19 +54,19 @@ def XYZ_of(
     grid = light.grid
     S = stack(reflectances, grid)
     E = light_power(light, grid)
-    Q = color_matching_functions(grid, observer_deg)
+    Q = colour_matching_functions(grid, observer_deg)
     return (S * E) @ (Q.T * (100.0 / (Q[1] @ E)))
 
 
 def white_XYZ(light: Spectrum, observer_deg: int = 2) -> NDArray[np.float64]:
     """(3,) XYZ of the perfect diffuser, Y = 100: the light's adopted white."""
-    return XYZ_of(light, np.ones(light.values.size), observer_deg)
+    return XYZ_from_spectra(light, np.ones(light.values.size), observer_deg)
 
 
 def illuminance_lux(spectrum: Spectrum) -> float:
     """E_v = 683 sum E V dlambda, lux, for a spectral irradiance in W / (m^2 nm)."""
     grid = spectrum.grid
-    V = color_matching_functions(grid)[1]
+    V = colour_matching_functions(grid)[1]
     return float(LUMINOUS_EFFICACY * grid.step_nm * (V @ spectrum.values))
 
 
@@ -86,7 +87,7 @@ def extended_band_means(
     if low <= grid.start_nm and high >= grid.stop_nm:
         return grid.band_means(wavelengths_nm, values)
     full = SpectralGrid(*_FULL_RANGE_NM, 1.0)
-    Q = color_matching_functions(full)
+    Q = colour_matching_functions(full)
     missing = (full.wavelengths_nm < low) | (full.wavelengths_nm > high)
     if (Q[:, missing].sum(1) < 0.01 * Q.sum(1)).all():
         pad = (int(low > grid.start_nm), int(high < grid.stop_nm))
@@ -95,3 +96,79 @@ def extended_band_means(
         )
         values = np.pad(values, [pad] + [(0, 0)] * (values.ndim - 1), mode="edge")
     return grid.band_means(wavelengths_nm, values)
+
+
+C2_NM_K = 1.438776877e7
+"""Second radiation constant h c / k (CODATA 2018; 000 eq. 7 has a misprint)."""
+
+# Where the table goes to, K, and how far from Planck's locus a temperature has a meaning.
+_KELVIN, _FURTHEST = (1_000.0, 100_000.0), 0.05
+# From row to row.
+_RATIO = 1.002
+
+
+class Temperature(NamedTuple):
+    """Of the nearest Planck radiator in CIE 1960 u, v."""
+
+    kelvin: float
+    Duv: float
+    """Distance from it: above 0 greener, below 0 pinker."""
+
+
+def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
+    """Correlated colour temperature and Duv of a light.
+
+    Parameters
+    ----------
+    white_XYZ : (3,) array_like
+        On any scale.
+
+    Returns
+    -------
+    Temperature or None
+        None where the light is too far from Planck's locus to have one, or colder than 1000 K or
+        hotter than 100 000 K.
+
+    Examples
+    --------
+    >>> kelvin, Duv = correlated_temperature([95.047, 100, 108.883])
+    >>> round(kelvin), round(Duv, 4)
+    (6503, 0.0032)
+    """
+    u, v = _uv(np.asarray(white_XYZ, dtype=np.float64))
+    kelvin, locus = _planckian()
+    squares = ((locus - [u, v]) ** 2).sum(axis=1)
+    nearest = int(squares.argmin())
+    if not 0 < nearest < len(kelvin) - 1:
+        return None
+    # The vertex of the parabola through three squares: unlike distances, they have no kink where
+    # the light is on the locus.
+    before, here, after = squares[nearest - 1 : nearest + 2]
+    rows = 0.5 * (before - after) / (before - 2.0 * here + after)
+    found = float(kelvin[nearest] * _RATIO**rows)
+    u_0, v_0 = _uv(_planck_XYZ(np.array([found])))[0]
+    Duv = float(np.copysign(np.hypot(u - u_0, v - v_0), v - v_0))
+    if not (_KELVIN[0] <= found <= _KELVIN[1] and abs(Duv) <= _FURTHEST):
+        return None
+    return Temperature(found, Duv)
+
+
+@cache
+def _planckian() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Temperatures (K,) and their u, v (K, 2), a row further than `_KELVIN` at both ends."""
+    low, high = np.log(_KELVIN) / np.log(_RATIO)
+    kelvin = _RATIO ** np.arange(low - 1.0, high + 2.0)
+    return kelvin, _uv(_planck_XYZ(kelvin))
+
+
+def _planck_XYZ(kelvin: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, 3), on no scale."""
+    nm, xyz = observers()["CIE 1931 2 Degree Standard Observer"]
+    power = (560.0 / nm) ** 5 / np.expm1(C2_NM_K / (nm * kelvin[:, None]))
+    return power @ xyz
+
+
+def _uv(XYZ: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(..., 2) CIE 1960 u, v."""
+    X, Y, Z = np.moveaxis(XYZ, -1, 0)
+    return np.stack([4.0 * X, 6.0 * Y], axis=-1) / (X + 15.0 * Y + 3.0 * Z)[..., None]

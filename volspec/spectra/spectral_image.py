@@ -29,9 +29,9 @@ from numpy.typing import ArrayLike, NDArray
 from volspec._exr import read_exr, write_exr
 from volspec._parse import parse_json
 from volspec.errors import SpectrumError, VolspecWarning
-from volspec.spectra._paths import path_text
 from volspec.spectra.grid import SpectralGrid, require_grid
 from volspec.spectra.spectrum import Spectrum, read_only_notes
+from volspec.spectra.tables import path_text
 
 Kind = Literal["reflective", "emissive"]
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from volspec.appearance.curves import sRGB_CURVE
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import TransferError
-from volspec.spectra import reflectance_of
+from volspec.spectra import reflectance_from_colour
 from volspec.transfer.model import TransferFunction
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ def transfer_from_vtk(
     ]
     return TransferFunction(
         points,
-        {word: reflectance_of(word) for word in dict.fromkeys(words)},
+        {word: reflectance_from_colour(word) for word in dict.fromkeys(words)},
         basis or SpectralBasis.load("general-7"),
         thickness * unit_scale,
     )

@@ -89,7 +89,7 @@ def filter_rows(
     for row, name in zip(channels, names, strict=True):
         if name not in filters:
             continue
-        exact = basis.analyze(filters[name])
+        exact = basis.analyse(filters[name])
         row[:] = exact.clip(0, 1)
         moved = float(np.abs(row - exact).max())
         if moved > _UNSEEN:

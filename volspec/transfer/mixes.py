@@ -181,7 +181,7 @@ def rows_of_channels(
         mixes' channels themselves are the shares, of the identity.
     """
     names = used(mixes)
-    channels = basis.channels_of({name: materials[name] for name in names})
+    channels = basis.channels_for_materials({name: materials[name] for name in names})
     shares = share_matrix(mixes, names)
     if len(names) > basis.size:
         return shares @ channels, np.eye(basis.size)

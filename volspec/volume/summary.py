@@ -64,7 +64,7 @@ class VolumeSummary:
         return table
 
 
-def summarize(volume: Volume) -> VolumeSummary:
+def summarise(volume: Volume) -> VolumeSummary:
     """Look at a volume once."""
     low, high = volume.range
     edges = np.linspace(low, high, _BINS + 1)

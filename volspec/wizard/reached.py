@@ -98,7 +98,7 @@ def shown_Lab(scene: Scene, light: NamedLight) -> Array:
     groups = scene.raycast.shares()
     spec = replace(scene.relight, viewing=Drawing(scene).viewing)
     lit = Illumination.of(scene.basis, light.rig, spec, groups)
-    channels = scene.basis.channels_of(scene.materials)
+    channels = scene.basis.channels_for_materials(scene.materials)
     layers = np.hstack([share * channels for share in groups.values()])
     XYZ = lit.scene_XYZ(layers, np.ones(len(layers)))
     seen = passage_of(lit.viewing, lit.white_XYZ).apply(XYZ)

@@ -17,9 +17,8 @@ from volspec.scene import Scene, write_scene
 from volspec.scene.file import SceneFile
 from volspec.scene.reading import scene_data, scene_file
 from volspec.scene.writing import require_toml
-from volspec.spectra.files import split_address
+from volspec.spectra.files import rebase_path, split_address
 from volspec.spectra.lights import light_terms
-from volspec.spectra.moved import moved_file
 
 # A palette that begins so is replaced by the next wizard; any other is somebody's own.
 _OURS = "Written by volspec wizard, which replaces it"
@@ -120,7 +119,7 @@ def write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Pat
             code="damaged",
         )
     # Written as all names of the scene's files are: counted from the scene's own folder.
-    palette = moved_file(beside.name, beside.parent, scene.folder)
+    palette = rebase_path(beside.name, beside.parent, scene.folder)
     update: dict[str, object] = {
         "material": [
             row.model_copy(update={"reflectance": f"{palette}#{row.name}"})

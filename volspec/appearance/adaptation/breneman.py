@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 from volspec.appearance.adaptation import adapt
 from volspec.appearance.adaptation.base import Array
 from volspec.appearance.spec import Triple, ViewingConditions
-from volspec.spectra._colour import colour_science
+from volspec.spectra.datasets import colour_science
 
 EXPERIMENTS = (1, 2, 3, 4, 6, 8, 11, 12)
 # Luminance factors of Breneman's twelve surfaces, grey to purple.

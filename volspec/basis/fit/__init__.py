@@ -1,6 +1,183 @@
-"""Fitting bases: one file a method, the training set, what is minimised."""
+"""Fit a basis: choose the method, settle its options, add the synthesis.
 
-from volspec.basis.fit.method import METHODS, fit_basis
-from volspec.basis.fit.training import training_set
+    training set -> [fit] -> A, B, D
 
-__all__ = ["METHODS", "fit_basis", "training_set"]
+======================  ==========================================================================
+``virtual-sensors``     the best componentwise colour (`volspec.basis.fit.sensors`)
+``reduced-rank``        the best colour by the exact light matrix (`volspec.basis.fit.linear`)
+``pca-sharpened``       the papers' spectral factor model (`volspec.basis.fit.linear`)
+``pca``                 the papers' linear model, its reference (`volspec.basis.fit.linear`)
+======================  ==========================================================================
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from volspec.basis.base import ROUND_TRIP_TOLERANCE, round_trip_loss
+from volspec.basis.fit.linear import pca, reduced_rank, sharpened_pca
+from volspec.basis.fit.sensors import MOST_ALIKE, fit_sensors
+from volspec.basis.fit.training import LEAST_SIZE, Training, smaller_size
+from volspec.errors import BasisError, nearest
+
+Array = NDArray[np.float64]
+
+_LINEAR = {"reduced-rank": reduced_rank, "pca-sharpened": sharpened_pca, "pca": pca}
+METHODS = ("virtual-sensors", *_LINEAR)
+DEFAULT_SMOOTHNESS = 5e-6
+# Up to this many light-reflectance pairs the fit is for designed spectra, which oscillate:
+# sensors must be allowed to.
+_FEW_PAIRS = 150
+_SCENE_SMOOTHNESS = 2e-7
+# Perturbed starts by the number of pairs: where few spectra are to be held there are several
+# minima, and each start is cheap.
+_RESTARTS = ((_FEW_PAIRS, 4), (2000, 2))
+# Strength of the prior "spectra are smooth" against the training spectra's own covariance.
+_PRIOR = 1e-5
+_PRIOR_WIDTH_NM = 40.0
+# A penalty of the order of the colours' own errors leaves nothing but straight lines.
+_MOST_SMOOTHNESS = 1.0
+_USUAL_SIZES = (5, 9)
+# Sensors of a larger condition number than this are not worth having.
+_REFUSED_ALIKE = 100.0
+
+
+def fit_basis(
+    training: Training,
+    size: int,
+    method: str,
+    *,
+    positive: bool,
+    smoothness: float | None,
+    restarts: int | None,
+) -> tuple[Array, Array, Array]:
+    """A, B and D; `SpectralBasis.fit` is the public face and documents the arguments.
+
+    On one thread: the matrices are small, so that more threads gain nothing, stall each other
+    when the machine is busy, and change the last bits.
+    """
+    _check_method(method)
+    _check_size(size, training)
+    if method in _LINEAR:
+        _refuse_options(method, positive=positive, smoothness=smoothness, restarts=restarts)
+    options = _smoothness(smoothness, training), _restarts(restarts, training)
+    with threadpool_limits(1):
+        try:
+            if method in _LINEAR:
+                A, B, D = _LINEAR[method](training, size)
+            else:
+                A, D = fit_sensors(
+                    training, size, positive=positive, smoothness=options[0], restarts=options[1]
+                )
+                B = best_synthesis(A, training)
+        except np.linalg.LinAlgError as error:
+            raise BasisError(
+                f"basis size {size}: {training.label} do not determine it ({error}); "
+                "use a smaller size or more spectra"
+            ) from None
+        alike = np.inf if method in _LINEAR else _REFUSED_ALIKE
+        _check_determined(A, B, training, alike=alike)
+        return A, B, D
+
+
+def best_synthesis(A: Array, training: Training) -> Array:
+    """B (N, m): the reflectances most likely to have given coefficients, with B 1 = 1.
+
+    Linear regression of spectra on their channels, B = C A^T (A C A^T)^-1 with C the training
+    covariance plus a weak smooth prior (so that m may exceed the number of reflectances),
+    then constrained to keep flat white. A B = I: what B makes, A reads back.
+    """
+    w = training.grid.wavelengths_nm
+    smooth = np.exp(-0.5 * ((w[:, None] - w) / _PRIOR_WIDTH_NM) ** 2)
+    # A little independent variation keeps the smooth prior from being singular on fine grids.
+    prior = smooth + 1e-2 * np.eye(w.size)
+    C = training.covariance
+    C = C + _PRIOR * np.trace(C) / w.size * prior
+    gram = A @ C @ A.T
+    B = np.linalg.solve(gram, A @ C).T
+    toward = np.linalg.solve(gram, np.ones(len(A)))
+    return B + np.outer(1.0 - B.sum(1), toward / toward.sum())
+
+
+def _check_method(method: Any) -> None:
+    if method == "materials":
+        raise BasisError(
+            "materials are not fitted: use volspec.MaterialBasis(materials), whose channels "
+            "they are"
+        )
+    if method not in METHODS:
+        raise BasisError(
+            f"basis method {method!r} is unknown; {nearest(str(method), METHODS)}"
+            f"choose {', '.join(METHODS)}",
+            code="unknown",
+        )
+
+
+def _check_size(size: Any, training: Training) -> None:
+    most = training.grid.size
+    if most < LEAST_SIZE:
+        raise BasisError(
+            f"a grid of {most} bands is too coarse for a basis, which has {LEAST_SIZE} channels "
+            "or more; use a finer step_nm"
+        )
+    if not _is_whole(size) or not LEAST_SIZE <= size <= most:
+        low, high = _USUAL_SIZES
+        usual = f"; {low} to {high} is usual" if most > high else ""
+        raise BasisError(
+            f"basis size {size!r:.40} is not a whole number from {LEAST_SIZE} to {most}, the "
+            f"grid's bands{usual}"
+        )
+
+
+def _check_determined(A: Array, B: Array, training: Training, *, alike: float) -> None:
+    """Refuse sensors so alike that no spectrum can be read back from their channels."""
+    strength = np.linalg.svd(A, compute_uv=False)
+    if strength[0] <= alike * strength[-1] and round_trip_loss(A, B) <= ROUND_TRIP_TOLERANCE:
+        return
+    most = min(int((strength > strength[0] / MOST_ALIKE).sum()), len(A) - 1)
+    raise BasisError(
+        f"basis size {len(A)}: {training.label} do not determine so many channels, which became "
+        f"mixtures of each other; {smaller_size(most)}"
+    )
+
+
+def _refuse_options(method: str, **options: Any) -> None:
+    """What only ``virtual-sensors`` takes."""
+    if options.pop("positive"):
+        raise BasisError(
+            f"{method} cannot keep its analysis positive; use method='virtual-sensors'"
+        )
+    for name, value in options.items():
+        if value is not None:
+            raise BasisError(
+                f"{method} takes no {name}; leave it out, or use method='virtual-sensors'",
+                code="conflict",
+            )
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _smoothness(value: Any, training: Training) -> float:
+    if value is None:
+        return _SCENE_SMOOTHNESS if training.pairs <= _FEW_PAIRS else DEFAULT_SMOOTHNESS
+    number = _is_whole(value) or isinstance(value, float | np.floating)
+    if not number or not 0 <= value <= _MOST_SMOOTHNESS:
+        raise BasisError(
+            f"smoothness {value!r:.40} is not a number from 0 to {_MOST_SMOOTHNESS:g}; "
+            f"{DEFAULT_SMOOTHNESS:g} is usual"
+        )
+    return float(value)
+
+
+def _restarts(value: Any, training: Training) -> int:
+    if value is None:
+        return next((count for most, count in _RESTARTS if training.pairs <= most), 0)
+    if not _is_whole(value) or value < 0:
+        raise BasisError(f"restarts {value!r:.40} is not a whole number of 0 or more")
+    return int(value)

@@ -13,9 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from volspec.basis.fit.metric import relative_colours
+from volspec.appearance.models.cielab import cielab, cielab_derivative
+from volspec.basis.display import NO_COLOUR, visible_white
 from volspec.basis.fit.training import Training
 
 Array = NDArray[np.float64]
@@ -62,7 +63,7 @@ class Value:
     cost: float
 
 
-def pose(
+def pose_problem(
     training: Training, knots: Array, roughness: Array, white_weight: float = _WHITE_WEIGHT
 ) -> Problem:
     """The problem of a training set for sensors made of knots (P, N)."""
@@ -89,7 +90,7 @@ def evaluate(problem: Problem, state: State) -> Value:
     white = np.maximum(predicted, _LEAST_WHITE * problem.white)
     display = state.D * e[:, None] / white[..., None]  # (J, 3, m)
     ratio = np.matmul(s, display.swapaxes(1, 2))
-    residual = _applied(problem.metric, ratio - problem.target)
+    residual = _apply(problem.metric, ratio - problem.target)
     rough = state.heights @ problem.roughness.T
     white_off = (predicted - problem.white) / problem.white_scale
     large = state.D * (_DISPLAY_WEIGHT / 100)
@@ -123,8 +124,8 @@ def normal_equations(problem: Problem, state: State, value: Value) -> tuple[Arra
     rest = np.einsum("jmx,jp->mpx", light[:, :m, m:], problem.E, optimize=True)
     rest += np.einsum("kmx,kp->mpx", reflectance[..., m:], problem.S, optimize=True)
     rest[..., -1] += value.rough @ problem.roughness
-    H = _held(_held(H, state, problem).transpose(2, 3, 0, 1), state, problem)
-    rest = _held(rest, state, problem).reshape(m * P, -1)
+    H = _fix_sums(_fix_sums(H, state, problem).transpose(2, 3, 0, 1), state, problem)
+    rest = _fix_sums(rest, state, problem).reshape(m * P, -1)
     last = light[:, m:, m:].sum(0)
     ridge = (_DISPLAY_WEIGHT / 100) ** 2
     last[:-1, :-1] += ridge * np.eye(3 * m)
@@ -167,13 +168,68 @@ def _outer_sum(weights: Array, spectra: Array) -> Array:
     return (weights.reshape(count, -1).T @ outer).reshape(m, m, P, P).swapaxes(1, 2)
 
 
-def _held(by_heights: Array, state: State, problem: Problem) -> Array:
+def _fix_sums(by_heights: Array, state: State, problem: Problem) -> Array:
     """The derivative (m, P, ...) when each sensor is divided by its sum, which is now 1."""
     along = np.einsum("mp,mp...->m...", state.heights, by_heights)
     tail = (1,) * (by_heights.ndim - 2)
     return by_heights - problem.area.reshape(1, -1, *tail) * along[:, None]
 
 
-def _applied(matrices: Array, vectors: Array) -> Array:
+def _apply(matrices: Array, vectors: Array) -> Array:
     """(..., 3, 3) on (..., 3)."""
     return np.matmul(matrices, vectors[..., None])[..., 0]
+
+
+_CHROMA_LOSS, _HUE_LOSS = 0.045, 0.015
+_WHITE = np.ones(3)
+
+
+def relative_colours(training: Training) -> tuple[Array, Array, Array]:
+    """Whites (J, 3), XYZ / white (J, K, 3), and G (J, K, 3, 3) of every light on reflectance.
+
+    A pair's weight and the number of pairs are folded into G: the sum of squares of errors
+    weighed by it is their mean square.
+    """
+    E, S, Q = training.E, training.S, training.Q
+    white = E @ Q.T
+    # Where a light has no X or Z to speak of there is no ratio to fit; `display_matrix`
+    # shows that row in proportion to Y.
+    seen = white > NO_COLOUR * white[:, 1:2]
+    white = visible_white(white)
+    ratio = np.matmul(S, (Q * E[:, None]).swapaxes(1, 2)) / white[:, None]
+    weights = np.outer(training.light_weights, training.reflectance_weights) / training.pairs
+    metric = difference_metric(ratio) * seen[:, None, None, :]
+    return white, ratio, metric * np.sqrt(weights)[..., None, None]
+
+
+def difference_metric(ratio: ArrayLike) -> Array:
+    """G with |G d| the CIE94 difference of a small change d of XYZ / white.
+
+    Parameters
+    ----------
+    ratio : (..., 3) array_like
+        XYZ over the white's.
+
+    Returns
+    -------
+    (..., 3, 3) float64
+        Row lightness, chroma or hue; column X, Y or Z.
+
+    Examples
+    --------
+    >>> step = [0.0, 0.001, 0.0]
+    >>> grey, green = ([0.2, 0.2, 0.2], [0.1, 0.2, 0.05])
+    >>> [round(float(np.linalg.norm(difference_metric(c) @ step)), 2) for c in (grey, green)]
+    [0.54, 0.17]
+    """
+    slope = cielab_derivative(ratio)
+    _, a, b = np.moveaxis(cielab(ratio, _WHITE), -1, 0)
+    chroma = np.hypot(a, b)
+    # Grey has no hue: any direction does, since both losses are the same there.
+    hue = np.arctan2(b, a)
+    toward = np.stack([np.cos(hue), np.sin(hue)], axis=-1)
+    across = np.stack([-np.sin(hue), np.cos(hue)], axis=-1)
+    ab = slope[..., 1:, :]
+    by_chroma = np.einsum("...i,...ij->...j", toward, ab) / (1 + _CHROMA_LOSS * chroma)[..., None]
+    by_hue = np.einsum("...i,...ij->...j", across, ab) / (1 + _HUE_LOSS * chroma)[..., None]
+    return np.stack([slope[..., 0, :], by_chroma, by_hue], axis=-2)

@@ -6,7 +6,7 @@ Minimises, over A (rows summing to 1) and D, the mean square colour error
 
     || G_jk ( D(A E_j * A S_k) / D(A E_j)  -  XYZ_jk / XYZ_white_j ) ||^2
 
-where G_jk is the CIE94 metric at the true colour (`volspec.basis.fit.metric`), so that the
+where G_jk is the CIE94 metric at the true colour (`volspec.basis.fit.residuals`), so that the
 residual is a colour difference, plus small penalties: second differences of the sensors,
 predicted whites off their lights' (the per-light correction of `SpectralBasis.display_matrix`,
 which is the division above, should have little to do), and large entries of D (which would
@@ -26,7 +26,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis.fit.residuals import Problem, State, evaluate, normal_equations, pose
+from volspec.basis.fit.residuals import Problem, State, evaluate, normal_equations, pose_problem
 from volspec.basis.fit.training import Training
 from volspec.spectra.grid import SpectralGrid
 
@@ -61,8 +61,8 @@ def fit_sensors(
     # so that one smoothness means the same on every grid.
     second = np.diff(np.eye(at_nm.size), 2, axis=0) * (10.0 / (at_nm[1] - at_nm[0])) ** 2
     roughness = np.sqrt(smoothness / at_nm.size) * grid.size * second
-    problem = pose(training, knots, roughness)
-    state = _best_descent(problem, _perturbed(_gaussians(at_nm, size), restarts), positive)
+    problem = pose_problem(training, knots, roughness)
+    state = _best_descent(problem, _perturb(_gaussians(at_nm, size), restarts), positive)
     return state.heights @ knots, _scaled_display(training, problem, state)
 
 
@@ -72,13 +72,13 @@ def choose_channels(training: Training, rows: Array) -> tuple[Array, Array]:
     From the narrowest sensors that the space allows: the eigenvectors of diag(lambda) in it,
     lambda no further out than there is colour. ``rows`` are orthonormal.
     """
-    problem = pose(training, rows, np.zeros((0, len(rows))), _CHANNEL_WHITE_WEIGHT)
+    problem = pose_problem(training, rows, np.zeros((0, len(rows))), _CHANNEL_WHITE_WEIGHT)
     _, narrow = np.linalg.eigh(rows * np.clip(training.grid.wavelengths_nm, *_COLOUR_NM) @ rows.T)
     state = _descend(problem, narrow.T, positive=False)
     return state.heights, _scaled_display(training, problem, state)
 
 
-def _perturbed(heights: Array, count: int) -> Iterator[Array]:
+def _perturb(heights: Array, count: int) -> Iterator[Array]:
     """The heights themselves, then so many random changes of them."""
     rng = np.random.default_rng(20090128)
     yield heights
@@ -116,7 +116,7 @@ def _descend(problem: Problem, heights: Array, positive: bool) -> State:
         H, gradient = normal_equations(problem, state, value)
         scale = np.diag(np.diag(H) + 1e-12 * np.trace(H) / len(H))
         for _ in range(12):
-            trial = _moved(problem, state, _step(state, H + damping * scale, gradient))
+            trial = _take_step(problem, state, _step(state, H + damping * scale, gradient))
             new = evaluate(problem, trial)
             if new.cost < value.cost:
                 break
@@ -189,7 +189,7 @@ def _step(state: State, H: Array, gradient: Array) -> Array:
         held |= below
 
 
-def _moved(problem: Problem, state: State, step: Array) -> State:
+def _take_step(problem: Problem, state: State, step: Array) -> State:
     cut = state.heights.size
     heights = state.heights + step[:cut].reshape(state.heights.shape)
     if state.positive:

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.basis.checks import basis_errors
+from volspec.basis.base import basis_errors
 from volspec.errors import BasisError, SpectrumError
+from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.observer import color_matching_functions
-from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.values import light_power, real_array, reflectance_values, stack
+from volspec.spectra.spectrum import Spectrum, light_power, real_array, reflectance_values, stack
 
 Array = NDArray[np.float64]
 
@@ -45,7 +44,7 @@ class Training:
     @property
     def Q(self) -> Array:
         """(3, N) colour-matching functions."""
-        return color_matching_functions(self.grid, self.observer_deg)
+        return colour_matching_functions(self.grid, self.observer_deg)
 
     @property
     def pairs(self) -> int:
@@ -55,7 +54,7 @@ class Training:
     @property
     def label(self) -> str:
         """In words."""
-        return f"{counted(len(self.E), 'light')} x {counted(len(self.S), 'reflectance')}"
+        return f"{count_noun(len(self.E), 'light')} x {count_noun(len(self.S), 'reflectance')}"
 
     @property
     def covariance(self) -> Array:
@@ -111,7 +110,7 @@ def training_set(
             label += f" ({lights[k].name})"
         with basis_errors():
             E[k] = light_power(row, grid, label)
-    E *= (100.0 / (E @ color_matching_functions(grid, observer_deg)[1]))[:, None]
+    E *= (100.0 / (E @ colour_matching_functions(grid, observer_deg)[1]))[:, None]
     return Training(
         E,
         S,
@@ -142,7 +141,7 @@ def check_rank(strength: Array, size: int, what: str) -> None:
     rank = int((strength > strength[0] * _RANK).sum())
     if size > rank:
         raise BasisError(
-            f"basis size {size} exceeds the {counted(rank, 'dimension')} that {what} span; "
+            f"basis size {size} exceeds the {count_noun(rank, 'dimension')} that {what} span; "
             f"{smaller_size(rank)}"
         )
 
@@ -155,7 +154,7 @@ def smaller_size(most: int) -> str:
     return f"use a size of {most}{less}, or more spectra"
 
 
-def counted(count: int, noun: str) -> str:
+def count_noun(count: int, noun: str) -> str:
     """``"1 light"``, ``"2 lights"``."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 

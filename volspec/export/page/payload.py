@@ -27,7 +27,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import SURROUND_RATIOS, SURROUNDS, Display, Viewing
 from volspec.appearance.wavelengths import spectrum_colours
 from volspec.basis import MODES, MaterialBasis
-from volspec.basis.stored import Basis
+from volspec.basis.materials import Basis
 from volspec.errors import ViewingError, VolspecWarning
 from volspec.relight import ErrorMap, RelightSpec
 from volspec.relight.packed import layer_count
@@ -35,9 +35,9 @@ from volspec.relight.programs import picture_constants
 from volspec.relight.uniforms import screen_uniforms
 from volspec.scene.lights import NamedLight
 from volspec.spectra import SpectralGrid, Spectrum
-from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.photometry import illuminance_lux
-from volspec.spectra.values import light_power
+from volspec.spectra.spectrum import light_power
 
 _GLSL = "300 es"
 _HEATS = 129
@@ -72,9 +72,9 @@ def constants() -> dict[str, Any]:
 
 def basis_numbers(basis: Basis) -> dict[str, Any]:
     """What takes spectra to channels and channels to XYZ; matrices as rows."""
-    Q = color_matching_functions(basis.grid, basis.observer_deg)
+    Q = colour_matching_functions(basis.grid, basis.observer_deg)
     materials = isinstance(basis, MaterialBasis)
-    synthesis = basis.synthesize(np.eye(basis.size)).T
+    synthesis = basis.synthesise(np.eye(basis.size)).T
     return {
         "kind": "materials" if materials else "spectral",
         "Q": _plain(Q),

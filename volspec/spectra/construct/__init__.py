@@ -8,10 +8,20 @@ References
     WSCG 2004 Posters, 193-196.
 """
 
-from volspec.spectra.construct.base import POWERS, BaseSpectra, base_spectra, bouguer
+from volspec.spectra.construct.base import (
+    POWERS,
+    ROUTES,
+    BaseSpectra,
+    MadeReflectances,
+    base_spectra,
+    bouguer,
+)
 from volspec.spectra.construct.colours import XYZ_from_sRGB, colour_XYZ
-from volspec.spectra.construct.construct import METHODS, reflectance_of, reflectances_of
-from volspec.spectra.construct.made import ROUTES, MadeReflectances
+from volspec.spectra.construct.construct import (
+    METHODS,
+    reflectance_from_colour,
+    reflectances_from_colours,
+)
 
 __all__ = [
     "METHODS",
@@ -23,6 +33,6 @@ __all__ = [
     "base_spectra",
     "bouguer",
     "colour_XYZ",
-    "reflectance_of",
-    "reflectances_of",
+    "reflectance_from_colour",
+    "reflectances_from_colours",
 ]

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import SpectrumError, nearest, quoted
-from volspec.spectra._colour import colour_science
+from volspec.spectra.datasets import colour_science
+from volspec.spectra.spectrum import real_array
 from volspec.spectra.tables import read_number
-from volspec.spectra.values import real_array
 
 Array = NDArray[np.float64]
 
@@ -54,12 +54,12 @@ def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
     if isinstance(colour, str):
         numbers = _numbers(colour)
         if numbers is None:
-            return XYZ_from_sRGB(sRGB_of_word(colour), white)
+            return XYZ_from_sRGB(sRGB_from_word(colour), white)
         colour = numbers
     XYZ = checked_XYZ(colour, white)
     if XYZ.shape != (3,):
         raise SpectrumError(
-            f"colour: an array of shape {XYZ.shape}; give X Y Z, or all at once: reflectances_of"
+            f"colour: an array of shape {XYZ.shape}; give X Y Z, or use reflectances_from_colours"
         )
     return XYZ
 
@@ -158,7 +158,7 @@ def _numbers(text: str) -> list[float] | None:
     return numbers
 
 
-def sRGB_of_word(text: str, others: str = "X Y Z with Y = 100 for white") -> Array:
+def sRGB_from_word(text: str, others: str = "X Y Z with Y = 100 for white") -> Array:
     """(3,) encoded sRGB, 0 to 1, of ``#rrggbb``, ``#rgb`` or a name of CSS Color 3, any case.
 
     Parameters

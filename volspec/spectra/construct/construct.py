@@ -12,30 +12,143 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import SpectrumError, VolspecWarning, nearest
-from volspec.spectra.construct.base import BaseSpectra, base_spectra
-from volspec.spectra.construct.colours import checked_XYZ, colour_XYZ
-from volspec.spectra.construct.made import ROUTES, MadeReflectances
-from volspec.spectra.construct.outside import smoothest
-from volspec.spectra.construct.recovery import RECOVERIES, recover
-from volspec.spectra.construct.search import Mesh, distinct, edge, locate, octants
+from volspec.spectra.construct.base import ROUTES, BaseSpectra, MadeReflectances, base_spectra
+from volspec.spectra.construct.colours import XYZ_from_linear_sRGB, checked_XYZ, colour_XYZ
+from volspec.spectra.construct.search import (
+    Mesh,
+    clip_to_hull,
+    locate_tetrahedra,
+    search_octants,
+    select_distinct,
+    smoothest_reflectances,
+)
+from volspec.spectra.datasets import colour_matching_functions, colour_science
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.lights import light as named_light
-from volspec.spectra.photometry import XYZ_of, white_XYZ
+from volspec.spectra.photometry import XYZ_from_spectra, extended_band_means, white_XYZ
 from volspec.spectra.spectrum import Spectrum
 
 Array = NDArray[np.float64]
 
+
+def recover_reflectances(method: str, XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+    """Reflectances by a method of `RECOVERIES`.
+
+    Parameters
+    ----------
+    method : str
+    XYZ : (n, 3) float64
+        Y = 100 for white.
+    light : Spectrum
+        Equidistant, N bands.
+    observer_deg : {2, 10}
+
+    Returns
+    -------
+    (n, N) float64
+        Clipped to 0 to 1.
+
+    Raises
+    ------
+    SpectrumError
+        If a method's optimiser does not converge, or its tables do not cover the grid.
+    """
+    if not len(XYZ):
+        return np.empty((0, light.values.size))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return np.clip(RECOVERIES[method](XYZ, light, observer_deg), 0.0, 1.0)
+
+
+def _otsu(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+    """The mean and three basis functions of the colour's cluster; a 3 x 3 system each."""
+    recovery = colour_science().recovery
+    shape = recovery.SPECTRAL_SHAPE_OTSU2018
+    dataset = recovery.Dataset_Otsu2018(
+        shape,
+        recovery.BASIS_FUNCTIONS_OTSU2018,
+        recovery.CLUSTER_MEANS_OTSU2018,
+        recovery.SELECTOR_ARRAY_OTSU2018,
+    )
+    w = shape.wavelengths
+    Q = XYZ_from_spectra(light, np.eye(light.values.size), observer_deg).T
+    values = np.empty((len(XYZ), light.values.size))
+    for row, colour in enumerate(XYZ):
+        total = colour.sum()
+        xy = colour[:2] / total if total > 0 else np.full(2, 1 / 3)
+        basis, mean = dataset.cluster(xy)
+        resample = extended_band_means(w, np.column_stack([mean, basis.T]), light.grid)
+        mean, basis = resample[:, 0], resample[:, 1:]
+        values[row] = mean + basis @ np.linalg.solve(Q @ basis, colour - Q @ mean)
+    return values
+
+
+def _mallett(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+    recovery = colour_science().recovery
+    basis = recovery.MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019
+    return (
+        _linear_sRGB(XYZ, light, observer_deg)
+        @ extended_band_means(basis.wavelengths, basis.values, light.grid).T
+    )
+
+
+def _smits(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+    recovery = colour_science().recovery
+    spectra = [recovery.RGB_to_sd_Smits1999(rgb) for rgb in _linear_sRGB(XYZ, light, observer_deg)]
+    columns = np.column_stack([spectrum.values for spectrum in spectra])
+    return extended_band_means(spectra[0].wavelengths, columns, light.grid).T
+
+
+def _linear_sRGB(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+    white = XYZ_from_spectra(light, np.ones(light.values.size), observer_deg)
+    return np.clip(XYZ @ np.linalg.inv(XYZ_from_linear_sRGB(white)).T, 0.0, 1.0)
+
+
+def _optimiser(name: str) -> Callable[[Array, Spectrum, int], Array]:
+    def made(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+        colour = colour_science()
+        # Keyed by what is exactly the grid: rounding in wavelengths would be another shape.
+        w = light.wavelengths_nm
+        Q = colour_matching_functions(light.grid, observer_deg)
+        cmfs = colour.MultiSpectralDistributions(Q.T, w)
+        lamp = colour.SpectralDistribution(light.values, w)
+        method: Any = getattr(colour.recovery, name)
+        rows = []
+        for triple in XYZ:
+            try:
+                rows.append(method(triple / 100.0, cmfs, lamp).values)
+            except RuntimeError as error:
+                raise SpectrumError(
+                    f"colour X Y Z {triple[0]:g} {triple[1]:g} {triple[2]:g}: {name} does not "
+                    "converge; take another method, such as delaunay"
+                ) from error
+        return np.array(rows)
+
+    return made
+
+
+RECOVERIES: dict[str, Callable[[Array, Spectrum, int], Array]] = {
+    "otsu-2018": _otsu,
+    "jakob-2019": _optimiser("XYZ_to_sd_Jakob2019"),
+    "meng-2015": _optimiser("XYZ_to_sd_Meng2015"),
+    "mallett-2019": _mallett,
+    "smits-1999": _smits,
+}
+"""By name: from (n, 3) XYZ, a light and an observer to (n, N)."""
+
+
 _ROUTE = {name: number for number, name in enumerate(ROUTES)}
 METHODS = ("delaunay", "tetrahedron", "smoothest", *RECOVERIES)
-"""What `reflectances_of` takes for a method."""
+"""What `reflectances_from_colours` takes for a method."""
 
 
-def reflectance_of(
+def reflectance_from_colour(
     colour: str | ArrayLike,
     method: str = "delaunay",
     light: str | Spectrum = "D65",
@@ -52,7 +165,7 @@ def reflectance_of(
         ``"#c08040"``, a name of CSS Color 3, or X Y Z with Y = 100 for white, as three numbers or
         as text. What is written in sRGB is adapted from its white to the light's.
     method, light, observer_deg, grid, base
-        As `reflectances_of`.
+        As `reflectances_from_colours`.
 
     Returns
     -------
@@ -73,20 +186,22 @@ def reflectance_of(
 
     Examples
     --------
-    >>> paint = reflectance_of("#c08040")
+    >>> paint = reflectance_from_colour("#c08040")
     >>> paint.notes["constructed"]
     'delaunay'
-    >>> reflectance_of("white", light="A").values.round(6).min().item()
+    >>> reflectance_from_colour("white", light="A").values.round(6).min().item()
     1.0
     """
     lamp = _lamp(light, grid)
     XYZ = colour_XYZ(colour, white_XYZ(lamp, observer_deg))
-    made = reflectances_of(XYZ, method, lamp, observer_deg=observer_deg, grid=grid, base=base)
+    made = reflectances_from_colours(
+        XYZ, method, lamp, observer_deg=observer_deg, grid=grid, base=base
+    )
     name = colour.strip() if isinstance(colour, str) else f"X Y Z {_words(XYZ)}"
-    return spectrum_of(made, name, XYZ, lamp, method, observer_deg)
+    return constructed_spectrum(made, name, XYZ, lamp, method, observer_deg)
 
 
-def spectrum_of(
+def constructed_spectrum(
     made: MadeReflectances,
     name: str,
     XYZ: Array,
@@ -94,7 +209,7 @@ def spectrum_of(
     method: str,
     observer_deg: int = 2,
 ) -> Spectrum:
-    """One made reflectance with notes on its making; see `reflectance_of`, and for its warning.
+    """One made reflectance with notes on its making; warns as `reflectance_from_colour` does.
 
     Parameters
     ----------
@@ -117,10 +232,10 @@ def spectrum_of(
         how = "extended" if route == "extended" else "mixed"
         notes[f"{how} from"] = ", ".join(f"{share:.4f} {part}" for part, share in mix.items())
     if route == "nearest":
-        # The caller of `reflectance_of` is two calls up.
+        # The caller of `reflectance_from_colour` is two calls up.
         warnings.warn(
             f"colour {name!r}: no reflectance within 0 to 1 is X Y Z {_words(XYZ)} under {lamp}; "
-            f"the nearest is taken, {_words(XYZ_of(light, made.values, observer_deg))}",
+            f"the nearest is taken, {_words(XYZ_from_spectra(light, made.values, observer_deg))}",
             VolspecWarning,
             stacklevel=3,
         )
@@ -131,7 +246,7 @@ def _words(XYZ: Array) -> str:
     return " ".join(f"{number:.6g}" for number in XYZ)
 
 
-def reflectances_of(
+def reflectances_from_colours(
     XYZ: ArrayLike,
     method: str = "delaunay",
     light: str | Spectrum = "D65",
@@ -182,7 +297,7 @@ def reflectances_of(
 
     Examples
     --------
-    >>> made = reflectances_of([[20, 21, 22], [41.2, 21.3, 2.0]])
+    >>> made = reflectances_from_colours([[20, 21, 22], [41.2, 21.3, 2.0]])
     >>> made.values.shape, made.counts()
     ((2, 31), {'delaunay': 1, 'extended': 1})
     """
@@ -197,21 +312,21 @@ def reflectances_of(
     vertices = np.full((len(rows), 4), -1, dtype=np.intp)
     shares = np.zeros((len(rows), 4))
     if wanted in RECOVERIES:
-        values = recover(wanted, rows, lamp, observer_deg)
+        values = recover_reflectances(wanted, rows, lamp, observer_deg)
         route[:] = _ROUTE["recovered"]
     else:
         if wanted != "smoothest" and len(rows):
             white, kept, mesh = _mesh(base, lamp.values.tobytes(), observer_deg)
             route, vertices, shares = _surround(rows / white, mesh, wanted == "tetrahedron")
             vertices = np.where(vertices >= 0, kept[vertices], -1)
-        values = _mixed(base.values, vertices, shares)
+        values = _mix(base.values, vertices, shares)
         outside = route >= _ROUTE["extended"]
         if outside.any():
-            Q = XYZ_of(lamp, np.eye(grid.size), observer_deg).T
+            Q = XYZ_from_spectra(lamp, np.eye(grid.size), observer_deg).T
             unique, first, inverse = np.unique(
                 rows[outside], axis=0, return_index=True, return_inverse=True
             )
-            solved, reached = smoothest(unique, Q, values[outside][first], progress)
+            solved, reached = smoothest_reflectances(unique, Q, values[outside][first], progress)
             inverse = inverse.ravel()
             values[outside] = solved[inverse]
             missed = np.flatnonzero(outside)[~reached[inverse]]
@@ -254,8 +369,8 @@ def _mesh(
     lamp = Spectrum(base.grid.wavelengths_nm, np.frombuffer(power))
     # Nothing to divide by where a light has no such part: one millionth of white is nothing.
     white = np.maximum(white_XYZ(lamp, observer_deg), 1e-4)
-    points = XYZ_of(lamp, base.values, observer_deg) / white
-    kept = distinct(points)
+    points = XYZ_from_spectra(lamp, base.values, observer_deg) / white
+    kept = select_distinct(points)
     return white, kept, Mesh.of(points[kept])
 
 
@@ -267,19 +382,19 @@ def _surround(
     route = np.full(n, _ROUTE["tetrahedron"], dtype=np.uint8)
     vertices, shares = np.full((n, 4), -1, dtype=np.intp), np.zeros((n, 4))
     if octants_first:
-        vertices, shares = octants(mesh.points, colours)
+        vertices, shares = search_octants(mesh.points, colours)
     rest = vertices[:, 0] < 0
-    vertices[rest], shares[rest] = locate(mesh, colours[rest])
+    vertices[rest], shares[rest] = locate_tetrahedra(mesh, colours[rest])
     route[rest] = _ROUTE["delaunay"]
     rest = vertices[:, 0] < 0
-    vertices[rest], shares[rest] = locate(mesh, edge(mesh, colours[rest]))
+    vertices[rest], shares[rest] = locate_tetrahedra(mesh, clip_to_hull(mesh, colours[rest]))
     route[rest] = _ROUTE["extended"]
     # A base without greys has no way out to follow.
     route[vertices[:, 0] < 0] = _ROUTE["smoothest"]
     return route, vertices, shares
 
 
-def _mixed(base: Array, vertices: NDArray[np.intp], shares: Array) -> Array:
+def _mix(base: Array, vertices: NDArray[np.intp], shares: Array) -> Array:
     """(n, N) sum of shares times base spectra, eq. 8 of [1]; zeros where nothing is mixed."""
     from scipy.sparse import csr_matrix
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from volspec.errors import VolspecError
 from volspec.relight import LightRig
-from volspec.spectra import Spectrum, color_matching_functions
+from volspec.spectra import Spectrum, colour_matching_functions
 from volspec.viewer.model.edit import edit, refusable
 from volspec.viewer.model.light_rows import (
     LUX,
@@ -162,7 +162,7 @@ def draw(state: ViewState, index: int, part: int, start: Place, end: Place) -> V
         return state
     old = row.rig.lights[part]
     values = draw_stroke(old.values, start, end)
-    V = color_matching_functions(old.grid)[1]
+    V = colour_matching_functions(old.grid)[1]
     if np.array_equal(values, old.values) or V @ values < _LEAST_POWER * V.sum():
         return state
     before = row.before or row

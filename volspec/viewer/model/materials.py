@@ -17,7 +17,7 @@ import numpy as np
 
 from volspec.basis import MaterialBasis
 from volspec.errors import SpectrumError, TransferError, quoted
-from volspec.spectra import SpectralGrid, Spectrum, reflectance, reflectance_of
+from volspec.spectra import SpectralGrid, Spectrum, reflectance, reflectance_from_colour
 from volspec.transfer import (
     MAX_CHANNELS,
     Isosurfaces,
@@ -48,7 +48,7 @@ _MOST_NAMED = 6
 
 @lru_cache(maxsize=1)
 def colour_names() -> tuple[str, ...]:
-    """Return the names of CSS Color 3, which `volspec.reflectance_of` takes.
+    """Return the names of CSS Color 3, which `volspec.reflectance_from_colour` takes.
 
     >>> len(colour_names()), colour_names()[:2]
     (147, ('aliceblue', 'antiquewhite'))
@@ -91,7 +91,7 @@ def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: st
     except SpectrumError:
         if not is_colour(text):
             raise
-    return reflectance_of(text, observer_deg=observer_deg, grid=grid)
+    return reflectance_from_colour(text, observer_deg=observer_deg, grid=grid)
 
 
 def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum) -> Transfer:

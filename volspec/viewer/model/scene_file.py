@@ -40,7 +40,7 @@ from volspec.scene.tables import (
 from volspec.scene.transfer import TransferTable
 from volspec.scene.writing import require_toml, write_scene
 from volspec.spectra import Spectrum, light
-from volspec.spectra.observer import color_matching_functions
+from volspec.spectra.datasets import colour_matching_functions
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer.mixes import Mix
 from volspec.viewer.model.light_rows import (
@@ -114,7 +114,7 @@ def _library_name(text: str | None, spectrum: Spectrum) -> str | None:
 
 def _power(spectrum: Spectrum) -> float:
     """Return the V-weighted mean, which `volspec.light` makes 1."""
-    V = color_matching_functions(spectrum.grid)[1]
+    V = colour_matching_functions(spectrum.grid)[1]
     return float(V @ spectrum.values / V.sum())
 
 

@@ -17,7 +17,7 @@ from volspec.appearance.passages import Passage
 from volspec.appearance.srgb import encode, linear_from_XYZ
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
-from volspec.spectra import SpectralGrid, color_matching_functions, white_XYZ
+from volspec.spectra import SpectralGrid, colour_matching_functions, white_XYZ
 from volspec.viewer.model.light_rows import KELVIN
 from volspec.viewer.model.viewing import given_viewing
 from volspec.viewer.ui.widgets import pack_colour
@@ -142,7 +142,7 @@ def column_heights(values: Array, count: int) -> Array:
 @lru_cache(maxsize=32)
 def column_colours(grid: SpectralGrid, count: int, alpha: float = 1.0) -> tuple[int, ...]:
     """Return the muted colours of a grid's wavelengths, packed for imgui."""
-    bands = color_matching_functions(grid)
+    bands = colour_matching_functions(grid)
     XYZ = np.stack([column_heights(band, count) for band in bands], axis=1)
     # Grey is added until it is a colour of the display, evenly bright but for the ends.
     linear = linear_from_XYZ(XYZ / bands.max() * 100.0)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from volspec.appearance.srgb import encode, linear_from_XYZ
 from volspec.basis import Basis
 from volspec.relight import RelightSpec
-from volspec.spectra import Spectrum, XYZ_of, white_XYZ
+from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.transfer import Transfer
 from volspec.transfer.mixes import share_matrix
 from volspec.viewer.model import presets
@@ -93,7 +93,7 @@ def _adapted(
     light, observer_deg = rig.mixed(basis.grid), basis.observer_deg
     passage = adapted_to(rig, spec, white_XYZ(light, observer_deg))
     return (
-        lambda spectra: XYZ_of(light, spectra, observer_deg),
+        lambda spectra: XYZ_from_spectra(light, spectra, observer_deg),
         codes if passage is None else lambda XYZ: codes(passage.apply(XYZ)),
     )
 

@@ -14,7 +14,7 @@ from contextlib import suppress
 from functools import lru_cache, partial
 
 from volspec.errors import VolspecError
-from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_of, white_XYZ
+from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_from_colours, white_XYZ
 from volspec.spectra.construct.colours import colour_XYZ
 from volspec.viewer.model.materials import colour_names
 
@@ -46,6 +46,6 @@ def _reflectances(grid: SpectralGrid, observer_deg: int) -> dict[str, Spectrum]:
     lamp = light("D65", grid)
     white = white_XYZ(lamp, observer_deg)
     XYZ = [colour_XYZ(name, white) for name in colour_names()]
-    rows = reflectances_of(XYZ, light=lamp, observer_deg=observer_deg, grid=grid).values
+    rows = reflectances_from_colours(XYZ, light=lamp, observer_deg=observer_deg, grid=grid).values
     pairs = zip(colour_names(), rows, strict=True)
     return {name: Spectrum(grid.wavelengths_nm, row, name) for name, row in pairs}

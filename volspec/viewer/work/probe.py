@@ -97,7 +97,7 @@ def spectra(
     layers = image.coefficients[y, x].reshape(len(image.groups), basis.size)
     for group, channels in zip(image.groups, layers, strict=True):
         if (own := rig.shining_from(group)) is not None:
-            reflected = reflected + own.mixed(grid).values * basis.synthesize(channels)
+            reflected = reflected + own.mixed(grid).values * basis.synthesise(channels)
     top = max(float(E.max()), 1e-12)
     return np.asarray(E / top), np.asarray(np.maximum(reflected, 0.0) / top)
 

@@ -89,7 +89,7 @@ function litMatrix(B, E, Q) {
 }
 
 // (3, m): channels to XYZ under a light of power E, Y = 100 for white.
-function colorMatrix(basis, E, mode) {
+function colourMatrix(basis, E, mode) {
   const { Q, analysis: A, synthesis: B, D } = basis;
   if (basis.kind === 'materials') return litMatrix(B, E, Q);
   const ones = new Array(B[0].length).fill(1);
@@ -117,7 +117,7 @@ function illuminationOf(basis, shares, parts, look) {
     // The basis scales to Y = 100 for the group alone; the white is that of the groups together.
     const brightness = own && gain * dot(V, E) / dot(V, power);
     const columns = own
-      ? scaled(colorMatrix(basis, E, look.mode), brightness) : matrix.map(() => dark);
+      ? scaled(colourMatrix(basis, E, look.mode), brightness) : matrix.map(() => dark);
     matrix.forEach((row, i) => row.push(...columns[i]));
   }
   return { matrix, white, lux, gain, power, backdrop: white.map((x) => x * gain * look.backdrop) };

@@ -1,0 +1,310 @@
+"""The basis' algebra, its files, and its refusals."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec.appearance.models.cielab import cielab
+from volspec.basis import SpectralBasis
+from volspec.errors import BasisError, SpectrumError
+from volspec.spectra import (
+    DEFAULT_GRID,
+    SpectralGrid,
+    Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
+    light,
+    reflectance,
+    reflectance_set,
+    white_XYZ,
+)
+from volspec.spectra.datasets import colour_science
+
+LIGHTS = [light(n) for n in ("D65", "A", "FL2")]
+REFLECTANCES = [reflectance(f"ColorChecker/{n}") for n in ("red", "green", "blue", "yellow")]
+
+
+@pytest.fixture(scope="module")
+def general() -> SpectralBasis:
+    return SpectralBasis.load("general-7")
+
+
+@pytest.fixture(scope="module")
+def scene() -> SpectralBasis:
+    return SpectralBasis.fit(LIGHTS, REFLECTANCES, size=5)
+
+
+@pytest.fixture(scope="module")
+def sharpened() -> SpectralBasis:
+    return SpectralBasis.fit(LIGHTS, REFLECTANCES, size=5, method="pca-sharpened")
+
+
+@pytest.fixture(params=["general", "scene", "sharpened"])
+def basis(request: pytest.FixtureRequest) -> SpectralBasis:
+    return request.getfixturevalue(request.param)
+
+
+def test_flat_white_analyses_to_ones(basis: SpectralBasis) -> None:
+    assert basis.analyse(np.ones(31)) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["D65", "A", "planck:2000", "FL2", "HP1", "LPS", "LED-RGB1"])
+def test_white_is_exact_under_every_light(basis: SpectralBasis, name: str) -> None:
+    lamp = light(name)
+    assert basis.xyz(np.ones(basis.size), lamp) == pytest.approx(white_XYZ(lamp), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["D65", "A", "planck:2000", "FL2", "HP1", "LPS", "LED-RGB1"])
+def test_exact_light_matrix_keeps_white(basis: SpectralBasis, name: str) -> None:
+    # The sharpened basis has B 1 != 1: without the rows' stretch Z is off by 5.6 under D65.
+    lamp = light(name)
+    shown = basis.light_matrix(lamp) @ np.ones(basis.size)
+    assert shown == pytest.approx(white_XYZ(lamp), abs=1e-9)
+
+
+def test_a_basis_that_holds_white_shows_its_light_matrix_unstretched(
+    general: SpectralBasis,
+) -> None:
+    for lamp in (*LIGHTS, light("LPS")):
+        Q = colour_matching_functions(general.grid)
+        plain = 100.0 / (Q[1] @ lamp.values) * (Q * lamp.values) @ general.synthesis
+        assert general.light_matrix(lamp) == pytest.approx(plain, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("names", "componentwise"),
+    # Largest CIEDE2000, measured .0003, .0005, .0007 and .024: K follows the light's white, so
+    # the componentwise picture of a sum is not quite the sum of pictures.
+    [
+        (("D65", "A"), 0.002),
+        (("D65", "planck:2000"), 0.002),
+        (("A", "FL2"), 0.002),
+        (("D65", "LPS"), 0.05),
+    ],
+)
+def test_pictures_under_two_lights_add_up(
+    general: SpectralBasis, names: tuple[str, str], componentwise: float
+) -> None:
+    # Named lights have equal luminous energy, so the mean picture is that of the mixed light.
+    one, other = map(light, names)
+    both = light(f"{names[0]}*0.5+{names[1]}*0.5")
+    S = reflectance_set("test")
+    c = general.analyse(S)
+    summed = [(general.light_matrix(one) + general.light_matrix(other)) / 2.0]
+    assert summed[0] == pytest.approx(general.light_matrix(both), abs=1e-9)
+    Lab = [
+        cielab(XYZ, white_XYZ(both))
+        for XYZ in (general.xyz(c, both), (general.xyz(c, one) + general.xyz(c, other)) / 2.0)
+    ]
+    off = colour_science().delta_E(*Lab, method="CIE 2000")
+    print(f"{names}: CIEDE2000 mean {off.mean():.4f}, max {off.max():.4f}")
+    assert off.max() <= componentwise
+
+
+def test_analysis_reads_back_what_synthesis_makes(basis: SpectralBasis) -> None:
+    c = np.random.default_rng(3).random((4, basis.size))
+    assert basis.analyse(basis.synthesise(c)) == pytest.approx(c, abs=1e-7)
+
+
+@pytest.mark.parametrize("basis", ["general", "scene"], indirect=True)
+def test_spectra_in_the_span_have_the_exact_colour(basis: SpectralBasis) -> None:
+    # Not sharpened: where white lies outside the span, its exactness costs the others'.
+    c = np.random.default_rng(4).random(basis.size)
+    S = basis.synthesise(c)
+    for lamp in LIGHTS:
+        assert basis.light_matrix(lamp) @ basis.analyse(S) == pytest.approx(
+            XYZ_from_spectra(lamp, S), abs=1e-5
+        )
+
+
+def test_analysis_is_linear_in_the_light(basis: SpectralBasis) -> None:
+    mix = light("D65*0.7+A*0.3")
+    expected = 0.7 * basis.analyse(light("D65")) + 0.3 * basis.analyse(light("A"))
+    assert basis.analyse(mix) == pytest.approx(expected)
+
+
+def test_colour_does_not_depend_on_the_lights_level(general: SpectralBasis) -> None:
+    c = general.analyse(REFLECTANCES[0])
+    assert general.xyz(c, LIGHTS[0] * 1e4) == pytest.approx(general.xyz(c, LIGHTS[0]))
+
+
+def test_display_matrix_is_continuous_towards_a_light_without_blue(
+    general: SpectralBasis,
+) -> None:
+    def matrix(share: float) -> np.ndarray:
+        return general.display_matrix(light(f"LPS*{1 - share}+D65*{share}"))
+
+    for share in np.linspace(0, 0.2, 21):
+        # K moves in proportion to the change of light, without a jump.
+        far = np.abs(matrix(share + 1e-4) - matrix(share)).max()
+        near = np.abs(matrix(share + 1e-6) - matrix(share)).max()
+        assert near < 0.05 * far + 1e-6, share
+
+
+def test_display_matrix_applied_to_products_is_xyz(general: SpectralBasis) -> None:
+    c, lamp = general.analyse(REFLECTANCES), LIGHTS[2]
+    product = (c * general.analyse(lamp)) @ general.display_matrix(lamp).T
+    assert product == pytest.approx(general.xyz(c, lamp))
+    assert general.xyz(c.reshape(2, 2, 7), lamp).shape == (2, 2, 3)
+
+
+def test_spectra_on_other_grids_are_resampled(general: SpectralBasis) -> None:
+    fine = reflectance("gold", SpectralGrid(390, 710, 1))
+    # A 10 nm table seen through a 1 nm one loses a little at its bends.
+    assert general.analyse(fine) == pytest.approx(general.analyse(reflectance("gold")), abs=5e-3)
+
+
+def test_file_round_trip_keeps_every_bit(general: SpectralBasis, tmp_path: Path) -> None:
+    general.save(tmp_path / "b.json")
+    back = SpectralBasis.load(tmp_path / "b.json")
+    assert back.fingerprint == general.fingerprint
+    assert np.array_equal(back.synthesis, general.synthesis)
+    assert (back.name, back.trained_on, back.grid) == (
+        general.name,
+        general.trained_on,
+        general.grid,
+    )
+    assert SpectralBasis.from_dict(json.loads(json.dumps(back.to_dict()))).to_dict() == (
+        general.to_dict()
+    )
+
+
+def test_fingerprint_changes_with_the_numbers(general: SpectralBasis) -> None:
+    other = dataclasses.replace(general, XYZ_from_channels=general.XYZ_from_channels * 1.01)
+    renamed = dataclasses.replace(general, name="other")
+    assert other.fingerprint != general.fingerprint == renamed.fingerprint
+
+
+def test_another_format_version_is_refused(general: SpectralBasis, tmp_path: Path) -> None:
+    path = tmp_path / "new.json"
+    path.write_text(json.dumps(general.to_dict() | {"version": 99}))
+    with pytest.raises(BasisError, match=r"new\.json.*version 99; this volspec reads version 1"):
+        SpectralBasis.load(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ({"format": "x"}, "field 'format'"),
+        ({"analysis": [[1, 2]]}, "analysis has shape"),
+        ({"analysis": "abc"}, "analysis is not an array"),
+        ({"grid_nm": [400]}, r"expected \[start, stop, step\]"),
+        ({"grid_nm": 7}, r"expected \[start, stop, step\]"),
+        ({"grid_nm": [700, 400, 10]}, "start < stop"),
+        ({"observer_deg": 5}, "observer_deg 5 is unknown"),
+    ],
+)
+def test_damaged_bases_name_the_field(
+    general: SpectralBasis, change: dict[str, object], part: str
+) -> None:
+    with pytest.raises(BasisError, match=part):
+        SpectralBasis.from_dict(general.to_dict() | change)
+
+
+def test_a_missing_field_is_named(general: SpectralBasis) -> None:
+    data = general.to_dict()
+    del data["synthesis"]
+    with pytest.raises(BasisError, match="'synthesis' is missing"):
+        SpectralBasis.from_dict(data)
+
+
+def test_unknown_names_list_the_shipped_bases(tmp_path: Path) -> None:
+    with pytest.raises(BasisError, match=r"shipped: .*general-7"):
+        SpectralBasis.load("general-8")
+    with pytest.raises(BasisError, match="no such file"):
+        SpectralBasis.load(tmp_path / "absent.json")
+    (tmp_path / "text.json").write_text("not json")
+    with pytest.raises(BasisError, match="cannot be read as JSON"):
+        SpectralBasis.load(tmp_path / "text.json")
+
+
+def test_edited_numbers_are_refused(general: SpectralBasis, tmp_path: Path) -> None:
+    data = general.to_dict()
+    data["synthesis"][12][3] += 0.01
+    path = tmp_path / "edited.json"
+    path.write_text(json.dumps(data))
+    with pytest.raises(BasisError, match=r"edited\.json.*do not belong together .A B differs"):
+        SpectralBasis.load(path)
+
+
+def test_a_basis_that_loses_white_is_refused(general: SpectralBasis) -> None:
+    with pytest.raises(BasisError, match="flat white"):
+        dataclasses.replace(general, analysis=general.analysis * 1.01)
+
+
+def test_rounding_below_zero_is_taken_as_no_power(general: SpectralBasis) -> None:
+    dip = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - (1.0 + 1e-7) * np.eye(31)[3])
+    none = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - np.eye(31)[3])
+    assert np.array_equal(general.light_matrix(dip), general.light_matrix(none))
+
+
+def test_matrices_are_read_only(general: SpectralBasis) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        general.analysis[0, 0] = 1
+
+
+def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis) -> None:
+    with pytest.raises(BasisError, match="made with another basis"):
+        general.xyz(np.ones(5), LIGHTS[0])
+    dark = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark")
+    minus = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - 1.01 * np.eye(31)[3], "minus")
+    for matrix in (general.display_matrix, general.light_matrix, white_XYZ):
+        with pytest.raises(SpectrumError, match="'dark' has no luminous energy"):
+            matrix(dark)
+        with pytest.raises(SpectrumError, match=r"'minus' has negative power, -0\.01 at 430 nm"):
+            matrix(minus)
+    with pytest.raises(SpectrumError, match=r"shape \(2, 31\); give one light"):
+        general.light_matrix(np.ones((2, 31)))
+    with pytest.raises(SpectrumError, match="another grid"):
+        general.analyse(np.ones(30))
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ({"method": "magic"}, "choose virtual-sensors, reduced-rank, pca-sharpened, pca"),
+        ({"method": "reduced-rnk"}, "did you mean 'reduced-rank'"),
+        ({"method": "materials"}, r"use volspec\.MaterialBasis\(materials\)"),
+        ({"size": 32}, "3 to 31"),
+        ({"size": 2}, "3 to 31"),
+        ({"size": 5.5}, "whole number"),
+        ({"smoothness": -1.0}, "smoothness"),
+        ({"restarts": -1}, "restarts"),
+        ({"light_weights": [1.0]}, r"light_weights have shape \(1,\); expected \(3,\)"),
+        ({"light_weights": [1, 0, 1]}, "light_weights: number 2 is 0.0; weights are above 0"),
+        ({"light_weights": "heavy"}, "light_weights are not a list of numbers"),
+        ({"reflectance_weights": np.ones(5)}, r"reflectance_weights have shape .5,.; .*\(4,\)"),
+        ({"reflectance_weights": [1, 1, 1, np.nan]}, "reflectance_weights: number 4 is nan"),
+        ({"observer_deg": 4}, r"observer_deg 4 is unknown; use 2 \(CIE 1931\) or 10 \(CIE 1964\)"),
+        ({"method": "pca-sharpened", "positive": True}, "cannot keep its analysis positive"),
+        ({"method": "reduced-rank", "positive": True}, "cannot keep its analysis positive"),
+        ({"method": "pca-sharpened", "size": 20}, "exceeds the 15 dimensions that 3 lights x 4"),
+        ({"method": "pca", "size": 20}, "use a size of 15 or less, or more spectra"),
+        ({"method": "reduced-rank"}, "size 7 exceeds the 5 dimensions that 4 reflectances and wh"),
+    ],
+)
+def test_bad_fits_name_the_remedy(options: dict[str, object], part: str) -> None:
+    with pytest.raises(BasisError, match=part):
+        SpectralBasis.fit(LIGHTS, REFLECTANCES, **options)
+
+
+def test_fits_refuse_dark_lights_and_empty_lists() -> None:
+    dark = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark")
+    with pytest.raises(BasisError, match=r"light 2 \(dark\) has no luminous energy"):
+        SpectralBasis.fit([LIGHTS[0], dark], REFLECTANCES)
+    with pytest.raises(BasisError, match="list is empty"):
+        SpectralBasis.fit([], REFLECTANCES)
+    with pytest.raises(BasisError, match="all black"):
+        SpectralBasis.fit(LIGHTS, np.zeros((2, 31)))
+    short = Spectrum(np.array([450.0, 600.0]), np.ones(2), "short")
+    with pytest.raises(BasisError, match=r"reflectances: 'short'.*400-450 nm and 600-700 nm miss"):
+        SpectralBasis.fit(LIGHTS, [short])
+    with pytest.raises(BasisError, match=r"lights: 'short'.*400-450 nm and 600-700 nm missing"):
+        SpectralBasis.fit([short], REFLECTANCES)
+    with pytest.raises(BasisError, match=r"reflectances: spectra have shape .2, 30.*another grid"):
+        SpectralBasis.fit(LIGHTS, np.ones((2, 30)))

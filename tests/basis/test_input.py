@@ -1,0 +1,236 @@
+"""What bases refuse: no light for a surface, no edited file, no size out of reach."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict, load_basis
+from volspec.basis.display import white_exact
+from volspec.basis.make import fit_library
+from volspec.errors import BasisError, SpectrumError, VolspecWarning
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, light, reflectance
+from volspec.spectra.spectrum import reflectance_values
+
+LIGHTS = [light(n) for n in ("D65", "A", "FL2")]
+GOLD, COPPER = reflectance("gold"), reflectance("copper")
+GENERAL = SpectralBasis.load("general-7")
+PAINTS = MaterialBasis({"gold": GOLD, "copper": COPPER})
+BOTH = pytest.mark.parametrize("basis", [GENERAL, PAINTS], ids=["sensors", "materials"])
+
+
+def test_reflectances_are_between_black_and_fluorescent() -> None:
+    S = np.full((3, 31), 0.5)
+    S[1, 2] = -4e-7
+    assert reflectance_values(S, DEFAULT_GRID, "paints")[1, 2] == 0
+    S[2, 3] = -0.25
+    with pytest.raises(SpectrumError, match=r"paints: number 3 reflects -0\.25 at 430 nm"):
+        reflectance_values(S, DEFAULT_GRID, "paints")
+    with pytest.raises(SpectrumError, match=r"paint reflects 98 at 700 nm; .*per cent by 100"):
+        reflectance_values(GOLD * 100, DEFAULT_GRID, "paint")
+    with pytest.warns(VolspecWarning, match=r"\(gold\) reflects 1\.176 at 700 nm.*fluorescent"):
+        reflectance_values([COPPER, GOLD * 1.2], DEFAULT_GRID, "paints")
+
+
+def test_lights_and_negative_spectra_are_no_reflectances() -> None:
+    with pytest.raises(BasisError, match=r"reflectances: number 2 \(gold\) reflects -0\.98"):
+        SpectralBasis.fit(LIGHTS, [COPPER, GOLD * -1], size=3)
+    with pytest.raises(BasisError, match=r"'gold' reflects .* give no light"):
+        PAINTS.with_reflectances({"gold": light("A") * 10})
+
+
+@pytest.mark.parametrize(
+    ("lights", "reflectances", "size", "restarts"),
+    # Every start of 14 sensors takes seconds: the first alone is refused too.
+    [(LIGHTS, [GOLD, COPPER], 14, 0), (LIGHTS[:1], [GOLD], 9, None)],
+)
+def test_more_sensors_than_the_spectra_determine_are_refused(
+    lights: Any, reflectances: Any, size: int, restarts: int | None
+) -> None:
+    with pytest.raises(
+        BasisError, match=rf"size {size}: .* do not determine .* use a size of"
+    ) as e:
+        SpectralBasis.fit(lights, reflectances, size=size, restarts=restarts)
+    works = int(str(e.value).split("use a size of ")[1].split()[0])
+    basis = SpectralBasis.fit(lights, reflectances, size=works, restarts=restarts)
+    assert basis.size == works
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ({"method": "reduced-rank"}, "1 reflectance and white span; 3 is the least size"),
+        ({"method": "pca", "smoothness": 1e-6}, "pca takes no smoothness"),
+        ({"method": "reduced-rank", "restarts": 2}, "reduced-rank takes no restarts"),
+        ({"smoothness": "a"}, "smoothness 'a' is not a number"),
+        ({"smoothness": 1e300}, "smoothness 1e.300 is not a number from 0 to 1"),
+        ({"restarts": float("inf")}, "restarts inf is not a whole number"),
+        ({"restarts": "a"}, "restarts 'a' is not a whole number"),
+        ({"light_weights": {}}, "light_weights are not a list of numbers"),
+        ({"grid": None}, "grid is None; expected a SpectralGrid"),
+        ({"grid": (400, 700, 10)}, "expected a SpectralGrid"),
+        ({"name": 5}, "name is 5; expected text"),
+        ({"trained_on": "a\0"}, "control characters"),
+    ],
+)
+def test_options_of_the_wrong_kind_are_named(options: dict[str, Any], part: str) -> None:
+    with pytest.raises(BasisError, match=part):
+        SpectralBasis.fit(LIGHTS, [GOLD], **{"size": 3, **options})
+
+
+@pytest.mark.parametrize(
+    ("lights", "part"),
+    [
+        (None, "lights: None is neither"),
+        ((lamp for lamp in LIGHTS), "lights: <generator"),
+        ([LIGHTS[0], np.ones((2, 31))], r"spectrum number 2 is an array of shape \(2, 31\)"),
+        ([LIGHTS[0], np.full(31, np.nan)], "lights: number 2: .* not finite"),
+        (np.array([np.ones(31), np.full(31, np.nan)]), "spectrum number 2 holds"),
+        ([LIGHTS[0] * 1e-320], "no luminous energy"),
+    ],
+)
+def test_lights_of_the_wrong_kind_are_named(lights: Any, part: str) -> None:
+    with pytest.raises(BasisError, match=part):
+        SpectralBasis.fit(lights, [GOLD], size=3)
+
+
+def test_a_scale_out_of_reach_is_named() -> None:
+    with pytest.raises(BasisError, match="all black"):
+        SpectralBasis.fit(LIGHTS, [GOLD * 1e-200], size=3)
+    with pytest.raises(BasisError, match="a grid of 2 bands is too coarse"):
+        grid = SpectralGrid(500, 600, 100)
+        SpectralBasis.fit(np.ones((1, 2)), np.ones((1, 2)), size=3, grid=grid)
+    with pytest.raises(BasisError, match=r"from 3 to 4, the grid's bands$"):
+        grid = SpectralGrid(400, 700, 100)
+        SpectralBasis.fit(np.ones((1, 4)), np.ones((1, 4)), size=5, grid=grid)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"observer_deg": 4}, {"name": ""}, {"name": None}, {"grid": None}, {"name": "a\ud800"}]
+    + [{"materials": {"": GOLD}}, {"materials": {5: GOLD}}, {"materials": None}],
+)
+def test_a_basis_of_materials_is_valid_at_birth(change: dict[str, Any]) -> None:
+    with pytest.raises(BasisError):
+        MaterialBasis(**{"materials": {"gold": GOLD}, **change})
+
+
+@BOTH
+@pytest.mark.parametrize("wrong", ["abc", ["1"] * 7, [[1, 2], [3]], [np.nan] * 7, None])
+def test_coefficients_are_finite_numbers(basis: Any, wrong: Any) -> None:
+    for use in (basis.synthesise, lambda c: basis.xyz(c, LIGHTS[0])):
+        with pytest.raises(BasisError, match="coefficients"):
+            use(wrong[: basis.size] if isinstance(wrong, list) else wrong)
+
+
+@BOTH
+@pytest.mark.parametrize("wrong", [None, [], {}])
+def test_channels_are_of_named_materials(basis: Any, wrong: Any) -> None:
+    with pytest.raises(BasisError, match=r"give {name: reflectance}"):
+        basis.channels_for_materials(wrong)
+
+
+@BOTH
+@pytest.mark.parametrize("change", [{"observer_deg": 10}, {"grid_nm": [390, 690, 10]}])
+def test_a_file_is_refused_where_its_fingerprint_is_another(basis: Any, change: Any) -> None:
+    data = basis.to_dict()
+    with pytest.raises(BasisError, match="were the numbers edited"):
+        basis_from_dict(data | change)
+    with pytest.raises(BasisError, match="version True"):
+        basis_from_dict(data | {"version": True})
+    early = {key: value for key, value in data.items() if key != "fingerprint"}
+    assert basis_from_dict(early).fingerprint == basis.fingerprint
+    assert basis_from_dict(data | {"name": "other"}).fingerprint == basis.fingerprint
+
+
+@pytest.mark.parametrize("factor", [0, 100, -1])
+def test_an_edited_display_matrix_is_refused(factor: float) -> None:
+    edited = (GENERAL.XYZ_from_channels * factor).tolist()
+    with pytest.raises(BasisError, match="were the numbers edited"):
+        SpectralBasis.from_dict(GENERAL.to_dict() | {"XYZ_from_channels": edited})
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        (b"[" * 100_000, "nested too deeply"),
+        (b"1" * 5000, "cannot be read as JSON"),
+        (b"\xff\xfe\0", "not UTF-8"),
+        (json.dumps(GENERAL.to_dict() | {"analysis": [[10**400]]}).encode(), "beyond 64 bits"),
+        (json.dumps(GENERAL.to_dict() | {"grid_nm": [10**400, 1, 1]}).encode(), "beyond 64 bits"),
+    ],
+)
+def test_hostile_files_are_refused_in_one_line(tmp_path: Path, text: bytes, part: str) -> None:
+    path = tmp_path / "hostile.json"
+    path.write_bytes(text)
+    with pytest.raises(BasisError, match=rf"hostile\.json: .*{part}") as error:
+        load_basis(path)
+    assert len(str(error.value)) < 400 and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("load", [load_basis, SpectralBasis.load, MaterialBasis.load])
+@pytest.mark.parametrize("path", [None, 5, b"a.json", "", ".", "a" * 300, "a" * 300 + ".json"])
+def test_what_is_no_path_is_refused(load: Callable[[Any], Any], path: Any) -> None:
+    with pytest.raises(BasisError):
+        load(path)
+
+
+def test_paths_are_quoted_as_they_were_written(tmp_path: Path) -> None:
+    with pytest.raises(BasisError, match="basis 'nope' is unknown"):
+        load_basis("nope")
+    with pytest.raises(BasisError, match="no path"):
+        load_basis("a\0.json")
+    (tmp_path / "folder.json").mkdir()
+    with pytest.raises(BasisError, match="is a folder"):
+        load_basis(tmp_path / "folder.json")
+    for basis in (GENERAL, PAINTS):
+        with pytest.raises(BasisError, match=r"name the file \.json"):
+            basis.save(tmp_path / "plain")
+
+
+def test_either_kind_of_file_names_the_other_s_reader(tmp_path: Path) -> None:
+    PAINTS.save(tmp_path / "paints.json")
+    assert MaterialBasis.load(tmp_path / "paints.json").fingerprint == PAINTS.fingerprint
+    with pytest.raises(BasisError, match=r"use volspec\.load_basis or volspec\.MaterialBasis"):
+        SpectralBasis.load(tmp_path / "paints.json")
+    with pytest.raises(BasisError, match=r"use volspec\.load_basis or volspec\.SpectralBasis"):
+        MaterialBasis.load("general-7")
+
+
+def test_a_mark_of_byte_order_is_read_over(tmp_path: Path) -> None:
+    path = tmp_path / "marked.json"
+    path.write_text(json.dumps(GENERAL.to_dict()), encoding="utf-8-sig")
+    assert load_basis(path).fingerprint == GENERAL.fingerprint
+
+
+def test_the_library_s_recipe_is_that_of_the_shipped_bases() -> None:
+    again, shipped = fit_library(5, positive=True), SpectralBasis.load("general-5-positive")
+    # As test_shipped_basis_is_what_the_command_fits.
+    assert again.analysis == pytest.approx(shipped.analysis, abs=1e-2)
+    assert again.trained_on == shipped.trained_on
+    assert "spiky" not in fit_library(5, "pca").trained_on
+    with pytest.raises(BasisError, match="choose smooth or all"):
+        fit_library(5, lights="bright")
+
+
+def test_white_stays_exact_and_continuous_where_its_prediction_crosses_zero() -> None:
+    channels, white = np.array([1.0, 0.5]), np.array([90.0, 100.0, 110.0])
+    shown = []
+    for off in (-1e-9, 1e-9):
+        matrix = np.array([[50.0, 80.0], [30.0, -60.0 + off], [70.0, 80.0]])
+        shown.append(white_exact(matrix, channels, white))
+        assert shown[-1] @ channels == pytest.approx(white)
+    assert shown[0] == pytest.approx(shown[1], abs=1e-6)
+
+
+def test_a_stored_basis_loads_no_fitter() -> None:
+    code = "import sys, volspec.basis as b; b.load_basis('general-7'); print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not [name for name in run.stdout.split() if name.startswith("volspec.basis.fit")]

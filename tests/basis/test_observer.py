@@ -1,0 +1,125 @@
+"""The 2 and the 10 degree observer."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.basis.display import MODES
+from volspec.basis.report import basis_report
+from volspec.errors import SpectrumError
+from volspec.relight import Illumination, RelightSpec
+from volspec.spectra import (
+    DEFAULT_GRID,
+    SpectralGrid,
+    Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
+    illuminance_lux,
+    light,
+    light_set,
+    reflectance,
+    reflectance_set,
+    white_XYZ,
+)
+
+SMOOTH, TRAINING = light_set("smooth"), reflectance_set("training")
+LAMPS = [light("A"), light("FL2")]
+PAINTS = {name: reflectance(f"ColorChecker/{name}") for name in ("red", "cyan")}
+
+
+@pytest.fixture
+def paints() -> MaterialBasis:
+    """Exact for the 10 degree observer: whatever is off is seen by the other."""
+    return MaterialBasis(PAINTS, observer_deg=10)
+
+
+def test_whites_are_those_of_the_standard() -> None:
+    # CIE 15:2004, tables T.3: white points of D65 and A for either observer.
+    grid = SpectralGrid(360, 830, 1)
+    for name, observer, white in (
+        ("D65", 2, (95.04, 100, 108.88)),
+        ("D65", 10, (94.81, 100, 107.32)),
+        ("A", 2, (109.85, 100, 35.58)),
+        ("A", 10, (111.14, 100, 35.20)),
+    ):
+        # Printed to two decimals, summed every 5 nm and partly cut off instead of rounded.
+        assert white_XYZ(light(name, grid), observer) == pytest.approx(white, abs=0.02)
+
+
+def test_lux_stay_with_the_2_degree_observer() -> None:
+    lamp = light("A")
+    V = colour_matching_functions(lamp.grid)[1]
+    assert illuminance_lux(lamp) == pytest.approx(683 * 10 * V @ lamp.values)
+    assert colour_matching_functions(lamp.grid, 10)[1] @ lamp.values > 1.05 * V @ lamp.values
+
+
+@pytest.mark.parametrize("observer", [3, True, "2", None, 2.5])
+def test_other_observers_are_refused(observer: object) -> None:
+    with pytest.raises(SpectrumError, match=r"is unknown; use 2 \(CIE 1931\) or 10 \(CIE 1964\)"):
+        colour_matching_functions(DEFAULT_GRID, observer)
+
+
+@pytest.mark.parametrize(
+    ("method", "mean"),
+    # Measured .006, .09 and .008 XYZ of white's 100 under D65; the observers differ by .7.
+    [("virtual-sensors", 0.01), ("pca-sharpened", 0.12), ("reduced-rank", 0.012)],
+)
+def test_a_basis_for_10_degrees_shows_the_10_degree_colours(method: str, mean: float) -> None:
+    basis = SpectralBasis.fit(SMOOTH, TRAINING[::2], method=method, observer_deg=10)
+    c = basis.analyse(TRAINING)
+    for name in ("D65", "A"):
+        lamp = light(name)
+        off = basis.xyz(c, lamp) - XYZ_from_spectra(lamp, TRAINING, 10)
+        print(method, name, np.abs(off).mean())
+        assert np.abs(off).mean() <= mean
+        for mode in MODES:
+            shown = basis.colour_matrix(lamp, mode) @ basis.white
+            assert shown == pytest.approx(white_XYZ(lamp, 10), abs=1e-6)
+
+
+def test_observer_is_stored_and_part_of_the_fingerprint() -> None:
+    basis = SpectralBasis.fit(SMOOTH[:3], TRAINING[::9], method="pca", observer_deg=10)
+    back = SpectralBasis.from_dict(basis.to_dict())
+    assert back.observer_deg == 10
+    assert back.fingerprint == basis.fingerprint
+    assert dataclasses.replace(basis, observer_deg=2).fingerprint != basis.fingerprint
+
+
+def test_files_without_the_field_are_for_2_degrees() -> None:
+    data = SpectralBasis.load("general-7").to_dict()
+    del data["observer_deg"]
+    assert SpectralBasis.from_dict(data).fingerprint == SpectralBasis.load("general-7").fingerprint
+
+
+@pytest.mark.parametrize("lamp", LAMPS, ids=lambda lamp: lamp.name)
+def test_pictures_have_the_white_and_the_backdrop_of_their_observer(
+    paints: MaterialBasis, lamp: Spectrum
+) -> None:
+    card = reflectance("ColorChecker/green")
+    white = XYZ_from_spectra(lamp, np.ones(lamp.values.size), 10)
+    # The observers differ by far more than the rounding that is allowed below.
+    assert np.abs(white - white_XYZ(lamp)).max() > 0.5
+    assert np.abs(XYZ_from_spectra(lamp, card, 10) - XYZ_from_spectra(lamp, card)).max() > 0.2
+    plain = Illumination.of(paints, lamp, RelightSpec(backdrop=0.3))
+    coloured = Illumination.of(paints, lamp, RelightSpec(backdrop=card))
+    for lit in (plain, coloured):
+        assert lit.white_XYZ == pytest.approx(white)
+        assert lit.XYZ_from_channels @ paints.white == pytest.approx(white)
+    assert plain.backdrop_XYZ == pytest.approx(0.3 * white)
+    assert coloured.backdrop_XYZ == pytest.approx(XYZ_from_spectra(lamp, card, 10))
+
+
+def test_reports_compare_the_colours_of_the_basis_observer(paints: MaterialBasis) -> None:
+    found = basis_report(paints, LAMPS)
+    # Nothing is approximated, so that errors are rounding.
+    assert max(getattr(found, way).max for way in ("componentwise", "exact")) < 1e-6
+    for j, lamp in enumerate(LAMPS):
+        assert found.pairs.white_XYZ[j] == pytest.approx(white_XYZ(lamp, 10))
+        true = XYZ_from_spectra(lamp, list(PAINTS.values()), 10)
+        assert found.pairs.XYZ[j] == pytest.approx(true)
+    # Under the flat light RGB is exact where surfaces, light and white are one observer's.
+    assert basis_report(paints, [light("E")]).rgb_product.max < 1e-6

@@ -1,0 +1,125 @@
+"""Named spectra come from colour-science, to the last bit, and later starts do not import it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import colour
+import numpy as np
+import pytest
+
+from volspec import _cache
+from volspec.spectra import DEFAULT_GRID, datasets, light
+from volspec.spectra.photometry import extended_band_means
+
+ROOT = Path(__file__).resolve().parents[2]
+OBSERVERS = ("CIE 1931 2 Degree Standard Observer", "CIE 1964 10 Degree Standard Observer")
+# What our groups are called there.
+GROUPS: dict[str, Mapping[str, Any]] = {
+    "observers": {name: colour.MSDS_CMFS[name] for name in OBSERVERS},
+    "illuminants": colour.SDS_ILLUMINANTS,
+    "light_sources": colour.SDS_LIGHT_SOURCES,
+    "daylight_components": colour.colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES,
+}
+# A start of the viewer, the commands that show a light, and what a scene may name.
+START = """
+import sys
+from volspec.appearance.models.cielab import delta_E_2000
+from volspec.scene import Scene
+from volspec.spectra import light, reflectance
+from volspec.spectra.photometry import correlated_temperature
+import volspec.pipeline
+scene = Scene.load(sys.argv[1])
+light("daylight:5000"), light("60 A/W (Soft White)"), reflectance("ColorChecker/orange")
+delta_E_2000([50, 1, 1], [50, 2, 2]), correlated_temperature([95, 100, 108])
+print(*sorted({"colour", "matplotlib", "scipy"} & set(sys.modules)), end="")
+"""
+
+
+def identical(ours: datasets.Table, theirs: tuple[Any, Any]) -> bool:
+    return all(
+        a.dtype == np.float64 and not a.flags.writeable and np.array_equal(a, b)
+        for a, b in zip(ours, theirs, strict=True)
+    )
+
+
+@pytest.mark.parametrize("cache", ["empty", "filled"])
+def test_tables_are_those_of_colour_science_to_the_last_bit(
+    cache: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
+    for name, theirs in GROUPS.items():
+        read = getattr(datasets, name).__wrapped__  # without what this process has read
+        if cache == "filled":
+            read()
+        ours = read()
+        assert list(ours) == list(theirs)
+        for key, table in ours.items():
+            assert identical(table, (theirs[key].wavelengths, theirs[key].values)), (name, key)
+
+
+@pytest.mark.parametrize("cache", ["empty", "filled"])
+def test_reflectances_are_those_of_colour_science_to_the_last_bit(
+    cache: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
+    if cache == "filled":
+        datasets.reflectances.__wrapped__()
+    ours = datasets.reflectances.__wrapped__()
+    fresh = datasets._reflectances()
+    assert list(ours) == list(fresh)
+    for name, table in ours.items():
+        assert identical(table, fresh[name]), name
+    ces = colour.quality.cfi2017.load_TCS_CIE2017(colour.SpectralShape(380, 780, 5))
+    assert identical(ours["CES/7"], (ces.wavelengths, ces.values[:, 6]))
+    for name, group, key in (
+        ("VS/15", colour.quality.datasets.SDS_VS["NIST CQS 9.0"], "VS15"),
+        ("TCS/1", colour.quality.datasets.SDS_TCS["CIE 2024"], "TCS01"),
+        ("PMC/Banana", colour.SDS_COLOURCHECKERS["PMC"], "Banana"),
+    ):
+        assert identical(ours[name], (group[key].wavelengths, group[key].values))
+
+
+def test_tables_of_another_version_are_read_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
+    read: list[object] = []
+    original = datasets._of
+    monkeypatch.setattr(datasets, "_of", lambda *given: read.append(given) or original(*given))
+    for release, times in (("0.4.7", 1), ("0.4.7", 1), ("0.4.8", 2)):
+        monkeypatch.setattr(datasets, "version", lambda _, release=release: release)
+        datasets.daylight_components.__wrapped__()
+        assert len(read) == times, release
+
+
+@pytest.mark.parametrize("kelvin", [4000, 5003.5, 6504, 7000, 7001, 25_000])
+def test_daylight_is_that_of_colour_science_to_the_last_bit(kelvin: float) -> None:
+    theirs = colour.sd_CIE_illuminant_D_series(colour.temperature.CCT_to_xy_CIE_D(kelvin))
+    means = extended_band_means(theirs.wavelengths, theirs.values, DEFAULT_GRID)
+    ours = light(f"daylight:{kelvin}").values
+    # Scaled to one illuminance: where the quotient is the same in every band, so is the shape.
+    assert np.ptp(ours / means) <= 4 * np.finfo(float).eps * (ours / means).max()
+
+
+def test_a_second_start_imports_neither_colour_science_nor_what_it_imports(
+    tmp_path: Path,
+) -> None:
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)}
+
+    def started() -> str:
+        return subprocess.run(
+            [sys.executable, "-c", START, str(ROOT / "data" / "scenes" / "engine.toml")],
+            env=environment,
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+
+    assert started() == "colour matplotlib scipy"
+    assert started() == ""

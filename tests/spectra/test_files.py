@@ -1,0 +1,334 @@
+"""Spectra from files: text tables, IES TM-27, and what lights and reflectances make of them."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec.errors import SpectrumError, VolspecWarning
+from volspec.spectra import SpectralGrid, Spectrum, light, read_spectrum, reflectance
+
+FINE = SpectralGrid(360, 830, 1)
+TABLE = """# Manufacturer: Lamps & Sons
+# spectral_quantity = irradiance
+# designed: yes,,
+# see https://example.org/lamps
+# A sentence about this, with: a colon.
+nm,warm white,cold
+380,1,3
+500,1,3
+780,1,3
+"""
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    path = tmp_path / "lamps.csv"
+    path.write_text(TABLE)
+    return path
+
+
+def spdx(quantity: str = "relative", samples: str | None = None, count: int = 1) -> str:
+    if samples is None:
+        samples = "".join(
+            f'<SpectralData wavelength="{w}">0.5</SpectralData>' for w in range(380, 781, 20)
+        )
+    block = (
+        f"<SpectralDistribution><SpectralQuantity>{quantity}</SpectralQuantity>"
+        "<BandwidthFWHM>1.0</BandwidthFWHM><BandwidthCorrected>true</BandwidthCorrected>"
+        f"{samples}</SpectralDistribution>"
+    )
+    return (
+        '<?xml version="1.0"?><IESTM2714 xmlns="http://www.ies.org/iestm2714" version="1.0">'
+        "<Header><Manufacturer>Lamps &amp; Sons</Manufacturer><CatalogNumber/>"
+        "<Description>Street lamp</Description><Laboratory>N/A</Laboratory>"
+        "<MeasurementEquipment>SR-1</MeasurementEquipment></Header>"
+        f"{block * count}</IESTM2714>"
+    )
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str, str], str]:
+    def writer(name: str, text: str) -> str:
+        path = tmp_path / name
+        path.write_text(text)
+        return str(path)
+
+    return writer
+
+
+def constant(level: float, start: int = 380, stop: int = 780) -> str:
+    return "".join(f"{w},{level}\n" for w in range(start, stop + 1, 10))
+
+
+def test_comments_of_key_and_value_become_notes(table: Path) -> None:
+    notes = read_spectrum(f"{table}#cold").notes
+    assert notes == {
+        "manufacturer": "Lamps & Sons",
+        "spectral quantity": "irradiance",
+        "designed": "yes",
+    }
+
+
+@pytest.mark.parametrize("column", ["warm white", "WARM WHITE", "1"])
+def test_a_column_is_found_by_name_or_number(table: Path, column: str) -> None:
+    s = read_spectrum(f"{table}#{column}")
+    assert (s.name, s.values.tolist()) == ("lamps#warm white", [1, 1, 1])
+
+
+@pytest.mark.parametrize(
+    ("column", "part"),
+    [
+        ("", r"2 columns of values \(warm white, cold\); choose one: lamps\.csv#warm white"),
+        ("#cool", r"no column 'cool'; did you mean 'cold'\?"),
+        ("#3", "a number from 1 to 2"),
+        ("#0", "a number from 1 to 2"),
+    ],
+)
+def test_an_open_or_unknown_column_lists_what_there_is(table: Path, column: str, part: str) -> None:
+    with pytest.raises(SpectrumError, match=part):
+        read_spectrum(f"{table}{column}")
+
+
+def test_columns_without_a_header_are_numbered(write: Callable[[str, str], str]) -> None:
+    path = write("bare.tsv", "400\t1\t5\n500\t2\t6\n")
+    assert read_spectrum(f"{path}#2").values.tolist() == [5, 6]
+    assert read_spectrum(f"{path}#2").values.tolist() == [5, 6]
+
+
+def test_a_header_may_hold_another_separator_than_the_rows(
+    write: Callable[[str, str], str],
+) -> None:
+    path = write("lamp.txt", "Wavelength, nm\tA, warm\tB\n400\t1\t5\n500\t2\t6\n")
+    assert read_spectrum(f"{path}#a, warm").values.tolist() == [1, 2]
+
+
+def test_an_unknown_suffix_names_the_ones_there_are(tmp_path: Path) -> None:
+    with pytest.raises(SpectrumError, match=r"\.csv, \.txt, \.tsv .*\.spdx"):
+        read_spectrum(tmp_path / "lamp.ies")
+
+
+def test_notes_are_read_only_lower_case_text() -> None:
+    s = Spectrum([400, 500], [1, 1], notes={"Measured  By": "me"})
+    assert dict(s.notes) == {"measured by": "me"}
+    with pytest.raises(TypeError):
+        s.notes["more"] = "x"
+    for bad in ({"a": 1}, {"": "x"}, {"A": "x", "a": "y"}):
+        with pytest.raises(SpectrumError, match="note"):
+            Spectrum([400, 500], [1, 1], notes=bad)
+
+
+def test_notes_survive_grids_factors_copies_and_pickles() -> None:
+    s = Spectrum([390, 710], [1, 1], "s", {"maker": "me"})
+    for other in (
+        s.on(SpectralGrid()),
+        2 * s,
+        copy.deepcopy(s),
+        pickle.loads(pickle.dumps(s)),
+    ):
+        assert (other.name, other.notes) == ("s", s.notes)
+
+
+def test_a_sum_keeps_the_notes_both_sides_agree_on() -> None:
+    a = Spectrum([400, 500], [1, 1], "a", {"maker": "x", "lab": "L"})
+    b = Spectrum([400, 500], [1, 1], "b", {"maker": "y", "lab": "L"})
+    assert dict((a + b).notes) == {"lab": "L"}
+
+
+@pytest.mark.parametrize(("said", "is_designed"), [("yes", True), ("No", False), ("", False)])
+def test_a_sum_with_a_designed_part_is_designed(said: str, is_designed: bool) -> None:
+    part = Spectrum([400, 500], [1, 1], notes={"designed": said})
+    measured = Spectrum([400, 500], [1, 1], notes={"designed": "no"})
+    assert (measured + part).designed is (part + measured).designed is is_designed
+
+
+def test_tm27_header_fields_become_notes_and_the_description_the_name(
+    write: Callable[[str, str], str],
+) -> None:
+    s = read_spectrum(write("lamp.spdx", spdx()))
+    assert s.name == "Street lamp"
+    assert s.wavelengths_nm[[0, -1]].tolist() == [380, 780]
+    assert dict(s.notes) == {
+        "manufacturer": "Lamps & Sons",
+        "description": "Street lamp",
+        "measurement equipment": "SR-1",
+        "spectral quantity": "relative",
+        "bandwidth fwhm": "1.0",
+        "bandwidth corrected": "yes",
+    }
+
+
+def test_the_fluorescent_lamp_of_colour_science_is_read_sample_by_sample() -> None:
+    import colour
+
+    path = Path(colour.__file__).parent / "io" / "tests" / "resources" / "Fluorescent.spdx"
+    if not path.is_file():
+        pytest.skip("colour-science was installed without its test files")
+    s = read_spectrum(path)
+    assert (s.name, s.values.max()) == ("Rare earth fluorescent lamp", 0.999)
+    assert s.wavelengths_nm[int(s.values.argmax())] == 547.2
+
+
+SAMPLE = '<SpectralData wavelength="{}">{}</SpectralData>'
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        (spdx()[:300], "damaged XML .*column"),
+        ("<item/>", "root is <item>, expected <IESTM2714"),
+        ("<IESTM2714/>", "expected <IESTM2714 xmlns"),
+        (spdx(count=2), "holds 2 spectral distributions"),
+        (spdx(count=0), "holds no <SpectralDistribution>"),
+        (spdx(samples=""), "holds 0 <SpectralData>, expected at least 2"),
+        (spdx(samples=SAMPLE.format(400, 1)), "holds 1 <SpectralData>, expected at least 2"),
+        (spdx().replace('"1.0"?', '"1.0" encoding="klingon"?'), "damaged XML .*klingon"),
+        (spdx(samples=SAMPLE.format(400, "1_0")), "number 1: .* value '1_0'"),
+        (spdx().replace('"400"', '"nan"'), "number 2: the value at nan nm is 0.5, not finite"),
+        (spdx(samples=SAMPLE.format(400, "x")), "number 1: wavelength '400', value 'x'"),
+        (spdx(samples="<SpectralData>1</SpectralData>"), "number 1: wavelength None"),
+        (
+            spdx(samples=SAMPLE.format(500, 1) + SAMPLE.format(400, 1)),
+            "number 2: 400 nm after 500 nm",
+        ),
+        (
+            spdx(samples=SAMPLE.format(400, "nan") + SAMPLE.format(500, 1)),
+            "number 1: the value at 400 nm is nan, not finite",
+        ),
+        (spdx().replace("1.0</Bandwidth", "x</Bandwidth"), "cannot be read as IES TM-27"),
+    ],
+)
+def test_bad_tm27_files_are_one_clear_line(
+    write: Callable[[str, str], str], text: str, part: str
+) -> None:
+    with pytest.raises(SpectrumError, match=r"lamp\.xml: .*" + part) as caught:
+        read_spectrum(write("lamp.xml", text))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["absent.spdx", "absent.txt", "absent.exr"])
+def test_missing_files_are_named(tmp_path: Path, name: str) -> None:
+    with pytest.raises(SpectrumError, match=rf"{name}: no such file"):
+        read_spectrum(tmp_path / name)
+    (tmp_path / name).mkdir()
+    with pytest.raises(SpectrumError, match=f"{name}: .*"):
+        read_spectrum(tmp_path / name)
+
+
+def test_a_tm27_file_has_no_columns(write: Callable[[str, str], str]) -> None:
+    with pytest.raises(SpectrumError, match="leave out '#2'"):
+        read_spectrum(write("lamp.spdx", spdx()) + "#2")
+
+
+@pytest.mark.parametrize("quantity", ["reflectance", "transmittance", "R-Factor", "absorptance"])
+def test_a_file_that_says_reflectance_is_no_light(
+    write: Callable[[str, str], str], quantity: str
+) -> None:
+    path = write("paint.spdx", spdx(quantity))
+    with pytest.raises(SpectrumError, match=f"paint.spdx: .*'{quantity}', which is no light"):
+        light(path)
+
+
+@pytest.mark.parametrize("quantity", ["flux", "irradiance", "radiance", "intensity", "exitance"])
+def test_a_file_that_says_flux_is_no_reflectance(
+    write: Callable[[str, str], str], quantity: str
+) -> None:
+    path = write("lamp.spdx", spdx(quantity))
+    with pytest.raises(SpectrumError, match=f"'{quantity}', which is no reflectance"):
+        reflectance(path)
+    assert light(path).values == pytest.approx(1.0)
+    csv = write("lamp.csv", f"# spectral quantity: Spectral {quantity}\n" + constant(0.5))
+    with pytest.raises(SpectrumError, match="which is no reflectance"):
+        reflectance(csv)
+
+
+def test_relative_tm27_files_serve_as_either(write: Callable[[str, str], str]) -> None:
+    path = write("either.spdx", spdx("relative"))
+    assert reflectance(path).values == pytest.approx(0.5)
+    assert light(path).values == pytest.approx(1.0)
+
+
+def test_file_forms_mix_with_names_and_each_other(table: Path, tmp_path: Path) -> None:
+    (tmp_path / "lamp.spdx").write_text(spdx())
+    mix = light("lamp.spdx*0.5+lamps.csv#cold*0.25 + 0.25*E", folder=tmp_path)
+    assert mix.values == pytest.approx(1.0)
+    assert mix.name == "lamp.spdx*0.5+lamps.csv#cold*0.25+E*0.25"
+    (tmp_path / "a+b.txt").write_text(constant(2))
+    assert light("a+b.txt+lamps.csv#warm white", folder=tmp_path).values == pytest.approx(2.0)
+
+
+def test_designed_spectra_say_so_after_lookup_and_mixing(table: Path) -> None:
+    assert light(f"{table}#cold").notes.get("designed") == "yes"
+    assert light(f"{table}#cold*0.5+A*0.5").designed
+    assert not light(f"{table}#cold*0+A").designed
+    painted = table.with_name("paint.csv")
+    painted.write_text("# designed: yes\n" + constant(0.5))
+    assert reflectance("paint.csv", folder=table.parent).notes.get("designed") == "yes"
+
+
+def test_a_user_file_that_is_continued_warns_of_range_and_value(
+    write: Callable[[str, str], str],
+) -> None:
+    path = write("short.csv", constant(0.5))
+    for read in (light, reflectance):
+        with pytest.warns(VolspecWarning, match=r"short\.csv: covers 380-780 nm") as caught:
+            read(path, FINE)
+        text = str(caught[0].message)
+        assert "360-380 nm with its first value, 0.5 and 780-830 nm with its last value" in text
+        assert caught[0].filename == __file__, "the warning points at the caller"
+    with pytest.warns(VolspecWarning) as caught:
+        light(f"{path}*0.5+E*0.5", FINE)
+    assert caught[0].filename == __file__
+
+
+def test_files_that_cover_the_grid_and_library_tables_are_silent(
+    write: Callable[[str, str], str],
+) -> None:
+    # Warnings are errors in this suite.
+    light(write("full.csv", constant(1, 360, 830)), FINE)
+    light(write("visible.csv", constant(1, 400, 700)))
+    light("FL2", FINE)
+    reflectance("CES/1", FINE)
+
+
+@pytest.mark.parametrize("read", [light, reflectance])
+def test_what_the_eye_sees_is_never_filled(
+    write: Callable[[str, str], str], read: Callable[[str], Spectrum]
+) -> None:
+    with pytest.raises(SpectrumError, match=r"gap\.csv: .*covers 450-650 nm.*400-450 nm and 650"):
+        read(write("gap.csv", constant(0.5, 450, 650)))
+
+
+def test_negative_reflectance_names_value_and_wavelength(
+    write: Callable[[str, str], str],
+) -> None:
+    path = write("paint.csv", "390,0.1\n500,-0.02\n710,0.1\n")
+    with pytest.raises(SpectrumError, match=r"paint\.csv: reflectance -0\.02 at 500 nm"):
+        reflectance(path)
+
+
+def test_fluorescent_paper_is_kept_with_a_warning(write: Callable[[str, str], str]) -> None:
+    path = write("paper.csv", "390,0.5\n440,1.3\n500,0.9\n710,0.9\n")
+    with pytest.warns(VolspecWarning, match=r"paper\.csv: reflectance 1\.3 at 440 nm") as caught:
+        assert reflectance(path).values.max() > 1
+    assert caught[0].filename == __file__
+
+
+def test_importing_spectra_loads_neither_colour_nor_openexr() -> None:
+    code = (
+        "import sys, volspec.spectra; sys.exit(not {'colour', 'OpenEXR'}.isdisjoint(sys.modules))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_light_files_keep_values_in_proportion(write: Callable[[str, str], str]) -> None:
+    rows = "".join(f"{w},{w}\n" for w in range(380, 781, 5))
+    lamp = light(write("ramp.csv", rows))
+    assert lamp.values / lamp.values[0] == pytest.approx(np.linspace(400, 700, 31) / 400)

@@ -1,0 +1,139 @@
+"""Photometry and the lamps of Neumann et al., section 3."""
+
+import math
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from volspec.errors import SpectrumError
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, light, light_names, light_set
+from volspec.spectra.lamps import (
+    LAMPS,
+    flux_lm,
+    irradiance,
+    lamp,
+    lamp_illuminance_lux,
+    lumens_per_watt,
+    luminosity,
+    monochromatic_lm,
+)
+from volspec.spectra.photometry import C2_NM_K, illuminance_lux, luminance
+
+
+def test_V_is_a_tenth_at_472_and_651_nm():
+    """The paper's 429 nm is a misprint (errata); its 651 nm holds."""
+    assert luminosity(472.0) == pytest.approx(0.1, abs=1e-3)
+    assert luminosity(651.0) == pytest.approx(0.1, abs=2e-3)
+    assert luminosity(429.0) == pytest.approx(0.0107, abs=5e-5)
+    assert luminosity(555.0) == 1.0
+    # Section 3.2: the ends of 400-700 nm.
+    assert (luminosity(400.0), luminosity(700.0)) == pytest.approx((0.000396, 0.004102))
+    assert luminosity(300.0) == luminosity(900.0) == 0.0
+
+
+def test_plancks_constant_is_that_of_the_errata():
+    assert round(C2_NM_K) in (14387768, 14387769)
+    h, c, k = 6.62607015e-34, 299792458.0, 1.380649e-23
+    assert pytest.approx(h * c / k * 1e9, rel=1e-9) == C2_NM_K
+
+
+def test_ten_watts_of_red_are_as_many_lumens_as_one_of_green():
+    assert monochromatic_lm(1 / luminosity(651.0), 651.0) == pytest.approx(683.0)
+    assert monochromatic_lm(2.0, 555.0) == pytest.approx(1366.0)
+
+
+def test_table_4_has_17_sources_7_of_them_with_lumens_per_watt():
+    assert len(LAMPS) == 17
+    with_lumens = {n: row.efficacy_lm_per_W for n, row in LAMPS.items() if row.efficacy_lm_per_W}
+    assert with_lumens == {
+        "studio-3200": 25,
+        "fluorescent-3000": 83,
+        "halogen-3000": 21,
+        "tungsten-2850": 15,
+        "tungsten-2750": 13,
+        "tungsten-2700": 12,
+        "tungsten-2650": 10,
+    }
+    for name, row in LAMPS.items():
+        assert name.endswith(f"-{row.kelvin:.0f}")
+
+
+@pytest.mark.parametrize("name", LAMPS)
+def test_a_lamp_is_the_planck_radiator_of_its_temperature(name):
+    shown = vs.light(f"lamp:{name}")
+    assert np.array_equal(shown.values, light(f"planck:{LAMPS[name].kelvin}").values)
+    assert shown.name == f"lamp:{name}"
+
+
+def test_lamps_mix_as_other_lights_do():
+    mix = light("lamp:halogen-3300*0.3 + D65*0.7")
+    expected = 0.3 * light("planck:3300").values + 0.7 * light("D65").values
+    np.testing.assert_allclose(mix.values, expected, rtol=1e-12)
+    assert mix.name == "lamp:halogen-3300*0.3+D65*0.7"
+    assert light(" Lamp:Candle-1900 ").name == "lamp:candle-1900"
+    assert light("lamp: candle-1900").name == "lamp:candle-1900"
+
+
+def test_lamps_are_no_measured_lights():
+    assert not any(name.startswith("lamp:") for name in light_names())
+    assert len(light_set("spiky")) == 89
+
+
+def test_a_100_W_bulb_gives_119_lux_at_a_metre():
+    # 100 W · 15 lm/W / 4π.
+    assert flux_lm("tungsten-2850", 100.0) == 1500.0
+    assert lamp_illuminance_lux("tungsten-2850", 100.0, 1.0) == pytest.approx(1500 / 4 / math.pi)
+    near, far = (lamp_illuminance_lux("lamp:studio-3200", 500.0, d) for d in (2.0, 4.0))
+    assert near == pytest.approx(4.0 * far)
+
+
+def test_a_beam_gathers_the_flux():
+    all_around = lamp_illuminance_lux("studio-3200", 500.0, 2.0)
+    assert lamp_illuminance_lux("studio-3200", 500.0, 2.0, 360.0) == pytest.approx(all_around)
+    assert lamp_illuminance_lux("studio-3200", 500.0, 2.0, 180.0) == pytest.approx(2 * all_around)
+    # 2π (1 - cos 10°) of 4π.
+    narrow = lamp_illuminance_lux("studio-3200", 500.0, 2.0, 20.0)
+    assert narrow == pytest.approx(all_around * 2.0 / (1.0 - math.cos(math.radians(10.0))))
+
+
+def test_lux_to_watts_and_back():
+    bulb = irradiance(light("lamp:tungsten-2850"), 200.0)
+    assert illuminance_lux(bulb) == pytest.approx(200.0, rel=1e-12)
+    assert luminance(bulb) == pytest.approx(200.0 / math.pi)
+    watts = float(bulb.values.sum() * DEFAULT_GRID.step_nm)
+    assert lumens_per_watt(bulb) == pytest.approx(200.0 / watts)
+    other = irradiance(light("lamp:tungsten-2850"), 200.0, SpectralGrid(420, 680, 20))
+    assert illuminance_lux(other) == pytest.approx(200.0, rel=1e-12)
+
+
+def test_lumens_per_watt_of_radiation():
+    green = vs.Spectrum(np.arange(550.0, 561.0), np.ones(11), "green")
+    assert lumens_per_watt(green) == pytest.approx(683.0, rel=2e-3)
+    # Equal energy over 360-830 nm: 683 · 106.857 / 470, the integral of V being 106.857 nm.
+    flat = vs.Spectrum(np.arange(360.0, 831.0), np.ones(471), "flat")
+    assert lumens_per_watt(flat) == pytest.approx(683.0 * 106.857 / 471, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("call", "part"),
+    [
+        (lambda: light("lamp:halogen-3301"), "did you mean 'lamp:halogen-3300'"),
+        (lambda: light("lamp:"), "known: lamp:north-sky-7500"),
+        (lambda: light("lamp:candle*0.5+D65"), "'lamp:candle' in the mix"),
+        (lambda: light("lamp:candle-1900*-1"), "weight of lamp:candle-1900 is -1"),
+        (lambda: lamp("candel-1900"), "did you mean 'candle-1900'"),
+        (lambda: flux_lm("candle-1900", 40.0), "no lumens per watt for candle flame"),
+        (lambda: flux_lm("halogen-3300", 40.0), "no lumens per watt"),
+        (lambda: flux_lm("halogen-3000", 0.0), "power_W is 0"),
+        (lambda: lamp_illuminance_lux("halogen-3000", 50.0, 0.0), "distance_m is 0"),
+        (lambda: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 0.0), "beam_deg is 0"),
+        (lambda: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 361.0), "beam_deg is 361"),
+        (lambda: monochromatic_lm(1.0, 300.0), "within 360-830 nm"),
+        (lambda: irradiance(light("D65"), 0.0), "illuminance is 0"),
+    ],
+)
+def test_bad_lamps_are_one_clear_line(call, part):
+    with pytest.raises(SpectrumError, match=part) as caught:
+        call()
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,260 @@
+"""Named lights and reflectances, and the photometry they are scaled with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import colour
+import numpy as np
+import pytest
+
+from volspec.errors import SpectrumError
+from volspec.spectra import (
+    DEFAULT_GRID,
+    SpectralGrid,
+    Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
+    illuminance_lux,
+    light,
+    light_names,
+    light_set,
+    luminance,
+    reflectance,
+    reflectance_names,
+    reflectance_set,
+    reflectance_set_names,
+    white_XYZ,
+)
+
+FINE = SpectralGrid(360, 830, 1)
+
+
+def test_equal_energy_matching_functions_have_equal_areas() -> None:
+    areas = colour_matching_functions(FINE).sum(1)
+    # The CIE's tables agree to a third of a thousandth.
+    assert areas == pytest.approx(areas[1], rel=5e-4)
+    assert areas[1] == pytest.approx(106.857, abs=0.01)
+
+
+def test_matching_functions_refuse_a_grid_outside_their_table() -> None:
+    with pytest.raises(SpectrumError, match="360-830 nm"):
+        colour_matching_functions(SpectralGrid(300, 830, 10))
+
+
+@pytest.mark.parametrize(
+    ("name", "XYZ"),
+    [("D65", (95.047, 100, 108.883)), ("A", (109.850, 100, 35.585)), ("C", (98.074, 100, 118.232))],
+)
+def test_whites_agree_with_the_cie_at_1_nm(name: str, XYZ: tuple[float, ...]) -> None:
+    # 5 nm source tables interpolated linearly against the CIE's own interpolation.
+    assert white_XYZ(light(name, FINE)) == pytest.approx(XYZ, abs=0.07)
+
+
+@pytest.mark.parametrize("grid", [DEFAULT_GRID, SpectralGrid(360, 830, 5), FINE])
+def test_perfect_diffuser_has_Y_100_on_every_grid(grid: SpectralGrid) -> None:
+    assert white_XYZ(light("FL2", grid))[1] == pytest.approx(100)
+    grey = reflectance("grey:0.5", grid)
+    assert XYZ_from_spectra(light("A", grid), grey) == pytest.approx(
+        white_XYZ(light("A", grid)) / 2
+    )
+
+
+def test_ten_nanometre_bands_see_the_same_white_as_one_nanometre() -> None:
+    # The tails outside 400-700 nm hold up to 0.8 % of Z (FL2).
+    for name in ("D65", "A", "FL2", "HP1"):
+        fine, coarse = white_XYZ(light(name, FINE)), white_XYZ(light(name))
+        assert coarse == pytest.approx(fine, rel=0.01), name
+
+
+def test_lux_and_luminance_follow_683_lumens_per_watt() -> None:
+    # 1 W/m2 in a narrow band at 555 nm is 683 lux.
+    v = np.where(np.abs(FINE.wavelengths_nm - 555) < 0.5, 1.0, 0.0)
+    spectrum = Spectrum(FINE.wavelengths_nm, v)
+    assert illuminance_lux(spectrum) == pytest.approx(683, rel=1e-3)
+    assert luminance(spectrum) == pytest.approx(illuminance_lux(spectrum) / np.pi)
+
+
+def test_every_named_light_has_the_flat_lights_luminous_energy() -> None:
+    V = colour_matching_functions(DEFAULT_GRID)[1]
+    for name in light_names():
+        assert V @ light(name).values == pytest.approx(V.sum()), name
+    assert light("E").values == pytest.approx(1.0)
+
+
+def test_a_light_that_ends_in_the_visible_is_refused() -> None:
+    with pytest.raises(SpectrumError, match=r"Sensitometric Printer.*560-700 nm missing"):
+        light("ISO 7589 Sensitometric Printer")
+
+
+def test_what_is_listed_loads_and_what_is_not_listed_does_not() -> None:
+    known = {*colour.SDS_ILLUMINANTS, *colour.SDS_LIGHT_SOURCES}
+    assert set(light_names()) < known and len(light_names()) == len(set(light_names())) == 114
+    for name in light_names():
+        assert light(name).values.min() >= 0.0, name
+    for name in known - set(light_names()):
+        with pytest.raises(SpectrumError, match=r"cover|missing"):
+            light(name)
+
+
+def test_names_with_operators_work_alone_and_in_mixes() -> None:
+    odd = "F32T8/TL865/PLUS (Triphosphor)"
+    assert light(odd.lower()).name == odd
+    assert light("4-LED-1 (461/526/576/624)").name == "4-LED-1 (461/526/576/624)"
+    mix = light(f"{odd}*0.25 + D65*0.75")
+    expected = 0.25 * light(odd).values + 0.75 * light("d65").values
+    assert mix.values == pytest.approx(expected)
+
+
+def test_weights_are_shares_of_illuminance() -> None:
+    mix = light("D65*0.7+A*0.3")
+    assert mix.values == pytest.approx(0.7 * light("D65").values + 0.3 * light("A").values)
+    assert illuminance_lux(mix) == pytest.approx(illuminance_lux(light("D65")))
+    assert light("0.3*A+0.7*D65").values == pytest.approx(mix.values)
+    assert light("D65+A").values == pytest.approx(light("D65").values + light("A").values)
+
+
+def test_planck_2856_is_illuminant_A_and_daylight_6504_is_D65() -> None:
+    assert white_XYZ(light("planck:2856", FINE)) == pytest.approx(
+        white_XYZ(light("A", FINE)), abs=0.05
+    )
+    assert light("daylight:6504").values == pytest.approx(light("D65").values, abs=2e-3)
+
+
+@pytest.mark.parametrize("kelvin", [500, 100_000])
+def test_extreme_planck_lights_stay_finite(kelvin: int) -> None:
+    values = light(f"planck:{kelvin}").values
+    assert np.isfinite(values).all()
+    assert (values > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("D66", "did you mean .*D65"),
+        ("D65*0.7+Q", "'Q' in the mix"),
+        ("A*-1", "weight of A is -1"),
+        ("A*nan", "weight of A is nan"),
+        ("A*0+E*0", "every weight is 0"),
+        ("planck:499", "outside 500-100000 K"),
+        ("planck:nan", "outside 500-100000 K"),
+        ("planck:warm", "not a temperature"),
+        ("daylight:3999", "outside 4000-25000 K"),
+        ("", "empty name"),
+        ("absent.csv", "no such file"),
+    ],
+)
+def test_bad_lights_are_one_clear_line(text: str, part: str) -> None:
+    with pytest.raises(SpectrumError, match=part) as caught:
+        light(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_light_files_are_scaled_like_names_and_mix_with_them(tmp_path: Path) -> None:
+    path = tmp_path / "my+lamp.csv"
+    path.write_text("nm,value\n" + "".join(f"{w},7\n" for w in range(380, 781, 5)))
+    assert light(str(path)).values == pytest.approx(1.0)
+    assert light(f"{path}*0.5+E*0.5").values == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("level", "part"), [("0", "no luminous energy"), ("-1", "negative"), ("nan", "not finite")]
+)
+def test_dark_or_negative_light_files_are_refused(tmp_path: Path, level: str, part: str) -> None:
+    path = tmp_path / "lamp.csv"
+    path.write_text("".join(f"{w},{level}\n" for w in range(380, 781, 5)))
+    with pytest.raises(SpectrumError, match=part):
+        light(str(path))
+
+
+def test_light_sets_have_the_sizes_of_method_section_2() -> None:
+    assert (len(light_set("smooth")), len(light_set("spiky"))) == (26, 89)
+    with pytest.raises(SpectrumError, match="choose smooth or spiky"):
+        light_set("all")
+
+
+def test_reflectance_sets_have_the_sizes_of_method_section_2() -> None:
+    assert reflectance_set("training").shape == (128, 31)
+    assert reflectance_set("test").shape == (84, 31)
+    assert len(reflectance_set_names("test")) == 84
+    assert reflectance_set("natural").shape == (170, 31)
+    assert reflectance_set("patches").shape == (175, 31)
+    with pytest.raises(SpectrumError, match="choose training, test, natural"):
+        reflectance_set("all")
+
+
+def test_every_named_reflectance_lies_in_0_to_1() -> None:
+    for name in reflectance_names():
+        values = reflectance(name).values
+        assert values.min() >= 0, name
+        assert values.max() <= 1, name
+
+
+@pytest.mark.parametrize(
+    ("name", "canonical"),
+    [
+        ("colorchecker/Dark Skin", "ColorChecker/dark skin"),
+        ("ces/99", "CES/99"),
+        ("TCS/15", "TCS/15"),
+        ("VS/1", "VS/1"),
+        ("pmc/banana", "PMC/Banana"),
+        ("Gold", "gold"),
+    ],
+)
+def test_reflectances_are_found_in_any_case(name: str, canonical: str) -> None:
+    assert reflectance(name).name == canonical
+
+
+def test_metals_reflect_as_published() -> None:
+    # Fresnel values near 650 nm and 450 nm; McPeak 2015, Johnson & Christy 1974.
+    for name, red, blue in (
+        ("silver", 0.99, 0.98),
+        ("aluminium", 0.91, 0.92),
+        ("gold", 0.97, 0.40),
+        ("copper", 0.96, 0.58),
+        ("iron", 0.52, 0.50),
+    ):
+        metal = reflectance(name)
+        assert metal.values[25] == pytest.approx(red, abs=0.03), name
+        assert metal.values[5] == pytest.approx(blue, abs=0.03), name
+    assert {"steel", "brass"} <= set(reflectance_names())
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("golden", "did you mean .*'gold'"),
+        ("dark skin", "ColorChecker/dark skin"),
+        ("grey:1.5", r"not in 0\.\.1"),
+        ("grey:x", "grey:0.18"),
+        ("absent.csv", "no such file"),
+    ],
+)
+def test_bad_reflectances_are_one_clear_line(text: str, part: str) -> None:
+    with pytest.raises(SpectrumError, match=part):
+        reflectance(text)
+
+
+def test_per_cent_reflectance_files_are_told_so(tmp_path: Path) -> None:
+    path = tmp_path / "paint.csv"
+    path.write_text("".join(f"{w},50\n" for w in range(400, 701, 10)))
+    with pytest.raises(SpectrumError, match="per cent"):
+        reflectance(str(path))
+
+
+def test_arrays_of_another_grid_are_refused() -> None:
+    with pytest.raises(SpectrumError, match=r"expected \(\.\.\., 31\)"):
+        XYZ_from_spectra(light("D65"), np.ones(30))
+    with pytest.raises(SpectrumError, match="no luminous energy"):
+        white_XYZ(Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark"))
+
+
+def test_the_held_out_sets_repeat_nothing_of_the_others() -> None:
+    """Nearest chromatic spectrum of training and test at least 1 degree away, or 0.005 RMS."""
+    known = np.concatenate([reflectance_set("training"), reflectance_set("test")])
+    for name in ("natural", "patches"):
+        fresh = reflectance_set(name)
+        cosine = (fresh @ known.T) / np.outer(*(np.linalg.norm(r, axis=1) for r in (fresh, known)))
+        grey = [r.std(axis=1) <= 0.1 * r.mean(axis=1) for r in (fresh, known)]
+        angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        assert angle[~np.outer(*grey)].min() > 1, name

@@ -1,0 +1,79 @@
+"""What the parts of a basis' figure share: inks, axes in inches, texts that fit.
+
+[style] -> spectra, errors, swatches -> draw
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
+Array = NDArray[np.float64]
+
+PAPER, INK, FAINT, HAIR = "white", "#1d1d1f", "#6b6b70", "#d5d5d8"
+
+
+def inch_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes placed in inches from the figure's lower left."""
+    w, h = figure.get_size_inches()
+    return figure.add_axes((left / w, bottom / h, width / w, height / h))
+
+
+def write(on: Axes | Figure, x: float, y: float, words: str, **style: Any) -> Text:
+    """A text in one line just as it is spelt: no mathtext, a box for what the font lacks."""
+    drawn = "".join(c if _in_font(c) else "\N{WHITE SQUARE}" for c in " ".join(words.split()))
+    return on.text(x, y, drawn, parse_math=False, **style)
+
+
+@cache
+def _in_font(character: str) -> bool:
+    from matplotlib.font_manager import FontProperties, findfont, get_font
+
+    fonts = (get_font(findfont(FontProperties(weight=w))) for w in ("normal", "bold"))
+    return all(font.get_char_index(ord(character)) for font in fonts)
+
+
+def shorten(text: Text, width_in: float) -> None:
+    """Cut a text's end until it is no wider than that, an ellipsis in its place."""
+    figure = text.get_figure()
+    assert figure is not None
+    words = text.get_text()
+    while text.get_window_extent().width > width_in * figure.dpi and len(words) > 1:
+        words = words[:-1].rstrip(" ,;(")
+        text.set_text(words + "…")
+
+
+def style_axes(axes: Axes) -> None:
+    """A plot without a frame: a thin line below, quiet numbers."""
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    axes.spines["bottom"].set(color=FAINT, linewidth=0.6)
+    axes.tick_params(length=0, labelsize=7.5, labelcolor=FAINT)
+    axes.set_axisbelow(True)
+
+
+def spread_apart(wanted: Array, gap: float, low: float, high: float) -> Array:
+    """Positions at least ``gap`` apart within ``low`` to ``high``, near where they are wanted."""
+    order = np.argsort(wanted, kind="stable")
+    gap = min(gap, (high - low) / max(len(wanted) - 1, 1))
+    y = np.clip(np.asarray(wanted, dtype=np.float64)[order], low, high)
+    for _ in range(200):
+        for i in range(len(y) - 1):
+            lack = gap - (y[i + 1] - y[i])
+            if lack > 0:
+                y[i] -= lack / 2
+                y[i + 1] += lack / 2
+        y = np.clip(y, low, high)
+    steps = np.arange(len(y)) * gap
+    y = np.minimum(np.maximum.accumulate(y - steps) + steps, high - steps[::-1])
+    result = np.empty_like(y)
+    result[order] = y
+    return result

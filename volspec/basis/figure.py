@@ -1,0 +1,487 @@
+"""A basis in one picture: its sensors, its errors light by light, its worst colours.
+
+basis, error table -> [figure] -> PNG, PDF, SVG
+
+Lines keep to colours that the colour-blind can tell apart, and to shapes besides. matplotlib is
+imported late and draws on a canvas of its own: no window, no global state.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._figures import (
+    FAINT,
+    HAIR,
+    INK,
+    PAPER,
+    inch_axes,
+    shorten,
+    spread_apart,
+    style_axes,
+    write,
+)
+from volspec._files import write_whole
+from volspec.appearance import constants as k
+from volspec.appearance import srgb
+from volspec.appearance.models.cielab import XYZ_from_cielab, cielab
+from volspec.appearance.wavelengths import spectrum_colours
+from volspec.basis.materials import MaterialBasis
+from volspec.basis.report import RGB_PRODUCT, WAYS, BasisReport, WorstPair, own_way
+from volspec.basis.report_table import class_heading, number
+from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from volspec.basis.model import SpectralBasis
+    from volspec.basis.report import ErrorSummary
+    from volspec.basis.report_table import ErrorTable
+
+WIDTH_IN = 10.0
+DPI = 160
+_MARGIN = 0.42
+_CAPTION_LINE = 0.165
+_DEFAULT_NM = (DEFAULT_GRID.start_nm, DEFAULT_GRID.stop_nm, DEFAULT_GRID.step_nm)
+
+
+def basis_figure(basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> Figure:
+    """Draw a basis and its errors; 1600 pixels wide.
+
+    Parameters
+    ----------
+    basis : SpectralBasis or MaterialBasis
+    errors : ErrorTable
+        Its own.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        On an Agg canvas; ``savefig`` writes it.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    caption = _CAPTION_LINE * (len(errors.classes) + 1) + 0.2
+    strip = caption + 0.13
+    plots = strip + (STRIP_IN if _has_colours(errors) else 0.0) + 0.84
+    height = plots + 2.5 + 1.06
+    figure = Figure(figsize=(WIDTH_IN, height), dpi=DPI, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    _draw_title(figure, basis, errors)
+    draw_spectra(inch_axes(figure, 0.62, plots, 3.98 - name_width(basis), 2.5), basis)
+    draw_errors(inch_axes(figure, 5.32, plots, WIDTH_IN - 5.32 - _MARGIN, 2.5), errors)
+    if _has_colours(errors):
+        draw_swatches(inch_axes(figure, _MARGIN, strip, WIDTH_IN - 2 * _MARGIN, STRIP_IN), errors)
+    _draw_caption(figure, errors, caption)
+    return figure
+
+
+def save_figure(
+    basis: SpectralBasis | MaterialBasis, errors: ErrorTable, path: str | os.PathLike[str]
+) -> None:
+    """Write `basis_figure` as the kind of file that the name says; whole or not at all."""
+    kind = Path(path).suffix.lstrip(".").lower()
+    with write_whole(path) as temporary:
+        basis_figure(basis, errors).savefig(temporary, format=kind, dpi=DPI)
+
+
+def _has_colours(errors: ErrorTable) -> bool:
+    """Whether any colour is off, so that there are worst ones to show."""
+    return errors.worst.delta_e > NOTHING
+
+
+def _draw_title(figure: Figure, basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> None:
+    height = figure.get_figheight()
+    left, first, second = _MARGIN / WIDTH_IN, 1 - 0.36 / height, 1 - 0.56 / height
+    title = write(figure, left, first, errors.name, fontsize=15, weight="bold", color=INK)
+    shorten(title, 4.5)
+    edge = title.get_window_extent().x1 / DPI + 0.14
+    facts = f"{errors.method}, {errors.size} channels, {errors.observer_deg}° observer"
+    if errors.grid_nm != _DEFAULT_NM:
+        start, stop, step = errors.grid_nm
+        facts += f", {start:g}\N{EN DASH}{stop:g} nm every {step:g} nm"
+    write(figure, edge / WIDTH_IN, first, facts, fontsize=9.5, color=FAINT)
+    what = (
+        "each channel the share of one material: exact by construction"
+        if isinstance(basis, MaterialBasis)
+        else f"trained on {errors.trained_on}"
+    )
+    made = f"{what}; measured on {errors.measured_on}"
+    line = write(figure, left, second, made, fontsize=7.5, color=FAINT)
+    shorten(line, WIDTH_IN - 2 * _MARGIN)
+
+
+def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
+    """A small table: one line a class, one column a way of making the colour."""
+    chained = all(report.products for report in errors.classes.values())
+    ways = ("componentwise", compared_way(errors), RGB_PRODUCT)
+    columns = [WAYS[way] for way in ways]
+    columns += ["two surfaces", "three surfaces"] if chained else []
+    left = _MARGIN + 1.86
+    wide = min((WIDTH_IN - _MARGIN - left) / (len(columns) - 0.12), 1.7)
+    height = figure.get_figheight()
+
+    def cell(x: float, line: int, text: str, **style: Any) -> None:
+        y = (top - 0.1 - _CAPTION_LINE * line) / height
+        write(figure, x / WIDTH_IN, y, text, fontsize=7.2, va="center", **style)
+
+    cell(_MARGIN, 0, "ΔE00 mean / median / 95 % / max", color=FAINT)
+    for i, column in enumerate(columns):
+        cell(left + wide * i, 0, column, color=FAINT)
+    for line, (name, report) in enumerate(errors.classes.items(), start=1):
+        cell(_MARGIN, line, class_heading(name, len(report.pairs.lights)), color=INK)
+        summaries = [report.errors[way] for way in ways]
+        summaries += [p.componentwise for p in report.products.values()]
+        for i, summary in enumerate(summaries):
+            bold = {"weight": "bold"} if columns[i] == WAYS[own_way(errors.method)] else {}
+            cell(left + wide * i, line, _four(summary), color=INK, **bold)
+
+
+def _four(summary: ErrorSummary) -> str:
+    values = (summary.mean, summary.median, summary.p95, summary.max)
+    shown = (f"{v:.3f}" if v < 0.001 else number(v) for v in values)
+    return " / ".join(text.removeprefix("0") for text in shown)
+
+
+# Okabe and Ito's blue, vermilion and green: told apart by the colour-blind.
+_BLUE, _VERMILION, _GREEN = "#0072b2", "#d55e00", "#009e73"
+_FLOORS = (1e-4, 1e-2)
+_MOST_NAMED = 9
+NOTHING = 1e-6
+"""A CIEDE2000 that is rounding."""
+_STYLES: dict[str, dict[str, Any]] = {
+    RGB_PRODUCT: {"marker": "^", "markersize": 3.4, "color": _VERMILION, "zorder": 3,
+                  "markeredgewidth": 0},
+    "exact": {"marker": "o", "markersize": 3.6, "color": _GREEN, "zorder": 4,
+              "markerfacecolor": "none", "markeredgewidth": 0.9},
+    "linear-model": {"marker": "o", "markersize": 3.6, "color": _GREEN, "zorder": 4,
+                     "markerfacecolor": "none", "markeredgewidth": 0.9},
+    "componentwise": {"marker": "o", "markersize": 3.2, "color": _BLUE, "zorder": 5,
+                      "markeredgewidth": 0},
+}  # fmt: skip
+
+
+def draw_errors(axes: Axes, errors: ErrorTable) -> None:
+    """Every light's mean error, sorted within its class; a hair rises to its largest."""
+    ways = (RGB_PRODUCT, compared_way(errors), "componentwise")
+    means = {
+        name: {way: report.pairs.delta_e[way].mean(axis=1) for way in ways}
+        for name, report in errors.classes.items()
+    }
+    every = np.concatenate([m for ways in means.values() for m in ways.values()])
+    visible = every[every > _FLOORS[0]]
+    lowest = float(visible.min()) if visible.size else 1.0
+    floor = float(np.clip(10.0 ** np.floor(np.log10(lowest)), *_FLOORS))
+    way_made_for = own_way(errors.method)
+    own_max = {n: r.pairs.delta_e[way_made_for].max(axis=1) for n, r in errors.classes.items()}
+    top = max(float(every.max()), *(float(tips.max()) for tips in own_max.values()), 3.0)
+    axes.set(xlim=(0, 1), yscale="log", ylim=(floor / 1.5, 2.2 * top))
+    style_axes(axes)
+    below = "≤ " if every.min() < floor else ""
+    axes.yaxis.set_major_formatter(lambda v, _: f"{below if v < 1.01 * floor else ''}{v:g}")
+    axes.minorticks_off()
+    axes.grid(axis="y", color=HAIR, linewidth=0.6)
+    axes.axhline(1.0, color=FAINT, linewidth=0.8, zorder=1.5)
+    axes.set_xticks([])
+    axes.set_ylabel("mean ΔE00, hairs to the largest", fontsize=8, color=FAINT, labelpad=1)
+    wanted = np.sqrt([len(r.pairs.lights) + 3.0 for r in errors.classes.values()])
+    ends = np.concatenate([[0.0], np.cumsum(wanted) / wanted.sum()])
+    above = axes.get_xaxis_transform()
+    named: list[tuple[float, str]] = []
+    own = min(len(errors.classes["scene"].pairs.lights), 5) if "scene" in means else 0
+    share = max((_MOST_NAMED - own) // max(len(means) - bool(own), 1), 1)
+    for (name, report), left, right in zip(errors.classes.items(), ends, ends[1:], strict=False):
+        order = np.argsort(own_max[name], kind="stable")
+        x = left + (right - left) * (np.arange(len(order)) + 1.0) / (len(order) + 1.0)
+        if left:
+            axes.axvline(left, color=HAIR, linewidth=0.8)
+        for way in ways:
+            y = np.maximum(means[name][way][order], floor)
+            if way == way_made_for:
+                tips, ink = np.maximum(own_max[name][order], floor), _STYLES[way]["color"]
+                axes.vlines(x, y, tips, color=ink, linewidth=0.7, alpha=0.55, zorder=2)
+            axes.plot(x, y, linestyle="none", **_STYLES[way])
+        middle = (left + right) / 2
+        write(axes, middle, 1.015, f"{name} ({len(order)})", transform=above, ha="center",
+                  va="bottom", fontsize=7.5, color=FAINT)  # fmt: skip
+        last = own if name == "scene" else share if own_max[name].max() > NOTHING else 0
+        named += [(x[i], report.pairs.lights[order[i]]) for i in range(len(x))[len(x) - last :]]
+    _name_lights(axes, named)
+    _draw_legend(axes, ways)
+
+
+def compared_way(errors: ErrorTable) -> str:
+    """Which picture by matrix stands beside the one by components."""
+    return "linear-model" if own_way(errors.method) == "linear-model" else "exact"
+
+
+def _name_lights(axes: Axes, named: list[tuple[float, str]]) -> None:
+    """Slanted names under the axis, with hairs up to the lights they belong to."""
+    at = np.array([x for x, _ in named])
+    places = spread_apart(at, 0.062, 0.03, 0.99)
+    below = axes.get_xaxis_transform()
+    for x, place, (_, name) in zip(at, places, named, strict=True):
+        axes.plot([x, x, place], [0, -0.012, -0.05], transform=below, color=FAINT, linewidth=0.5,
+                  clip_on=False, zorder=1)  # fmt: skip
+        short = name if len(name) <= 18 else name[:17].rstrip(" (") + "…"
+        write(axes, place + 0.008, -0.06, short, transform=below, rotation=32, ha="right",
+              va="top", rotation_mode="anchor", fontsize=6.8, color=INK)  # fmt: skip
+
+
+def _draw_legend(axes: Axes, ways: Sequence[str]) -> None:
+    handles = [axes.plot([], [], linestyle="none", label=WAYS[w], **_STYLES[w])[0] for w in ways]
+    axes.legend(handles=handles, loc="center left", bbox_to_anchor=(-0.02, 1.105), ncols=3,
+                frameon=False, fontsize=8, labelcolor=INK, handletextpad=0.1, columnspacing=1.2,
+                borderaxespad=0, borderpad=0)  # fmt: skip
+
+
+# L* = 50: colours are judged on a neutral grey.
+_GREY, _ON_GREY, _QUIET = "#777777", "white", "#e4e4e4"
+_MOST = 9
+_GAP = 0.14
+STRIP_IN = 1.92
+"""Height of the strip."""
+
+
+def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
+    """The worst reflectance under each of the worst lights, class by class, on neutral grey.
+
+    The upper left half is the colour of the full spectra, the lower right half the channels'.
+    Axes are in inches.
+    """
+    figure = axes.get_figure()
+    assert figure is not None
+    box = axes.get_window_extent()
+    wide, tall = box.width / figure.dpi, box.height / figure.dpi
+    axes.set(xlim=(0, wide), ylim=(0, tall))
+    axes.set_axis_off()
+    axes.fill((0, 0, wide, wide), (0, tall, tall, 0), color=_GREY, linewidth=0)
+    way = own_way(errors.method)
+    shares = share_out(_MOST, [len(r.pairs.lights) for r in errors.classes.values()])
+    groups = {
+        name: worst_pairs(report, share, way)
+        for (name, report), share in zip(errors.classes.items(), shares, strict=True)
+    }
+    count = sum(map(len, groups.values()))
+    between = 0.16 * (len(groups) - 1)
+    width = (wide - 0.3 - between - _GAP * (count - 1)) / count
+    size = min(width, 0.86)
+    pitch = min(width + _GAP, 1.4)
+    x = 0.15
+    top = tall - 0.56
+    by = "" if way == "componentwise" else f", {WAYS[way]}"
+    key = f"worst colours: upper left, the full spectra; lower right, {errors.size} channels{by}"
+    write(axes, 0.15, tall - 0.18, key, fontsize=8.5, color=_ON_GREY, va="center")
+    for name, pairs in groups.items():
+        heading = class_heading(name, len(errors.classes[name].pairs.lights)).removeprefix("the ")
+        write(axes, x, tall - 0.42, heading, fontsize=7.5, color=_QUIET, va="center")
+        for pair in pairs:
+            left, low = x, top - size
+            across, along = (left, left, left + size, left + size), (low, top, top, low)
+            axes.fill(across, along, color=pair.sRGB_shown, linewidth=0)
+            axes.fill(across[:3], along[:3], color=pair.sRGB, linewidth=0)
+            lines = (pair.reflectance, f"under {pair.light}", f"ΔE00 {number(pair.delta_e)}")
+            for row, line in enumerate(lines):
+                weight = "bold" if row == 2 else "normal"
+                text = write(axes, left, low - 0.1 - 0.128 * row, line, fontsize=6.4, va="center",
+                             color=_ON_GREY if row != 1 else _QUIET, weight=weight)  # fmt: skip
+                shorten(text, pitch - 0.06)
+            x += pitch
+        x += 0.16
+
+
+def share_out(places: int, wanted: list[int]) -> list[int]:
+    """As many places for each as it wants, no one more than one ahead of who still wants."""
+    given = [0] * len(wanted)
+    while sum(given) < places and given != wanted:
+        least = min(g for g, w in zip(given, wanted, strict=True) if g < w)
+        hungry = [i for i, w in enumerate(wanted) if given[i] == least < w]
+        if len(hungry) > places - sum(given):
+            break
+        for i in hungry:
+            given[i] += 1
+    return given
+
+
+def worst_pairs(report: BasisReport, count: int, way: str = "componentwise") -> list[WorstPair]:
+    """The worst pairs, each of another light, and of another reflectance while there are some."""
+    delta_e = report.pairs.delta_e[way]
+    found: list[tuple[int, int]] = []
+    for once in (True, False):
+        for flat in np.argsort(-delta_e, axis=None, kind="stable"):
+            j, i = divmod(int(flat), delta_e.shape[1])
+            if len(found) == count:
+                break
+            if all(j != light and not (once and i == sample) for light, sample in found):
+                found.append((j, i))
+    found.sort(key=lambda pair: -delta_e[pair])
+    return [WorstPair.at(report.pairs, j, i, way) for j, i in found]
+
+
+Array = NDArray[np.float64]
+
+_LINE_LIGHTNESS = (30.0, 58.0)
+_WIDEST_NAME = 1.1
+# More curves than this cannot be followed in one plot; each gets its own line, most with names.
+_MOST_CURVES = 10
+_MOST_RIDGE_NAMES = 30
+# How many numbers fit across and along the plot.
+_ACROSS, _ALONG = 28.0, 16.0
+# Colours nearer than this in CIELAB are told apart by strokes.
+_ALIKE = 14.0
+_STROKES = ("-", (0, (4.0, 1.2)), (0, (1.2, 1.0)), (0, (6.0, 1.2, 1.2, 1.2)))
+
+
+def draw_spectra(axes: Axes, basis: SpectralBasis | MaterialBasis) -> None:
+    """Sensors, basis vectors or reflectances over the basis' grid, in colours they stand for."""
+    from matplotlib.ticker import MultipleLocator
+
+    grid = basis.grid
+    style_axes(axes)
+    axes.set_xlim(grid.start_nm, grid.stop_nm)
+    if isinstance(basis, MaterialBasis):
+        title = "reflectances of the materials"
+        curves = np.array([spectrum.values for spectrum in basis.materials.values()])
+        draw = _draw_ridges if len(curves) > _MOST_CURVES else _draw_reflectances
+        draw(axes, curves, list(basis.materials), grid)
+    elif basis.method.startswith("pca"):
+        title = "basis vectors (columns of B)"
+        _draw_sensors(axes, basis.synthesis.T, grid)
+    else:
+        title = "sensors (rows of A)"
+        _draw_sensors(axes, basis.analysis, grid)
+    axes.text(0, 1.105, title, transform=axes.transAxes, fontsize=9.5, color=INK, va="center")
+    axes.tick_params(axis="x", pad=11)
+    axes.xaxis.set_major_locator(MultipleLocator(50 if grid.stop_nm - grid.start_nm < 400 else 100))
+    axes.set_xlabel("wavelength, nm", fontsize=8, color=FAINT, labelpad=3)
+    _draw_spectrum(axes, grid)
+
+
+def name_width(basis: SpectralBasis | MaterialBasis) -> float:
+    """Inches that the names of materials take beside their curves."""
+    if not isinstance(basis, MaterialBasis):
+        return 0.0
+    return min(0.062 * max(map(len, basis.materials)) + 0.05, _WIDEST_NAME)
+
+
+def line_colour(curve: Array, grid: SpectralGrid) -> tuple[float, float, float]:
+    """sRGB of what a curve passes of flat light, light or dark enough for a line on white."""
+    Q = colour_matching_functions(grid)
+    XYZ = Q @ np.maximum(curve, 0.0)
+    white = Q.sum(1)
+    if not XYZ[1] > 0:
+        return (0.4, 0.4, 0.4)
+    L, a, b = cielab(XYZ * (0.3 * white[1] / XYZ[1]), white)
+    strong = min(1.0, 70.0 / max(float(np.hypot(a, b)), 1e-9))
+    Lab = np.array([np.clip(L, *_LINE_LIGHTNESS), a * strong, b * strong])
+    linear = srgb.linear_from_XYZ(XYZ_from_cielab(Lab, k.DISPLAY_WHITE_XYZ))
+    r, g, blue = srgb.encode(linear)
+    return float(r), float(g), float(blue)
+
+
+def _draw_sensors(axes: Axes, curves: Array, grid: SpectralGrid) -> None:
+    """Curves from below zero to their peaks, numbered."""
+    low, high = min(float(curves.min()), 0.0), float(curves.max())
+    room = 0.1 * (high - low)
+    axes.set(ylim=(low - (room if low < 0 else 0), high + room), yticks=[0])
+    colours = _draw_curves(axes, curves, grid)
+    labels = [str(i + 1) for i in range(len(curves))]
+    _number_peaks(axes, grid.wavelengths_nm, curves, labels, colours)
+
+
+def _draw_reflectances(axes: Axes, curves: Array, labels: list[str], grid: SpectralGrid) -> None:
+    """Curves from zero to one, named at their ends."""
+    axes.set_ylim(0, max(1.0, 1.05 * float(curves.max())))
+    _name_ends(axes, curves[:, -1], labels, _draw_curves(axes, curves, grid))
+
+
+def _draw_ridges(axes: Axes, curves: Array, labels: list[str], grid: SpectralGrid) -> None:
+    """Each curve on a line of its own, filled, and named at the line."""
+    K = len(curves)
+    axes.set(ylim=(K + 0.15, 0), yticks=[])
+    every = -(-K // _MOST_RIDGE_NAMES)
+    size = float(np.clip(150.0 / K, 5.0, 7.0))
+    for i, (curve, label) in enumerate(zip(curves, labels, strict=True)):
+        base, colour = i + 1.0, line_colour(curve, grid)
+        w, top = grid.wavelengths_nm, base - 0.95 * np.minimum(curve, 1.0)
+        axes.fill_between(w, base, top, color=colour, linewidth=0.4)
+        if i % every == 0:
+            text = write(axes, 1.012, base - 0.4, label, transform=axes.get_yaxis_transform(),
+                         fontsize=size, color=colour, va="center")  # fmt: skip
+            shorten(text, _WIDEST_NAME)
+
+
+def _draw_curves(axes: Axes, curves: Array, grid: SpectralGrid) -> list[Any]:
+    """Curves in their colours, which are given back."""
+    colours = [line_colour(curve, grid) for curve in curves]
+    axes.axhline(0, color=FAINT, linewidth=0.6, zorder=1)
+    for curve, colour, stroke in zip(curves, colours, _strokes(colours), strict=True):
+        axes.plot(grid.wavelengths_nm, curve, color=colour, linewidth=1.7, linestyle=stroke,
+                  zorder=3)  # fmt: skip
+    return colours
+
+
+def _strokes(colours: list[tuple[float, float, float]]) -> list[Any]:
+    """Solid, or another stroke for a colour much like one before."""
+    linear = srgb.decode(np.array(colours))
+    Lab = cielab(linear @ k.XYZ_FROM_sRGB.T, k.DISPLAY_WHITE_XYZ)
+    kinds: list[int] = []
+    for i in range(len(Lab)):
+        taken = [kinds[j] for j in range(i) if np.linalg.norm(Lab[i] - Lab[j]) < _ALIKE]
+        free = [kind for kind in range(len(_STROKES)) if kind not in taken]
+        kinds.append(free[0] if free else i % len(_STROKES))
+    return [_STROKES[kind] for kind in kinds]
+
+
+def _number_peaks(
+    axes: Axes, w: Array, curves: Array, labels: list[str], colours: list[Any]
+) -> None:
+    """Each curve's number near its peak, where no other curve or number is in the way."""
+    bottom, top = axes.get_ylim()
+    scale = np.array([(w[-1] - w[0]) / _ACROSS, (top - bottom) / _ALONG])
+    placed: list[Array] = []
+    for curve, label, colour in zip(curves, labels, colours, strict=True):
+        at = int(np.abs(curve).argmax())
+        up = 1 if curve[at] > 0 else -1
+        places = []
+        for i in np.flatnonzero(up * curve > 0.75 * abs(curve[at])):
+            spot = np.array([w[i], curve[i] + up * 0.8 * scale[1]])
+            lines = np.abs(curves[:, i] - spot[1]) / scale[1]
+            others = [np.abs((spot - p) / scale).max() for p in placed]
+            clear = min(1.0, *(lines / 0.6), *others)
+            places.append((clear - 0.8 * (1 - abs(curve[i] / curve[at])), int(i), spot))
+        _, best, spot = max(places, key=lambda place: place[:2])
+        placed.append(spot)
+        x = float(np.clip(w[best], w[0] + 4, w[-1] - 4))
+        axes.text(x, spot[1], label, ha="center", va="center", fontsize=7.5, color=colour,
+                  weight="bold", zorder=6)  # fmt: skip
+
+
+def _name_ends(axes: Axes, ends: Array, labels: list[str], colours: list[Any]) -> None:
+    """Names beside the curves' right ends, pushed apart, hairs where they had to move."""
+    bottom, top = axes.get_ylim()
+    share = (ends - bottom) / (top - bottom)
+    frame = axes.transAxes
+    for at, y, label, colour in zip(share, spread_apart(share, 0.056, 0.02, 0.98), labels, colours,
+                                    strict=True):  # fmt: skip
+        axes.plot([1.0, 1.02], [at, y], transform=frame, color=colour, linewidth=0.6,
+                  clip_on=False)  # fmt: skip
+        text = write(axes, 1.028, y, label, transform=frame, fontsize=7, color=colour, va="center")
+        shorten(text, _WIDEST_NAME)
+
+
+def _draw_spectrum(axes: Axes, grid: SpectralGrid) -> None:
+    """The colours of the wavelengths, as a strip under the axis."""
+    strip = axes.inset_axes((0.0, -0.048, 1.0, 0.035))
+    nm = np.linspace(grid.start_nm, grid.stop_nm, 600)
+    strip.imshow(spectrum_colours(nm)[None], aspect="auto")
+    strip.set_axis_off()

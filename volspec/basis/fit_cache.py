@@ -1,0 +1,90 @@
+"""A basis that was fitted before, to the same spectra by the same code, is read, not fitted again.
+
+lights, reflectances -> [kept] -> scene
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec import __version__
+from volspec._cache import kept
+from volspec.basis.model import SpectralBasis
+from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
+
+# What the outcome of a fit hangs on, besides what is fitted.
+_SOURCES = (
+    *("basis/fit/*.py", "basis/model.py", "basis/base.py", "appearance/models/cielab.py"),
+    *("spectra/spectrum.py", "spectra/grid.py"),
+)
+_MATRICES = ("analysis", "synthesis", "XYZ_from_channels")
+
+
+def fit_cached(
+    lights: Sequence[Spectrum],
+    reflectances: Sequence[Spectrum],
+    *,
+    size: int,
+    method: str,
+    positive: bool,
+    grid: SpectralGrid,
+    observer_deg: int,
+    light_weights: ArrayLike,
+    reflectance_weights: ArrayLike,
+    name: str,
+    trained_on: str,
+) -> SpectralBasis:
+    """As `SpectralBasis.fit`, which documents the arguments; kept in the user's cache folder.
+
+    For what is fitted again and again, as a scene's basis is whenever the scene is opened.
+    """
+
+    def fit() -> dict[str, NDArray[np.float64]]:
+        basis = SpectralBasis.fit(
+            lights,
+            reflectances,
+            size=size,
+            method=method,
+            positive=positive,
+            grid=grid,
+            observer_deg=observer_deg,
+            light_weights=light_weights,
+            reflectance_weights=reflectance_weights,
+        )
+        return {key: getattr(basis, key) for key in _MATRICES}
+
+    digest = hashlib.sha256(_code().encode())
+    counts = len(lights), len(reflectances)
+    digest.update(repr((size, method, positive, grid, observer_deg, *counts)).encode())
+    arrays = [colour_matching_functions(grid, observer_deg)]
+    for spectrum in (*lights, *reflectances):
+        arrays += [spectrum.wavelengths_nm, spectrum.values]
+    for array in (*arrays, np.asarray(light_weights), np.asarray(reflectance_weights)):
+        digest.update(f"{array.dtype} {array.shape} ".encode() + array.tobytes())
+    maker = digest.hexdigest()
+    matrices = kept(f"bases/{maker[:20]}", maker, fit)
+    return SpectralBasis(
+        name=name,
+        method=method,
+        grid=grid,
+        **matrices,
+        trained_on=trained_on,
+        observer_deg=observer_deg,
+    )
+
+
+@cache
+def _code() -> str:
+    """Changes with what fits: this package's sources, NumPy."""
+    root = Path(__file__).resolve().parent.parent
+    files = sorted(file for each in _SOURCES for file in root.glob(each))
+    digest = hashlib.sha256(f"{__version__} {np.__version__}".encode())
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()

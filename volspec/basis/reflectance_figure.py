@@ -1,0 +1,118 @@
+"""A constructed reflectance in one picture: the curve, what it was mixed from, its colours.
+
+    spectrum, base spectra -> [reflectance] -> PNG, PDF, SVG
+
+After figure 3b of Wang, Xu & Sun (2004).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._figures import FAINT, INK, PAPER, inch_axes, shorten, style_axes, write
+from volspec._files import write_whole
+from volspec.appearance import srgb
+from volspec.basis.figure import line_colour
+from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
+from volspec.spectra.construct.colours import XYZ_from_linear_sRGB
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+WIDTH_IN, HEIGHT_IN, DPI = 6.4, 3.4, 160
+_LEFT, _BOTTOM, _PLOT_WIDE, _PLOT_TALL = 0.42, 0.5, 4.1, 2.4
+_SWATCH = 0.62
+
+
+def reflectance_figure(
+    made: Spectrum,
+    parts: Mapping[str, tuple[float, Array]],
+    lights: Sequence[Spectrum],
+    observer_deg: int = 2,
+) -> Figure:
+    """Draw a reflectance, the base spectra that it mixes, and its colour under lights.
+
+    Parameters
+    ----------
+    made : Spectrum
+        N bands; its name is the title.
+    parts : {name: (share, (N,) float64)}
+        Empty where it was not mixed.
+    lights : list of Spectrum
+        On its grid. A swatch each, adapted to the light's white (Bradford).
+    observer_deg : {2, 10}
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        On an Agg canvas.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), dpi=DPI, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    how = made.notes.get("constructed", "")
+    title = write(figure, _LEFT / WIDTH_IN, 1 - 0.3 / HEIGHT_IN, made.name, fontsize=12,
+                  weight="bold", color=INK)  # fmt: skip
+    edge = title.get_window_extent().x1 / DPI + 0.12
+    write(figure, edge / WIDTH_IN, 1 - 0.3 / HEIGHT_IN, how, fontsize=8.5, color=FAINT)
+    axes = inch_axes(figure, _LEFT, _BOTTOM, _PLOT_WIDE, _PLOT_TALL)
+    w = made.wavelengths_nm
+    style_axes(axes)
+    axes.set(xlim=(w[0], w[-1]), ylim=(0, 1), yticks=[0, 0.5, 1])
+    axes.set_xlabel("wavelength, nm", fontsize=8, color=FAINT, labelpad=3)
+    right = _LEFT + _PLOT_WIDE + 0.28
+    line = HEIGHT_IN - 0.62
+    if parts:
+        write(figure, right / WIDTH_IN, line / HEIGHT_IN, "mixed from", fontsize=7.5, color=FAINT)
+    for name, (share, values) in parts.items():
+        colour = line_colour(values, made.grid)
+        axes.plot(w, values, color=colour, linewidth=1.0, linestyle=(0, (1.2, 1.4)))
+        line -= 0.19
+        text = write(figure, right / WIDTH_IN, line / HEIGHT_IN, f"{100 * share:.0f} %  {name}",
+                     fontsize=7.5, color=colour)  # fmt: skip
+        shorten(text, WIDTH_IN - right - 0.1)
+    axes.plot(w, made.values, color=line_colour(made.values, made.grid), linewidth=2.4)
+    for i, lamp in enumerate(lights):
+        x = right + i * (_SWATCH + 0.1)
+        if x + _SWATCH > WIDTH_IN:
+            break
+        swatch = inch_axes(figure, x, _BOTTOM + 0.18, _SWATCH, _SWATCH)
+        swatch.set_facecolor(_shown(made, lamp, observer_deg))
+        swatch.set(xticks=[], yticks=[])
+        for side in swatch.spines.values():
+            side.set_visible(False)
+        label = write(figure, x / WIDTH_IN, (_BOTTOM + 0.02) / HEIGHT_IN, lamp.name, fontsize=7.5,
+                      color=FAINT)  # fmt: skip
+        shorten(label, _SWATCH)
+    return figure
+
+
+def save_reflectance_figure(
+    made: Spectrum,
+    parts: Mapping[str, tuple[float, Array]],
+    lights: Sequence[Spectrum],
+    path: str | os.PathLike[str],
+    observer_deg: int = 2,
+) -> None:
+    """Write `reflectance_figure` as the kind of file that the name says; whole or not at all."""
+    kind = Path(path).suffix.lstrip(".").lower()
+    with write_whole(path) as temporary:
+        drawn = reflectance_figure(made, parts, lights, observer_deg)
+        drawn.savefig(temporary, format=kind, dpi=DPI)
+
+
+def _shown(made: Spectrum, lamp: Spectrum, observer_deg: int) -> tuple[float, float, float]:
+    """Encoded sRGB of a surface under a light, to an eye adapted to it."""
+    to_linear = np.linalg.inv(XYZ_from_linear_sRGB(white_XYZ(lamp, observer_deg)))
+    red, green, blue = srgb.encode(to_linear @ XYZ_from_spectra(lamp, made, observer_deg)).tolist()
+    return red, green, blue

@@ -1,0 +1,455 @@
+"""How far the m-channel picture is from the full spectra, in CIEDE2000.
+
+    basis, lights, reflectances -> [report] -> error table -> figure
+
+The reference is the XYZ of the full spectra, the white is the light. Every error is that of
+one reflectance, or one product of reflectances, under one light; 1 is about what an eye can just
+tell apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from itertools import combinations_with_replacement
+from math import comb
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.appearance import constants as k
+from volspec.appearance import srgb
+from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.basis.display import MODES, visible_white
+from volspec.basis.materials import MaterialBasis
+from volspec.errors import BasisError
+from volspec.spectra.datasets import colour_matching_functions, colour_science
+from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.lights import light_set
+from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
+from volspec.spectra.reflectances import reflectance_set, reflectance_set_names
+from volspec.spectra.spectrum import Spectrum, reflectance_values
+
+if TYPE_CHECKING:
+    from volspec.basis.model import SpectralBasis
+
+Array = NDArray[np.float64]
+Reflectances = Sequence[Spectrum] | ArrayLike
+Indices = NDArray[np.intp]
+
+RGB_PRODUCT = "rgb-product"
+"""The RGB renderer's way, beside the modes of a basis."""
+PRODUCTS = (2, 3)
+"""How many surfaces a ray may have met."""
+_MOST_PRODUCTS = 4000
+_SEED = 20090128
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairErrors:
+    """CIEDE2000 of J lights x K reflectances, three ways and the RGB renderer's.
+
+    Parameters
+    ----------
+    lights, reflectances : tuple of str
+        What they are called.
+    delta_e : {way: (J, K) float64}
+        By the modes of ``colour_matrix`` and `RGB_PRODUCT`.
+    XYZ : (J, K, 3) float64
+        The full spectra's colours, Y = 100 for white.
+    shown_XYZ : {mode: (J, K, 3) float64}
+        The channels' colours.
+    white_XYZ : (J, 3) float64
+        Each light's, no component below what an eye sees.
+    products, rgb_products : {2: (J, P), 3: (J, P)}
+        Of two and of three reflectances, componentwise and the RGB renderer's; empty where a
+        basis has no products.
+    """
+
+    lights: tuple[str, ...]
+    reflectances: tuple[str, ...]
+    delta_e: dict[str, Array]
+    XYZ: Array
+    shown_XYZ: dict[str, Array]
+    white_XYZ: Array
+    products: dict[int, Array]
+    rgb_products: dict[int, Array]
+
+    @property
+    def componentwise(self) -> Array:
+        """(J, K) float64."""
+        return self.delta_e["componentwise"]
+
+    @property
+    def rgb_product(self) -> Array:
+        """(J, K) float64."""
+        return self.delta_e[RGB_PRODUCT]
+
+
+def pair_errors(
+    basis: SpectralBasis | MaterialBasis,
+    lights: Sequence[Spectrum],
+    reflectances: Array,
+    channels: Array,
+    names: Sequence[str],
+    chained: bool,
+) -> PairErrors:
+    """Compare everything, light by light.
+
+    Parameters
+    ----------
+    basis : SpectralBasis or MaterialBasis
+    lights : list of Spectrum
+        On the basis' grid.
+    reflectances : (K, N) float64
+    channels : (K, m) float64
+        Theirs.
+    names : list of str
+        Theirs.
+    chained : bool
+        Whether channels multiply like spectra do, so that products have an error.
+    """
+    chosen = {n: product_rows(len(reflectances), n) for n in PRODUCTS} if chained else {}
+    spectra = {n: reflectances[rows].prod(axis=1) for n, rows in chosen.items()}
+    mixed = {n: channels[rows].prod(axis=1) for n, rows in chosen.items()}
+    rgb = sharp_surfaces(reflectances, basis.grid, basis.observer_deg)
+    rgb_mixed = {n: rgb[rows].prod(axis=1) for n, rows in chosen.items()}
+    rows: list[dict[Any, Array]] = []
+    for light in lights:
+        against = _Reference(light, basis.observer_deg)
+        true = against.XYZ(reflectances)
+        matrices = {mode: basis.colour_matrix(light, mode) for mode in MODES}
+        row: dict[Any, Array] = {
+            "XYZ": true,
+            "white_XYZ": against.white,
+            RGB_PRODUCT: against.delta_e(against.lit(rgb), true),
+        }
+        for mode, matrix in matrices.items():
+            row["shown", mode] = channels @ matrix.T
+            row[mode] = against.delta_e(row["shown", mode], true)
+        for n in chosen:
+            chain = against.XYZ(spectra[n])
+            row[n] = against.delta_e(mixed[n] @ matrices["componentwise"].T, chain)
+            row["rgb", n] = against.delta_e(against.lit(rgb_mixed[n]), chain)
+        rows.append(row)
+    stacked: dict[Any, Array] = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+    return PairErrors(
+        lights=tuple(light.name or f"light {j + 1}" for j, light in enumerate(lights)),
+        reflectances=tuple(names),
+        products={n: stacked.pop(n) for n in chosen},
+        rgb_products={n: stacked.pop(("rgb", n)) for n in chosen},
+        delta_e={way: stacked.pop(way) for way in (*MODES, RGB_PRODUCT)},
+        shown_XYZ={mode: stacked.pop(("shown", mode)) for mode in MODES},
+        **stacked,
+    )
+
+
+def product_rows(count: int, factors: int) -> Indices:
+    """(P, factors) rows of ``count`` reflectances to multiply, in no order, repeats allowed.
+
+    All of two; all of three up to 4000, beyond that as many drawn at random, always the same.
+    Two are drawn as well once there are more than can be compared in a second.
+    """
+    total = comb(count + factors - 1, factors)
+    if total <= _MOST_PRODUCTS or (factors == 2 and count <= 150):
+        return np.array(list(combinations_with_replacement(range(count), factors)))
+    drawn = np.random.default_rng(_SEED).integers(0, count, (_MOST_PRODUCTS, factors))
+    return np.sort(drawn, axis=1)
+
+
+def sharp_surfaces(reflectances: Array, grid: SpectralGrid, observer_deg: int) -> Array:
+    """(K, 3) Sharp-sensor responses of surfaces under the flat light, 1 for white."""
+    Q = colour_matching_functions(grid, observer_deg)
+    sharp = _sharp()
+    return np.asarray(((reflectances @ Q.T) @ sharp.T) / (sharp @ Q.sum(1)))
+
+
+class _Reference:
+    """One light's full-spectrum colours, and distances from them."""
+
+    def __init__(self, light: Spectrum, observer_deg: int) -> None:
+        self._light, self._observer = light, observer_deg
+        self._own_white = white_XYZ(light, observer_deg)
+        self.white = visible_white(self._own_white)
+
+    def XYZ(self, reflectances: Array) -> Array:
+        return XYZ_from_spectra(self._light, reflectances, self._observer)
+
+    def lit(self, surfaces: Array) -> Array:
+        """The RGB renderer's way: surface times light in Sharp sensors, back in XYZ."""
+        sharp = _sharp()
+        return np.asarray((surfaces * (sharp @ self._own_white)) @ np.linalg.inv(sharp).T)
+
+    def delta_e(self, predicted: Array, true: Array) -> Array:
+        return delta_E_2000(cielab(true, self.white), cielab(predicted, self.white))
+
+
+def _sharp() -> Array:
+    """XYZ to the Sharp sensors of Finlayson and Suesstrunk (2000), the best of the usual here."""
+    return np.asarray(colour_science().CHROMATIC_ADAPTATION_TRANSFORMS["Sharp"])
+
+
+ADAPTATION = "CAT02, complete, to the display's D65"
+"""How colours under other lights are carried to the display, to be shown side by side."""
+
+WAYS = {
+    "componentwise": "componentwise",
+    "exact": "exact light matrix",
+    "linear-model": "linear model",
+    RGB_PRODUCT: "RGB product",
+}
+"""The ways of making a colour, in words: the modes of a basis, and the RGB renderer's."""
+# What a method is made for, where that is not light times surface by components.
+_MADE_FOR = {"pca": "linear-model", "reduced-rank": "exact"}
+
+
+def own_way(method: str) -> str:
+    """The mode that a method's bases are made for: a key of `WAYS`."""
+    return _MADE_FOR.get(method, "componentwise")
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSummary:
+    """CIEDE2000 over all pairs of a light and a reflectance."""
+
+    mean: float
+    median: float
+    p95: float
+    max: float
+
+    def __str__(self) -> str:
+        return f"{self.mean:.3f} / {self.median:.3f} / {self.p95:.3f} / {self.max:.3f}"
+
+    @classmethod
+    def of(cls, delta_e: ArrayLike) -> ErrorSummary:
+        """Mean, median, 95th percentile and maximum of an array of any shape."""
+        d = np.asarray(delta_e, dtype=np.float64)
+        return cls(*(float(f) for f in (d.mean(), np.median(d), np.percentile(d, 95), d.max())))
+
+
+@dataclass(frozen=True, slots=True)
+class ProductErrors:
+    """CIEDE2000 of componentwise products of reflectances, and of the RGB renderer's."""
+
+    componentwise: ErrorSummary
+    rgb_product: ErrorSummary
+
+
+@dataclass(frozen=True, slots=True)
+class WorstPair:
+    """A light and a reflectance far off: its true colour, and the one shown by the channels.
+
+    ``way`` is the mode of the channels' colour. XYZ have Y = 100 for white; the sRGB codes are
+    the same colours carried to the display (`ADAPTATION`).
+    """
+
+    light: str
+    reflectance: str
+    delta_e: float
+    way: str = "componentwise"
+    XYZ: tuple[float, ...] = ()
+    XYZ_shown: tuple[float, ...] = ()
+    sRGB: str = ""
+    sRGB_shown: str = ""
+
+    @classmethod
+    def at(
+        cls, pairs: PairErrors, light: int, reflectance: int, way: str = "componentwise"
+    ) -> WorstPair:
+        """One pair of many, shown one way: a mode of the basis."""
+        true, shown = pairs.XYZ[light, reflectance], pairs.shown_XYZ[way][light, reflectance]
+        codes = sRGB_codes(np.array([true, shown]), pairs.white_XYZ[light])
+        sRGB, sRGB_shown = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in codes.tolist())
+        return cls(
+            light=pairs.lights[light],
+            reflectance=pairs.reflectances[reflectance],
+            delta_e=float(pairs.delta_e[way][light, reflectance]),
+            way=way,
+            XYZ=tuple(map(float, true)),
+            XYZ_shown=tuple(map(float, shown)),
+            sRGB=sRGB,
+            sRGB_shown=sRGB_shown,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class BasisReport:
+    """The error table of a basis; ``str`` prints it."""
+
+    basis: str
+    size: int
+    method: str
+    trained_on: str
+    errors: dict[str, ErrorSummary]
+    """By way of making a colour (`WAYS`)."""
+    products: dict[int, ProductErrors]
+    """By the number of surfaces, 2 and 3; empty where channels do not multiply (materials)."""
+    worst: WorstPair
+    """Of the way that the basis' method is made for."""
+    pairs: PairErrors = field(repr=False, compare=False)
+    """Every single error, for figures."""
+
+    @property
+    def componentwise(self) -> ErrorSummary:
+        """Light times surface, channel by channel."""
+        return self.errors["componentwise"]
+
+    @property
+    def exact(self) -> ErrorSummary:
+        """By the light's matrix."""
+        return self.errors["exact"]
+
+    @property
+    def linear_model(self) -> ErrorSummary:
+        """By the product of two spectra of the basis, measured again."""
+        return self.errors["linear-model"]
+
+    @property
+    def rgb_product(self) -> ErrorSummary:
+        """The RGB renderer's: light times surface in three sharp sensors."""
+        return self.errors[RGB_PRODUCT]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON types, without the single pairs."""
+        return {
+            "basis": self.basis,
+            "size": self.size,
+            "method": self.method,
+            "trained_on": self.trained_on,
+            "componentwise": asdict(self.componentwise),
+            "exact": asdict(self.exact),
+            "linear_model": asdict(self.linear_model),
+            "rgb_product": asdict(self.rgb_product),
+            "products": {str(n): asdict(p) for n, p in self.products.items()},
+            "worst": asdict(self.worst),
+        }
+
+    def __str__(self) -> str:
+        rows = [(words, self.errors[way]) for way, words in WAYS.items()]
+        for n, errors in self.products.items():
+            rows += [
+                (f"{n} surfaces", errors.componentwise),
+                (f"{n} surfaces, RGB", errors.rgb_product),
+            ]
+        return "\n".join(
+            [
+                f"{self.basis}: {self.method}, {self.size} channels, trained on {self.trained_on}",
+                "CIEDE2000 against full spectra: mean / median / 95 % / max",
+                *(f"  {name:18s}  {summary}" for name, summary in rows),
+                f"  worst: {self.worst.reflectance} under {self.worst.light}, "
+                f"{self.worst.delta_e:.3f} ({WAYS[self.worst.way]})",
+            ]
+        )
+
+
+def basis_report(
+    basis: SpectralBasis | MaterialBasis,
+    lights: Sequence[Spectrum] | None = None,
+    reflectances: Reflectances | None = None,
+    names: Sequence[str] | None = None,
+) -> BasisReport:
+    """Compare the picture by components, by matrix and by RGB with the full spectra.
+
+    Parameters
+    ----------
+    basis : SpectralBasis or MaterialBasis
+    lights : list of Spectrum, optional
+        Default: the 26 smooth lights.
+    reflectances : list of Spectrum or (K, N) array, optional
+        Default: the 84 held-out samples of ``reflectance_set("test")``; a `MaterialBasis` knows
+        its own materials only.
+    names : list of str, optional
+        What to call the reflectances; a list of Spectrum brings its own.
+
+    Raises
+    ------
+    BasisError
+        If a list is empty, the names do not match, or a basis of materials is given a
+        reflectance that is none of them.
+    SpectrumError
+        If a spectrum does not cover the basis' grid.
+    """
+    lights = light_set("smooth", basis.grid) if lights is None else _lights(lights, basis.grid)
+    if reflectances is None:
+        reflectances, names = _own_samples(basis)
+    S, names = _samples(reflectances, names, basis.grid)
+    if not lights or not len(S):
+        raise BasisError("report: no lights or no reflectances given; nothing to compare")
+    chained = not isinstance(basis, MaterialBasis)
+    pairs = pair_errors(basis, lights, S, _channels(basis, S, names), names, chained=chained)
+    way = own_way(basis.method)
+    j, i = divmod(int(pairs.delta_e[way].argmax()), len(S))
+    return BasisReport(
+        basis=basis.name,
+        size=basis.size,
+        method=basis.method,
+        trained_on=basis.trained_on,
+        errors={way: ErrorSummary.of(pairs.delta_e[way]) for way in WAYS},
+        products={
+            n: ProductErrors(ErrorSummary.of(d), ErrorSummary.of(pairs.rgb_products[n]))
+            for n, d in pairs.products.items()
+        },
+        worst=WorstPair.at(pairs, j, i, way),
+        pairs=pairs,
+    )
+
+
+def sRGB_codes(XYZ: Array, white_XYZ: Array) -> NDArray[np.uint8]:
+    """(..., 3) sRGB codes of colours seen under a white, by `ADAPTATION`, clipped to the gamut."""
+    CAT02 = k.CAT02_FROM_XYZ
+    # A nearly monochromatic white may have a response near 0: keep its gain finite.
+    white = np.maximum(CAT02 @ white_XYZ, 1e-3 * white_XYZ[1])
+    adapted = (XYZ @ CAT02.T) * ((CAT02 @ k.DISPLAY_WHITE_XYZ) / white)
+    return srgb.to_uint8(srgb.encode(srgb.linear_from_XYZ(adapted @ np.linalg.inv(CAT02).T)))
+
+
+def _lights(lights: Sequence[Spectrum], grid: SpectralGrid) -> list[Spectrum]:
+    if not isinstance(lights, list | tuple) or not all(isinstance(s, Spectrum) for s in lights):
+        raise BasisError(
+            f"report: lights are {' '.join(repr(lights).split()):.60}; give a list of Spectrum, "
+            "such as [volspec.light('A')]"
+        )
+    return [light.on(grid) for light in lights]
+
+
+def _own_samples(
+    basis: SpectralBasis | MaterialBasis,
+) -> tuple[Reflectances, Sequence[str]]:
+    """What a basis is measured with when nothing is asked for, and what it is called."""
+    if isinstance(basis, MaterialBasis):
+        return list(basis.materials.values()), list(basis.materials)
+    return reflectance_set("test", basis.grid), reflectance_set_names("test")
+
+
+def _samples(
+    reflectances: Reflectances, names: Sequence[str] | None, grid: SpectralGrid
+) -> tuple[Array, list[str]]:
+    """(K, N) values of reflectances, and a name for each."""
+    if isinstance(reflectances, Spectrum):
+        reflectances = [reflectances]
+    S = reflectance_values(reflectances, grid, "report: reflectances").reshape(-1, grid.size)
+    if names is None and isinstance(reflectances, list | tuple):
+        names = [r.name if isinstance(r, Spectrum) else "" for r in reflectances]
+    given = [""] * len(S) if names is None else list(names)
+    if len(given) != len(S):
+        raise BasisError(f"report: {len(given)} names for {len(S)} reflectances; give one each")
+    return S, [name or f"reflectance {i}" for i, name in enumerate(given, start=1)]
+
+
+def _channels(basis: SpectralBasis | MaterialBasis, S: Array, names: Sequence[str]) -> Array:
+    """(K, m): measured by the basis, or looked up among its materials."""
+    if not isinstance(basis, MaterialBasis):
+        return np.asarray(basis.analyse(S))
+    own = basis.materials
+    values = np.array([spectrum.on(basis.grid).values for spectrum in own.values()])
+    found = []
+    for row, name in zip(S, names, strict=True):
+        match = np.flatnonzero(np.isclose(values, row, atol=1e-9).all(axis=1))
+        if not match.size:
+            raise BasisError(
+                f"report: {name} is none of the materials of basis {basis.name!r}, which holds "
+                f"{', '.join(own)}; it has no channels for others"
+            )
+        found.append(int(match[0]))
+    return np.asarray(basis.channels_for_materials(own))[found]

@@ -1,0 +1,260 @@
+"""The error table of a basis over several classes of lights, for people and machines.
+
+basis, {class: lights}, reflectances -> [table] -> terminal, JSON, figure
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.table import Table
+from rich.text import Text
+
+from volspec.basis.report import (
+    ADAPTATION,
+    WAYS,
+    BasisReport,
+    ErrorSummary,
+    Reflectances,
+    WorstPair,
+    basis_report,
+    own_way,
+)
+from volspec.errors import BasisError
+from volspec.spectra.lights import light_set
+from volspec.spectra.spectrum import Spectrum
+
+if TYPE_CHECKING:
+    from volspec.basis.materials import MaterialBasis
+    from volspec.basis.model import SpectralBasis
+
+CLASSES = ("smooth", "spiky")
+"""The classes of the library's lights."""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorTable:
+    """A basis' reports by class of lights.
+
+    Parameters
+    ----------
+    name, method, trained_on, fingerprint : str
+    size, observer_deg : int
+    grid_nm : (start, stop, step)
+    measured_on : str
+        The reflectances, in words.
+    classes : {name: BasisReport}
+        ``smooth`` and ``spiky``, a scene's own as ``scene``.
+    """
+
+    name: str
+    method: str
+    size: int
+    trained_on: str
+    fingerprint: str
+    observer_deg: int
+    grid_nm: tuple[float, float, float]
+    measured_on: str
+    classes: Mapping[str, BasisReport]
+
+    @property
+    def worst_class(self) -> str:
+        """The class of the worst pair of all."""
+        return max(self.classes, key=lambda name: self.classes[name].worst.delta_e)
+
+    @property
+    def worst(self) -> WorstPair:
+        """The worst pair of all classes."""
+        return self.classes[self.worst_class].worst
+
+    @property
+    def rgb_product(self) -> ErrorSummary:
+        """The RGB renderer's errors over all classes."""
+        return ErrorSummary.of(
+            np.concatenate([r.pairs.rgb_product.ravel() for r in self.classes.values()])
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``volspec basis --json`` prints."""
+        return {
+            "name": self.name,
+            "method": self.method,
+            "size": self.size,
+            "trained_on": self.trained_on,
+            "measured_on": self.measured_on,
+            "fingerprint": self.fingerprint,
+            "observer_deg": self.observer_deg,
+            "grid_nm": list(self.grid_nm),
+            "classes": {name: _class_dict(r) for name, r in self.classes.items()},
+            "rgb_product": asdict(self.rgb_product)
+            | {name: asdict(r.rgb_product) for name, r in self.classes.items()},
+            "worst": _worst_dict(self.worst)
+            | {"class": self.worst_class, "adaptation": ADAPTATION},
+        }
+
+
+def error_table(
+    basis: SpectralBasis | MaterialBasis,
+    classes: Mapping[str, Sequence[Spectrum]] | None = None,
+    reflectances: Reflectances | None = None,
+    names: Sequence[str] | None = None,
+    *,
+    measured_on: str = "",
+    progress: Callable[[float], None] = lambda share: None,
+) -> ErrorTable:
+    """Report on a basis class by class.
+
+    Parameters
+    ----------
+    basis : SpectralBasis or MaterialBasis
+    classes : {name: list of Spectrum}, optional
+        Default: the library's smooth and spiky lights.
+    reflectances, names
+        As `volspec.basis.report.basis_report`.
+    measured_on : str
+        The reflectances in words; default their number.
+    progress : callable
+        Called with the finished share, 0…1.
+
+    Raises
+    ------
+    BasisError, SpectrumError
+        As `report`.
+
+    Examples
+    --------
+    >>> from volspec.basis import load_basis
+    >>> from volspec.spectra import light, reflectance
+    >>> lamps = {"lamps": [light("A"), light("FL2")]}
+    >>> table = error_table(load_basis("general-7"), lamps, [reflectance("gold")])
+    >>> table.worst.light, sorted(table.to_dict()["classes"])
+    ('FL2', ['lamps'])
+    """
+    if classes is None:
+        classes = {name: light_set(name, basis.grid) for name in CLASSES}
+    if not classes:
+        raise BasisError("report: no lights given; nothing to compare")
+    reports: dict[str, BasisReport] = {}
+    total = sum(map(len, classes.values()))
+    for name, lights in classes.items():
+        reports[name] = basis_report(basis, lights, reflectances, names)
+        done = sum(len(r.pairs.lights) for r in reports.values())
+        progress(done / total)
+    grid = basis.grid
+    count = len(next(iter(reports.values())).pairs.reflectances)
+    return ErrorTable(
+        name=basis.name,
+        method=basis.method,
+        size=basis.size,
+        trained_on=basis.trained_on,
+        fingerprint=basis.fingerprint,
+        observer_deg=basis.observer_deg,
+        grid_nm=(grid.start_nm, grid.stop_nm, grid.step_nm),
+        measured_on=measured_on or f"{count} reflectances",
+        classes=reports,
+    )
+
+
+def _class_dict(report: BasisReport) -> dict[str, Any]:
+    products = {
+        str(n): asdict(errors.componentwise) | {"rgb_product": asdict(errors.rgb_product)}
+        for n, errors in report.products.items()
+    }
+    return asdict(report.componentwise) | {
+        "lights": len(report.pairs.lights),
+        "reflectances": len(report.pairs.reflectances),
+        "exact": asdict(report.exact),
+        "linear_model": asdict(report.linear_model),
+        "rgb_product": asdict(report.rgb_product),
+        "products": products,
+        "worst": _worst_dict(report.worst),
+    }
+
+
+def _worst_dict(worst: WorstPair) -> dict[str, Any]:
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(worst).items()}
+
+
+_SURFACES = {2: "two surfaces", 3: "three surfaces"}
+
+
+def number(delta_e: float) -> str:
+    """A CIEDE2000 to three figures, never in powers of ten."""
+    if delta_e < 0.001:
+        return "< .001" if delta_e > 1e-9 else "0"
+    decimals = 3 if delta_e < 1 else 2 if delta_e < 10 else 1 if delta_e < 100 else 0
+    return f"{delta_e:.{decimals}f}"
+
+
+def terminal_table(errors: ErrorTable) -> Table:
+    """Classes of lights below each other, the RGB renderer beside the basis."""
+    table = Table(box=None, pad_edge=False, header_style="", show_edge=False)
+    table.add_column("ΔE00, the light as white", style="dim", header_style="dim", min_width=24)
+    for heading in ("mean", "median", "95 %", "max"):
+        table.add_column(heading, justify="right", min_width=6, header_style="dim")
+    table.add_column("  RGB mean", justify="right", min_width=10, style="dim", header_style="dim")
+    table.add_column("max", justify="right", min_width=6, style="dim", header_style="dim")
+    for position, (name, report) in enumerate(errors.classes.items()):
+        if position:
+            table.add_row()
+        table.add_row(Text(class_heading(name, len(report.pairs.lights)), style="bold not dim"))
+        for label, summary, rgb in _rows(report):
+            cells = [number(v) for v in (summary.mean, summary.median, summary.p95, summary.max)]
+            if rgb:
+                cells += [number(rgb.mean), number(rgb.max)]
+            style = "bold" if label == WAYS[own_way(errors.method)] else ""
+            table.add_row(f"  {label}", *(Text(cell, style=style) for cell in cells))
+    return table
+
+
+def class_heading(name: str, count: int) -> str:
+    """A class of lights in words."""
+    owner = "the scene's lights" if name == "scene" else f"{name} lights"
+    return f"{owner} ({count})"
+
+
+def worst_line(errors: ErrorTable, colours: bool) -> Text:
+    """The worst pair, its colours beside each other where the terminal has some."""
+    worst = errors.worst
+    text = Text("worst: ")
+    text.append(worst.reflectance, style="bold")
+    text.append(" under ")
+    text.append(worst.light, style="bold")
+    text.append(f", ΔE00 {number(worst.delta_e)} ({WAYS[worst.way]})\n  full spectra ")
+    _swatch(text, worst.sRGB, colours)
+    text.append(f"   {errors.size} channels ")
+    _swatch(text, worst.sRGB_shown, colours)
+    return text
+
+
+def verdict(errors: ErrorTable) -> str:
+    """How the RGB renderer stands against the basis, in one sentence."""
+    parts = []
+    for name, report in errors.classes.items():
+        ours = report.errors[own_way(errors.method)].mean
+        theirs = report.rgb_product.mean
+        if ours > 1e-6:
+            times = float(f"{theirs / ours:.2g}")
+            heading = class_heading(name, 0).partition(" (")[0]
+            parts.append(f"{times:,.{0 if times >= 10 else 1}f} times as far under {heading}")
+    return f"RGB light times RGB surface is off {', '.join(parts)}." if parts else ""
+
+
+def _rows(report: BasisReport) -> list[tuple[str, ErrorSummary, ErrorSummary | None]]:
+    rows: list[tuple[str, ErrorSummary, ErrorSummary | None]] = [
+        (WAYS["componentwise"], report.componentwise, report.rgb_product)
+    ]
+    for n, errors in report.products.items():
+        rows.append((_SURFACES[n], errors.componentwise, errors.rgb_product))
+    rows += [(WAYS[way], report.errors[way], None) for way in ("linear-model", "exact")]
+    return rows
+
+
+def _swatch(text: Text, code: str, colours: bool) -> None:
+    if colours:
+        text.append("      ", style=f"on {code}")
+        text.append(" ")
+    text.append(code)
