@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from tests.support.errors import refuses
 from volspec.basis import SpectralBasis
-from volspec.errors import CameraError, DeviceError, InputError, RaycastError, VolspecWarning
+from volspec.errors import DeviceError, InputError, RaycastError, VolspecWarning
 from volspec.pipeline import raycast
 from volspec.raycast import Camera, RaycastSpec
 from volspec.raycast.gpu import Raycaster
@@ -23,35 +24,33 @@ BASIS = SpectralBasis.load("general-7")
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Camera((0, 0, 0), (0, 0, 0)), "stands on its target"),
-        (lambda: Camera.orbit(phantom.ball(4), zoom=1e30), "zoom is 1e+30, too large"),
-        (lambda: Camera((0, 0, 0), (0, 0, 9)), "looks along its up"),
-        (lambda: Camera((0, 0, 0), (0, 0, 9), up=(0, 0, -1e-200)), "looks along its up"),
-        (lambda: Camera((0, 0, 0), (0, 9, 0), up=(0, 0, 0)), "up is (0, 0, 0); give a direction"),
-        (lambda: Camera((0, 0, 0), (0, 9, 0), up="abc"), "up is 'abc'; give three finite"),
-        (lambda: Camera("123", (0, 9, 0)), "position_mm is '123'; give three finite"),
-        (lambda: Camera(None, (0, 9, 0)), "position_mm is None; give three finite"),
-        (lambda: Camera((0, 0, 0), (0, np.inf, 0)), "target_mm is (0, inf, 0); give three"),
-        (lambda: Camera((-1e308,) * 3, (1e308,) * 3), "too far from its target"),
-        (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg=np.nan), "fov_deg is nan; give a finite"),
-        (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg="30"), "fov_deg is '30'; give a number"),
-        (lambda: Camera((0, 0, 0), (0, 9, 0), height_mm=np.inf), "height_mm is inf"),
-        (lambda: Camera.orbit(phantom.ball(8), zoom=1e-320), "zoom 1e-320; the camera would"),
-        (lambda: Camera.orbit(phantom.ball(8), fov_deg=0), "fov_deg is 0; give degrees"),
-        (lambda: Camera((0, np.nan, 0), (0, 9, 0)), "give three"),
-        (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg=180), "fov_deg is 180"),
-        (lambda: Camera((0, 0, 0), (0, 9, 0), height_mm=0), "height_mm is 0"),
-        (lambda: Camera.orbit(phantom.ball(8), zoom=0), "zoom is 0"),
-        (lambda: Camera.orbit(phantom.ball(8), azimuth_deg=np.inf), "azimuth_deg is inf"),
-        (lambda: Camera.orbit(phantom.ball(8), target_mm=(1, 2)), "three finite numbers"),
-        (lambda: Camera.orbit(phantom.ball(8), up=(0, 0, 0)), "up is"),
-        (lambda: Raycaster(phantom.ball(8), lanes=3), "lanes is 3"),
+        (lambda: Camera((0, 0, 0), (0, 0, 0)), "range Camera.position_mm"),
+        (lambda: Camera.orbit(phantom.ball(4), zoom=1e30), "range Camera.zoom"),
+        (lambda: Camera((0, 0, 0), (0, 0, 9)), "conflict Camera.up"),
+        (lambda: Camera((0, 0, 0), (0, 0, 9), up=(0, 0, -1e-200)), "conflict Camera.up"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), up=(0, 0, 0)), "range Camera.up"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), up="abc"), "type Camera.up"),
+        (lambda: Camera("123", (0, 9, 0)), "type Camera.position_mm"),
+        (lambda: Camera(None, (0, 9, 0)), "type Camera.position_mm"),
+        (lambda: Camera((0, 0, 0), (0, np.inf, 0)), "range Camera.target_mm[1]"),
+        (lambda: Camera((-1e308,) * 3, (1e308,) * 3), "range Camera.position_mm"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg=np.nan), "range Camera.fov_deg"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg="30"), "type Camera.fov_deg"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), height_mm=np.inf), "range Camera.height_mm"),
+        (lambda: Camera.orbit(phantom.ball(8), zoom=1e-320), "range Camera.fov_deg"),
+        (lambda: Camera.orbit(phantom.ball(8), fov_deg=0), "range Orbit.fov_deg"),
+        (lambda: Camera((0, np.nan, 0), (0, 9, 0)), "range Camera.position_mm[1]"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), fov_deg=180), "range Camera.fov_deg"),
+        (lambda: Camera((0, 0, 0), (0, 9, 0), height_mm=0), "range Camera.height_mm"),
+        (lambda: Camera.orbit(phantom.ball(8), zoom=0), "range Orbit.zoom"),
+        (lambda: Camera.orbit(phantom.ball(8), azimuth_deg=np.inf), "range Orbit.azimuth_deg"),
+        (lambda: Camera.orbit(phantom.ball(8), target_mm=(1, 2)), "shape Orbit.target_mm"),
+        (lambda: Camera.orbit(phantom.ball(8), up=(0, 0, 0)), "range Orbit.up"),
+        (lambda: Raycaster(phantom.ball(8), lanes=3), "missing Raycaster: lanes"),
     ],
 )
-def test_nonsense_is_named(make: object, message: str) -> None:
-    with pytest.raises((CameraError, RaycastError), match=re.escape(message)) as refused:
-        make()
-    assert "\n" not in str(refused.value)
+def test_nonsense_is_named(make: Callable[[], object], message: str) -> None:
+    refuses(make, message)
 
 
 @pytest.mark.parametrize("length", [5e-324, 1e-200, 1e200, 1e308])

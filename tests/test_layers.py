@@ -20,12 +20,12 @@ LAYERS = (
     *(
         "errors",
         "_deprecated",
-        "settings",
         "_files",
         "_cache",
         "_child",
         "_parse",
         "_toml",
+        "settings",
         "_exr",
         "_gpu",
         "spectra",

@@ -211,7 +211,7 @@ WRONG = {
     ),
     "no light": (
         GROUPS + row("x", "A", "key", "weight = 0"),
-        r"\[\[light\]\] x: every weight is 0",
+        r"weights: the lights give no light",
     ),
     "a group that is off": (
         group('{ kind = "headlight", intensity = 0 }', "off") + GROUPS + row("x", "A", "off"),
@@ -224,7 +224,7 @@ WRONG = {
     "no source": (group("") + DAY, r"group\.1\.sources: .*at least 1"),
     "nine groups": (
         "".join(group(KEY, str(i)) for i in range(9)) + DAY,
-        r"\[raycast\] 9 light groups with 9 sources; at most 8",
+        r"9 light groups with 9 sources",
     ),
     "an unknown kind": (
         group('{ kind = "spot" }') + DAY,
@@ -241,15 +241,15 @@ WRONG = {
     ),
     "direction 0": (
         group('{ kind = "directional", towards = [0, 0, 0] }') + DAY,
-        r"\[\[group\]\] key: directional light: towards is \(0, 0, 0\)",
+        r"towards is \(0.0, 0.0, 0.0\)",
     ),
     "another frame": (
         group('{ kind = "point", position_mm = [0, 0, 9], frame = "cam" }') + DAY,
-        r"\[\[group\]\] key: point light: frame is 'cam'",
+        r"frame is 'cam'",
     ),
     "negative intensity": (
         group('{ kind = "ambient", intensity = -1 }') + DAY,
-        r"\[\[group\]\] key: ambient light: intensity is -1",
+        r"intensity is -1",
     ),
 }
 # Keys that belong to other kinds, and the kinds that lack them.

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.support.errors import refuses
 from volspec.appearance import SURROUNDS, Display, Viewing, ViewingConditions, passage_of
 from volspec.appearance.constants import (
     ACHROMATIC,
@@ -162,37 +163,35 @@ def test_display_white_is_full_code_and_encoding_matches_colour_science():
 @pytest.mark.parametrize(
     "make, message",
     [
-        (lambda: Viewing(model="ciecam"), "did you mean 'CIECAM02'"),
-        (lambda: Viewing(surround="dimm"), "did you mean 'dim'"),
-        (lambda: Viewing(Y_b=-1.0), "Viewing.Y_b is -1.0"),
-        (lambda: Viewing(L_A=float("nan")), "Viewing.L_A is nan"),
-        (lambda: Viewing(D=1.5), "Viewing.D is 1.5"),
-        (lambda: Viewing(surround="bright"), "or a ratio to white from 0 .* to 1"),
-        (lambda: Viewing(Y_b=1e4), "Viewing.Y_b is 10000.0; expected 0 to 2000"),
-        (lambda: Display(Y_b=1e300), "Display.Y_b is 1e.300; expected 0 to 2000"),
-        (lambda: ViewingConditions(WHITE_A, Y_b=1e4), r"ViewingConditions.Y_b is 10000.0"),
-        (lambda: ViewingConditions((1.0985, 1, 0.3558)), "expected Y = 100 for white"),
-        (lambda: ViewingConditions((1e-300,) * 3), "is .1e-300, .*expected Y = 100 for white"),
-        (lambda: ViewingConditions((1e300,) * 3), "is .1e.300, .*expected Y = 100 for white"),
-        (lambda: ViewingConditions((95, 100, 1e-300)), "expected Y = 100 for white"),
-        (lambda: ViewingConditions.of_lux(WHITE_A, 0.0), "illuminance_lux is 0.0.*give L_A = 0"),
-        (lambda: Viewing(illuminance_lux=0.0), "illuminance_lux is 0.0.*give L_A = 0"),
-        (lambda: Viewing(D=0.5, discount=True), "Viewing.D is 0.5 and discount True"),
-        (lambda: ViewingConditions(WHITE_A, D=1.0, discount=True), "which is D = 1; give one"),
-        (lambda: Viewing(fov_deg=1e-300), "Viewing.fov_deg is 1e-300; expected 0.1 to 170"),
-        (lambda: Viewing(fov_deg=179.0), "Viewing.fov_deg is 179.0; expected 0.1 to 170"),
-        (lambda: Viewing(exposure=1e30), r"Viewing.exposure is 1e.30; expected .* 1e-06 to 1e.06"),
-        (lambda: Viewing(exposure=-1.0), "Viewing.exposure is -1.0"),
-        (lambda: Viewing(illuminance_lux=True), "Viewing.illuminance_lux is True"),
-        (lambda: Display(L_A=-4.0), "Display.L_A is -4.0"),
-        (lambda: Conditions.of((0.0, 0.0, 0.0), 60.0, 20.0), "Is the light black"),
-        (lambda: Conditions.of((10.0, 1.0, 90.0), 60.0, 20.0, D=0.0), "no lightness"),
+        (lambda: Viewing(model="ciecam"), "unknown Viewing.model"),
+        (lambda: Viewing(surround="dimm"), "unknown Viewing.surround"),
+        (lambda: Viewing(Y_b=-1.0), "range Viewing.Y_b"),
+        (lambda: Viewing(L_A=float("nan")), "range Viewing.L_A"),
+        (lambda: Viewing(D=1.5), "range Viewing.D"),
+        (lambda: Viewing(surround="bright"), "unknown Viewing.surround"),
+        (lambda: Viewing(Y_b=1e4), "range Viewing.Y_b"),
+        (lambda: Display(Y_b=1e300), "range Display.Y_b"),
+        (lambda: ViewingConditions(WHITE_A, Y_b=1e4), "range ViewingConditions.Y_b"),
+        (lambda: ViewingConditions((1.0985, 1, 0.3558)), "range ViewingConditions.white_XYZ"),
+        (lambda: ViewingConditions((1e-300,) * 3), "range ViewingConditions.white_XYZ"),
+        (lambda: ViewingConditions((1e300,) * 3), "range ViewingConditions.white_XYZ"),
+        (lambda: ViewingConditions((95, 100, 1e-300)), "range ViewingConditions.white_XYZ"),
+        (lambda: ViewingConditions.of_lux(WHITE_A, 0.0), "range illuminance_lux"),
+        (lambda: Viewing(illuminance_lux=0.0), "range Viewing.illuminance_lux"),
+        (lambda: Viewing(D=0.5, discount=True), "conflict Viewing.D"),
+        (lambda: ViewingConditions(WHITE_A, D=1.0, discount=True), "conflict ViewingConditions.D"),
+        (lambda: Viewing(fov_deg=1e-300), "range Viewing.fov_deg"),
+        (lambda: Viewing(fov_deg=179.0), "range Viewing.fov_deg"),
+        (lambda: Viewing(exposure=1e30), "range Viewing.exposure"),
+        (lambda: Viewing(exposure=-1.0), "range Viewing.exposure"),
+        (lambda: Viewing(illuminance_lux=True), "type Viewing.illuminance_lux"),
+        (lambda: Display(L_A=-4.0), "range Display.L_A"),
+        (lambda: Conditions.of((0.0, 0.0, 0.0), 60.0, 20.0), "invalid "),
+        (lambda: Conditions.of((10.0, 1.0, 90.0), 60.0, 20.0, D=0.0), "invalid "),
     ],
 )
 def test_bad_conditions_are_refused_in_one_line(make, message):
-    with pytest.raises(ViewingError, match=message) as caught:
-        make()
-    assert "\n" not in str(caught.value)
+    refuses(make, message, ViewingError)
 
 
 def test_wrong_shapes_are_refused():

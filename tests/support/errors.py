@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
@@ -37,3 +37,12 @@ def raises(
     assert field is None or error.field == field, (
         f"field {error.field!r}, expected {field!r}: {error}"
     )
+
+
+def refuses(
+    make: Callable[[], object], expected: str, kind: type[VolspecError] = VolspecError
+) -> None:
+    """Assert that a call raises an error of a code and field, given as ``"code field"``."""
+    code, _, field = expected.partition(" ")
+    with raises(kind, code, field):
+        make()

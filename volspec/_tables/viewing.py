@@ -132,7 +132,7 @@ class DisplayTable(Table):
             If a name is unknown or a number out of range.
         """
         space = self.space if isinstance(self.space, str) else self.space.colours()
-        seen = preset(self.preset).display(space, self.gamut)
+        seen = preset(self.preset).display(space, self.gamut)  # type: ignore[arg-type]
         given = self.model_dump(exclude={"preset", "space", "gamut"}, exclude_none=True)
         if self.white_cd_m2 is not None and self.L_A is None:
             given["L_A"] = None

@@ -12,13 +12,16 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from volspec.appearance import constants as k
 from volspec.appearance.surround import is_finite
 from volspec.errors import ShapeError, ViewingError, quoted
+from volspec.settings import Positive, settings
 
 Array = NDArray[np.float64]
 
@@ -26,6 +29,7 @@ Array = NDArray[np.float64]
 _ROUNDING = 1e-3
 
 
+@settings(ViewingError)
 @dataclass(frozen=True, slots=True)
 class Transfer:
     """A curve between linear light and code values, odd about 0, with 0 and 1 fixed.
@@ -33,40 +37,29 @@ class Transfer:
         V = slope · L                          L <= toe
         V = gain · L^power - (gain - 1)        above
 
-    Parameters
-    ----------
-    power : float
-        1/γ, above 0.
-    gain : float
-        1 and more; 1 without a toe.
-    slope, toe : float
-        Of the straight piece; ``toe`` in linear light, 0 where there is none.
-
     Raises
     ------
     ViewingError
         If a number is out of range or the pieces do not meet.
     """
 
-    power: float
-    gain: float = 1.0
-    slope: float = 1.0
-    toe: float = 0.0
+    power: Annotated[Positive, Field(examples=[0.4545])]
+    """1/γ."""
+    gain: Positive = 1.0
+    """Factor of the power, 1 and more; 1 without a toe."""
+    slope: Positive = 1.0
+    """Factor of linear light up to the toe."""
+    toe: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    """Linear light at which the power begins; 0 without a toe."""
 
     def __post_init__(self) -> None:
-        for name in ("power", "gain", "slope"):
-            value = getattr(self, name)
-            if not (is_finite(value) and value > 0.0):
-                raise ViewingError.refused(
-                    f"Transfer.{name}", value, "expected a number above 0", "type"
-                )
-        if not (is_finite(self.toe) and 0.0 <= self.toe < 1.0):
-            raise ViewingError.refused("Transfer.toe", self.toe, "expected 0 to below 1", "range")
         jump = self.slope * self.toe - self.gain * self.toe**self.power + self.gain - 1.0
         if not abs(jump) <= _ROUNDING:
             raise ViewingError(
-                f"Transfer: at linear {self.toe:g} the pieces are {jump:.3g} apart; check slope "
-                f"{self.slope:g}, toe {self.toe:g}, gain {self.gain:g} and power {self.power:g}"
+                f"at linear {self.toe:g} the pieces are {jump:.3g} apart",
+                f"check slope {self.slope:g}, toe {self.toe:g}, gain {self.gain:g} and power "
+                f"{self.power:g}",
+                code="conflict",
             )
 
     @classmethod

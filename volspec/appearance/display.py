@@ -11,49 +11,54 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from volspec.appearance.spaces import ColourSpace, space_of
+from pydantic import BeforeValidator, Discriminator, Field, Tag
+
+from volspec.appearance.spaces import SPACES, ColourSpace, is_profile, space_of
 from volspec.appearance.surround import (
+    Background,
+    Luminance,
+    SurroundOrRatio,
     ViewingConditions,
-    require_background,
-    require_known,
-    require_not_negative,
-    require_positive,
-    surround_at,
 )
-from volspec.errors import ViewingError
+from volspec.errors import ViewingError, nearest
+from volspec.settings import (
+    Hint,
+    Positive,
+    Unit,
+    plain,
+    settings,
+    table_of,
+    value_or_table,
+)
 
-GAMUTS = ("clip", "reduce")
+# Fields that a preset gives.
+ROOM = ("white_cd_m2", "L_A", "Y_b", "surround")
+
+Gamut = Literal["clip", "reduce"]
+GAMUTS: tuple[Gamut, ...] = get_args(Gamut)
 
 
+def _look_up(space: object) -> object:
+    if not isinstance(space, str | Path) or space in SPACES:
+        return space
+    if not is_profile(str(space)):
+        remedy = f"{nearest(str(space), SPACES)}known: {', '.join(SPACES)}; any other as FILE.icc"
+        raise ViewingError("", remedy, code="unknown", given=space)
+    try:
+        return space_of(space)  # a profile is read once, now
+    except ViewingError as error:
+        raise ViewingError(str(error), code=error.code, given=space) from error
+
+
+@settings(ViewingError)
 @dataclass(frozen=True, slots=True)
 class Display:
-    """A display and the room it stands in.
-
-    Parameters
-    ----------
-    L_A : float, optional
-        Luminance of the adapting field, cd/m². The default is that of sRGB's room: a diffuser of
-        reflectance 0.2 under 64 lx. None is ``Y_b`` percent of ``white_cd_m2``, as where the
-        display alone gives light.
-    Y_b : float
-        Luminance factor of the background, percent of the display's white.
-    surround : str or float
-        As `surround_at`.
-    space : str, path or ColourSpace
-        Primaries, white and curve: a name of `volspec.appearance.spaces.SPACES`, such as
-        ``"Display P3"``, a display's profile, ``FILE.icc``, or any other. White and primaries are
-        where the picture's colours go, and the white is what the eye before it adapts to.
-    gamut : {"clip", "reduce"}
-        What becomes of colours that it cannot show: each channel cut to 0…1, or chroma lowered at
-        constant lightness and hue (`volspec.appearance.gamut`).
-    mark : bool
-        Hatch the pixels whose colours it cannot show.
-    white_cd_m2 : float
-        Luminance of its white, cd/m²; sRGB's is 80. It enters where ``L_A`` is None, and nowhere
-        else: appearance models take luminances relative to the white's.
+    """A display and the room it is in.
 
     Raises
     ------
@@ -66,31 +71,66 @@ class Display:
     9.6
     """
 
-    L_A: float | None = 64.0 / math.pi * 0.2
-    Y_b: float = 20.0
-    surround: str | float = "average"
-    space: str | Path | ColourSpace = "sRGB"
-    gamut: str = "clip"
+    file_keys: ClassVar = {
+        "preset": Field("sRGB", description="Room and luminance by name, for what is left out.")
+    }
+    L_A: Luminance | None = 64.0 / math.pi * 0.2
+    """Luminance of the adapting field. The default is that of sRGB's room: a diffuser of
+    reflectance 0.2 under 64 lx. None is ``Y_b`` percent of ``white_cd_m2``, as if the display alone
+    gives light; so it is in a file that gives ``white_cd_m2`` and leaves ``L_A`` out."""
+    Y_b: Background = 20.0
+    """Luminance factor of the background, percent of the display's white."""
+    surround: SurroundOrRatio = "average"
+    """average, dim, dark, or its ratio to white, 0 to 1."""
+    space: Annotated[
+        Annotated[str | Path, Tag("<value>")] | Annotated[ColourSpace, Tag("<table>")],
+        Discriminator(value_or_table),
+        BeforeValidator(_look_up),
+        Hint("a name, as sRGB, a profile FILE.icc, or a ColourSpace", whole=True),
+    ] = "sRGB"
+    """Primaries, white and curve: a space by name, a display's profile FILE.icc, or its numbers.
+    The picture's colours are converted to it, and its white is what the eye adapts to."""
+    gamut: Gamut = "clip"
+    """Colours outside its gamut: each channel clipped to 0…1, or chroma reduced at constant
+    lightness and hue."""
     mark: bool = False
-    white_cd_m2: float = 80.0
+    """Hatch the pixels whose colours are outside its gamut."""
+    white_cd_m2: Annotated[Positive, Unit("cd/m²"), Hint("sRGB's is 80")] = 80.0
+    """Luminance of its white. It enters if ``L_A`` is None, and nowhere else: appearance models
+    take luminances relative to the white's."""
 
-    def __post_init__(self) -> None:
-        if self.L_A is not None:
-            require_not_negative("Display.L_A", self.L_A, "cd/m²; sRGB's is 4.07")
-        require_background("Display.Y_b", self.Y_b)
-        surround_at(self.surround)
-        if not isinstance(self.space, str | Path | ColourSpace):
-            raise ViewingError(
-                f"Display.space is {self.space!r:.60}; expected a name, as 'sRGB', "
-                "a profile, FILE.icc, or a ColourSpace"
-            )
-        found = space_of(self.space)
-        if self.space != found.name:  # a profile is read once, now
-            object.__setattr__(self, "space", found)
-        require_known("Display.gamut", self.gamut, GAMUTS)
-        if not isinstance(self.mark, bool):
-            raise ViewingError(f"Display.mark is {self.mark!r}; expected True or False")
-        require_positive("Display.white_cd_m2", self.white_cd_m2, "cd/m²; sRGB's is 80")
+    @staticmethod
+    def from_table(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
+        """Complete a file's table by its preset; a profile is relative to a folder."""
+        from volspec.appearance.presets import preset
+
+        given = dict(table)
+        try:
+            room = preset(given.pop("preset", "sRGB")).display()
+        except ViewingError as error:
+            raise error.at("preset") from None
+        if "white_cd_m2" in given and "L_A" not in given:
+            given["L_A"] = None
+        space = given.get("space")
+        if isinstance(space, str) and is_profile(space):
+            given["space"] = (folder or Path()) / space
+        return {key: getattr(room, key) for key in ROOM} | given
+
+    def to_table(self) -> dict[str, Any]:
+        """Return a file's table: a preset's name, or the numbers."""
+        from volspec.appearance.presets import PRESETS
+
+        table = table_of(self)
+        if isinstance(self.space, ColourSpace):
+            table["space"] = plain(self.space)
+        table = {key: value for key, value in table.items() if key not in ROOM}
+        rooms = {name: each.display() for name, each in PRESETS.items()}
+        own = [getattr(self, key) for key in ROOM]
+        for name, room in rooms.items():
+            if own == [getattr(room, key) for key in ROOM]:
+                return ({"preset": name} if name != "sRGB" else {}) | table
+        numbers = {key: plain(getattr(self, key)) for key in ROOM}
+        return {key: value for key, value in numbers.items() if value is not None} | table
 
     @property
     def adapting_luminance(self) -> float:

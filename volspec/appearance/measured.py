@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.net import AdaptingNet, between, pitch, sphere, weights
 from volspec.appearance.spec import ViewingConditions
-from volspec.appearance.surround import is_finite
+from volspec.appearance.surround import SurroundOrRatio, is_finite
 from volspec.errors import ShapeError, ViewingError
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def measured_conditions(
     at: tuple[float, float] | None = None,
     *,
     outside: float | None = None,
-    surround: str | float | None = "average",
+    surround: SurroundOrRatio | None = "average",
 ) -> ViewingConditions:
     """What an eye is adapted to that looks at one place of a picture.
 

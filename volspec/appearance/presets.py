@@ -25,8 +25,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
+from volspec.appearance.display import Gamut
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Display, Triple, ViewingConditions
+from volspec.appearance.surround import SurroundOrRatio
 from volspec.errors import ViewingError, nearest
 
 
@@ -48,7 +50,7 @@ class Preset:
     """Luminance of the adapting field, cd/m²."""
     Y_b: float
     """Luminance factor of the background, percent of white."""
-    surround: str | float
+    surround: SurroundOrRatio
     """As `surround_at`."""
     white_luminance: float
     """Of the display's white or of a perfect diffuser, cd/m²."""
@@ -56,7 +58,7 @@ class Preset:
     """The display that usually stands there, a name of `SPACES`; ``""`` where it is no display."""
     sources: Sources
 
-    def display(self, space: str | Path | ColourSpace = "sRGB", gamut: str = "clip") -> Display:
+    def display(self, space: str | Path | ColourSpace = "sRGB", gamut: Gamut = "clip") -> Display:
         """A display seen so; ``space`` is that of the picture, which may not be the preset's."""
         return Display(
             L_A=self.L_A,
@@ -79,7 +81,7 @@ _GREY = "grey, the models' usual"
 def _preset(
     name: str,
     white: float,
-    surround: str | float,
+    surround: SurroundOrRatio,
     space: str,
     sources: tuple[str, str, str],
     L_A: float | None = None,

@@ -20,12 +20,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import AfterValidator, Field
 
 from volspec.appearance.curves import BT_1886, Array, Transfer, sRGB_CURVE
 from volspec.errors import ViewingError, nearest, quoted
+from volspec.settings import Hint, Name, Pair, settings
 
 XY = tuple[float, float]
 
@@ -37,18 +40,19 @@ def _XYZ_from_xy(xy: XY) -> Array:
     return np.array([xy[0] / xy[1], 1.0, (1.0 - xy[0] - xy[1]) / xy[1]])
 
 
+def _chromaticity(xy: XY) -> XY:
+    if not (np.isfinite(xy).all() and xy[1] != 0.0):
+        raise ViewingError("", "give finite numbers, y not 0", code="range", given=xy)
+    return xy
+
+
+Chromaticity = Annotated[Pair, AfterValidator(_chromaticity)]
+
+
+@settings(ViewingError)
 @dataclass(frozen=True, slots=True)
 class ColourSpace:
     """An RGB space of a display.
-
-    Parameters
-    ----------
-    name : str
-    primaries_xy : (3, 2)
-        CIE 1931 chromaticities of red, green and blue.
-    white_xy : (2,)
-        Of R = G = B = 1.
-    transfer : Transfer
 
     Raises
     ------
@@ -61,51 +65,51 @@ class ColourSpace:
     [95.05, 100.0, 108.91]
     """
 
-    name: str
-    primaries_xy: tuple[XY, XY, XY]
-    white_xy: XY
-    transfer: Transfer
+    name: Name
+    """Name in pictures' profiles."""
+    primaries_xy: Annotated[
+        tuple[Chromaticity, Chromaticity, Chromaticity],
+        Field(strict=False, examples=[[[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]]]),
+        Hint("three pairs of numbers: x, y of red, green and blue", whole=True),
+    ]
+    """CIE 1931 chromaticities of red, green and blue."""
+    white_xy: Annotated[Chromaticity, Field(examples=[[0.313, 0.329]])]
+    """CIE 1931 chromaticity of all three together."""
+    transfer: Annotated[
+        Transfer, Field(examples=[2.2]), Hint("a gamma, as 2.2, or a Transfer", whole=True)
+    ]
+    """Its gamma, or a table of its curve."""
+
+    @staticmethod
+    def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
+        """Complete a file's table; a number for the curve is a gamma."""
+        gamma = table.get("transfer")
+        if isinstance(gamma, int | float) and not isinstance(gamma, bool):
+            try:
+                table = {**table, "transfer": Transfer.gamma(gamma)}
+            except ViewingError as error:
+                raise error.at("transfer") from None
+        return {"name": "display", **table}
 
     def __post_init__(self) -> None:
-        try:
-            primaries = np.asarray(self.primaries_xy, dtype=np.float64)
-            white = np.asarray(self.white_xy, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise ViewingError(
-                f"space {self.name!r}: primaries are {quoted(self.primaries_xy)}, the white "
-                f"{quoted(self.white_xy)}; expected numbers, (3, 2) and (2,)"
-            ) from None
-        if not isinstance(self.transfer, Transfer):
-            raise ViewingError.refused(
-                f"space {self.name!r}: transfer",
-                self.transfer,
-                "expected a Transfer, as Transfer.gamma(2.2)",
-                "type",
-            )
-        if primaries.shape != (3, 2) or white.shape != (2,):
-            raise ViewingError(
-                f"space {self.name!r}: primaries have shape {primaries.shape}, the white "
-                f"{white.shape}; expected (3, 2) and (2,)"
-            )
-        every = np.vstack([primaries, white])
-        if not np.all(np.isfinite(every)) or np.any(every[:, 1] == 0.0) or not white[1] > 0.0:
-            raise ViewingError(
-                f"space {self.name!r}: chromaticities {every.tolist()}; expected finite numbers, "
-                "y not 0 and the white's above 0"
-            )
-        red, green, blue = primaries
+        red, green, blue = primaries = np.array(self.primaries_xy)
+        if not self.white_xy[1] > 0.0:
+            raise ViewingError.refused("white_xy", self.white_xy, "give y above 0", "range")
         if abs(np.linalg.det([green - red, blue - red])) < 2.0 * _LEAST_AREA:
             raise ViewingError(
-                f"space {self.name!r}: the primaries {primaries.tolist()} lie on a line; expected "
-                "a triangle"
+                "they lie on a line",
+                "give a triangle",
+                code="range",
+                field="primaries_xy",
+                given=self.primaries_xy,
             )
-        as_pairs = tuple((float(x), float(y)) for x, y in primaries)
-        object.__setattr__(self, "primaries_xy", as_pairs)
-        object.__setattr__(self, "white_xy", (float(white[0]), float(white[1])))
         if not np.all(self.XYZ_from_RGB[1] * np.sign(primaries[:, 1]) > 0.0):
             raise ViewingError(
-                f"space {self.name!r}: the white {white.tolist()} lies outside of the primaries' "
-                "triangle; expected inside"
+                f"{self.white_xy} lies outside of the primaries' triangle",
+                "give a white inside",
+                code="range",
+                field="white_xy",
+                given=self.white_xy,
             )
 
     @property
@@ -164,6 +168,11 @@ SPACES: Mapping[str, ColourSpace] = MappingProxyType(
 )
 
 
+def is_profile(name: str) -> bool:
+    """Return True for the name of an ICC profile's file."""
+    return name.lower().endswith((".icc", ".icm"))
+
+
 def space_of(space: str | Path | ColourSpace) -> ColourSpace:
     """A space by name, as it is, or of a display's profile, ``FILE.icc``.
 
@@ -177,7 +186,7 @@ def space_of(space: str | Path | ColourSpace) -> ColourSpace:
     name = str(space)
     if name in SPACES:
         return SPACES[name]
-    if name.lower().endswith((".icc", ".icm")):
+    if is_profile(name):
         # Late: a profile's white is adapted by what stands downstream of this module.
         from volspec.appearance.profile import read_profile
 

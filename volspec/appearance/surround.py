@@ -14,11 +14,22 @@ import math
 import numbers
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from volspec.errors import ViewingError, nearest, quoted
+from volspec.settings import (
+    Fraction,
+    Hint,
+    NotNegative,
+    Positive,
+    Unit,
+    Vector,
+    expected,
+    settings,
+)
 
 Triple = tuple[float, float, float]
 
@@ -52,8 +63,20 @@ SURROUNDS = MappingProxyType(
 SURROUND_RATIOS = MappingProxyType({"dark": 0.0, "dim": 0.1, "average": 0.2})
 
 
-def surround_at(surround: str | float) -> Surround:
-    """A surround by name or by its ratio, linear between dark, dim and average.
+SurroundName = Literal["average", "dim", "dark"]
+SurroundOrRatio = Annotated[
+    SurroundName | Fraction, Hint("ratio to white: dark 0, dim 0.1, average 0.2")
+]
+Background = Annotated[float, Field(ge=0, le=100 * MOST_BACKGROUND), Hint("white is 100, grey 20")]
+Luminance = Annotated[NotNegative, Unit("cd/m²")]
+Illuminance = Annotated[
+    Positive, Unit("lux"), Hint("an office has 500; for an eye in the dark L_A = 0")
+]
+_SURROUND: TypeAdapter[Any] = TypeAdapter(SurroundOrRatio, config=ConfigDict(strict=True))
+
+
+def surround_at(surround: SurroundOrRatio) -> Surround:
+    """Return a surround by name or by its ratio, linear between dark, dim and average.
 
     Parameters
     ----------
@@ -71,30 +94,19 @@ def surround_at(surround: str | float) -> Surround:
     >>> surround_at(0.15)
     Surround(F=0.95, c=0.64, N_c=0.95)
     """
-    if isinstance(surround, str):
-        if surround not in SURROUNDS:
-            raise ViewingError(
-                f"surround is {surround!r}; {nearest(surround, SURROUNDS)}known: "
-                f"{', '.join(SURROUNDS)}, or a ratio to white from 0 (dark) to 1"
-            )
+    if isinstance(surround, str) and surround in SURROUNDS:
         return SURROUNDS[surround]
-    if not (is_finite(surround) and 0.0 <= surround <= 1.0):
-        raise ViewingError(
-            f"surround is {surround!r}; expected 0 (dark) to 1, or one of {', '.join(SURROUNDS)}"
-        )
+    try:
+        ratio = _SURROUND.validate_python(surround)
+    except ValidationError:
+        guess = nearest(surround, SURROUNDS) if isinstance(surround, str) else ""
+        raise ViewingError.refused(
+            "surround", surround, f"{guess}give {expected(SurroundOrRatio)}", "unknown"
+        ) from None
     names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
     ratios = [SURROUND_RATIOS[name] for name in names]
     factors = np.array([SURROUNDS[name] for name in names])
-    return Surround(*(round(float(np.interp(surround, ratios, f)), 12) for f in factors.T))
-
-
-def require_known(name: str, value: object, known: tuple[str, ...]) -> None:
-    """Refuse a name that is none of those known."""
-    if value in known:
-        return
-    raise ViewingError(
-        f"{name} is {value!r}; {nearest(str(value), known)}known: {', '.join(known)}"
-    )
+    return Surround(*(round(float(np.interp(ratio, ratios, f)), 12) for f in factors.T))
 
 
 def is_finite(value: object) -> bool:
@@ -123,65 +135,34 @@ def require_conditions(name: str, value: object) -> None:
         )
 
 
-def require_adaptation(name: str, D: object, discount: object) -> None:
-    """A degree of adaptation and whether the light is discounted."""
-    if D is not None and not (is_finite(D) and 0.0 <= D <= 1.0):  # type: ignore[operator]
-        raise ViewingError(
-            f"{name}.D is {D!r}; expected 0 (no adaptation) to 1 (complete), or None for the "
-            "model's own"
-        )
-    if not isinstance(discount, bool):
-        raise ViewingError(f"{name}.discount is {discount!r}; expected True or False")
+def refuse_two_degrees(D: float | None, discount: bool) -> None:
+    """Refuse a degree of adaptation with ``discount``."""
     if discount and D is not None:
-        raise ViewingError(f"{name}.D is {D!r} and discount True, which is D = 1; give one of them")
-
-
-def require_not_negative(name: str, value: float, remedy: str) -> None:
-    """Refuse what is no finite number of 0 or above."""
-    if not (is_finite(value) and value >= 0.0):
-        raise ViewingError(f"{name} is {value!r}; expected a finite number, 0 or above ({remedy})")
-
-
-def require_positive(name: str, value: float, remedy: str) -> None:
-    """Refuse what is no finite number above 0."""
-    if not (is_finite(value) and value > 0.0):
-        raise ViewingError(f"{name} is {value!r}; expected a finite number above 0 ({remedy})")
-
-
-def require_background(name: str, Y_b: float, white: float = 100.0) -> None:
-    """Refuse a luminance factor that is below 0 or far above the white's."""
-    most = MOST_BACKGROUND * white
-    if not (is_finite(Y_b) and 0.0 <= Y_b <= most):
         raise ViewingError(
-            f"{name} is {Y_b!r}; expected 0 to {most:g}, where white is {white:g} (grey is "
-            f"{0.2 * white:g})"
+            f"{D!r} contradicts discount, which is D = 1",
+            "give one of them",
+            code="conflict",
+            field="D",
+            given=D,
         )
 
 
-def require_lux(name: str, value: float) -> None:
-    """Refuse an illuminance that is not above 0."""
-    require_positive(name, value, "an office has 500; for an eye in the dark give L_A = 0")
+def _white(white_XYZ: Vector) -> Vector:
+    X, Y, Z = white_XYZ
+    low, high = _WHITE_XYZ
+    if min(white_XYZ) <= 0.0:
+        remedy = "give three finite numbers above 0, as (95.05, 100, 108.88)"
+    elif not (_WHITE_Y[0] <= Y <= _WHITE_Y[1] and low <= min(X, Z) and max(X, Z) <= high):
+        remedy = "give Y = 100 for white, as (95.05, 100, 108.88); scale white and colours to that"
+    else:
+        return white_XYZ
+    raise ViewingError("", remedy, code="range", given=white_XYZ)
 
 
+@settings(ViewingError)
 @dataclass(frozen=True, slots=True)
 class ViewingConditions:
-    """What an eye is adapted to: all that an adaptation or an appearance model asks.
-
-    Parameters
-    ----------
-    white_XYZ : (X, Y, Z)
-        The adopted white; Y = 100 for a perfect diffuser.
-    L_A : float
-        Luminance of the adapting field, cd/m². At 0 models take the limit from above.
-    Y_b : float
-        Luminance factor of the background, on the white's scale: to 20 times the white. 0 as L_A.
-    surround : str or float
-        As `surround_at`.
-    D : float, optional
-        Degree of adaptation, 0 to 1; None is the model's own.
-    discount : bool
-        The eye takes the light's colour off whole, as it does with things it knows to be lit: D is
-        1, and is not given beside.
+    """All that an eye is adapted to, as an adaptation or an appearance model needs it.
 
     Raises
     ------
@@ -195,34 +176,26 @@ class ViewingConditions:
     63.66
     """
 
-    white_XYZ: Triple
-    L_A: float = 64.0 / math.pi * 0.2
-    Y_b: float = 20.0
-    surround: str | float = "average"
-    D: float | None = None
+    white_XYZ: Annotated[Vector, AfterValidator(_white)]
+    """The adopted white; Y = 100 for a perfect diffuser."""
+    L_A: Luminance = 64.0 / math.pi * 0.2
+    """Luminance of the adapting field. At 0 models take the limit from above."""
+    Y_b: NotNegative = 20.0
+    """Luminance factor of the background, on the white's scale: to 20 times the white."""
+    surround: SurroundOrRatio = "average"
+    """As `surround_at`."""
+    D: Fraction | None = None
+    """Degree of adaptation; left out, the model's own."""
     discount: bool = False
+    """The eye discounts the light's colour, as of things it knows to be lit: D is 1, and is not
+    given besides."""
 
     def __post_init__(self) -> None:
-        white = as_triple(self.white_XYZ)
-        if white is None or min(white) <= 0.0:
-            raise ViewingError(
-                f"ViewingConditions.white_XYZ is {quoted(self.white_XYZ)}; expected three finite "
-                "numbers above 0, as (95.05, 100, 108.88)"
-            )
-        if not (
-            _WHITE_Y[0] <= white[1] <= _WHITE_Y[1]
-            and _WHITE_XYZ[0] <= min(white)
-            and max(white) <= _WHITE_XYZ[1]
-        ):
-            raise ViewingError(
-                f"ViewingConditions.white_XYZ is {quoted(self.white_XYZ)}; expected Y = 100 for "
-                "white, as (95.05, 100, 108.88); scale white and colours to that"
-            )
-        object.__setattr__(self, "white_XYZ", white)
-        require_not_negative("ViewingConditions.L_A", self.L_A, "cd/m²")
-        require_background("ViewingConditions.Y_b", self.Y_b, white[1])
-        surround_at(self.surround)
-        require_adaptation("ViewingConditions", self.D, self.discount)
+        white = self.white_XYZ[1]
+        if self.Y_b > MOST_BACKGROUND * white:
+            remedy = f"give 0 to {MOST_BACKGROUND * white:g}, where white is {white:g}"
+            raise ViewingError.refused("Y_b", self.Y_b, remedy, "range")
+        refuse_two_degrees(self.D, self.discount)
 
     @classmethod
     def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **others: Any) -> ViewingConditions:
@@ -236,7 +209,9 @@ class ViewingConditions:
         **others
             As the constructor's, but L_A.
         """
-        require_lux("illuminance_lux", illuminance_lux)
+        if not (is_finite(illuminance_lux) and illuminance_lux > 0.0):
+            remedy = f"give {expected(Illuminance)}"
+            raise ViewingError.refused("illuminance_lux", illuminance_lux, remedy, "range")
         dark = cls(white_XYZ, 0.0, **others)
         return replace(dark, L_A=illuminance_lux / math.pi * dark.Y_b / dark.white_XYZ[1])
 

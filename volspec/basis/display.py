@@ -9,6 +9,8 @@ colour-matching functions.
 
 from __future__ import annotations
 
+from typing import Literal, get_args
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +18,8 @@ from volspec.errors import BasisError, nearest
 
 Array = NDArray[np.float64]
 
-MODES = ("componentwise", "exact", "linear-model")
+Mode = Literal["componentwise", "exact", "linear-model"]
+MODES: tuple[Mode, ...] = get_args(Mode)
 """How channels become XYZ: D diag(e), kappa Q diag(E) B, or D R(e)."""
 
 NO_COLOUR = 1e-3

@@ -79,7 +79,7 @@ def compositing(
         stored = CoefficientImage.load(image)
         spec = viewing_of(stored).spec()
         with in_options():
-            spec = spec if mode is None else replace(spec, mode=mode)
+            spec = spec if mode is None else replace(spec, mode=mode)  # type: ignore[arg-type]
         lamps = {text: read_image_setting(image, text, stored) for text in light}
         recipe = Recipe.of(stored.basis, stored.groups, lamps, spec)
         save_for_compositors(stored, output, recipe)

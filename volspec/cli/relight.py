@@ -134,7 +134,7 @@ def relight(
         with in_options():
             stored = stored.with_reflectances(changes) if changes else stored
         named = dict(zip(light, lamps, strict=True))
-        _write_spectra(stored, named, replace(spec, mode=mode or "exact"), paths)
+        _write_spectra(stored, named, replace(spec, mode=mode or "exact"), paths)  # type: ignore[arg-type]
         _tell_of_lux(image, scene, viewing, spec)
         return
     blanks = Blanks("--exposure")

@@ -7,61 +7,86 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from volspec.errors import CameraError
-from volspec.raycast.checks import Vector, number, positive, unit, unit_vector, vector
+from volspec.raycast.checks import Direction, unit
+from volspec.settings import Finite, Positive, Unit, Vector, settings
 from volspec.volume import Volume
 
 # Components of a direction so near to 0 or ±1 are rounding.
 _ASKEW = 1e-15
 
 
+FieldOfView = Annotated[float, Field(gt=0, lt=180), Unit("degrees")]
+
+
+@settings(CameraError)
+@dataclass(frozen=True, slots=True)
+class Orbit:
+    """A camera around a volume, or around a target."""
+
+    azimuth_deg: Annotated[Finite, Unit("degrees")] = 30.0
+    """0 is at −y, 90 at +x, around ``up``."""
+    elevation_deg: Annotated[Finite, Unit("degrees")] = 20.0
+    """Towards ``up``; at ±90 the direction of azimuth is the picture's top."""
+    zoom: Positive = 1.0
+    """1 fits the sphere around the volume into the picture's height."""
+    fov_deg: FieldOfView = 30.0
+    """The picture's height as an angle."""
+    orthographic: bool = False
+    """Parallel rays."""
+    roll_deg: Annotated[Finite, Unit("degrees")] = 0.0
+    """Turns the picture clockwise."""
+    target_mm: Annotated[Vector, Unit("mm")] | None = None
+    """Point that it looks at; left out, the volume's centre."""
+    up: Direction = (0.0, 0.0, 1.0)
+    """Direction that is above in the picture."""
+
+
+@settings(CameraError)
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole or, where ``height_mm`` is given, an orthographic camera.
-
-    Parameters
-    ----------
-    position_mm, target_mm : (x, y, z)
-        Where it stands and what it looks at.
-    up : (x, y, z)
-        A direction that shall point upwards in the picture; kept as a unit vector.
-    fov_deg : float
-        Vertical field of view of the pinhole, above 0 and below 180.
-    height_mm : float, optional
-        Height of the picture in the world; makes the camera orthographic.
+    """A pinhole or, with ``height_mm``, an orthographic camera.
 
     Raises
     ------
     CameraError
-        If a number is not finite, the camera stands on its target, or looks along ``up``.
+        If a number is not finite, the position is the target, or the camera looks along ``up``.
     """
 
-    position_mm: Vector
-    target_mm: Vector
-    up: Vector = (0.0, 0.0, 1.0)
-    fov_deg: float = 30.0
-    height_mm: float | None = None
+    position_mm: Annotated[Vector, Unit("mm")]
+    """Its position."""
+    target_mm: Annotated[Vector, Unit("mm")]
+    """Point that it looks at."""
+    up: Direction = (0.0, 0.0, 1.0)
+    """A direction that shall point upwards in the picture; stored as a unit vector."""
+    fov_deg: FieldOfView = 30.0
+    """Vertical field of view of the pinhole."""
+    height_mm: Annotated[Positive, Unit("mm")] | None = None
+    """Height of the picture in the world; makes the camera orthographic."""
 
     def __post_init__(self) -> None:
-        for name, taken in (("position_mm", vector), ("target_mm", vector), ("up", unit_vector)):
-            given = getattr(self, name)
-            object.__setattr__(self, name, taken(f"camera: {name}", given, CameraError))
-        _check_fov(self.fov_deg)
-        if self.height_mm is not None:
-            positive("camera: height_mm", self.height_mm, CameraError)
-        if self.distance_mm == 0:
-            raise CameraError(f"camera: stands on its target {self.target_mm}; move one of them")
-        if not math.isfinite(self.distance_mm):
+        if not 0 < self.distance_mm < math.inf:
             raise CameraError(
-                f"camera: position_mm is {self.position_mm}, too far from its target "
-                f"{self.target_mm}; move one of them"
+                f"the camera is {self.distance_mm:g} mm from its target",
+                "move one of them",
+                code="range",
+                field="position_mm",
+                given=self.position_mm,
             )
         if np.linalg.norm(np.cross(self._forward, self.up)) < 1e-6:
-            raise CameraError(f"camera: looks along its up direction {self.up}; choose another up")
+            raise CameraError(
+                "the camera looks along it",
+                "give another",
+                code="conflict",
+                field="up",
+                given=self.up,
+            )
 
     @classmethod
     def orbit(
@@ -88,18 +113,16 @@ class Camera:
         >>> [round(x, 3) for x in camera.position_mm]
         [1.0, -5.692, 1.0]
         """
+        orbit = Orbit(
+            azimuth_deg, elevation_deg, zoom, fov_deg, orthographic, roll_deg, target_mm, up
+        )
         volume = Volume.of(volume)
-        angles = {"azimuth_deg": azimuth_deg, "elevation_deg": elevation_deg, "roll_deg": roll_deg}
-        for name, angle in angles.items():
-            number(f"camera: {name}", angle, CameraError)
-        positive("camera: zoom", zoom, CameraError)
-        _check_fov(fov_deg)
         corners = volume.corners_mm
         centre = corners.mean(axis=0)
         radius = float(np.linalg.norm(corners - centre, axis=1).max()) or 1.0
-        target = centre if target_mm is None else target_mm
-        target = np.array(vector("camera: target_mm", target, CameraError))
-        axis = np.array(unit_vector("camera: up", up, CameraError))
+        target = centre if orbit.target_mm is None else orbit.target_mm
+        target = np.array(target)
+        axis = np.array(orbit.up)
         # The front: −y, made perpendicular to up; where up is ±y, −x.
         front = np.array([0.0, -1.0, 0.0])
         front -= front.dot(axis) * axis
@@ -119,13 +142,19 @@ class Camera:
         distance = radius / math.sin(math.radians(fov_deg) / 2) / zoom
         if not math.isfinite(distance):
             raise CameraError(
-                f"camera: fov_deg is {fov_deg} and zoom {zoom}; the camera would stand endlessly "
-                "far away, give more"
+                f"with zoom {zoom:g} the camera would be infinitely far away",
+                "give more",
+                code="range",
+                field="Camera.fov_deg",
+                given=fov_deg,
             )
         if np.array_equal(target + distance * direction, target):
             raise CameraError(
-                f"camera: zoom is {zoom:g}, too large: the camera would stand on its target; "
-                "give less"
+                f"at {zoom:g} the camera would be at its target",
+                "give less",
+                code="range",
+                field="Camera.zoom",
+                given=zoom,
             )
         return cls(
             position_mm=tuple(target + distance * direction),
@@ -186,11 +215,6 @@ def _snapped(direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     near = np.rint(direction)
     return np.where(np.abs(direction - near) < _ASKEW, near, direction)
-
-
-def _check_fov(degrees: float) -> None:
-    if not 0 < number("camera: fov_deg", degrees, CameraError) < 180:
-        raise CameraError(f"camera: fov_deg is {degrees}; give degrees between 0 and 180")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

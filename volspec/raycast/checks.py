@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 import operator
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import AfterValidator, Field
 
-from volspec.errors import InputError, RaycastError, quoted
+from volspec import settings
+from volspec.errors import Code, InputError, RaycastError, quoted
 
 Vector = tuple[float, float, float]
 # Products of weights and intensities stay far within float32.
 MAX_WEIGHT = 1e6
 MAX_SIDE = 16384
+Weight = Annotated[float, Field(ge=0, le=MAX_WEIGHT, allow_inf_nan=False)]
 
 
 def number(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
@@ -30,19 +33,13 @@ def number(what: str, given: Any, error: type[InputError] = RaycastError) -> flo
     return float(given)
 
 
-def weight(what: str, given: Any) -> float:
-    """A number of 0 to `MAX_WEIGHT`."""
-    if not 0 <= number(what, given) <= MAX_WEIGHT:
-        raise RaycastError(f"{what} is {given}; give a number of 0 or more, up to {MAX_WEIGHT:g}")
-    return float(given)
-
-
 def whole(what: str, given: Any, low: int, high: int) -> int:
     """A whole number of low to high."""
-    if isinstance(given, bool) or not isinstance(given, int | np.integer):
-        raise RaycastError(f"{what} is {quoted(given)}; give a whole number of {low} to {high}")
-    if not low <= given <= high:
-        raise RaycastError(f"{what} is {given}; give a whole number of {low} to {high}")
+    is_whole = isinstance(given, int | np.integer) and not isinstance(given, bool)
+    if not (is_whole and low <= given <= high):
+        code: Code = "range" if is_whole else "type"
+        remedy = f"give a whole number from {low} to {high}"
+        raise RaycastError("", remedy, code=code, field=what, given=given)
     return int(given)
 
 
@@ -53,25 +50,14 @@ def positive(what: str, given: Any, error: type[InputError] = RaycastError) -> f
     return float(given)
 
 
-def vector(what: str, given: Any, error: type[InputError] = RaycastError) -> Vector:
-    """Three finite numbers."""
-    try:
-        x, y, z = (number(what, each) for each in given)
-    except (TypeError, ValueError):
-        raise error(f"{what} is {quoted(given, 60)}; give three finite numbers") from None
-    return x, y, z
-
-
-def unit_vector(what: str, given: Any, error: type[InputError] = RaycastError) -> Vector:
-    """Three numbers as a unit vector, whatever their length but 0.
-
-    >>> unit_vector("up", (0, 0, 1e-200))
-    (0.0, 0.0, 1.0)
-    """
-    towards = vector(what, given, error)
+def _direction(towards: Vector) -> Vector:
     if not any(towards):
-        raise error(f"{what} is (0, 0, 0); give a direction")
+        raise InputError("", "give a direction, which has a length", code="range", given=towards)
     return unit(towards)
+
+
+Direction = Annotated[settings.Vector, AfterValidator(_direction)]
+"""Three numbers as a unit vector, of any length but 0."""
 
 
 def unit(towards: Any) -> Vector:

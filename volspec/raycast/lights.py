@@ -9,128 +9,114 @@ its spectrum and weight when the picture is relit.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
-from volspec.errors import RaycastError, quoted
-from volspec.raycast.checks import Vector, positive, unit_vector, vector, weight
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
+
+from volspec.errors import InputError, RaycastError
+from volspec.raycast.checks import Direction, Weight
+from volspec.settings import Hint, Positive, Unit, Vector, kind_of, settings
 
 Frame = Literal["world", "camera"]
-# Nearer than this share of its falloff a lamp shines no brighter.
+# Nearer than this fraction of its falloff a lamp shines no brighter.
 NEAR_LAMP = 0.1
 MAX_GROUPS = 8
 MAX_SOURCES = 16
 MAX_NAME = 64
 
 
+@settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class Ambient:
-    """Light from everywhere, which `RaycastSpec.ambient` reflects.
+    """Light from everywhere, which `RaycastSpec.ambient` reflects."""
 
-    Parameters
-    ----------
-    intensity : float
-        Of 0 or more.
-    occlusion : bool
-        Whether what is near takes light away (ambient occlusion).
-    radius_mm : float, optional
-        How far occluders reach; a tenth of the volume's diagonal when left out.
-    """
-
-    intensity: float = 1.0
+    kind: ClassVar = "ambient"
+    intensity: Weight = 1.0
+    """Factor of its light."""
     occlusion: bool = False
-    radius_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        _check_intensity(self)
-        _check_flag(self, "occlusion")
-        if self.radius_mm is not None:
-            positive("ambient light: radius_mm", self.radius_mm)
+    """Ambient occlusion: what is near takes light away."""
+    radius_mm: Annotated[Positive, Unit("mm")] | None = None
+    """How far occluders reach; left out, a tenth of the volume's diagonal."""
 
 
+@settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class Headlight:
     """A light at the camera, along every ray; it casts no shadow that the camera could see."""
 
-    intensity: float = 1.0
+    kind: ClassVar = "headlight"
+    intensity: Weight = 1.0
+    """Factor of its light."""
 
-    def __post_init__(self) -> None:
-        _check_intensity(self)
 
-
+@settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class Directional:
-    """A light far away.
+    """A light far away."""
 
-    Parameters
-    ----------
-    towards : (x, y, z)
-        From the volume to the light; of any length but 0, kept as a unit vector.
-    frame : {"world", "camera"}
-        Axes of ``towards``: the world's, or (right, up, back) of the camera, for a light that
-        moves with it.
-    intensity : float
-    shadows : bool
-        Whether the volume casts shadows into itself.
-    """
-
-    towards: Vector
+    kind: ClassVar = "directional"
+    towards: Annotated[Direction, Field(examples=[[1, 0.75, 0.6]])]
+    """From the volume to the light; of any length but 0, stored as a unit vector."""
     frame: Frame = "world"
-    intensity: float = 1.0
+    """Axes of ``towards``: the world's, or (right, up, back) of the camera, for a light that moves
+    with it."""
+    intensity: Weight = 1.0
+    """Factor of its light."""
     shadows: bool = False
-
-    def __post_init__(self) -> None:
-        _check_intensity(self)
-        _check_flag(self, "shadows")
-        _check_frame(self)
-        towards = unit_vector("directional light: towards", self.towards)
-        object.__setattr__(self, "towards", towards)
+    """The volume casts shadows into itself."""
 
 
+@settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A light near by, which shines alike in all directions.
+    """A light near by, which shines alike in all directions."""
 
-    Parameters
-    ----------
-    position_mm : (x, y, z)
-    frame : {"world", "camera"}
-        The world, or (right, up, back) from the camera's position.
-    intensity : float
-    shadows : bool
-    falloff_mm : float, optional
-        Distance at which the light has its intensity, which falls with the distance squared;
-        when left out it does not fall. Nearer than a tenth of it the light stays as it is.
-    """
-
-    position_mm: Vector
+    kind: ClassVar = "point"
+    position_mm: Annotated[Vector, Field(examples=[[0, 0, -500]]), Unit("mm")]
+    """Its position; with frame camera counted from the camera."""
     frame: Frame = "world"
-    intensity: float = 1.0
+    """The world's axes, or (right, up, back) from the camera's position."""
+    intensity: Weight = 1.0
+    """Factor of its light."""
     shadows: bool = False
-    falloff_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        _check_intensity(self)
-        _check_flag(self, "shadows")
-        _check_frame(self)
-        position = vector("point light: position_mm", self.position_mm)
-        object.__setattr__(self, "position_mm", position)
-        if self.falloff_mm is not None:
-            positive("point light: falloff_mm", self.falloff_mm)
+    """The volume casts shadows into itself."""
+    falloff_mm: Annotated[Positive, Unit("mm")] | None = None
+    """Distance at which the light has its intensity, which falls with the distance squared; left
+    out, it does not fall. Nearer than a tenth of it the light stays as it is."""
 
 
-Source = Ambient | Headlight | Directional | Point
+Source = Annotated[
+    Annotated[Ambient, Tag("<ambient>")]
+    | Annotated[Headlight, Tag("<headlight>")]
+    | Annotated[Directional, Tag("<directional>")]
+    | Annotated[Point, Tag("<point>")],
+    Discriminator(kind_of),
+    Hint("Ambient, Headlight, Directional or Point", whole=True),
+]
 
 
+def as_tuple(given: object) -> object:
+    """Return a single thing as a tuple of one."""
+    return tuple(given) if isinstance(given, list | tuple) else (given,)
+
+
+def _group_name(name: str) -> str:
+    if not name.strip():
+        raise InputError("", "give a word", code="missing", given=name)
+    if not name.isprintable() or {"=", ";"} & {*name} or name != name.strip():
+        raise InputError(
+            "",
+            "leave out =, ;, control characters, marks of direction and blanks around it",
+            code="syntax",
+            given=name,
+        )
+    return name
+
+
+@settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class LightGroup:
     """Sources that share a spectrum and a weight: one layer of channels.
-
-    Parameters
-    ----------
-    name : str
-        What a light of the rig is given to; up to 64 characters.
-    sources : tuple of Ambient, Headlight, Directional, Point
-        At least one.
 
     Raises
     ------
@@ -143,58 +129,20 @@ class LightGroup:
     'key'
     """
 
-    name: str
-    sources: tuple[Source, ...]
-
-    def __post_init__(self) -> None:
-        if not (isinstance(self.name, str) and self.name.strip()):
-            raise RaycastError(f"light group: name is {self.name!r}; give a word")
-        plain = self.name.isprintable() and not {"=", ";"} & {*self.name}
-        if not plain or self.name != self.name.strip():
-            raise RaycastError(
-                f"light group: name is {quoted(self.name)}; leave out =, ;, "
-                "control characters, marks of direction and blanks around it"
-            )
-        if len(self.name) > MAX_NAME:
-            raise RaycastError(
-                f"light group {self.name!r:.20}…: the name has {len(self.name)} characters; give "
-                f"{MAX_NAME} at most"
-            )
-        given = self.sources
-        sources = tuple(given) if isinstance(given, list | tuple) else (given,)
-        if not sources:
-            raise RaycastError(f"light group {self.name!r}: no source; give at least one")
-        for source in sources:
-            if not isinstance(source, Source):
-                raise RaycastError(
-                    f"light group {self.name!r}: {quoted(source, 60)} is no source; give Ambient, "
-                    "Headlight, Directional or Point"
-                )
-        object.__setattr__(self, "sources", sources)
-
-
-def _check_intensity(source: Source) -> None:
-    weight(f"{_who(source)}: intensity", source.intensity)
-
-
-def _check_flag(source: Source, name: str) -> None:
-    if not isinstance(getattr(source, name), bool):
-        raise RaycastError(
-            f"{_who(source)}: {name} is {quoted(getattr(source, name))}; give a bool"
-        )
-
-
-def _check_frame(source: Directional | Point) -> None:
-    if source.frame not in ("world", "camera"):
-        raise RaycastError(
-            f"{_who(source)}: frame is {quoted(source.frame)}; give 'world' or 'camera'"
-        )
-
-
-def _who(source: Source) -> str:
-    return (
-        "headlight" if isinstance(source, Headlight) else f"{type(source).__name__.lower()} light"
-    )
+    row_keys: ClassVar = ("name",)
+    name: Annotated[
+        str,
+        Field(max_length=MAX_NAME, examples=["lamp"]),
+        AfterValidator(_group_name),
+        Hint(f"up to {MAX_NAME} characters"),
+    ]
+    """What a light is assigned to; any characters but = and ;, up to 64."""
+    sources: Annotated[
+        tuple[Source, ...],
+        BeforeValidator(as_tuple),
+        Field(strict=False, min_length=1, examples=[[{"kind": "headlight"}]]),
+    ]
+    """What shines: ambient, headlight, directional or point."""
 
 
 # One layer, as a viewer without lights of its own has it.

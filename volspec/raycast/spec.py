@@ -3,93 +3,69 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, BeforeValidator, Field
 
-from volspec.errors import RaycastError, nearest, quoted
-from volspec.raycast.checks import Vector, number, positive, unit_vector, vector, weight, whole
-from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup
+from volspec.errors import InputError, RaycastError
+from volspec.raycast.checks import Direction, Weight
+from volspec.raycast.lights import (
+    HEADLIT,
+    MAX_GROUPS,
+    MAX_SOURCES,
+    Ambient,
+    LightGroup,
+    as_tuple,
+)
+from volspec.settings import (
+    PYTHON_ONLY,
+    Box,
+    Fraction,
+    Hint,
+    Positive,
+    Unit,
+    Vector,
+    settings,
+)
 from volspec.volume import Volume
 
-Bounds = tuple[float, float]
 Mode = Literal["composite", "maximum", "average"]
-MODES = ("composite", "maximum", "average")
+MODES: tuple[Mode, ...] = get_args(Mode)
 MAX_PLANES = 6
 # A ray of more samples than this is a slip of the step, not a picture.
 MAX_STEPS = 1 << 17
+Opacity = Annotated[float, Field(gt=0, le=1)]
 
 
+@settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class ClipPlane:
-    """A plane that cuts the volume; the side its normal points to stays.
+    """A plane that cuts the volume; the side its normal points to stays."""
 
-    Parameters
-    ----------
-    point_mm : (x, y, z)
-        Any point of the plane.
-    normal : (x, y, z)
-        Towards what stays; of any length but 0, kept as a unit vector.
-    """
-
-    point_mm: Vector
-    normal: Vector
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "point_mm", vector("clip plane: point_mm", self.point_mm))
-        object.__setattr__(self, "normal", unit_vector("clip plane: normal", self.normal))
+    point_mm: Annotated[Vector, Field(examples=[[0, 0, 0]]), Unit("mm")]
+    """Any point of the plane."""
+    normal: Annotated[Direction, Field(examples=[[0, 0, 1]])]
+    """Towards what stays; of any length but 0, stored as a unit vector."""
 
 
+def _crop(box: Box) -> Box:
+    for axis, (low, high) in enumerate(box):
+        if not low < high:
+            raise InputError(
+                f"along {'xyz'[axis]} is {low:g} to {high:g}",
+                "nothing would be left, give two that rise",
+                code="range",
+                given=box,
+            )
+    return box
+
+
+@settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class RaycastSpec:
     """How a ray is marched and shaded.
-
-    Parameters
-    ----------
-    step_mm : float, optional
-        Distance of samples; half the volume's smallest spacing when left out.
-    ambient, diffuse, specular : float
-        How surfaces reflect: weights ≥ 0 of light from everywhere, two-sided Lambert and
-        Blinn-Phong. With ``diffuse`` and ``specular`` 0 no gradient is computed;
-        ``ambient=1, diffuse=0`` shows the plain reflectances.
-    shininess : int
-        Blinn-Phong exponent, 1 to 1024; whole, since integer powers cost a few products.
-    alpha_stop : float
-        A ray ends when its opacity passes this; above 0, up to 1 (never ends early).
-    flat_gradient : float
-        Gradients below this share of the volume's range per smallest spacing fade to
-        unshaded, so that noise in flat regions leaves no speckle.
-    groups : tuple of LightGroup
-        Where light comes from; each group leaves a layer of channels. One group of ambient light
-        and a headlight when left out.
-    mode : {"composite", "maximum", "average"}
-        What a ray gathers: opacity and colour; or the greatest or the mean value along it, which
-        the transfer function then shows.
-    jitter : float
-        Share of a step, 0 to 1, by which the samples of a ray are shifted at random, against
-        rings of wood grain; the picture stays the same for the same ``seed``.
-    seed : int
-        Of the jitter.
-    preintegrated : bool
-        Integrate the transfer function between a step's two ends instead of reading it once at
-        the middle: far fewer bands where it is steep.
-    adaptive : float
-        Steps grow to 2 or 4 where the transfer function's opacity of a step varies by less than
-        this within a brick of 4 voxels; 0 keeps every step.
-    crop_voxels : ((x0, x1), (y0, y1), (z0, z1)), optional
-        What stays, in voxel indices.
-    clip_planes : tuple of ClipPlane
-        Up to six.
-    light_cells : int
-        Cells of the light volume (shadows, ambient occlusion) along the longest axis, 8 to 512.
-    half : bool
-        Keep the picture's channels as float16: half the memory, three digits.
-    first_opacity : float
-        Opacity at which something counts as hit, for `CoefficientImage.first_mm`.
-    tile_ms : float
-        About how long one launch on the device may take; a driver kills long ones, and between
-        two a cast can be cancelled.
 
     Raises
     ------
@@ -97,100 +73,98 @@ class RaycastSpec:
         If a number is out of range, a crop is empty or there are too many lights or planes.
     """
 
-    step_mm: float | None = None
-    ambient: float = 0.3
-    diffuse: float = 0.7
-    specular: float = 0.0
-    shininess: int = 32
-    alpha_stop: float = 0.9995
-    flat_gradient: float = 0.02
-    groups: tuple[LightGroup, ...] = HEADLIT
+    step_mm: Annotated[Positive, Unit("mm")] | None = None
+    """Distance of samples; left out, half the volume's smallest spacing."""
+    ambient: Weight = 0.3
+    """Weight of light from everywhere. With ``ambient`` 1 and ``diffuse`` 0 the plain reflectances
+    show."""
+    diffuse: Weight = 0.7
+    """Weight of light from a direction: two-sided Lambert. With ``diffuse`` and ``specular`` 0 no
+    gradient is computed."""
+    specular: Weight = 0.0
+    """Weight of highlights: Blinn-Phong."""
+    shininess: Annotated[int, Field(ge=1, le=1024)] = 32
+    """Blinn-Phong exponent, the sharpness of highlights; whole, since integer powers cost a few
+    products."""
+    alpha_stop: Opacity = 0.9995
+    """A ray ends when its opacity passes this; at 1 never."""
+    flat_gradient: Weight = 0.02
+    """Gradients below this fraction of the volume's range per smallest spacing fade to unshaded, so
+    that noise in flat regions leaves no speckle."""
+    groups: Annotated[
+        tuple[LightGroup, ...],
+        BeforeValidator(as_tuple),
+        Field(strict=False, min_length=1),
+        PYTHON_ONLY,
+    ] = HEADLIT
+    """Where light comes from; each group leaves a layer of channels. One group of ambient light and
+    a headlight when left out."""
     mode: Mode = "composite"
-    jitter: float = 0.0
-    seed: int = 0
+    """What a ray gathers: opacity and colour; or the greatest or the mean value along it, which the
+    transfer function then shows."""
+    jitter: Fraction = 0.0
+    """Fraction of a step by which the samples of a ray are shifted at random, against rings of wood
+    grain."""
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
+    """Seed of the jitter: the same seed gives the same picture."""
     preintegrated: bool = False
-    adaptive: float = 0.0
-    crop_voxels: tuple[Bounds, Bounds, Bounds] | None = None
-    clip_planes: tuple[ClipPlane, ...] = ()
-    light_cells: int = 96
+    """Integrate the transfer function between a step's two ends instead of reading it once at the
+    middle: far fewer bands where it is steep."""
+    adaptive: Weight = 0.0
+    """Steps grow to 2 or 4 where the transfer function's opacity of a step varies by less than this
+    within a brick of 4 voxels; 0 leaves every step."""
+    crop_voxels: (
+        Annotated[
+            Box,
+            AfterValidator(_crop),
+            Hint("three pairs of numbers, [[x0, x1], [y0, y1], [z0, z1]]", whole=True),
+        ]
+        | None
+    ) = None
+    """From and to along x, y, z: what stays, in voxel indices (after downsample)."""
+    clip_planes: Annotated[
+        tuple[ClipPlane, ...],
+        BeforeValidator(as_tuple),
+        Field(strict=False, max_length=MAX_PLANES),
+    ] = ()
+    """Up to six planes; the side of the normal stays."""
+    light_cells: Annotated[int, Field(ge=8, le=512)] = 96
+    """Cells of the light volume (shadows, ambient occlusion) along the longest axis."""
     half: bool = False
-    first_opacity: float = 0.1
-    tile_ms: float = 20.0
+    """Store the picture's channels as float16: half the memory, three digits."""
+    first_opacity: Opacity = 0.1
+    """Opacity at which something counts as hit, for `CoefficientImage.first_mm`."""
+    tile_ms: Annotated[Positive, Unit("ms"), PYTHON_ONLY] = 20.0
+    """About how long one launch on the device may take; a driver kills long ones, and between two a
+    cast can be cancelled."""
 
     def __post_init__(self) -> None:
-        for name in ("preintegrated", "half"):
-            if not isinstance(getattr(self, name), bool | np.bool_):
-                raise RaycastError(f"raycast: {name} is {quoted(getattr(self, name))}; give a bool")
-        for name in ("ambient", "diffuse", "specular", "flat_gradient", "adaptive"):
-            weight(f"raycast: {name}", getattr(self, name))
-        whole("raycast: shininess", self.shininess, 1, 1024)
-        whole("raycast: seed", self.seed, 0, 2**32 - 1)
-        whole("raycast: light_cells", self.light_cells, 8, 512)
-        if self.step_mm is not None:
-            positive("raycast: step_mm", self.step_mm)
-        positive("raycast: tile_ms", self.tile_ms)
-        for name in ("alpha_stop", "first_opacity"):
-            value = number(f"raycast: {name}", getattr(self, name))
-            if not 0 < value <= 1:
-                raise RaycastError(f"raycast: {name} is {value}; give 0…1, above 0")
-        if not 0 <= number("raycast: jitter", self.jitter) <= 1:
-            raise RaycastError(f"raycast: jitter is {self.jitter}; give 0 to 1 step")
-        if self.mode not in MODES:
-            raise RaycastError(
-                f"raycast: mode is {quoted(self.mode)}; {nearest(str(self.mode), MODES)}"
-                f"give {', '.join(MODES)}"
-            )
         if self.preintegrated and self.mode != "composite":
-            raise RaycastError(f"raycast: preintegrated has no meaning with mode {self.mode!r}")
-        self._check_groups()
-        self._check_cuts()
-
-    def _check_groups(self) -> None:
-        given = self.groups
-        groups = tuple(given) if isinstance(given, list | tuple) else (given,)
-        if not groups or not all(isinstance(group, LightGroup) for group in groups):
             raise RaycastError(
-                f"raycast: groups is {quoted(groups, 60)}; give LightGroups, at least one"
+                f"has no meaning with mode {self.mode!r}",
+                "leave out one of them",
+                code="conflict",
+                field="preintegrated",
+                given=True,
             )
-        names = [group.name for group in groups]
+        names = [group.name for group in self.groups]
         if twice := next((name for name in names if names.count(name) > 1), None):
-            raise RaycastError(f"raycast: two light groups are named {twice!r}; rename one")
-        sources = sum(len(group.sources) for group in groups)
-        if len(groups) > MAX_GROUPS or sources > MAX_SOURCES:
             raise RaycastError(
-                f"raycast: {len(groups)} light groups with {sources} sources; at most "
-                f"{MAX_GROUPS} and {MAX_SOURCES} can be cast"
+                f"two light groups are named {twice!r}",
+                "rename one",
+                code="duplicate",
+                field="groups",
+                given=twice,
             )
-        object.__setattr__(self, "groups", groups)
-
-    def _check_cuts(self) -> None:
-        given = self.clip_planes
-        planes = tuple(given) if isinstance(given, list | tuple) else (given,)
-        if len(planes) > MAX_PLANES or not all(isinstance(p, ClipPlane) for p in planes):
+        sources = sum(len(group.sources) for group in self.groups)
+        if len(self.groups) > MAX_GROUPS or sources > MAX_SOURCES:
             raise RaycastError(
-                f"raycast: clip_planes is {quoted(planes, 60)}; give up to {MAX_PLANES} ClipPlanes"
+                f"{len(self.groups)} light groups with {sources} sources",
+                f"give up to {MAX_GROUPS} and {MAX_SOURCES}",
+                code="size",
+                field="groups",
+                given=sources,
             )
-        object.__setattr__(self, "clip_planes", planes)
-        if self.crop_voxels is None:
-            return
-        try:
-            crop = np.asarray(self.crop_voxels, dtype=np.float64)
-        except (TypeError, ValueError):
-            crop = np.empty(0)
-        if crop.shape != (3, 2) or not np.isfinite(crop).all():
-            raise RaycastError(
-                f"raycast: crop_voxels is {quoted(self.crop_voxels, 80)}; "
-                "give ((x0, x1), (y0, y1), (z0, z1))"
-            )
-        for axis, (low, high) in zip("xyz", crop, strict=True):
-            if not low < high:
-                raise RaycastError(
-                    f"raycast: crop_voxels along {axis} is {low:g} to {high:g}; nothing would be "
-                    "left, give two that rise"
-                )
-        object.__setattr__(
-            self, "crop_voxels", tuple((float(low), float(high)) for low, high in crop)
-        )
 
     @property
     def shaded(self) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.basis.display import visible_white
+from volspec.basis.display import Mode, visible_white
 from volspec.errors import ShapeError, ViewingError
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
@@ -160,7 +160,7 @@ class ErrorMap:
 def error_map(
     image: CoefficientImage,
     light: Spectrum | LightRig,
-    mode: str = "componentwise",
+    mode: Mode = "componentwise",
     backdrop: float | Spectrum = 0.2,
     every: int = 1,
 ) -> ErrorMap:
@@ -194,7 +194,7 @@ def difference_map(
     image: CoefficientImage,
     truth: CoefficientImage,
     light: Spectrum | LightRig,
-    mode: str = "componentwise",
+    mode: Mode = "componentwise",
     backdrop: float | Spectrum = 0.2,
 ) -> ErrorMap:
     """CIEDE2000 between a picture and another cast of the same scene, shown by its light matrix.

@@ -20,6 +20,7 @@ from volspec._gpu.sharing import Sharing
 from volspec.appearance.field import PassageField
 from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
+from volspec.basis.display import Mode
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
 from volspec.relight.adapted import Adapting
 from volspec.relight.checks import Shape, arrays_of, pixel_type, require_fit, shape_of
@@ -319,7 +320,7 @@ class Relighter:
     def error_map(
         self,
         light: Spectrum | LightRig,
-        mode: str = "componentwise",
+        mode: Mode = "componentwise",
         backdrop: float | Spectrum = 0.2,
         every: int = 1,
     ) -> ErrorMap:

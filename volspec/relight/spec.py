@@ -9,57 +9,30 @@ References
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, Field
+from pydantic.json_schema import SkipJsonSchema
 
 from volspec.appearance.spec import Viewing
-from volspec.basis import MODES
+from volspec.basis.display import Mode
 from volspec.errors import ViewingError, nearest
+from volspec.settings import FLAT, Fraction, Hint, NotNegative, settings
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import illuminance_lux
 from volspec.spectra.spectrum import Spectrum, light_power
 
 Pixels = NDArray[Any]
 """(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding; row 0 is the top."""
-LEVELS = ("relative", "absolute")
+Level = Literal["relative", "absolute"]
+LEVELS: tuple[Level, ...] = get_args(Level)
 
 
-def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
-    try:
-        numbers = tuple(float(v) for v in values)
-    except (TypeError, ValueError):
-        raise ViewingError.refused(name, values, "expected one number a light", "type") from None
-    if len(numbers) != count:
-        raise ViewingError(f"{name} has {len(numbers)} numbers for {count} lights; give one each")
-    for j, value in enumerate(numbers):
-        if not (math.isfinite(value) and value >= 0.0):
-            raise ViewingError.refused(
-                f"{name} number {j + 1}", value, "expected finite and at least 0", "range"
-            )
-    return numbers
-
-
-def _names(groups: Sequence[str], count: int) -> tuple[str, ...]:
-    one_each = not isinstance(groups, str) and isinstance(groups, Sequence)
-    if not (one_each and all(isinstance(name, str) for name in groups)):
-        raise ViewingError.refused(
-            "LightRig.groups",
-            groups,
-            "expected the name of a light group for each light, '' for all groups",
-        )
-    names = tuple(groups) or ("",) * count
-    if len(names) != count:
-        raise ViewingError(
-            f"LightRig.groups has {len(names)} names for {count} lights; give one each"
-        )
-    return names
-
-
+@settings(ViewingError)
 @dataclass(frozen=True, slots=True, eq=False)
 class LightRig:
     """Lights that add up, in each of an image's light groups: e_g = Σ_j w_j A E_j.
@@ -67,21 +40,6 @@ class LightRig:
     The sum for group g runs over the lights that shine from it or from all groups. A surface
     that faces every source gets Σ_g share_g e_g, where share_g is the group's share of the light
     in the cast (`CoefficientImage.groups`). A perfect diffuser there is the adopted white.
-
-    Parameters
-    ----------
-    lights : tuple of Spectrum
-        Relative or absolute spectral power E_j.
-    weights : sequence of float, optional
-        w_j, at least 0; empty is all 1.
-    illuminance_lux : sequence of float, optional
-        What each light gives a surface that faces every source, at weight 1 and shining from
-        all groups, lux; from one group it gives that group's share of it. The spectra are then
-        only shapes. The sum is the E_v from which the scene's L_A follows (unless `Viewing.L_A`
-        is given): dim light looks dim at ``level="relative"`` too. Needed for
-        ``level="absolute"``.
-    groups : sequence of str, optional
-        The light group that each light shines from; ``""`` is all of them, and so is empty.
 
     Raises
     ------
@@ -105,36 +63,32 @@ class LightRig:
     [0.808, 1.2, 1.592]
     """
 
-    lights: tuple[Spectrum, ...]
-    weights: tuple[float, ...] = ()
-    illuminance_lux: tuple[float, ...] | None = None
-    groups: tuple[str, ...] = ()
+    lights: Annotated[tuple[Spectrum, ...], Field(strict=False, min_length=1)]
+    """Relative or absolute spectral power E_j."""
+    weights: Annotated[tuple[NotNegative, ...], Field(strict=False)] = ()
+    """w_j; empty is all 1."""
+    illuminance_lux: Annotated[tuple[NotNegative, ...], Field(strict=False)] | None = None
+    """Illuminance that each light gives a surface that faces every source, at weight 1 and shining
+    from all groups, lux; from one group it gives that group's fraction of it. The spectra are then
+    only shapes. The sum is the E_v from which the scene's L_A follows (unless `Viewing.L_A` is
+    given): dim light looks dim at ``level="relative"`` too. Needed for ``level="absolute"``."""
+    groups: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Light group that each light shines from; ``""`` is all of them, and so is empty."""
 
     def __post_init__(self) -> None:
-        lights = tuple(self.lights)
-        if not lights:
-            raise ViewingError("LightRig: no light; give at least one Spectrum")
-        for j, light in enumerate(lights):
-            if not isinstance(light, Spectrum):
-                raise ViewingError.refused(
-                    f"LightRig: light {j + 1}",
-                    light,
-                    "expected a Spectrum, such as volspec.light('D65')",
-                    "type",
-                )
-        count = len(lights)
-        given = self.weights if np.size(self.weights) else (1.0,) * count
-        weights = _numbers("LightRig.weights", given, count)
-        if not any(weights):
-            raise ViewingError("LightRig: every weight is 0, so there is no light; raise one")
-        object.__setattr__(self, "lights", lights)
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "groups", _names(self.groups, count))
-        if self.illuminance_lux is not None:
-            lux = _numbers("LightRig.illuminance_lux", self.illuminance_lux, count)
-            if not any(w * v for w, v in zip(weights, lux, strict=True)):
-                raise ViewingError("LightRig: the lights give 0 lux together; raise one")
-            object.__setattr__(self, "illuminance_lux", lux)
+        count = len(self.lights)
+        object.__setattr__(self, "weights", self.weights or (1.0,) * count)
+        object.__setattr__(self, "groups", self.groups or ("",) * count)
+        for name in ("weights", "illuminance_lux", "groups"):
+            given = getattr(self, name)
+            if given is not None and len(given) != count:
+                remedy = f"give one for each of the {count} lights"
+                raise ViewingError.refused(name, given, remedy, "shape")
+        if not any(self.weights):
+            raise _no_light("weights", self.weights)
+        lux = self.illuminance_lux
+        if lux is not None and not any(w * v for w, v in zip(self.weights, lux, strict=True)):
+            raise _no_light("illuminance_lux", lux)
 
     @classmethod
     def of(cls, light: Spectrum | LightRig) -> LightRig:
@@ -231,6 +185,11 @@ class LightRig:
         return sum(w * v for w, v in zip(self.weights, self.illuminance_lux, strict=True))
 
 
+def _no_light(field: str, given: object) -> ViewingError:
+    problem = "the lights give no light together"
+    return ViewingError(problem, "raise one", code="impossible", field=field, given=given)
+
+
 def mixed_rig(rigs: Sequence[LightRig], weights: Sequence[float]) -> LightRig:
     """Mix several rigs into one, each times its weight; lux count if all that shine have them.
 
@@ -256,26 +215,19 @@ def mixed_rig(rigs: Sequence[LightRig], weights: Sequence[float]) -> LightRig:
     )
 
 
+def _reflects(backdrop: Spectrum) -> Spectrum:
+    low, high = float(backdrop.values.min()), float(backdrop.values.max())
+    if not (low >= 0.0 and high <= 1.0):
+        raise ViewingError(
+            f"reflects {low:g} to {high:g}", "give 0 (black) to 1", code="range", given=backdrop
+        )
+    return backdrop
+
+
+@settings(ViewingError)
 @dataclass(frozen=True, slots=True, eq=False)
 class RelightSpec:
     """How a picture is made from coefficients and a light.
-
-    Parameters
-    ----------
-    viewing : Viewing
-        The eye's and the display's conditions.
-    mode : str
-        For each light group, ``"componentwise"``: D (e ∘ C), the factor model; ``"exact"``:
-        P_E C, the light matrix; ``"linear-model"``: D R(e) C, what the papers' factor model
-        stands for.
-    backdrop : float or Spectrum
-        Reflectance of the diffuser behind the volume, 0 (black) to 1; it faces every source. The
-        default, 0.2, is the grey that the appearance model takes for the surround.
-    level : str
-        ``"relative"``: the light's white, on a surface that faces every source, has Y = 100: a
-        swap or a group switched off never darkens the picture.
-        ``"absolute"``: Y = 100 is the viewing's ``illuminance_lux``; lights add. At both levels
-        the eye adapts to the rig's lux where it carries them, else to the viewing's.
 
     Raises
     ------
@@ -283,40 +235,22 @@ class RelightSpec:
         If a word is unknown or a reflectance lies outside 0 to 1.
     """
 
-    viewing: Viewing = field(default_factory=Viewing)
-    mode: str = "componentwise"
-    backdrop: float | Spectrum = 0.2
-    level: str = "relative"
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.viewing, Viewing):
-            raise ViewingError.refused(
-                "relight.viewing", self.viewing, "expected a Viewing", "type"
-            )
-        for name, value, known in (("mode", self.mode, MODES), ("level", self.level, LEVELS)):
-            if value not in known:
-                raise ViewingError.refused(
-                    f"relight: {name}",
-                    value,
-                    f"{nearest(str(value), known)}known: {', '.join(known)}",
-                    "unknown",
-                )
-        if isinstance(self.backdrop, Spectrum):
-            low, high = float(self.backdrop.values.min()), float(self.backdrop.values.max())
-        else:
-            try:
-                low = high = float(self.backdrop)
-            except (TypeError, ValueError):
-                raise ViewingError.refused(
-                    "relight.backdrop",
-                    self.backdrop,
-                    "expected a reflectance 0 to 1 or a Spectrum",
-                    "type",
-                ) from None
-        if not (low >= 0.0 and high <= 1.0):
-            raise ViewingError(
-                f"relight: backdrop reflects {low:g} to {high:g}; expected within 0 (black) to 1"
-            )
+    viewing: Annotated[Viewing, FLAT] = field(default_factory=Viewing)
+    """The eye's and the display's conditions."""
+    mode: Mode = "componentwise"
+    """Product of a light group's light with the coefficients: componentwise, D (e ∘ C), the factor
+    model; exact, P_E C, the light matrix; linear-model, D R(e) C, the papers' linear model."""
+    backdrop: Annotated[
+        Fraction | Annotated[SkipJsonSchema[Spectrum], AfterValidator(_reflects)],
+        Hint("a reflectance from 0 to 1, or a Spectrum", whole=True),
+    ] = 0.2
+    """Reflectance of the diffuser behind the volume, 0 (black) to 1; it faces every source. The
+    default is the grey that appearance models take for the surround."""
+    level: Level = "relative"
+    """relative: the light's white, on a surface that faces every source, has Y = 100, so that a
+    swap of lights, or a group switched off, never darkens the picture. absolute: Y = 100 is the
+    viewing's ``illuminance_lux``, and lights add. At both levels the eye adapts to the light's lux
+    if it carries them, else to the viewing's."""
 
     @classmethod
     def of(cls, spec: RelightSpec | Viewing | None) -> RelightSpec:

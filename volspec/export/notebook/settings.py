@@ -126,8 +126,8 @@ def viewing_from(look: Mapping[str, Any], display: Display) -> Viewing:
     """
     settings = {name: look[name] for name in _LOOK}
     display = replace(display, gamut=settings.pop("gamut"), mark=settings.pop("mark"))
-    ratio = settings.pop("surround")
-    names = [name for name, known in SURROUND_RATIOS.items() if known == ratio]
+    ratio: Any = settings.pop("surround")
+    names: list[Any] = [name for name, known in SURROUND_RATIOS.items() if known == ratio]
     return Viewing(
         illuminance_lux=settings.pop("lux"),
         surround=names[0] if names else ratio,

@@ -228,7 +228,7 @@ class RelightWidget(anywidget.AnyWidget):
     def _checked_viewing(self, viewing: object) -> Viewing:
         return checked_viewing(viewing)
 
-    def _checked_mode(self, mode: str) -> str:
+    def _checked_mode(self, mode: Any) -> str:
         return RelightSpec(mode=mode).mode
 
     def _checked_backdrop(self, backdrop: Any) -> float:
@@ -237,7 +237,7 @@ class RelightWidget(anywidget.AnyWidget):
         RelightSpec(backdrop=backdrop)
         return float(backdrop)
 
-    def _checked_level(self, level: str) -> str:
+    def _checked_level(self, level: Any) -> str:
         RelightSpec(level=level)
         dark = [lamp.name for lamp in self._lights if lamp.rig.illuminance_lux is None]
         if level == "absolute" and dark:

@@ -20,6 +20,7 @@ from volspec._gpu.sources import assemble
 from volspec.appearance import constants as k
 from volspec.appearance.adaptation import ADAPTATIONS, guth, von_kries
 from volspec.appearance.adaptation.base import CONES_FROM_XYZ
+from volspec.appearance.display import Gamut
 from volspec.appearance.live import CLOSED
 from volspec.appearance.models import rlab
 from volspec.appearance.screen import Screen
@@ -203,7 +204,7 @@ def _gamut(display: Display, model: str) -> dict[str, Any] | None:
     return {name: values.tolist() for name, values in screen_uniforms(screen).items()}
 
 
-def _srgb(display: Display, gamut: str = "clip") -> Display:
+def _srgb(display: Display, gamut: Gamut = "clip") -> Display:
     room = (display.L_A, display.Y_b, display.surround)
     return Display(*room, gamut=gamut, white_cd_m2=display.white_cd_m2)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from volspec.errors import InputError
 from volspec.raycast import ClipPlane, RaycastSpec
-from volspec.raycast.spec import MAX_PLANES, Bounds
+from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.state import ViewState
@@ -25,6 +25,7 @@ from volspec.viewer.model.view import Vector, clamp, radius_mm, vector
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
+Bounds = tuple[float, float]
 Crop = tuple[Bounds, Bounds, Bounds]
 # Planes nearer to each other than this fraction of the volume's radius are the same.
 _SAME = 1e-3

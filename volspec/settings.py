@@ -1,0 +1,633 @@
+"""Settings described once: type, range, unit, default and meaning stand at the field.
+
+    [settings] -> specs -> constructors, scene files, command line, JSON schema, docs/reference
+
+`settings` makes a frozen dataclass check itself: its constructor raises the house's error, and a
+table of a TOML file becomes an instance with every fault in it found, each with its path. Checks
+are pydantic's; the words are made here, in one place, from the field's annotation.
+
+Examples
+--------
+>>> from dataclasses import dataclass
+>>> from volspec.errors import ViewingError
+>>> @settings(ViewingError)
+... @dataclass(frozen=True, slots=True)
+... class Lamp:
+...     power_W: Annotated[Positive, Unit("W")] = 40.0
+>>> Lamp(power_W=-3)
+Traceback (most recent call last):
+volspec.errors.ViewingError: Lamp.power_W is -3; give a number above 0 (W)
+>>> read_table(Lamp, {"power": 60}, ViewingError)
+Traceback (most recent call last):
+volspec.errors.ViewingError: power: unknown key; did you mean 'power_W'? known: power_W
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import annotated_types as limits
+import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ArgsKwargs, PydanticCustomError, core_schema
+
+from volspec.errors import Code, InputError, nearest
+
+Spec = TypeVar("Spec")
+# Below it whole numbers are short.
+_EXACT = 1e15
+_CONFIG = ConfigDict(
+    extra="forbid", strict=True, use_attribute_docstrings=True, arbitrary_types_allowed=True
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """Unit of a number, for messages and reference pages."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Hint:
+    """A few words on a field's values, added to what its type says; or in place of that."""
+
+    text: str
+    whole: bool = False
+
+
+class _Marker:
+    """Field metadata without a value."""
+
+
+PYTHON_ONLY = _Marker()
+"""A field that no file has: what runs on this machine, or what the file has elsewhere."""
+FLAT = _Marker()
+"""A field of settings whose keys a file has among those around it."""
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+# TOML has lists where Python has tuples; everything else is taken as it is written.
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+Vector = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
+Box = Annotated[tuple[Pair, Pair, Pair], Field(strict=False)]
+
+
+def _name(text: str) -> str:
+    if not text.strip():
+        raise InputError("", "give a name", code="missing", given=text)
+    return text
+
+
+Name = Annotated[str, AfterValidator(_name)]
+
+
+def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
+    """Make a frozen dataclass check its fields, and readable from tables of files.
+
+    Fields are described by the docstrings below them and limited by their annotations. What
+    concerns several fields is checked in ``__post_init__``, which raises an `InputError` whose
+    ``field`` is the field's name, or empty.
+
+    A class may have
+
+    - ``from_table(table, folder)``, a static method: a file's table to the constructor's fields,
+    - ``file_keys``, {key: `pydantic.Field`}: keys that only the file has,
+    - ``to_table(self)``: its table for a file, defaults left out,
+    - ``kind``, a text: a file's ``kind`` where several classes are possible (`kind_of`),
+    - ``row_keys``: keys that identify a row of a list, which are written first.
+
+    Parameters
+    ----------
+    error : type of InputError
+        Class of the constructor's errors.
+    """
+
+    def decorate(cls: type[Spec]) -> type[Spec]:
+        made: Any = cls
+        made.__pydantic_config__ = _CONFIG
+        made.__get_pydantic_core_schema__ = classmethod(_core_schema)
+        made.settings_error = error
+        made.settings_adapter = adapter = TypeAdapter(cls)
+        validate = adapter.validator.validate_python
+
+        def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
+            if args:
+                kwargs = _by_name(cls, args, kwargs)
+            try:
+                validate(ArgsKwargs((), kwargs), self_instance=self)
+            except ValidationError as fault:
+                if not _has_numpy(kwargs):
+                    raise _constructor_error(fault, cls) from None
+                self.__init__(**_without_numpy(kwargs))
+
+        __init__.__doc__ = "Check the fields; see the class."
+        made.__init__ = __init__
+        return cls
+
+    return decorate
+
+
+def kind_of(value: Any) -> str:
+    """Discriminate classes that have a ``kind``, tagged ``<kind>``."""
+    kind = value.get("kind") if isinstance(value, Mapping) else getattr(value, "kind", None)
+    return f"<{kind}>"
+
+
+def value_or_table(value: object) -> str:
+    """Discriminate a single ``<value>`` and a ``<table>``."""
+    return "<table>" if isinstance(value, Mapping) or is_settings(type(value)) else "<value>"
+
+
+def is_settings(cls: object) -> bool:
+    """Return True if `settings` made a class."""
+    return isinstance(cls, type) and hasattr(cls, "settings_adapter")
+
+
+def read_table(cls: type[Spec], table: Any, error: type[InputError], folder: object = None) -> Spec:
+    """Make settings of a table of a file.
+
+    Parameters
+    ----------
+    cls : type
+        One that `settings` made.
+    table : mapping
+        Of TOML or JSON.
+    error : type of InputError
+    folder : path, optional
+        What relative names of files start from.
+
+    Raises
+    ------
+    InputError
+        Of the given class; the first of `try_table`'s faults.
+    """
+    made, faults = try_table(cls, table, error, folder)
+    if made is None:
+        raise faults[0]
+    return made
+
+
+def try_table(
+    cls: type[Spec], table: Any, error: type[InputError], folder: object = None
+) -> tuple[Spec | None, list[InputError]]:
+    """Make settings as `read_table`; return them, or None, and every fault in the table."""
+    adapter: TypeAdapter[Spec] = cls.settings_adapter  # type: ignore[attr-defined]
+    try:
+        return adapter.validate_python(table, context={"folder": folder}), []
+    except ValidationError as fault:
+        return None, [each.as_error(error) for each in _faults(fault, cls)]
+
+
+def plain(value: Any) -> Any:
+    """Return settings as a table of a file, without keys equal to their defaults.
+
+    Examples
+    --------
+    >>> from volspec.raycast import RaycastSpec
+    >>> plain(RaycastSpec(ambient=0.5, specular=1.0))
+    {'ambient': 0.5, 'specular': 1}
+    """
+    if is_settings(type(value)):
+        return value.to_table() if hasattr(value, "to_table") else table_of(value)
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    # As people write them; every such field takes whole numbers.
+    if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
+        return int(value)
+    return value
+
+
+def table_of(value: Any) -> dict[str, Any]:
+    """Return the fields of settings as `plain` does, without the class's own ``to_table``."""
+    cls: Any = type(value)
+    table: dict[str, Any] = {"kind": cls.kind} if hasattr(cls, "kind") else {}
+    names = [field.name for field in dataclasses.fields(cls)]
+    for name in dict.fromkeys((*getattr(cls, "row_keys", ()), *names)):
+        marks = _metadata(hints(cls)[name])
+        each, default = plain(getattr(value, name)), default_of(cls, name)
+        if FLAT in marks:
+            table |= each
+        elif PYTHON_ONLY not in marks and each is not None and each != plain(default):
+            table[name] = each
+    return table
+
+
+def default_of(cls: type, name: str) -> Any:
+    """Return a field's default; `dataclasses.MISSING` if it is required."""
+    field = cls.__dataclass_fields__[name]  # type: ignore[attr-defined]
+    made = field.default_factory is not dataclasses.MISSING
+    return field.default_factory() if made else field.default
+
+
+@cache
+def hints(cls: Any) -> dict[str, Any]:
+    """Return the annotations of a class's fields, with what `Annotated` adds."""
+    return get_type_hints(cls, include_extras=True)
+
+
+@cache
+def file_keys(cls: Any) -> dict[str, tuple[type, str]]:
+    """Return the keys of a class's table in files: {key: (owner, field)}, ``""`` for no field."""
+    keys: dict[str, tuple[type, str]] = {"kind": (cls, "")} if hasattr(cls, "kind") else {}
+    keys |= dict.fromkeys(getattr(cls, "file_keys", {}), (cls, ""))
+    for field in dataclasses.fields(cls):
+        marks = _metadata(hints(cls)[field.name])
+        if FLAT in marks:
+            keys |= file_keys(classes_in(hints(cls)[field.name])[0])
+        elif PYTHON_ONLY not in marks:
+            keys[field.name] = (cls, field.name)
+    return keys
+
+
+def classes_in(hint: Any) -> list[type]:
+    """Return the settings classes among which a value of an annotation is, lists not entered."""
+    if is_settings(hint):
+        return [hint]
+    if get_origin(hint) is Annotated:
+        return classes_in(get_args(hint)[0])
+    if get_origin(hint) in (Union, types.UnionType):
+        return [cls for part in get_args(hint) for cls in classes_in(part)]
+    return []
+
+
+def choices(hint: Any) -> tuple[Any, ...]:
+    """Return the words, or numbers, of the `Literal` in an annotation; empty if there is none."""
+    if get_origin(hint) is Literal:
+        return get_args(hint)
+    if get_origin(hint) in (Annotated, Union, types.UnionType):
+        inner = get_args(hint)[:1] if get_origin(hint) is Annotated else get_args(hint)
+        return tuple(word for part in inner for word in choices(part))
+    return ()
+
+
+_NUMBER_WORDS = {2: "two", 3: "three"}
+
+
+def expected(hint: Any) -> str:
+    """Return the values that an annotation takes, in words.
+
+    >>> expected(Annotated[float, Field(gt=0, le=9), Unit("mm")] | None)
+    'a number above 0, up to 9 (mm), or leave it out'
+    >>> expected(Literal["clip", "reduce"] | Fraction)
+    'clip, reduce or a number from 0 to 1'
+    """
+    marks = _metadata(hint)
+    extra = [mark.name for mark in marks if isinstance(mark, Unit)]
+    for mark in marks:
+        if isinstance(mark, Hint) and mark.whole:
+            return mark.text
+        extra += [mark.text] if isinstance(mark, Hint) else []
+    added = f" ({'; '.join(extra)})" if extra else ""
+    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if get_origin(base) in (Union, types.UnionType):
+        parts = get_args(base)
+        words = [word for part in parts if part is not type(None) for word in _alternatives(part)]
+        optional = ", or leave it out" if type(None) in parts else ""
+        return _listed(words) + added + optional
+    return _listed(_alternatives(base, marks)) + added
+
+
+def _alternatives(hint: Any, marks: Sequence[Any] = ()) -> list[str]:
+    if get_origin(hint) is Annotated and not marks:
+        base = get_args(hint)[0]
+        return _alternatives(base) if get_origin(base) is Literal else [expected(hint)]
+    inner = get_args(hint)
+    if get_origin(hint) is Literal:
+        return [str(word) for word in inner]
+    if get_origin(hint) in (tuple, list):
+        if Ellipsis in inner or get_origin(hint) is list:
+            return ["a list of several" if len(inner) < 2 else "a list"]
+        return [f"{_NUMBER_WORDS[len(inner)]} {'numbers' if _is_number(inner[0]) else 'values'}"]
+    if get_origin(hint) in (dict, Mapping):
+        return ["a table, { name = value, … }"]
+    if hint in (int, float):
+        return [("a whole number" if hint is int else "a number") + _range(marks)]
+    names = {bool: "true or false", str: "a text"}
+    return [names.get(hint, f"a {getattr(hint, '__name__', hint)}")]
+
+
+def _is_number(hint: Any) -> bool:
+    return (get_args(hint)[0] if get_origin(hint) is Annotated else hint) in (int, float)
+
+
+def _range(marks: Sequence[Any]) -> str:
+    low, high, above, below = (
+        next((getattr(mark, name) for mark in marks if isinstance(mark, kind)), None)
+        for name, kind in (
+            ("ge", limits.Ge),
+            ("le", limits.Le),
+            ("gt", limits.Gt),
+            ("lt", limits.Lt),
+        )
+    )
+    if above is not None and below is not None:
+        return f" between {above:.10g} and {below:.10g}"
+    if low is not None and high is not None:
+        return f" from {low:.10g} to {high:.10g}"
+    start = f" of {low:.10g} or more" if low is not None else ""
+    start = f" above {above:.10g}" if above is not None else start
+    end = f" up to {high:.10g}" if high is not None else ""
+    end = f" below {below:.10g}" if below is not None else end
+    return f"{start},{end}" if start and end else start + end
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def _metadata(hint: Any) -> list[Any]:
+    """Return what an annotation adds to its type; a `pydantic.Field` as its limits."""
+    found = []
+    for mark in get_args(hint)[1:] if get_origin(hint) is Annotated else ():
+        found += mark.metadata if isinstance(mark, FieldInfo) else [mark]
+    return found
+
+
+# From tables of files.
+
+
+def _core_schema(cls: type, source: Any, handler: Any) -> Any:
+    schema = handler(source)
+    schema["strict"] = False  # for tables; instances of the class are taken as they are
+
+    def prepare(value: Any, info: core_schema.ValidationInfo) -> Any:
+        if not isinstance(value, Mapping):
+            return value
+        if info.context is None:  # a constructor takes settings, not their tables
+            raise PydanticCustomError("dataclass_type", "no table")
+        return _fields_from_table(cls, value, info.context["folder"])
+
+    return core_schema.with_info_before_validator_function(prepare, schema)
+
+
+def _fields_from_table(cls: Any, table: Mapping[str, Any], folder: object) -> Mapping[str, Any]:
+    keys = file_keys(cls)
+    for field in dataclasses.fields(cls):
+        if field.name in table and field.name not in keys:
+            raise _unknown_key(cls, field.name)
+    if hasattr(cls, "from_table"):
+        table = cls.from_table(table, folder)
+    fields = {key: value for key, value in table.items() if key != "kind" or "kind" not in keys}
+    for field in dataclasses.fields(cls):
+        if FLAT in _metadata(hints(cls)[field.name]):
+            (inner,) = classes_in(hints(cls)[field.name])
+            own = {key: fields.pop(key) for key in file_keys(inner) if key in fields}
+            fields[field.name] = own
+    return fields
+
+
+def _unknown_key(cls: type, key: str) -> InputError:
+    known = file_keys(cls)
+    remedy = f"{nearest(key, known)}known: {', '.join(known)}"
+    return InputError("unknown key", remedy, code="unknown", field=key)
+
+
+# Faults in words.
+
+_CODES: dict[str, Code] = {
+    "extra_forbidden": "unknown",
+    "union_tag_invalid": "unknown",
+    "union_tag_not_found": "missing",
+    "missing": "missing",
+    "too_short": "missing",
+    "too_long": "size",
+    "string_too_long": "size",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Fault:
+    """One fault: where it is, and pydantic's account of it."""
+
+    field: str
+    hint: Any
+    # The classes whose key is unknown or missing, or that are possible.
+    classes: tuple[type, ...]
+    account: Mapping[str, Any]
+
+    @classmethod
+    def at(cls, account: Mapping[str, Any], root: Any) -> _Fault:
+        """Follow pydantic's location, which also has tags of unions and names of flat fields."""
+        path, hint = "", root
+        owners: tuple[type, ...] = (root,)
+        steps = account["loc"]
+        if account["type"] == "missing" and isinstance(steps[-1], int):  # the tuple is too short
+            steps = steps[:-1]
+        for part in steps:
+            if isinstance(part, int):
+                path, hint = f"{path}[{part}]", _item(hint, part)
+                owners = tuple(classes_in(hint))
+                continue
+            owners = tuple(classes_in(hint)) or owners
+            if part == "<value>":
+                break
+            if part.startswith("<"):
+                kinds = [each for each in owners if f"<{getattr(each, 'kind', '')}>" == part]
+                hint = kinds[0] if kinds else hint
+                continue
+            owner = next((each for each in owners if part in hints(each)), None)
+            if classes_in(hint) and (owner is not None or part is steps[-1]):
+                hint = hints(owner)[part] if owner is not None else None
+                if FLAT in _metadata(hint):
+                    continue
+            elif _is_mapping(hint) and part != "[key]":
+                hint = _item(hint, part)
+            else:  # a kind of value that pydantic has tried
+                continue
+            path = f"{path}.{part}" if path else part
+        return cls(path, hint, tuple(classes_in(hint)) or owners, account)
+
+    @property
+    def fault(self) -> str:
+        """Pydantic's name of the kind of fault."""
+        return str(self.account["type"]).replace("unexpected_keyword_argument", "extra_forbidden")
+
+    @property
+    def key(self) -> str:
+        return self.field.rpartition(".")[2]
+
+    def as_error(self, make: type[InputError], root: str = "") -> InputError:
+        """Return it as an error; ``root`` is the name of the class that its field is in."""
+        field = f"{root}.{self.field}".strip(".") if root else self.field
+        given = self.account["input"]
+        cause = self.account.get("ctx", {}).get("error")
+        if isinstance(cause, InputError):
+            separator = "." if field and cause.field and cause.field[0] != "[" else ""
+            given = given if cause.given is None and not cause.field else cause.given
+            return make(
+                cause.problem,
+                cause.remedy,
+                code=cause.code,
+                field=f"{field}{separator}{cause.field}",
+                given=given,
+            )
+        problem, remedy, code = self._words(given, bool(root))
+        tagged = self.fault.startswith("union_tag")
+        if tagged and isinstance(given, Mapping):
+            field, given = f"{field}.kind", given.get("kind")
+        return make(problem, remedy, code=code, field=field, given=given)
+
+    def _words(self, given: Any, in_python: bool) -> tuple[str, str, Code]:
+        """Return problem, remedy and code."""
+        kind = self.fault
+        code: Code = _CODES.get(kind, "type")
+        if kind == "extra_forbidden":
+            unknown = _unknown_key(self.classes[0], self.key)
+            return unknown.problem, unknown.remedy, code
+        if kind.startswith("union_tag") and isinstance(given, Mapping):
+            kinds = [getattr(each, "kind", "") for each in self.classes]
+            return "", f"{nearest(str(given.get('kind')), kinds)}give {', '.join(kinds)}", code
+        if kind == "missing" and isinstance(self.account["loc"][-1], str):
+            return "missing", self._example(), code
+        if kind == "value_error":
+            return str(self.account["ctx"]["error"]), "", "invalid"
+        if kind in ("finite_number",) or kind.startswith(("greater_", "less_")):
+            code = "range"
+        if kind in ("missing", "too_long"):
+            code = "shape"
+        words = choices(self.hint)
+        guess = nearest(given, map(str, words)) if isinstance(given, str) and words else ""
+        if words and isinstance(given, str):
+            code = "unknown"
+        if self.classes and is_settings(self.hint) and not in_python:
+            return "", "give a table, { key = value, … }", code
+        if kind in ("too_short", "too_long") and _holds_many(self.hint):
+            few, ends = kind == "too_short", self.account["ctx"]
+            count = f"at least {ends['min_length']}" if few else f"up to {ends['max_length']}"
+            return "", f"give {count}", "missing" if few else "size"
+        wanted = expected(self.hint)
+        if kind == "finite_number":
+            wanted = wanted.replace("a number", "a finite number", 1)
+        return "", f"{guess}give {wanted}", code
+
+    def _example(self) -> str:
+        table = "[[{}]]" if _holds_many(self.hint) else "[{}]"
+        if "." not in self.field and (classes_in(self.hint) or _holds_many(self.hint)):
+            return f"add {table.format(self.key)}"
+        from volspec._toml import toml_text
+
+        given = get_args(self.hint)[1:] if get_origin(self.hint) is Annotated else ()
+        shown = [
+            mark.examples[0] for mark in given if isinstance(mark, FieldInfo) and mark.examples
+        ]
+        return f"add {self.key} = {' '.join(toml_text(shown[0]).split()) if shown else '…'}"
+
+
+def _faults(error: ValidationError, root: type) -> list[_Fault]:
+    """Return each fault once; an unknown key goes before the key that it made miss."""
+    found: dict[str, _Fault] = {}
+    for account in error.errors(include_url=False):
+        fault = _Fault.at(account, root)
+        # Of several tries at one value, a number and a word, say.
+        found.setdefault(f"{fault.fault == 'missing'} {fault.field}", fault)
+    ordered = sorted(found.values(), key=lambda fault: fault.fault != "extra_forbidden")
+    meant = set()
+    for fault in ordered:
+        if fault.fault == "extra_forbidden":
+            parent = fault.field.removesuffix(fault.key)
+            known = file_keys(fault.classes[0])
+            guess = nearest(fault.key, known)
+            meant |= {parent + key for key in known if repr(key) in guess}
+    return [f for f in ordered if f.fault != "missing" or f.field not in meant]
+
+
+def _constructor_error(error: ValidationError, cls: Any) -> Exception:
+    """Return the first fault as the class's error; arguments that are none, as Python does."""
+    fault = _faults(error, cls)[0]
+    name = cls.__name__
+    if len(fault.account["loc"]) == 1 and fault.account["loc"] == error.errors()[0]["loc"]:
+        known = [field.name for field in dataclasses.fields(cls)]
+        word = str(fault.account["loc"][0])
+        if fault.fault == "extra_forbidden":
+            guess = nearest(word, known).rstrip()
+            return TypeError(
+                f"{name}() got an unexpected keyword argument {word!r}"
+                + (f"; {guess}" if guess else "")
+            )
+        if fault.fault == "missing":
+            return TypeError(f"{name}() missing required argument {word!r}")
+    cause = fault.account.get("ctx", {}).get("error")
+    make = type(cause) if isinstance(cause, InputError) else cls.settings_error
+    return fault.as_error(make if make is not InputError else cls.settings_error, name)
+
+
+def _by_name(cls: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    names = [field.name for field in dataclasses.fields(cls)]
+    if len(args) > len(names):
+        raise TypeError(
+            f"{cls.__name__}() takes up to {len(names)} arguments, {len(args)} are given"
+        )
+    for name in names[: len(args)]:
+        if name in kwargs:
+            raise TypeError(f"{cls.__name__}() got multiple values for argument {name!r}")
+    return {**dict(zip(names, args, strict=False)), **kwargs}
+
+
+def _item(hint: Any, index: Any) -> Any:
+    """Return the annotation of an entry of a list, tuple or mapping."""
+    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if get_origin(base) in (Union, types.UnionType):
+        found = [_item(part, index) for part in get_args(base)]
+        return next((each for each in found if each is not None), None)
+    inner = get_args(base)
+    if get_origin(base) in (dict, Mapping):
+        return inner[1]
+    if get_origin(base) in (tuple, list):
+        if Ellipsis in inner or len(inner) == 1:
+            return inner[0]
+        return inner[index] if index < len(inner) else inner[0]
+    return None
+
+
+def _is_mapping(hint: Any) -> bool:
+    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if get_origin(base) in (Union, types.UnionType):
+        return any(_is_mapping(part) for part in get_args(base))
+    return get_origin(base) in (dict, Mapping)
+
+
+def _holds_many(hint: Any) -> bool:
+    """Return True for a list of any length."""
+    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if get_origin(base) in (Union, types.UnionType):
+        return any(_holds_many(part) for part in get_args(base))
+    return get_origin(base) is list or (get_origin(base) is tuple and Ellipsis in get_args(base))
+
+
+def _has_numpy(value: Any) -> bool:
+    if isinstance(value, Mapping | list | tuple):
+        return any(map(_has_numpy, value.values() if isinstance(value, Mapping) else value))
+    return isinstance(value, np.generic | np.ndarray)
+
+
+def _without_numpy(value: Any) -> Any:
+    """Return numbers and lists of Python's in place of NumPy's."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: _without_numpy(each) for key, each in value.items()}
+    if type(value) in (list, tuple):
+        return type(value)(_without_numpy(each) for each in value)
+    return value
