@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.errors import refuses
+from tests.support.errors import raises, refuses
 from volspec.errors import RaycastError
 from volspec.raycast import (
     Ambient,
@@ -199,12 +199,9 @@ def test_directions_are_unit_vectors_and_stay_what_they_are(length: float) -> No
 
 def test_a_crop_outside_the_volume_leaves_nothing() -> None:
     volume = phantom.ball(16)
-    for crop, message in (
-        (((0, 9), (15, 20), (0, 9)), "along y is 15 to 20; ball reaches from 0 to 15, nothing"),
-        (((-9, 0), (0, 9), (0, 9)), "along x is -9 to 0; ball reaches from 0 to 15, nothing"),
-    ):
+    for crop in (((0, 9), (15, 20), (0, 9)), ((-9, 0), (0, 9), (0, 9))):
         spec = RaycastSpec(crop_voxels=crop)
-        refuses(lambda spec=spec: spec.kept(volume), message.replace("ball", volume.name))
+        refuses(lambda spec=spec: spec.kept(volume), "range RaycastSpec.crop_voxels")
     low, high = RaycastSpec(crop_voxels=((-9, 3), (2.5, 1e300), (0, 15))).kept(volume)
     assert low.tolist() == [0, 2.5, 0] and high.tolist() == [3, 15, 15]
 
@@ -213,18 +210,16 @@ def test_steps_too_many_or_too_few_are_refused() -> None:
     volume = phantom.ball(16)
     across = 15 * np.sqrt(3)
     assert RaycastSpec(step_mm=1.01 * across / MAX_STEPS).step_of(volume) < 1e-3
-    refuses(lambda: RaycastSpec(step_mm=1e-5).step_of(volume), "step_mm is 1e-05 and")
-    refuses(lambda: RaycastSpec(step_mm=1e-5).step_of(volume), "give 1 to 131072, half a voxel is")
-    refuses(lambda: RaycastSpec(step_mm=26).step_of(volume), "0.99926 steps; give 1 to 131072")
+    for step_mm in (1e-5, 26):
+        spec = RaycastSpec(step_mm=step_mm)
+        refuses(lambda spec=spec: spec.step_of(volume), "range RaycastSpec.step_mm")
 
 
 def test_the_default_step_is_refused_where_it_takes_too_many() -> None:
     volume = Volume(np.zeros((4, 64, 64), np.uint8), spacing_mm=(1, 1, 1e-4), name="slab")
-    refuses(
-        lambda: RaycastSpec().step_of(volume),
-        "step_mm is left out, half of slab's smallest spacing is 5e-05 and it is 89.0955 mm "
-        "across: 1.78191e+06 steps; give step_mm, 0.00068 or more",
-    )
+    with raises(RaycastError, "range", "RaycastSpec.step_mm") as refused:
+        RaycastSpec().step_of(volume)
+    assert "give step_mm, 0.00068 or more" in refused.value.remedy
     assert RaycastSpec(step_mm=0.00068).step_of(volume) == 0.00068
 
 

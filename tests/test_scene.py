@@ -264,7 +264,7 @@ CHANGES = {
                 "clip_planes = [{ point_mm = [5, 5, 5], normal = [0, 0, 0] }]",
                 r"normal is \(0.0, 0.0, 0.0\)",
             ),
-            ("step_mm = 1e-9", r"step_mm is 1e-09 .* steps; give 1 to"),
+            ("step_mm = 1e-9", r"step_mm.* 1e-09.* steps; give 1 to"),
         )
     },
     "adapted twice": (

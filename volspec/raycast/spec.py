@@ -211,18 +211,19 @@ class RaycastSpec:
         diagonal = diagonal_mm(volume)
         if self.step_mm is None:
             if diagonal / half_a_voxel > MAX_STEPS:
-                raise RaycastError(
-                    f"raycast: step_mm is left out, half of {volume.name}'s smallest spacing is "
-                    f"{half_a_voxel:g} and it is {diagonal:g} mm across: "
-                    f"{diagonal / half_a_voxel:g} steps; give step_mm, {diagonal / MAX_STEPS:.2g} "
-                    "or more"
+                raise _at_cast(
+                    "step_mm",
+                    f"left out, half of {volume.name}'s smallest spacing is {half_a_voxel:g} and it "
+                    f"is {diagonal:g} mm across: {diagonal / half_a_voxel:g} steps",
+                    f"give step_mm, {diagonal / MAX_STEPS:.2g} or more",
                 )
             return half_a_voxel
         if not 1 <= diagonal / self.step_mm <= MAX_STEPS:
-            raise RaycastError(
-                f"raycast: step_mm is {self.step_mm:g} and {volume.name} {diagonal:g} mm across: "
-                f"{diagonal / self.step_mm:g} steps; give 1 to {MAX_STEPS}, half a voxel is "
-                f"{half_a_voxel:g}"
+            raise _at_cast(
+                "step_mm",
+                f"{self.step_mm:g}, and {volume.name} is {diagonal:g} mm across: "
+                f"{diagonal / self.step_mm:g} steps",
+                f"give 1 to {MAX_STEPS}, half a voxel is {half_a_voxel:g}",
             )
         return self.step_mm
 
@@ -240,9 +241,10 @@ class RaycastSpec:
         low, high = np.array(self.crop_voxels).T
         for axis, near, far, end in zip("xyz", low, high, last, strict=True):
             if near >= end or far <= 0:
-                raise RaycastError(
-                    f"raycast: crop_voxels along {axis} is {near:g} to {far:g}; {volume.name} "
-                    f"reaches from 0 to {end:g}, nothing would be left"
+                raise _at_cast(
+                    "crop_voxels",
+                    f"along {axis} is {near:g} to {far:g}, {volume.name} reaches from 0 to {end:g}",
+                    "nothing would be left, give others",
                 )
         return np.maximum(low, 0.0), np.minimum(high, last)
 
@@ -268,7 +270,12 @@ class RaycastSpec:
         return max(self.flat_gradient**2, 1e-12)
 
 
+def _at_cast(field: str, problem: str, remedy: str) -> RaycastError:
+    """Return an error about a field and a volume, found when they come together."""
+    return RaycastError(problem, remedy, code="range", field=f"RaycastSpec.{field}")
+
+
 def diagonal_mm(volume: Volume) -> float:
-    """Of the volume's box along the axes of the world."""
+    """Diagonal of the volume's bounding box along the world's axes."""
     corners = volume.corners_mm
     return float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
