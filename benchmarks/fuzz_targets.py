@@ -283,14 +283,14 @@ def _read_basis(path: Path) -> None:
 def _read_words(path: Path) -> None:
     """Read values of options, a line each."""
     from volspec.cli.setting import read_setting
-    from volspec.palette.colours import parsed_colour
+    from volspec.palette.model import parse_colour
     from volspec.spectra import DEFAULT_GRID, reflectance
 
     for word in path.read_bytes().decode("utf-8", "surrogateescape").split("\n")[:4]:
         for read in (
             lambda text: read_setting(text, _GROUPS, DEFAULT_GRID),
             reflectance,
-            parsed_colour,
+            parse_colour,
         ):
             try:
                 read(word)

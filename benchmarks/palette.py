@@ -23,8 +23,8 @@ from scipy.optimize import lsq_linear
 
 from benchmarks.measure import Figure, compare
 from volspec.palette import Cell, Criteria, Palette, PaletteSpectrum, design
-from volspec.palette.criteria import Phase
-from volspec.palette.problem import Block, Term
+from volspec.palette.optimisation import Phase
+from volspec.palette.quadratic_program import Block, Term
 from volspec.palette.state import State
 from volspec.spectra import SpectralGrid, Spectrum
 
@@ -130,11 +130,10 @@ def with_colours(palette: Palette, codes: Array) -> Palette:
 def colours(palette: Palette) -> tuple[Array, Array]:
     """(R, L, 3) CIELAB: wanted, and what the design came to."""
     state = design(palette).state
-    eyes = state.eyes()
-    eye, wanted = eyes[0], np.empty((*state.XYZ.shape[:2], 3))
+    model, wanted = state.colour_models()[0], np.empty((*state.XYZ.shape[:2], 3))
     for place, cell in palette.cells.items():
         wanted[palette.index(place)] = cell.colour
-    return eye.Lab(eye.space.decode(wanted)), eye.Lab(state.linear(eyes))
+    return model.Lab_from_RGB(model.space.decode(wanted)), model.Lab_from_RGB(state.RGB())
 
 
 def error(
@@ -166,7 +165,7 @@ def by_scipy(palette: Palette) -> Callable[[], object]:
     """`lsq_linear` on the same rows, stacked before the clock starts; solving alone."""
     state = State.start(palette)
     phases = [Phase(state, lights) for lights in (False, True)]
-    problems = [dense(*phase.problem()) for phase in phases if phase.open]
+    problems = [dense(*phase.problem()) for phase in phases if phase.free]
     tied = [matrix for problem in problems for matrix in problem]
     return lambda: [lsq_linear(M, y, limits) for M, y, limits in tied]
 

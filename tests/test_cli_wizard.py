@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
-from tests.palette.test_wizards import SCENE
+from tests.support.wizards import SCENE
 from volspec import cli
 from volspec.palette import load_palette
 
@@ -113,10 +113,10 @@ def test_a_black_under_an_even_light_is_told_to_be_black_everywhere(
     [
         (
             ("hide", "cor", "--under", "day"),
-            "no material is named 'cor'; did you mean 'core'? there",
+            "material: 'cor' is unknown; did you mean 'core'? there",
         ),
         (("hide", "core", "--under", "dya"), "did you mean 'day'? there is day, lamp, tube"),
-        (("keep", "glass"), "no material is named 'glass'"),
+        (("keep", "glass"), "material: 'glass' is unknown"),
         (("merge", "core", "--under", "day"), "core alone cannot be merged"),
         (
             ("merge", "core", "stone", "--under", "day", "--split", "x", "--colour", "redd"),
@@ -188,4 +188,4 @@ def test_a_material_named_as_another_was_is_refused(
 ) -> None:
     ball.write_text(ball.read_text().replace('"stone"', '"core before"'))
     assert call("hide", ball, "core", "--under", "day", "-o", ball.with_name("never.toml")) == 1
-    assert "ball.toml: a material is named 'core before', as wizards" in capsys.readouterr().err
+    assert "material: one is named 'core before', as wizards" in capsys.readouterr().err

@@ -24,7 +24,7 @@ _HOMES = {
     ),
     "volspec.palette": (
         *("Cell", "Criteria", "Design", "DesignReport", "Palette", "PaletteSpectrum", "design"),
-        *("fitted_exposure", "load_palette", "save_palette"),
+        *("fitted_exposure", "load_palette", "save_palette", "suggestions"),
     ),
     "volspec.pipeline": (
         "Raycaster",

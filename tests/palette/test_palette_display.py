@@ -55,16 +55,16 @@ def test_a_colour_is_what_a_measured_display_shows(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "display", [MEASURED, 'space = "Display P3"\ngamut = "reduce"', "white_cd_m2 = 200\nY_b = 18"]
 )
-def test_a_palette_written_anew_has_the_same_display(tmp_path: Path, display: str) -> None:
+def test_a_new_palette_file_has_the_same_display(tmp_path: Path, display: str) -> None:
     palette = load(tmp_path, display)
-    vs.save_palette(palette, tmp_path / "anew.toml")
-    again = vs.load_palette(tmp_path / "anew.toml").viewing.display
+    vs.save_palette(palette, tmp_path / "new.toml")
+    again = vs.load_palette(tmp_path / "new.toml").viewing.display
     assert again.colours == palette.viewing.display.colours
     assert again.conditions == palette.viewing.display.conditions
     assert again.gamut == palette.viewing.display.gamut
 
 
-def test_a_profile_is_looked_for_beside_the_palette_and_found_from_another_folder(
+def test_a_profile_is_found_next_to_the_palette_and_from_another_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "mine.icc").write_bytes(icc_profile(SPACES["Display P3"]))
@@ -91,7 +91,7 @@ def test_a_profile_is_looked_for_beside_the_palette_and_found_from_another_folde
         ('space = "gone.icc"', r"\[viewing\] .*gone\.icc': no such file"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line(tmp_path: Path, display: str, said: str) -> None:
+def test_a_wrong_display_is_refused_in_one_line(tmp_path: Path, display: str, said: str) -> None:
     with pytest.raises(PaletteError, match=said) as refused:
         load(tmp_path, display)
     assert "\n" not in str(refused.value) and "palette.toml: " in str(refused.value)

@@ -18,8 +18,8 @@ from benchmarks.palette import (
 )
 from benchmarks.palette_drawing import REFERENCE, SIZES_OF, SQUARES, distances, said
 from volspec.palette import design
-from volspec.palette.criteria import Phase
-from volspec.palette.problem import solve
+from volspec.palette.optimisation import Phase
+from volspec.palette.quadratic_program import solve
 from volspec.palette.state import State
 
 POSITIVE, FINE, FREE = MODELS
@@ -49,7 +49,7 @@ def test_models_have_the_bands_and_bounds_of_the_paper() -> None:
     for model, lower in zip(MODELS, (0.0, 0.0, None), strict=True):
         palette = drawn(model, 1, 1, 0)
         members = (*palette.reflectances, *palette.lights)
-        assert {(m.open, m.lower, m.upper) for m in members} == {(True, lower, None)}
+        assert {(m.free, m.lower, m.upper) for m in members} == {(True, lower, None)}
         assert palette.criteria.smoothness == 1e-3 and palette.criteria.rounds == 1
 
 

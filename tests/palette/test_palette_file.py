@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.errors import raises
+from tests.support.palettes import surface
 from volspec.appearance import Display
 from volspec.errors import PaletteError, SpectrumError
 from volspec.palette import Cell, Criteria, Palette, PaletteSpectrum
-from volspec.palette.colours import hexadecimal, parsed_colour
+from volspec.palette.model import hexadecimal, parse_colour
 from volspec.spectra import read_spectrum
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,9 +71,9 @@ def test_a_file_becomes_the_palette_it_says(tmp_path: Path) -> None:
     palette = vs.load_palette(written(tmp_path))
     assert palette.names == (("red", "blue"), ("day", "split 1"))
     red, blue = palette.reflectances
-    assert red.open and (red.lower, red.upper, blue.upper) == (0.0, 1.0, None)
+    assert red.free and (red.lower, red.upper, blue.upper) == (0.0, 1.0, None)
     day, split = palette.lights
-    assert not day.open and split.open and split.band_nm == (420, 680) and split.upper == 4
+    assert not day.free and split.free and split.band_nm == (420, 680) and split.upper == 4
     free = Cell("free", group="m", high=(0.5, 0.5, 0.9), weight=4)
     red_code = Cell(colour=(202 / 255, 0.0, 32 / 255))
     assert dict(palette.cells) == {
@@ -82,7 +84,7 @@ def test_a_file_becomes_the_palette_it_says(tmp_path: Path) -> None:
     assert palette.criteria.rounds == 2 and palette.viewing.model == "none"
 
 
-def test_every_wish_has_words(tmp_path: Path) -> None:
+def test_every_kind_of_cell_has_a_key(tmp_path: Path) -> None:
     more = """
     [viewing]
     model = "CAT02"
@@ -126,7 +128,7 @@ def test_writing_back_keeps_comments_order_and_what_is_written_loads_designed(
     ]
     again = vs.load_palette(target)
     for one, other in zip(again.reflectances, made.palette.reflectances, strict=True):
-        assert one.open and one.spectrum is not None and other.spectrum is not None
+        assert one.free and one.spectrum is not None and other.spectrum is not None
         assert np.abs(one.spectrum.values - other.spectrum.values).max() < 1e-6
     # Written again it says the same, also over itself.
     vs.save_palette(again, target, source=target)
@@ -154,13 +156,13 @@ def test_files_are_found_from_where_the_palette_is_written(tmp_path: Path) -> No
     assert vs.load_palette(target).lights[0].spectrum is not None
 
 
-def test_a_palette_made_in_python_is_written_anew(tmp_path: Path) -> None:
+def test_a_palette_made_in_python_is_written_whole(tmp_path: Path) -> None:
     lamps = (vs.light("LED-B1"), vs.light("FL11"))
     rows = (
-        PaletteSpectrum("a", open=True, lower=None, upper=1.0),
+        surface("a", lower=None),
         PaletteSpectrum("b", vs.reflectance("copper")),
     )
-    columns = (PaletteSpectrum("L", open=True, mixture=lamps),)
+    columns = (PaletteSpectrum("L", free=True, mixture=lamps),)
     cells = {
         ("a", "L"): Cell(colour=(0.3, 0.25, 0.1), weight=3),
         ("b", "L"): Cell("free", group="g", low=(0.2, 0.2, 0.2)),
@@ -171,17 +173,19 @@ def test_a_palette_made_in_python_is_written_anew(tmp_path: Path) -> None:
     again = vs.load_palette(tmp_path / "new.toml")
     assert again.cells == palette.cells and again.viewing == palette.viewing
     assert again.criteria == palette.criteria and again.level == "absolute"
-    assert again.reflectances[0].lower is None and not again.reflectances[1].open
+    assert again.reflectances[0].lower is None and not again.reflectances[1].free
     assert [lamp.name for lamp in again.lights[0].mixture] == ["LED-B1", "FL11"]
 
 
 def test_a_lamp_that_no_name_finds_cannot_be_written(tmp_path: Path) -> None:
     lamp = vs.Spectrum([380, 780], [0, 1], "D65")
-    mixed = PaletteSpectrum("L", open=True, mixture=(lamp,))
+    mixed = PaletteSpectrum("L", free=True, mixture=(lamp,))
     rows = (PaletteSpectrum("a", vs.reflectance("copper")),)
     palette = Palette(rows, (mixed,), {("a", "L"): Cell("black")})
-    with pytest.raises(PaletteError, match="the lamp 'D65' of a mixture is no light of that name"):
+    with raises(PaletteError, "unknown", "PaletteSpectrum.mixture"):
         vs.save_palette(palette, tmp_path / "p.toml")
+    with raises(PaletteError, "unsupported", "path"):
+        vs.save_palette(palette, tmp_path / "p.json")
 
 
 def test_an_exposure_is_fitted_so_that_reflectances_stay_below_one(tmp_path: Path) -> None:
@@ -193,7 +197,7 @@ def test_an_exposure_is_fitted_so_that_reflectances_stay_below_one(tmp_path: Pat
     assert exposure > 1.2, "a full red under D65 needs more than all its light"
     made = vs.design(vs.load_palette(source))
     assert made.state.S[0].max() <= 1.0
-    red = made.state.linear(made.state.eyes())[0, 0]
+    red = made.state.RGB()[0, 0]
     assert red == pytest.approx([1, 0, 0], abs=0.02)
     vs.save_palette(made, source, source=source)
     assert vs.load_palette(source).viewing.exposure == pytest.approx(exposure, rel=1e-5)
@@ -256,8 +260,7 @@ def test_addresses_that_lead_nowhere_are_refused(
     written(tmp_path, 'light = [{ name = "a", spectrum = "loop.toml#a" }]', "loop.toml")
     with pytest.raises(SpectrumError) as caught:
         vs.light(address, folder=tmp_path)
-    said = str(caught.value)
-    assert message in said and said.count("\n") == 0
+    assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -276,7 +279,7 @@ def test_addresses_that_lead_nowhere_are_refused(
         ('"#ca0020"', '"#ca00"', "cell 1: colour '#ca00': expected #rrggbb"),
         ('"#ca0020"', '"crimsom"', "did you mean 'crimson'"),
         ('"#ca0020"', "[202, 0, 32]", "has a code of 202, which no display shows; divide by 255"),
-        ('"#ca0020"', "[0.1, 0.2]", "is not three numbers"),
+        ('"#ca0020"', "[0.1, 0.2]", "cell 1 colour is [0.1, 0.2]; give [r, g, b]"),
         ("weight = 4", "weight = 0", "weight is 0"),
         ("weight = 4", "weight = 4\nmust = true", "must and weight"),
         ("weight = 4", "black = true", "asks for free and black; give one of colour"),
@@ -291,7 +294,7 @@ def test_addresses_that_lead_nowhere_are_refused(
         ('light = "split 1"', 'light = ["day", "split 1"]', "(red, day) is asked for twice"),
         ('spectrum = "D65"', 'spectrum = "D65"\nupper = 3', "stands as it is, but has upper"),
         ('name = "day"', 'name = "day"\nvalues = [1.0]', "has spectrum and values; give one"),
-        ("[420, 680]", "[680, 420]", "band_nm (680.0, 420.0) is empty"),
+        ("[420, 680]", "[680, 420]", "band_nm is (680.0, 420.0); the band is empty"),
         ("title", "[viewing]\nmodel = 'CAT2'\n[extra]\ntitle", "extra: unknown key"),
         (
             "[criteria]",
@@ -301,14 +304,18 @@ def test_addresses_that_lead_nowhere_are_refused(
         ("[criteria]", "[criteria]\nsubspace = 1.0", "but the basis is missing"),
         ("[criteria]", "[criteria]\ngrid_nm = [400, 700]", "criteria.grid_nm"),
         ("[[cell]]", "[[kell]]", "kell: unknown key; did you mean 'cell'"),
+        ("rounds = 2", "grid_nm = [400, 700, 0.01]", "grid_nm has 30001 bands; a design takes up"),
+        ('name = "red"', 'name = " "', "reflectance.1.name: is blank; give a name"),
+        ('name = "red"', "", 'reflectance.1: name is missing; add name = "day"'),
+        ("upper = 4", "upper = 0", "lower: 0 is not below upper 0; leave a range between them"),
     ],
 )
-def test_a_mistake_is_told_in_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_a_mistake_is_refused_in_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
     path = written(tmp_path, changed(old, new))
-    with pytest.raises(PaletteError) as caught:
+    with raises(PaletteError) as caught:
         vs.load_palette(path)
-    said = str(caught.value)
-    assert said.startswith(f"{path}: ") and message in said and "\n" not in said
+    text = str(caught.value)
+    assert text.startswith(f"{path}: ") and message in text
 
 
 def test_one_free_colour_has_one_pair_of_bounds(tmp_path: Path) -> None:
@@ -321,9 +328,7 @@ def test_a_source_with_other_spectra_is_refused(tmp_path: Path) -> None:
     source = written(tmp_path)
     palette = vs.load_palette(source)
     other = replace(palette, lights=(*palette.lights, PaletteSpectrum("dusk", vs.light("A"))))
-    with pytest.raises(
-        PaletteError, match="its lights are day, split 1, the palette's day, split 1, dusk"
-    ):
+    with raises(PaletteError, "conflict", "source"):
         vs.save_palette(other, tmp_path / "out.toml", source=source)
     assert not (tmp_path / "out.toml").exists()
 
@@ -339,9 +344,9 @@ def test_palettes_that_ship_reach_the_figures_of_the_paper(name: str) -> None:
 
 
 def test_colours_are_read_as_css_writes_them() -> None:
-    assert parsed_colour("#fff") == parsed_colour("White") == (1.0, 1.0, 1.0)
-    assert hexadecimal(parsed_colour("#0571b0")) == "#0571b0"
-    assert parsed_colour([0, 0.5, 1]) == (0.0, 0.5, 1.0)
+    assert parse_colour("#fff") == parse_colour("White") == (1.0, 1.0, 1.0)
+    assert hexadecimal(parse_colour("#0571b0")) == "#0571b0"
+    assert parse_colour([0, 0.5, 1]) == (0.0, 0.5, 1.0)
 
 
 def test_a_light_whose_name_looks_like_a_mix_is_found(tmp_path: Path) -> None:
@@ -378,22 +383,7 @@ def test_a_byte_order_mark_is_read_and_line_ends_are_kept(tmp_path: Path) -> Non
     assert said.count(b"\r\n") == said.count(b"\n") > 40 and b"\r\r" not in said
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("rounds = 2", "grid_nm = [400, 700, 0.01]", "grid_nm has 30001 bands; a design takes up"),
-        ('name = "red"', 'name = " "', "reflectance.1.name: is blank; give a name"),
-        ('name = "red"', "", 'reflectance.1: name is missing; add name = "day"'),
-        ("upper = 4", "upper = 0", "lower 0 is not below upper 0; leave a range between them"),
-    ],
-)
-def test_what_is_wrong_is_told_with_a_remedy(tmp_path: Path, old: str, new: str, said: str) -> None:
-    with pytest.raises(PaletteError, match=r"small\.toml: ") as refused:
-        vs.load_palette(written(tmp_path, SMALL.replace(old, new)))
-    assert said in str(refused.value) and "\n" not in str(refused.value)
-
-
-def test_an_empty_palette_and_a_missing_one_are_told(tmp_path: Path) -> None:
+def test_an_empty_palette_and_a_missing_one_are_refused(tmp_path: Path) -> None:
     with pytest.raises(PaletteError, match=r"there is no \[\[light\]\]; add one"):
         vs.load_palette(written(tmp_path, ""))
     with pytest.raises(SpectrumError) as refused:

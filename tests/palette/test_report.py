@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,31 +10,28 @@ import numpy as np
 import pytest
 
 import volspec as vs
-from volspec.palette import Cell, Criteria, DesignReport, Palette, PaletteSpectrum, design
+from tests.support.palettes import free_light, lamp, must, surface
+from volspec.palette import Cell, Criteria, Design, DesignReport, Palette, PaletteSpectrum, design
 from volspec.spectra import XYZ_from_spectra
 
 ROOT = Path(__file__).resolve().parents[2]
 GREY = (0.6, 0.6, 0.6)
 
 
-def surface(name: str, **more: object) -> PaletteSpectrum:
-    return PaletteSpectrum(name, open=True, upper=1.0, **more)
-
-
-def lamp(name: str) -> PaletteSpectrum:
-    return PaletteSpectrum(name, vs.light(name))
+def advised(made: Design) -> DesignReport:
+    return DesignReport.of(made, vs.suggestions(made))
 
 
 @pytest.fixture(scope="module")
 def sodium() -> DesignReport:
     palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
-    return DesignReport.of(design(palette), advice=True)
+    return advised(design(palette))
 
 
 def test_a_cell_shows_the_colour_that_its_spectra_make() -> None:
     palette = Palette(
         *((PaletteSpectrum("copper", vs.reflectance("copper")), surface("s")), (lamp("A"),)),
-        {("s", "A"): Cell(colour=GREY, weight=math.inf)},
+        {("s", "A"): must(*GREY)},
         vs.Viewing("CAT02"),
     )
     report = DesignReport.of(design(palette))
@@ -48,7 +44,7 @@ def test_a_cell_shows_the_colour_that_its_spectra_make() -> None:
     assert grey.to_dict()["hex"] == "#999999" and grey.to_dict()["weight"] == "must"
 
 
-def test_colours_outside_the_display_are_told() -> None:
+def test_colours_outside_the_display_are_marked() -> None:
     """Skin under a sodium lamp, taken as it is, is more orange than sRGB."""
     rows = (PaletteSpectrum("skin", vs.reflectance("ColorChecker/dark skin")), surface("s"))
     cells = {("s", "D65"): Cell(colour=GREY)}
@@ -90,14 +86,14 @@ def test_bounds_that_bind_are_counted_and_the_cost_adds_up(sodium: DesignReport)
 
 
 def test_a_mixture_is_counted_by_its_lamps() -> None:
-    mixed = PaletteSpectrum("L", open=True, mixture=(vs.light("LED-B1"), vs.light("FL11")))
+    mixed = free_light(mixture=(vs.light("LED-B1"), vs.light("FL11")))
     cells = {("s", "L"): Cell(colour=GREY)}
     report = DesignReport.of(design(Palette((surface("s"),), (mixed,), cells)))
     assert {(s.kind, s.bands) for s in report.spectra} == {("reflectance", 31), ("light", 2)}
 
 
 def test_advice_comes_true(sodium: DesignReport) -> None:
-    weights = [said for said in sodium.suggestions if said.startswith("(paint, sodium): weight 4")]
+    weights = [each for each in sodium.suggestions if each.startswith("(paint, sodium): weight 4")]
     assert len(weights) == 1 and "left free" in " ".join(sodium.suggestions)
     palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
     assert f"brings ΔE {sodium.cell(('paint', 'sodium')).error:.1f} to" in weights[0]
@@ -109,8 +105,8 @@ def test_advice_comes_true(sodium: DesignReport) -> None:
 
 
 def test_advice_begins_at_the_design_that_is_shown() -> None:
-    """Where more rounds help, too, the other sentences still go by the rounds that were asked."""
-    lights = (lamp("D65"), PaletteSpectrum("L", open=True))
+    """If more iterations help too, the other sentences still go by the palette's own."""
+    lights = (lamp("D65"), free_light())
     rows = tuple(surface(name) for name in "ab")
     cells = {
         **{(name, "D65"): Cell(colour=GREY) for name in "ab"},
@@ -118,43 +114,43 @@ def test_advice_begins_at_the_design_that_is_shown() -> None:
         ("b", "L"): Cell(colour=(0.1, 0.1, 0.9)),
     }
     palette = Palette(rows, lights, cells, criteria=Criteria(rounds=1))
-    report = DesignReport.of(design(palette), advice=True)
+    report = advised(design(palette))
     rounds, *others = report.suggestions
     assert rounds.startswith("rounds 5 instead of 1 bring") and others
-    for said in others:
-        if "brings ΔE" in said:
-            reflectance, light = said[1 : said.index(")")].split(", ")
-            assert f"brings ΔE {report.cell((reflectance, light)).error:.1f} to" in said
+    for each in others:
+        if "brings ΔE" in each:
+            reflectance, light = each[1 : each.index(")")].split(", ")
+            assert f"brings ΔE {report.cell((reflectance, light)).error:.1f} to" in each
 
 
 def test_a_light_without_bounds_that_came_out_negative_has_a_report() -> None:
-    lights = (lamp("D65"), PaletteSpectrum("L", open=True, lower=None))
+    lights = (lamp("D65"), free_light(lower=None))
     cells = {("s", "D65"): Cell(colour=GREY), ("t", "D65"): Cell(colour=GREY)}
     cells |= {("s", "L"): Cell(colour=(0.9, 0, 0)), ("t", "L"): Cell(colour=(0, 0, 0.9))}
     palette = Palette((surface("s"), surface("t")), lights, cells, criteria=Criteria(rounds=1))
     made = design(palette)
     assert made.state.E[1].min() < 0
-    assert DesignReport.of(made, advice=True).max > 1
+    assert advised(made).max > 1
 
 
-def test_a_colour_beyond_every_reflectance_is_told_with_the_nearest() -> None:
-    """Blue under sodium: no reflectance gives it, whatever else is asked."""
+def test_a_colour_beyond_every_reflectance_is_reported_with_the_nearest() -> None:
+    """Blue under sodium: no reflectance has it."""
     cells = {("s", "HP1"): Cell(colour=(0.1, 0.2, 0.9)), ("s", "D65"): Cell(colour=GREY)}
     palette = Palette((surface("s"),), (lamp("HP1"), lamp("D65")), cells)
-    said = DesignReport.of(design(palette), advice=True).suggestions
-    assert any("(s, HP1): #1a33e6 is beyond what its bounds allow" in each for each in said)
+    found = advised(design(palette)).suggestions
+    assert any("(s, HP1): #1a33e6 is beyond what its bounds allow" in each for each in found)
 
 
 def test_a_brighter_light_is_advised_where_upper_bounds_bind() -> None:
     cells = {("s", "A"): Cell(colour=(0.9, 0.9, 0.95))}
     palette = Palette((surface("s"),), (lamp("A"),), cells, criteria=Criteria(rounds=3))
-    said = DesignReport.of(design(palette), advice=True).suggestions
-    assert any(each.startswith("exposure 1.5 instead of 1 brings") for each in said)
+    found = advised(design(palette)).suggestions
+    assert any(each.startswith("exposure 1.5 instead of 1 brings") for each in found)
 
 
 def test_a_design_without_faults_has_no_advice() -> None:
     cells = {("s", "D65"): Cell(colour=GREY)}
-    report = DesignReport.of(design(Palette((surface("s"),), (lamp("D65"),), cells)), advice=True)
+    report = advised(design(Palette((surface("s"),), (lamp("D65"),), cells)))
     assert report.suggestions == () and report.max < 0.1
 
 
@@ -166,3 +162,9 @@ def test_it_reads_as_text_and_as_json(sodium: DesignReport) -> None:
     data = json.loads(json.dumps(sodium.to_dict()))
     assert len(data["cells"]) == 4 and data["cells"][0].keys() >= {"X", "Y", "Z", "wanted_hex"}
     assert data["mean"] == pytest.approx(np.mean(sodium.errors))
+
+
+def test_advice_is_a_deprecated_keyword() -> None:
+    made = design(Palette((surface("s"),), (lamp("D65"),), {("s", "D65"): Cell(colour=GREY)}))
+    with pytest.warns(DeprecationWarning, match="suggestions="):
+        assert DesignReport.of(made, advice=True) == advised(made)

@@ -42,11 +42,11 @@ def design(
     figure
         A .png, .svg or .pdf to draw.
     """
-    from volspec.palette import DesignReport, load_palette, save_palette
+    from volspec.palette import DesignReport, load_palette, save_palette, suggestions
     from volspec.palette import design as solved
     from volspec.palette.figure import SUFFIXES, save_palette_figure
     from volspec.palette.file import palette_table
-    from volspec.palette.text import parts
+    from volspec.palette.text import render
 
     if output is not None:
         if output.suffix.lower() != ".toml":
@@ -67,7 +67,7 @@ def design(
         if output is not None:
             save_palette(made, output, source=palette)
         tell("report", 0)
-        report = DesignReport.of(made, advice=True)
+        report = DesignReport.of(made, suggestions(made))
         tell("report", 1)
         if figure is not None:
             tell("draw the figure", 0)
@@ -77,7 +77,7 @@ def design(
         print_json(report.to_dict())
         return
     console = Terminal(highlight=False)
-    console.print(parts(report, colours=console.color_system in ("256", "truecolor")))
+    console.print(render(report, colours=console.color_system in ("256", "truecolor")))
     for path in (output, figure):
         if path is not None:
             say(path)

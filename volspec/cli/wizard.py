@@ -14,7 +14,7 @@ from volspec.cli.shell import Json, Terminal, app, as_written, note, print_json,
 
 if TYPE_CHECKING:
     from volspec.scene import Scene
-    from volspec.wizard import Reached, Redesigned
+    from volspec.wizard import LightEvaluation, Redesigned
 
 wizard = App(
     name="wizard", help="Hide, reveal, merge or keep materials: a new scene with its palette."
@@ -82,7 +82,9 @@ def hide(
         lamps=tuple(lamp or ()),
     )
     _finish(made, output, json)
-    lost = max(max(row.changed.values(), default=0.0) for row in made.reached if row.light != under)
+    lost = max(
+        max(row.changed.values(), default=0.0) for row in made.evaluations if row.light != under
+    )
     if black and like is None and lost > _AT_A_GLANCE:
         note(
             f"{material!r} changes by ΔE {lost:.1f} under other lights, as {under!r} has no gap in "
@@ -119,7 +121,7 @@ def reveal(
         CIEDE2000 from every other material that is enough.
     """
     from volspec.wizard import reveal
-    from volspec.wizard.reached import reached
+    from volspec.wizard.result import evaluate_lights
 
     loaded = _loaded(scene, output)
     made = reveal(
@@ -130,7 +132,8 @@ def reveal(
         lamps=tuple(lamp or ()),
     )
     _finish(made, output, json)
-    before = next((row for row in reached(loaded, loaded, (material,)) if row.light == under), None)
+    rows = evaluate_lights(loaded, loaded, (material,))
+    before = next((row for row in rows if row.light == under), None)
     if before is not None and (least := min(before.apart.values())) >= distance:
         note(
             f"{material!r} was ΔE {least:.1f} or more from every other under {under!r} before, "
@@ -168,10 +171,10 @@ def merge(
     average
         The one colour is the mean of theirs; else the solver picks it.
     """
-    from volspec.palette.colours import parsed_colour
+    from volspec.palette.model import parse_colour
     from volspec.wizard import merge
 
-    colours = [parsed_colour(text) for text in colour or ()]
+    colours = [parse_colour(text) for text in colour or ()]
     made = merge(
         *(_loaded(scene, output), materials),
         under=under,
@@ -204,11 +207,11 @@ def keep(scene: Path, material: str, /, *, output: Output, json: Json = False) -
 def _loaded(path: Path, output: Path) -> Scene:
     """The scene; an output that would destroy something is refused before the work is done."""
     from volspec.scene import Scene
-    from volspec.wizard import require_place
+    from volspec.wizard import require_output
 
     require_scene(path)
     scene = Scene.load(path)
-    require_place(scene, output)
+    require_output(scene, output)
     return scene
 
 
@@ -217,11 +220,11 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
     paths = made.save(output)
     if json:
         files = dict(zip(("scene", "palette"), map(str, paths), strict=True))
-        print_json(files | {"lights": [_row(row) for row in made.reached]})
+        print_json(files | {"lights": [_row(row) for row in made.evaluations]})
         return
     out = Terminal()
     out.print(_table(made))
-    for row in made.reached:
+    for row in made.evaluations:
         if row.like and row.changed:
             worst = max(row.changed, key=lambda name: row.changed[name])
             out.print(
@@ -234,7 +237,7 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
     say(f"{paths[0]}, {paths[1]}")
 
 
-def _row(row: Reached) -> dict[str, object]:
+def _row(row: LightEvaluation) -> dict[str, object]:
     apart = [{"materials": list(pair), "delta_e": value} for pair, value in row.apart.items()]
     return {"light": row.light, "like": row.like, "apart": apart, "changed": row.changed}
 
@@ -244,12 +247,12 @@ def _table(made: Redesigned) -> Table:
     title = f"ΔE00 in the frames; below {_UNSEEN:g} nobody sees it"
     table = Table(title=title, title_justify="left", box=None, header_style="dim")
     table.add_column("light", no_wrap=True)
-    pairs: Sequence[tuple[str, str]] = list(made.reached[0].apart)
+    pairs: Sequence[tuple[str, str]] = list(made.evaluations[0].apart)
     for one, two in pairs:
         table.add_column(f"{one} – {two}", justify="right")
     for name in made.materials:
         table.add_column(f"{name} before – after", justify="right")
-    for row in made.reached:
+    for row in made.evaluations:
         apart = [f"{row.apart[pair]:.2f}" for pair in pairs]
         changed = ["" if row.like else f"{row.changed[n]:.2f}" for n in made.materials]
         table.add_row(row.light, *apart, *changed)

@@ -1,14 +1,12 @@
-"""Palettes: lights and reflectances designed so that wanted colours meet."""
+"""Palettes: lights and reflectances designed for the colours of their products."""
 
-from volspec.palette.cells import CellReport
-from volspec.palette.exposure import fitted_exposure
+from volspec.palette.advice import suggestions
 from volspec.palette.file import load_palette
-from volspec.palette.members import PaletteSpectrum
-from volspec.palette.metamers import MetamerReport
 from volspec.palette.model import Cell, Criteria, Palette
-from volspec.palette.report import DesignReport, SpectrumReport
-from volspec.palette.solve import Design, design
+from volspec.palette.optimisation import Design, design, fitted_exposure
+from volspec.palette.report import CellReport, DesignReport, MetamerReport, SpectrumReport
 from volspec.palette.storage import save_palette
+from volspec.palette.variables import PaletteSpectrum
 
 __all__ = [
     "Cell",
@@ -24,4 +22,5 @@ __all__ = [
     "fitted_exposure",
     "load_palette",
     "save_palette",
+    "suggestions",
 ]

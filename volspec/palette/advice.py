@@ -1,6 +1,6 @@
-"""What would help a design: tried, and said with the figures that came out.
+"""Suggest changes to a palette: each is tried, and stated with its resulting figures.
 
-design -> [advice] -> report
+design, report -> [advice]
 """
 
 from __future__ import annotations
@@ -12,121 +12,80 @@ from dataclasses import replace
 import numpy as np
 
 from volspec.errors import InputError
-from volspec.palette.cells import CellReport
-from volspec.palette.colours import hexadecimal
-from volspec.palette.members import PaletteSpectrum
-from volspec.palette.model import Cell, Palette, Place
-from volspec.palette.report import DesignReport
-from volspec.palette.solve import Design, design
+from volspec.palette.model import Cell, Palette, Place, hexadecimal
+from volspec.palette.optimisation import Design, design
+from volspec.palette.report import CellReport, DesignReport
+from volspec.palette.variables import PaletteSpectrum
 
 VISIBLE = 1.0
-"""A CIEDE2000 that side by side is just seen."""
-_MOST = 3
-_ROUNDS = 4
-_WEIGHT, _EXPOSURE = 4.0, 1.5
-# What is not better by this share, and by this ΔE, is not worth a sentence.
-_SHARE, _LEAST = 0.1, 0.05
+"""CIEDE2000 that is just visible side by side."""
+_MOST_CELLS = 3
+_MORE_ITERATIONS = 4
+_WEIGHT_FACTOR, _EXPOSURE_FACTOR = 4.0, 1.5
+# An improvement by less than this fraction, or by less than this ΔE, is not suggested.
+_LEAST_FRACTION, _LEAST_dE = 0.1, 0.05
 
 
-def suggestions(made: Design) -> tuple[str, ...]:
-    """Sentences: the worst cells weighted, freed or out of reach, and a brighter light.
+def suggestions(design: Design) -> tuple[str, ...]:
+    """Return sentences: more iterations, worst cells weighted, freed or out of reach, more light.
 
-    Each is the only change of the palette as it was given, designed anew: its figures are what
-    the user gets who makes it. What does not help is not said.
+    Each change is tried by itself on the given palette, so its figures are those that the user
+    gets. Changes that do not help are left out. Takes some ten times as long as the design.
+
+    Parameters
+    ----------
+    design : Design
+
+    Returns
+    -------
+    tuple of str
+        Empty if every cell is met within a visible difference.
+
+    Examples
+    --------
+    >>> import volspec as vs
+    >>> vs.suggestions(vs.design(vs.load_palette("data/palettes/figure-2.toml")))
+    ()
     """
-    palette, now, said = made.state.palette, DesignReport.of(made), []
+    palette, now = design.state.palette, DesignReport.of(design)
     if now.max <= VISIBLE:
         return ()
-    rounds = palette.criteria.rounds
-    longer = replace(palette.criteria, rounds=rounds + _ROUNDS)
-    further = _report(replace(palette, criteria=longer))
-    if further and _helps(now.mean, further.mean):
-        said.append(
-            f"rounds {longer.rounds} instead of {rounds} bring the mean ΔE from {now.mean:.2f} "
-            f"to {further.mean:.2f}"
-        )
+    found = list(_with_iterations(palette, now))
     ranked = sorted((c for c in now.cells if c.error is not None), key=lambda c: -(c.error or 0.0))
-    worst = [cell for cell in ranked if (cell.error or 0.0) > VISIBLE][:_MOST]
-    said += [sentence for cell in worst for sentence in _of_cell(made, now, cell)]
-    return (*said, *_of_exposure(palette, now))
+    worst = [cell for cell in ranked if (cell.error or 0.0) > VISIBLE][:_MOST_CELLS]
+    found += [sentence for cell in worst for sentence in _for_cell(design, now, cell)]
+    return (*found, *_with_exposure(palette, now))
 
 
 def _report(palette: Palette) -> DesignReport | None:
     try:
         return DesignReport.of(design(palette))
-    except InputError:  # what is tried may be impossible, or begin with a light that is none
+    except InputError:  # a trial may be impossible, or start from a light without luminance
         return None
 
 
-def _of_cell(made: Design, now: DesignReport, cell: CellReport) -> Iterator[str]:
-    palette = made.state.palette
-    where, error = f"({cell.reflectance}, {cell.light})", cell.error or 0.0
-    if nearest := _out_of_reach(made.palette, cell):
-        wish = "" if cell.wanted is None else f" {hexadecimal(cell.wanted)}"
+def _helps(before: float, after: float | None) -> bool:
+    if after is None:
+        return False
+    return after < (1.0 - _LEAST_FRACTION) * before and before - after > _LEAST_dE
+
+
+def _with_iterations(palette: Palette, now: DesignReport) -> Iterator[str]:
+    rounds = palette.criteria.rounds
+    longer = replace(palette.criteria, rounds=rounds + _MORE_ITERATIONS)
+    after = _report(replace(palette, criteria=longer))
+    if after and _helps(now.mean, after.mean):
         yield (
-            f"{where}:{wish} is beyond what its bounds allow at exposure {now.exposure:g}, even "
-            f"by itself; the nearest is {hexadecimal(nearest.obtained)}, ΔE {nearest.error:.1f}"
+            f"rounds {longer.rounds} instead of {rounds} bring the mean ΔE from {now.mean:.2f} "
+            f"to {after.mean:.2f}"
         )
-    own = palette.cells.get(cell.place)
-    if own is None:  # a constant row wants it
-        return
-    if not nearest and math.isfinite(own.weight):
-        more = replace(own, weight=_WEIGHT * own.weight)
-        after = _report(replace(palette, cells={**palette.cells, cell.place: more}))
-        if after and _helps(error, after.cell(cell.place).error):
-            rest, then = _rest(now, cell.place), _rest(after, cell.place)
-            yield (
-                f"{where}: weight {more.weight:g} instead of {own.weight:g} brings ΔE {error:.1f} "
-                f"to {after.cell(cell.place).error:.1f}; the others' mean goes from {rest:.2f} to "
-                f"{then:.2f}"
-            )
-    yield from _freed(palette, now, cell.place, where)
 
 
-def _freed(palette: Palette, now: DesignReport, place: Place, where: str) -> Iterator[str]:
-    cells: dict[Place, Cell] = {at: cell for at, cell in palette.cells.items() if at != place}
-    after = _report(replace(palette, cells=cells)) if cells else None
-    if after and _helps(before := _rest(now, place), then := _rest(after, place)):
-        yield f"{where}: left free, the others' mean ΔE falls from {before:.2f} to {then:.2f}"
-
-
-def _rest(report: DesignReport, place: Place) -> float:
-    errors = [c.error for c in report.cells if c.error is not None and c.place != place]
-    return float(np.mean(errors)) if errors else 0.0
-
-
-def _out_of_reach(palette: Palette, cell: CellReport) -> CellReport | None:
-    """What comes nearest where nothing but this colour is asked of its spectrum; None if it is met.
-
-    A reflectance is sought under the light as it is designed: the solid of object colours. Only
-    where it stands a light is sought on it.
-    """
-    own = palette.cells.get(cell.place)
-    if own is None or own.kind not in ("colour", "black"):
-        return None
-    row = palette.member("reflectance", cell.reflectance)
-    column = palette.member("light", cell.light)
-    if row.open:
-        row = replace(row, constant=False)
-        column = PaletteSpectrum(column.name, column.spectrum)
-    alone = replace(
-        palette,
-        reflectances=(row,),
-        lights=(column,),
-        cells={cell.place: replace(own, weight=1.0)},
-        criteria=replace(palette.criteria, smoothness=0.0, subspace=0.0, rounds=2 * _ROUNDS),
-    )
-    found = _report(alone)
-    if found is None or found.max <= VISIBLE:
-        return None
-    return found.cell(cell.place)
-
-
-def _of_exposure(palette: Palette, now: DesignReport) -> Iterator[str]:
+def _with_exposure(palette: Palette, now: DesignReport) -> Iterator[str]:
     bright = [s.name for s in now.spectra if s.kind == "reflectance" and s.at_upper]
     if not bright:
         return
-    exposure = float(f"{_EXPOSURE * now.exposure:.3g}")
+    exposure = float(f"{_EXPOSURE_FACTOR * now.exposure:.3g}")
     after = _report(palette.with_exposure(exposure))
     if after and _helps(now.mean, after.mean):
         yield (
@@ -135,5 +94,68 @@ def _of_exposure(palette: Palette, now: DesignReport) -> Iterator[str]:
         )
 
 
-def _helps(before: float, after: float | None) -> bool:
-    return after is not None and after < (1.0 - _SHARE) * before and before - after > _LEAST
+def _for_cell(made: Design, now: DesignReport, cell: CellReport) -> Iterator[str]:
+    palette = made.state.palette
+    where, error = f"({cell.reflectance}, {cell.light})", cell.error or 0.0
+    if nearest := _nearest_if_out_of_reach(made.palette, cell):
+        target = "" if cell.wanted is None else f" {hexadecimal(cell.wanted)}"
+        yield (
+            f"{where}:{target} is beyond what its bounds allow at exposure {now.exposure:g}, even "
+            f"by itself; the nearest is {hexadecimal(nearest.obtained)}, ΔE {nearest.error:.1f}"
+        )
+    own = palette.cells.get(cell.place)
+    if own is None:  # it belongs to a constant row
+        return
+    if not nearest and math.isfinite(own.weight):
+        more = replace(own, weight=_WEIGHT_FACTOR * own.weight)
+        after = _report(replace(palette, cells={**palette.cells, cell.place: more}))
+        if after and _helps(error, after.cell(cell.place).error):
+            rest, then = _mean_of_others(now, cell.place), _mean_of_others(after, cell.place)
+            yield (
+                f"{where}: weight {more.weight:g} instead of {own.weight:g} brings ΔE {error:.1f} "
+                f"to {after.cell(cell.place).error:.1f}; the others' mean goes from {rest:.2f} to "
+                f"{then:.2f}"
+            )
+    yield from _without_cell(palette, now, cell.place, where)
+
+
+def _without_cell(palette: Palette, now: DesignReport, place: Place, where: str) -> Iterator[str]:
+    cells: dict[Place, Cell] = {at: cell for at, cell in palette.cells.items() if at != place}
+    after = _report(replace(palette, cells=cells)) if cells else None
+    if after and _helps(
+        before := _mean_of_others(now, place), then := _mean_of_others(after, place)
+    ):
+        yield f"{where}: left free, the others' mean ΔE falls from {before:.2f} to {then:.2f}"
+
+
+def _mean_of_others(report: DesignReport, place: Place) -> float:
+    errors = [c.error for c in report.cells if c.error is not None and c.place != place]
+    return float(np.mean(errors)) if errors else 0.0
+
+
+def _nearest_if_out_of_reach(palette: Palette, cell: CellReport) -> CellReport | None:
+    """Return the nearest colour if the cell cannot be met even alone; None if it can.
+
+    A free reflectance is designed under the light as it was designed: the solid of object
+    colours. Only for a given reflectance is a light designed.
+    """
+    own = palette.cells.get(cell.place)
+    if own is None or own.kind not in ("colour", "black"):
+        return None
+    row = palette.member("reflectance", cell.reflectance)
+    column = palette.member("light", cell.light)
+    if row.free:
+        row = replace(row, constant=False)
+        column = PaletteSpectrum(column.name, column.spectrum)
+    criteria = replace(palette.criteria, smoothness=0.0, subspace=0.0, rounds=2 * _MORE_ITERATIONS)
+    alone = replace(
+        palette,
+        reflectances=(row,),
+        lights=(column,),
+        cells={cell.place: replace(own, weight=1.0)},
+        criteria=criteria,
+    )
+    found = _report(alone)
+    if found is None or found.max <= VISIBLE:
+        return None
+    return found.cell(cell.place)

@@ -1,10 +1,10 @@
-"""A palette in one picture: lights across, reflectances down, and the colours where they meet.
+"""Draw a palette in one picture: lights across, reflectances down, and the colours of both.
 
 design, report -> [figure] -> PNG, PDF, SVG
 
 After figures 1 and 2 of [1]: in each cell the surround is the colour obtained and the framed square
-the one wanted; the spectra stand at the margins. matplotlib is imported late and draws on a canvas
-of its own.
+the one wanted; the spectra are at the margins. matplotlib is imported late and draws on a canvas of
+its own.
 
 References
 ----------
@@ -24,9 +24,8 @@ from volspec._figures import FAINT, HAIR, INK, PAPER, inch_axes, shorten, write
 from volspec._files import write_whole
 from volspec.appearance.wavelengths import spectrum_colours
 from volspec.errors import ImageError
-from volspec.palette.cells import CellReport
-from volspec.palette.report import DesignReport
-from volspec.palette.solve import Design
+from volspec.palette.optimisation import Design
+from volspec.palette.report import CellReport, DesignReport
 from volspec.spectra import SpectralGrid
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ _LEAST_WIDTH, _LONGEST = 5.6, 1.9
 _SLANT_DEG = 36.0
 # L* = 50: colours are judged on a neutral grey.
 _GREY = "#777777"
-# From this luma on black is read better than white.
+# Luma above which black is easier to read than white.
 _LIGHT = 0.55
 _VISIBLE = 1.0
 
@@ -56,9 +55,9 @@ def palette_figure(design: Design, report: DesignReport | None = None, title: st
     ----------
     design : Design
     report : DesignReport, optional
-        Its own, where it is made already.
+        The design's own, if there is one already.
     title : str
-        Stands above.
+        Headline.
 
     Returns
     -------
@@ -90,16 +89,28 @@ def save_palette_figure(
     report: DesignReport | None = None,
     title: str = "",
 ) -> None:
-    """Write `palette_figure` as the kind of file that the name says; whole or not at all.
+    """Write `palette_figure` in the format of the name's suffix; whole or not at all.
+
+    Parameters
+    ----------
+    design, report, title
+        As `palette_figure`.
+    path : path
+        A .png, .svg or .pdf.
 
     Raises
     ------
     ImageError
-        If the name is none of .png, .svg, .pdf.
+        If the name has another suffix.
     """
     kind = Path(path).suffix.lower()
     if kind not in SUFFIXES:
-        raise ImageError(f"{path}: figures are {', '.join(SUFFIXES)} files; name it .png")
+        raise ImageError(
+            f"{path}: figures are {', '.join(SUFFIXES)} files; name it .png",
+            code="unsupported",
+            field="path",
+            given=path,
+        )
     with write_whole(path) as temporary:
         figure = palette_figure(design, report, title)
         metadata = {"Date": None} if kind == ".svg" else {}  # the same file tomorrow
@@ -107,7 +118,7 @@ def save_palette_figure(
 
 
 class _Layout:
-    """Where things stand, in inches from the lower left."""
+    """Positions and sizes, in inches from the lower left."""
 
     def __init__(self, rows: tuple[str, ...], columns: tuple[str, ...], titled: bool) -> None:
         self.rows, self.columns = len(rows), len(columns)
@@ -120,7 +131,7 @@ class _Layout:
         self.bottom = _KEY + 0.38
         pitch = self.side + _GAP
         self.width = max(self.left + self.columns * pitch + _GAP + _MARGIN, _LEAST_WIDTH)
-        # Names of lights that are wider than their column rise aslant.
+        # Names of lights that are wider than their column are slanted.
         wide = self._wide(columns)
         self.aslant = wide > self.side
         above = 0.62 * wide + 0.1 if self.aslant else 0.18
@@ -130,11 +141,11 @@ class _Layout:
         self.height = self.bottom + self.rows * pitch + _GAP + top
 
     def _wide(self, names: tuple[str, ...]) -> float:
-        """Inches that names need at most, but no more than one may take."""
+        """Return the inches that the longest name needs, up to a limit."""
         return min(max(map(len, names)) * 0.6 * self.font / 72.0 + 0.06, _LONGEST)
 
     def cell(self, row: int, column: int) -> tuple[float, float]:
-        """Lower left of a cell."""
+        """Return the lower left of a cell."""
         pitch = self.side + _GAP
         return self.left + _GAP + column * pitch, self.bottom + _GAP + (self.rows - 1 - row) * pitch
 
@@ -174,7 +185,7 @@ def _draw_reflectances(figure: Figure, layout: _Layout, design: Design) -> None:
 
 
 def _draw_spectrum(axes: Axes, grid: SpectralGrid, values: Array, top: float) -> None:
-    """A curve, and below it the colours of the wavelengths."""
+    """Draw a curve, and below it the colours of the wavelengths."""
     from matplotlib.patches import Polygon
 
     w = grid.wavelengths_nm
@@ -186,15 +197,12 @@ def _draw_spectrum(axes: Axes, grid: SpectralGrid, values: Array, top: float) ->
     axes.patch.set_alpha(0.0)
     nm = np.linspace(w[0], w[-1], 400)
     extent = (float(w[0]), float(w[-1]), low, top)
-    strip = axes.imshow(_pale(spectrum_colours(nm))[None], extent=extent, aspect="auto", zorder=1)
+    # Half way to the paper: these colours are of wavelengths, not of the palette.
+    pale = 0.45 + 0.55 * spectrum_colours(nm)
+    strip = axes.imshow(pale[None], extent=extent, aspect="auto", zorder=1)
     outline = np.column_stack([[w[0], *w, w[-1]], [0.0, *values, 0.0]])
     strip.set_clip_path(Polygon(outline, closed=True, transform=axes.transData))
     axes.plot(w, values, color=INK, linewidth=0.9, zorder=3, solid_joinstyle="round")
-
-
-def _pale(sRGB: Array) -> Array:
-    """Half way to the paper: the colours tell wavelengths, they are none of the palette's."""
-    return 0.45 + 0.55 * sRGB
 
 
 def _draw_ticks(axes: Axes, grid: SpectralGrid, font: float) -> None:
@@ -218,9 +226,9 @@ def _draw_cells(figure: Figure, layout: _Layout, report: DesignReport) -> None:
 
 
 def _draw_cell(axes: Axes, x: float, y: float, layout: _Layout, cell: CellReport) -> None:
-    side, seen = layout.side, np.clip(cell.obtained, 0.0, 1.0)
-    _square(axes, x, y, side, side, facecolor=seen)
-    on = _contrast(seen)
+    side, codes = layout.side, np.clip(cell.obtained, 0.0, 1.0)
+    _square(axes, x, y, side, side, facecolor=codes)
+    on = "black" if float(codes @ (0.299, 0.587, 0.114)) > _LIGHT else "white"
     size = 0.44 * side
     at = x + (side - size) / 2, y + (side - size) / 2
     middle = x + side / 2, y + side / 2
@@ -250,12 +258,6 @@ def _square(axes: Axes, x: float, y: float, wide: float, tall: float, **style: A
     axes.add_patch(Rectangle((x, y), wide, tall, **{"linewidth": 0.0, **style}))
 
 
-def _contrast(codes: Array) -> str:
-    """Black or white, whichever is read better on a colour."""
-    luma = float(codes @ (0.299, 0.587, 0.114))
-    return "black" if luma > _LIGHT else "white"
-
-
 def _draw_key(figure: Figure, layout: _Layout, report: DesignReport) -> None:
     kinds = {cell.kind for cell in report.cells}
     words = ["surround: obtained", "square: wanted"]
@@ -271,8 +273,8 @@ def _draw_key(figure: Figure, layout: _Layout, report: DesignReport) -> None:
     axes.set(xlim=(0, layout.width - 2 * _MARGIN), ylim=(0, _KEY))
     axes.set_axis_off()
     axes.axhline(_KEY - 0.02, color=HAIR, linewidth=0.6)
-    for line, said in enumerate(("  ·  ".join(words), totals)):
-        text = write(axes, 0, _KEY - 0.16 - _LINE * line, said, fontsize=7.2, color=FAINT,
+    for line, caption in enumerate(("  ·  ".join(words), totals)):
+        text = write(axes, 0, _KEY - 0.16 - _LINE * line, caption, fontsize=7.2, color=FAINT,
                      va="center")  # fmt: skip
         fit = (layout.width - 2 * _MARGIN) * DPI / max(text.get_window_extent().width, 1.0)
         text.set_fontsize(7.2 * min(1.0, 0.96 * fit))  # small type is a little wider

@@ -20,10 +20,8 @@ from volspec._parse import parse_toml, read_text
 from volspec._tables import explained
 from volspec.basis import SpectralBasis, load_basis
 from volspec.errors import InputError, PaletteError, nearest
-from volspec.palette.colours import parsed_colour
-from volspec.palette.exposure import fitted_exposure
-from volspec.palette.members import PaletteSpectrum
-from volspec.palette.model import Cell, Palette, Place
+from volspec.palette.model import Cell, Palette, Place, parse_colour
+from volspec.palette.optimisation import fitted_exposure
 from volspec.palette.tables import (
     EVERY,
     CellTable,
@@ -33,12 +31,15 @@ from volspec.palette.tables import (
     ReflectanceTable,
     SpectrumTable,
 )
+from volspec.palette.variables import PaletteSpectrum
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light, reflectance
 
 # Values of an open spectrum came from a design.
 _NOTES: dict[bool, dict[str, str]] = {True: {"designed": "volspec design"}, False: {}}
 # The time of a design grows with their cube.
 _MOST_BANDS = 1000
+# Classes of which a file's tables make up the fields.
+_OWNERS = ("Cell", "Criteria", "Palette", "PaletteSpectrum", "criteria")
 FileName = str | os.PathLike[str]
 
 
@@ -110,8 +111,16 @@ def _named(path: str, where: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        said = str(error).removeprefix("palette: ").removeprefix("cell: ")
-        raise PaletteError(f"{path}: {where} {said}" if where else f"{path}: {said}") from error
+        owner, _, key = error.field.rpartition(".")
+        problem, field = error.problem, path
+        if error.field:
+            where = where.removesuffix(":")
+            field = f"{path}: {where} {key if owner in _OWNERS else error.field}"
+        else:
+            problem = f"{where} {problem}".strip()
+        raise PaletteError(
+            problem, error.remedy, code=error.code, field=field, given=error.given
+        ) from error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -229,7 +238,7 @@ class _Reader:
 def _cell(row: CellTable) -> Cell:
     wanted: dict[str, Any] = {"kind": row.wish}
     if row.colour is not None:
-        wanted["colour"] = parsed_colour(row.colour)
+        wanted["colour"] = parse_colour(row.colour)
     if row.free is not None:
         wanted["group"] = row.free
     if other := row.same or row.distinct:
@@ -238,7 +247,7 @@ def _cell(row: CellTable) -> Cell:
         wanted["weight"] = math.inf if row.must else row.weight
     for name in ("low", "high"):
         if (bound := getattr(row, name)) is not None:
-            wanted[name] = parsed_colour(bound)
+            wanted[name] = parse_colour(bound)
     if row.distance is not None:
         wanted["distance"] = row.distance
     return Cell(**wanted)

@@ -1,6 +1,6 @@
-"""A palette: lights are columns, reflectances rows, and their cells say which colours are wanted.
+"""A palette: lights are columns, reflectances rows, and cells hold the wanted colours.
 
-    spectra, appearance -> [model] -> criteria -> solve -> design -> report
+    spectra, appearance -> [model] -> linearisation -> optimisation -> report
 
 References
 ----------
@@ -10,7 +10,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -18,40 +18,44 @@ import numpy as np
 
 from volspec.appearance.spec import Viewing
 from volspec.basis import SpectralBasis
-from volspec.errors import PaletteError, nearest
-from volspec.palette.members import PaletteSpectrum
+from volspec.errors import PaletteError, SpectrumError, nearest, quoted
+from volspec.palette.variables import PaletteSpectrum
 from volspec.spectra import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.construct.colours import sRGB_from_word
 
 Place = tuple[str, str]
-"""A cell: names of its reflectance and of its light."""
+"""Names of a cell's reflectance and light."""
+Index = tuple[int, int]
+"""Row and column of a cell."""
 Triple = tuple[float, float, float]
 
 KINDS = ("colour", "free", "black", "same", "distinct")
 METRICS = ("Lab", "RGB")
 LEVELS = ("relative", "absolute")
+_CODES_REMEDY = "give three display codes of 0 to 1, as no display shows more"
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What is wanted where a light meets a reflectance. A place without a cell does not matter.
+    """Target colour of a reflectance under a light. A place without a cell has none.
 
     Parameters
     ----------
     kind : str
         ``"colour"``: this colour. ``"black"``: none at all, a metameric black. ``"free"``: the
         colour of all cells of the ``group``, which the solver picks (metamers). ``"same"``: the
-        colour of the cell ``other``. ``"distinct"``: as far from ``other`` as can be.
+        colour of the cell ``other``. ``"distinct"``: as far from ``other`` as possible.
     colour : (3,) floats, optional
-        The display's codes, 0 to 1.
+        Display codes, 0 to 1.
     group : str
         Name of a free colour.
     other : (reflectance, light), optional
     weight : float
-        Importance beside the others, above 0; infinity: it must be met exactly.
+        Importance relative to the other cells, above 0; infinity: an equality constraint.
     low, high : (3,) floats
-        Bounds of a free colour, the display's codes.
+        Bounds of a free colour, display codes.
     distance : float
-        Of a distinct cell: the ΔE in CIELAB that is enough.
+        Sufficient ΔE in CIELAB of a distinct cell.
 
     Raises
     ------
@@ -70,49 +74,108 @@ class Cell:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise PaletteError(
-                f"cell: kind is {self.kind!r}; {nearest(str(self.kind), KINDS)}"
-                f"expected {', '.join(KINDS)}"
-            )
+            remedy = f"{nearest(str(self.kind), KINDS)}expected {', '.join(KINDS)}"
+            raise PaletteError.refused("Cell.kind", self.kind, remedy, "unknown")
         needs = {"colour": "colour", "free": "group", "same": "other", "distinct": "other"}
         for name in ("colour", "group", "other"):
             needed, given = needs.get(self.kind) == name, bool(getattr(self, name))
             if needed != given:
                 raise PaletteError(
-                    f"cell: kind {self.kind!r} {'needs' if needed else 'takes no'} {name}"
+                    f"kind {self.kind!r} {'needs' if needed else 'takes no'} {name}",
+                    code="missing" if needed else "conflict",
+                    field=f"Cell.{name}",
+                    given=getattr(self, name),
                 )
         for name in ("weight", "distance"):
             value = getattr(self, name)
             if not (isinstance(value, int | float) and value > 0.0):
-                raise PaletteError(f"cell: {name} is {value!r}; expected a number above 0")
+                raise PaletteError.refused(f"Cell.{name}", value, "give a number above 0", "range")
         if not math.isfinite(self.distance):
-            raise PaletteError("cell: distance is infinite; 100 is from black to white")
+            remedy = "100 is from black to white"
+            raise PaletteError.refused("Cell.distance", self.distance, remedy, "range")
         if self.kind == "distinct" and math.isinf(self.weight):
-            raise PaletteError("cell: a distinct cell has no exact answer; give a finite weight")
+            remedy = "a distinct cell has no exact answer, give a finite weight"
+            raise PaletteError.refused("Cell.weight", self.weight, remedy, "range")
         for name in ("colour", "low", "high"):
             if (value := getattr(self, name)) is not None:
-                object.__setattr__(self, name, _codes(name, value))
+                object.__setattr__(self, name, _display_codes(f"Cell.{name}", value, _CODES_REMEDY))
         if any(low > high for low, high in zip(self.low, self.high, strict=True)):
-            raise PaletteError(f"cell: low {self.low} lies above high {self.high}; swap them")
+            remedy = f"that lies above high {self.high}, swap them"
+            raise PaletteError.refused("Cell.low", self.low, remedy, "conflict")
 
     @property
     def wanted(self) -> Triple | None:
-        """Codes of the colour that is asked for, black included; None where none is."""
+        """Display codes of the target colour, black included; None if the cell has no own."""
         return (0.0, 0.0, 0.0) if self.kind == "black" else self.colour
 
 
-def _codes(name: str, value: object) -> Triple:
+def _display_codes(field: str, given: object, remedy: str) -> Triple:
+    """Return three display codes.
+
+    Raises
+    ------
+    PaletteError
+        If they are not three numbers of 0 to 1.
+    """
     try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.full(1, np.nan)
-    if array.shape != (3,) or not ((array >= 0.0) & (array <= 1.0)).all():
+        red, green, blue = np.asarray(given, dtype=np.float64).tolist()
+        codes = float(red), float(green), float(blue)
+    except (TypeError, ValueError, OverflowError):
+        raise PaletteError.refused(field, given, remedy, "type") from None
+    if outside := [code for code in codes if not 0.0 <= code <= 1.0]:
+        hint = "divide by 255" if 1.0 < max(outside) <= 255.0 else remedy
         raise PaletteError(
-            f"cell: {name} is {value!r:.60}; expected three display codes within 0 to 1, as no "
-            "display shows more"
+            f"{quoted(given)} has a code of {outside[0]:g}, which no display shows",
+            hint,
+            code="range",
+            field=field,
+            given=given,
         )
-    red, green, blue = array.tolist()
-    return red, green, blue
+    return codes
+
+
+def parse_colour(given: str | Sequence[float]) -> Triple:
+    """Return the display codes of a colour in hexadecimal, a CSS name, or three codes.
+
+    Parameters
+    ----------
+    given : str or three floats
+        ``"#ca0020"``, ``"#fff"``, ``"steelblue"`` or ``(0.79, 0.0, 0.13)``.
+
+    Returns
+    -------
+    (3,) floats
+        0 to 1.
+
+    Raises
+    ------
+    PaletteError
+        If it is none of these, or lies outside the display.
+
+    Examples
+    --------
+    >>> parse_colour("#f00"), parse_colour("white")
+    ((1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    """
+    remedy = "give [r, g, b] with codes 0 to 1"
+    if not isinstance(given, str):
+        return _display_codes("colour", given, remedy)
+    try:
+        red, green, blue = sRGB_from_word(given, remedy.removeprefix("give "))
+    except SpectrumError as error:
+        raise PaletteError(
+            error.problem, error.remedy, code=error.code, field=error.field, given=given
+        ) from None
+    return float(red), float(green), float(blue)
+
+
+def hexadecimal(codes: Iterable[float]) -> str:
+    """Return display codes as ``#rrggbb``, clipped to the display.
+
+    >>> hexadecimal((1.0, 0.5, -0.1))
+    '#ff8000'
+    """
+    return "#" + "".join(f"{round(255 * min(max(code, 0.0), 1.0)):02x}" for code in codes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,30 +218,30 @@ class Criteria:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Palette:
-    """Lights, reflectances, and the colours wanted where they meet.
+    """Lights, reflectances, and the colours wanted for their products.
 
     Parameters
     ----------
     reflectances, lights : tuple of PaletteSpectrum
-        Rows and columns; those that are ``open`` are designed, the others stay.
+        Rows and columns; ``free`` ones are variables of the design, the others are given.
     cells : {(reflectance, light): Cell}
     viewing : Viewing
-        How colours are seen: a wanted colour is what the display shows under the viewing's model
-        and exposure, so ``"none"`` asks for the tristimulus values themselves.
+        Appearance model and exposure under which the display shows the wanted colours; with
+        ``"none"`` they are the tristimulus values themselves.
     grid : SpectralGrid
-        The bands; 31 by default.
+        Bands; 31 by default.
     criteria : Criteria
     level : {"relative", "absolute"}
-        Whether every designed light has the luminance Y = 100 (a picture's white), or whatever
-        its colours need. Given lights have Y = 100.
+        Luminance of designed lights: Y = 100, a picture's white, or as high as their colours need.
+        Given lights have Y = 100.
     basis : SpectralBasis, optional
         For `Criteria.subspace`; on the palette's grid.
 
     Raises
     ------
     PaletteError
-        If it is empty, a name is unknown or there twice, nothing is open, or a cell asks for a
-        colour of what cannot change.
+        If it is empty, a name is unknown or a duplicate, no spectrum is free, or a free colour has
+        no colours left.
     """
 
     reflectances: tuple[PaletteSpectrum, ...]
@@ -195,67 +258,109 @@ class Palette:
             members = tuple(getattr(self, name))
             object.__setattr__(self, name, members)
             if not members:
-                raise PaletteError(f"palette: there are no {name}; give at least one")
+                raise PaletteError(
+                    "there are none; give at least one", code="missing", field=f"Palette.{name}"
+                )
             names = [member.name for member in members]
             if twice := next((n for n in names if names.count(n) > 1), None):
-                raise PaletteError(f"palette: two {name} are named {twice!r}; rename one")
+                raise PaletteError(
+                    f"two are named {twice!r}; rename one",
+                    code="duplicate",
+                    field=f"Palette.{name}",
+                    given=twice,
+                )
         object.__setattr__(self, "cells", MappingProxyType(dict(self.cells)))
         if not self.cells:
-            raise PaletteError("palette: there are no cells; say at least one wanted colour")
+            raise PaletteError(
+                "there are none; give at least one wanted colour",
+                code="missing",
+                field="Palette.cells",
+            )
         if self.level not in LEVELS:
+            remedy = f"{nearest(str(self.level), LEVELS)}expected {' or '.join(LEVELS)}"
+            raise PaletteError.refused("Palette.level", self.level, remedy, "unknown")
+        if self.criteria.subspace:
+            self._check_basis()
+        self._check_cells()
+        if not any(member.free for member in (*self.reflectances, *self.lights)):
             raise PaletteError(
-                f"palette: level is {self.level!r}; {nearest(str(self.level), LEVELS)}"
-                f"expected {' or '.join(LEVELS)}"
+                "every spectrum is given; make one free to design it",
+                code="missing",
+                field="Palette.reflectances",
             )
-        if self.criteria.subspace and (self.basis is None or self.basis.grid != self.grid):
+
+    def _check_basis(self) -> None:
+        found, subspace = self.basis, self.criteria.subspace
+        if found is None or found.grid != self.grid:
             raise PaletteError(
-                f"palette: criteria.subspace is {self.criteria.subspace:g}, but the basis is "
-                f"{'missing' if self.basis is None else f'on {self.basis.grid}'}; give one on "
-                f"{self.grid}"
+                f"criteria.subspace is {subspace:g}, but the basis is "
+                f"{'missing' if found is None else f'on {found.grid}'}; give one on {self.grid}",
+                code="missing" if found is None else "conflict",
+                field="Palette.basis",
             )
-        if self.criteria.subspace and self.basis is not None and self.basis.observer_deg != 2:
+        if found.observer_deg != 2:
             raise PaletteError(
-                f"palette: the basis {self.basis.name!r} is for the "
-                f"{self.basis.observer_deg} degree observer, palettes for that of 2 degrees; fit "
-                "one for it"
+                f"{found.name!r} is for the {found.observer_deg} degree observer, palettes for "
+                "that of 2 degrees; fit one for it",
+                code="conflict",
+                field="Palette.basis",
             )
+
+    def _check_cells(self) -> None:
         for place, cell in self.cells.items():
             for reflectance, light in (place, cell.other or place):
                 self.member("reflectance", reflectance)
                 self.member("light", light)
             if cell.other == place:
-                raise PaletteError(f"palette: cell {place} is compared with itself; name another")
-        for cell in self.cells.values():
+                raise PaletteError(
+                    f"cell {place} is compared with itself; name another",
+                    code="conflict",
+                    field="Palette.cells",
+                    given=place,
+                )
             if cell.kind == "free":
                 low, high = self.free_bounds(cell.group)
                 if any(one > other for one, other in zip(low, high, strict=True)):
                     raise PaletteError(
-                        f"palette: the free colour {cell.group!r} has cells whose bounds exclude "
-                        f"each other, low {low} and high {high}; widen them"
+                        f"cells of the free colour {cell.group!r} exclude each other by their "
+                        f"bounds, low {low} and high {high}; widen them",
+                        code="conflict",
+                        field="Palette.cells",
+                        given=cell.group,
                     )
-        if not any(member.open for member in (*self.reflectances, *self.lights)):
-            raise PaletteError("palette: every spectrum is given, none is open; open one to design")
 
     @property
     def names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Of the reflectances and of the lights."""
+        """Names of the reflectances, and of the lights."""
         rows, columns = self.reflectances, self.lights
         return tuple(r.name for r in rows), tuple(c.name for c in columns)
 
     def free_bounds(self, group: str) -> tuple[Triple, Triple]:
-        """Display codes, lowest and highest, that all cells of a free colour allow."""
+        """Return the lowest and highest display codes that all cells of a free colour allow."""
         own = [cell for cell in self.cells.values() if cell.group == group]
         low = np.max([(0.0, 0.0, 0.0), *(cell.low for cell in own)], axis=0)
         high = np.min([(1.0, 1.0, 1.0), *(cell.high for cell in own)], axis=0)
-        return _codes("low", low), _codes("high", high)
+        return tuple(low.tolist()), tuple(high.tolist())
 
-    def index(self, place: Place) -> tuple[int, int]:
-        """Row and column of a place."""
+    def index(self, place: Place) -> Index:
+        """Return the row and column of a place."""
         rows, columns = self.names
         return rows.index(place[0]), columns.index(place[1])
 
+    def indexed_cells(self) -> dict[Index, Cell]:
+        """Return the cells by row and column, and those that constant reflectances imply."""
+        rows, columns = ({name: n for n, name in enumerate(names)} for names in self.names)
+        cells = {(rows[i], columns[j]): cell for (i, j), cell in self.cells.items()}
+        for i, row in enumerate(self.reflectances):
+            if row.constant:
+                own = [cells[i, j] for j in columns.values() if (i, j) in cells]
+                shown = next((cell for cell in own if cell.kind in ("colour", "free")), None)
+                shown = shown or Cell("free", group=f"of the constant {row.name}")
+                cells = {(i, j): shown for j in columns.values()} | cells
+        return cells
+
     def member(self, kind: str, name: str) -> PaletteSpectrum:
-        """A ``"light"`` or a ``"reflectance"`` by its name.
+        """Return a ``"light"`` or a ``"reflectance"`` by its name.
 
         Raises
         ------
@@ -267,11 +372,13 @@ class Palette:
         if found is None:
             names = [member.name for member in members]
             raise PaletteError(
-                f"palette: no {kind} is named {name!r}; {nearest(name, names)}"
-                f"there is {', '.join(names)}"
+                f"no {kind} is named {name!r}; {nearest(name, names)}there is {', '.join(names)}",
+                code="unknown",
+                field=f"Palette.{kind}s",
+                given=name,
             )
         return found
 
     def with_exposure(self, exposure: float) -> Palette:
-        """The same, lit by so much more: `Viewing.exposure`."""
+        """Return the palette with another `Viewing.exposure`."""
         return replace(self, viewing=replace(self.viewing, exposure=exposure))

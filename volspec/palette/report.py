@@ -1,34 +1,114 @@
-"""A design in figures: colours wanted and obtained, metamers, bounds that bind, the cost.
+"""Report of a design: colours wanted and obtained, metamers, bounds that bind, the cost.
 
-design -> [report] -> advice, figure, text, JSON
+state, design -> [report] -> advice, figure, text, JSON
+
+References
+----------
+[1] CIE 15:2018, "Colorimetry", section 9.2: special metamerism index, change in illuminant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.palette.cells import CellReport, cell_reports
-from volspec.palette.criteria import Phase
-from volspec.palette.metamers import MetamerReport, metamer_reports
-from volspec.palette.model import Place
-from volspec.palette.rows import asked
-from volspec.palette.solve import Design
+from volspec.appearance.models.cielab import delta_E_2000
+from volspec.palette.model import Cell, Palette, Place, Triple, hexadecimal
+from volspec.palette.optimisation import Design, Phase
 from volspec.palette.state import State
 
 Array = NDArray[np.float64]
 
-# A bound counts as touched from here, as a share of the spectrum's largest value.
+# Half a step of 8 bits: codes this far outside the display's are not visible.
+_CODE = 0.5 / 255.0
+# A bound counts as touched within this fraction of the spectrum's largest value.
 _TOUCH = 1e-4
+# Weight of an exact cell in the mean of a free colour.
+_EXACT_WEIGHT = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class CellReport:
+    """Wanted and obtained colour of a place.
+
+    Parameters
+    ----------
+    reflectance, light : str
+    kind : str
+        `Cell.kind`; ``""`` without a cell.
+    weight : float
+    wanted : (3,) floats, optional
+        Display codes: the target colour; a free cell's is its group's mean, that of a cell equal
+        to another the other's. None if no colour is wanted.
+    obtained : (3,) floats
+        Display codes, not clipped.
+    XYZ : (3,) floats
+        In the scene, Y = 100 for a perfect diffuser under a light of the palette.
+    delta_E_2000, delta_E_1976 : float, optional
+        Between the two before the display's white; a distinct cell's are to the other cell.
+    in_gamut : bool
+        True if the display shows the obtained colour.
+    """
+
+    reflectance: str
+    light: str
+    kind: str
+    weight: float
+    wanted: Triple | None
+    obtained: Triple
+    XYZ: Triple
+    delta_E_2000: float | None
+    delta_E_1976: float | None
+    in_gamut: bool
+
+    @property
+    def place(self) -> Place:
+        """Names of its reflectance and light."""
+        return self.reflectance, self.light
+
+    @property
+    def error(self) -> float | None:
+        """CIEDE2000 to the wanted colour; None for a distinct cell."""
+        return None if self.kind == "distinct" else self.delta_E_2000
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures for JSON."""
+        figures = asdict(self) | {"hex": hexadecimal(self.obtained)}
+        figures["wanted_hex"] = None if self.wanted is None else hexadecimal(self.wanted)
+        figures["weight"] = self.weight if np.isfinite(self.weight) else "must"
+        figures |= dict(zip("XYZ", figures.pop("XYZ"), strict=True))
+        return figures
+
+
+@dataclass(frozen=True, slots=True)
+class MetamerReport:
+    """Two reflectances that should have one colour under a light.
+
+    Parameters
+    ----------
+    light : str
+    reflectances : (str, str)
+    delta_E : float
+        CIEDE2000 between them under that light.
+    apart : {light: float}
+        CIEDE2000 under every other light: the special metamerism indices [1].
+    """
+
+    light: str
+    reflectances: tuple[str, str]
+    delta_E: float
+    apart: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
 class SpectrumReport:
-    """How an open spectrum stands to its bounds: how many of its bands (or lamps) touch them."""
+    """Numbers of a free spectrum's bands (or lamps), and of those that touch its bounds."""
 
     kind: str
     name: str
@@ -40,19 +120,19 @@ class SpectrumReport:
 
 @dataclass(frozen=True, slots=True)
 class DesignReport:
-    """A design in figures.
+    """Figures of a design.
 
     Parameters
     ----------
     cells : tuple of CellReport
-        Of every place, row by row.
+        Every place, row by row.
     metamers : tuple of MetamerReport
     spectra : tuple of SpectrumReport
     exposure : float
     cost : {criterion: float}
-        What ``colours``, ``smoothness`` and ``subspace`` add to the sum that the design minimises.
+        Parts ``colours``, ``smoothness`` and ``subspace`` of the sum that the design minimises.
     suggestions : tuple of str
-        What would help, with figures; see `volspec.palette.advice`. Empty unless asked for.
+        Changes that would help; see `volspec.suggestions`.
 
     Examples
     --------
@@ -67,36 +147,45 @@ class DesignReport:
     spectra: tuple[SpectrumReport, ...]
     exposure: float
     cost: dict[str, float]
-    suggestions: tuple[str, ...] = field(default=())
+    suggestions: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, design: Design, *, advice: bool = False) -> DesignReport:
+    def of(
+        cls, design: Design, suggestions: Sequence[str] = (), *, advice: bool | None = None
+    ) -> DesignReport:
         """Measure a design.
 
         Parameters
         ----------
         design : Design
-        advice : bool
-            Whether to look for `suggestions`, too: that solves some ten times more.
+        suggestions : sequence of str
+            `volspec.suggestions` of the design, to be part of the report.
+        advice : bool, optional
+            Deprecated: True finds the suggestions.
         """
-        from volspec.palette.advice import suggestions
+        if advice is not None:
+            message = "DesignReport.of(advice=) is now suggestions=volspec.suggestions(design)"
+            warnings.warn(message, DeprecationWarning, stacklevel=2)
+        if advice:
+            from volspec.palette.advice import suggestions as suggest  # goes with ``advice``
 
+            suggestions = suggest(design)
         state = design.state
         rows, columns = state.palette.names
-        wishes = {(rows[i], columns[j]): cell for (i, j), cell in asked(state.palette).items()}
-        cells, Lab = cell_reports(state, wishes)
+        targets = {(rows[i], columns[j]): c for (i, j), c in state.palette.indexed_cells().items()}
+        cells, Lab = report_cells(state, targets)
         return cls(
             cells,
-            tuple(metamer_reports(state.palette, wishes, Lab)),
+            tuple(_metamers(state.palette, targets, Lab)),
             tuple(_spectra(state)),
             state.palette.viewing.exposure,
-            _cost(state, cells),
-            suggestions(design) if advice else (),
+            _costs(state, cells),
+            tuple(suggestions),
         )
 
     @property
     def errors(self) -> list[float]:
-        """CIEDE2000 of every cell that a colour is wanted of."""
+        """CIEDE2000 of every cell with a wanted colour."""
         return [cell.error for cell in self.cells if cell.error is not None]
 
     @property
@@ -110,11 +199,11 @@ class DesignReport:
         return max(self.errors, default=0.0)
 
     def cell(self, place: Place) -> CellReport:
-        """The cell of a reflectance and a light."""
+        """Return the cell of a reflectance and a light."""
         return next(cell for cell in self.cells if cell.place == place)
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON: all figures, under the names above."""
+        """Return all figures for JSON, under the names above."""
         return {
             "exposure": self.exposure,
             "mean": self.mean,
@@ -127,21 +216,108 @@ class DesignReport:
         }
 
     def __str__(self) -> str:
-        """As ``volspec design`` prints it, without colours."""
-        from volspec.palette.text import plain_text
+        """Return the text that ``volspec design`` prints, without colours."""
+        from volspec.palette.text import plain_text  # a facade: text is made of reports
 
         return plain_text(self)
 
 
+def report_cells(
+    state: State, targets: Mapping[Place, Cell]
+) -> tuple[tuple[CellReport, ...], Array]:
+    """Report every place, row by row; and return (R, L, 3) CIELAB before the display's white."""
+    palette, models = state.palette, state.colour_models()
+    RGB, XYZ = state.RGB(models), state.XYZ
+    wanted = _wanted_RGB(palette, targets, RGB)
+    Lab = np.stack([m.Lab_from_RGB(RGB[:, j]) for j, m in enumerate(models)], axis=1)
+    reports = []
+    for i, row in enumerate(palette.names[0]):
+        for j, column in enumerate(palette.names[1]):
+            cell, target = targets.get((row, column)), wanted.get((row, column))
+            codes = models[j].space.encode(RGB[i, j])
+            other = None if target is None else models[j].Lab_from_RGB(target)
+            distinct = cell is not None and cell.kind == "distinct"
+            reports.append(
+                CellReport(
+                    row,
+                    column,
+                    cell.kind if cell else "",
+                    cell.weight if cell else 0.0,
+                    None if target is None or distinct else _triple(models[j].space.encode(target)),
+                    _triple(codes),
+                    _triple(XYZ[i, j]),
+                    None if other is None else float(delta_E_2000(other, Lab[i, j])),
+                    None if other is None else float(np.linalg.norm(other - Lab[i, j])),
+                    bool(((codes > -_CODE) & (codes < 1.0 + _CODE)).all()),
+                )
+            )
+    return tuple(reports), Lab
+
+
+def _wanted_RGB(palette: Palette, targets: Mapping[Place, Cell], RGB: Array) -> dict[Place, Array]:
+    """Return the linear RGB that each cell is compared with."""
+    wanted, space = {}, palette.viewing.display.colours
+    for place, cell in targets.items():
+        if cell.other is not None:
+            target = RGB[palette.index(cell.other)]
+        elif cell.wanted is not None:
+            target = space.decode(cell.wanted)
+        else:
+            group = {at: c.weight for at, c in targets.items() if c.group == cell.group}
+            weights = np.array([_EXACT_WEIGHT if np.isinf(w) else w**2 for w in group.values()])
+            target = weights @ np.array([RGB[palette.index(at)] for at in group])
+            target = target / weights.sum()
+        wanted[place] = target
+    return wanted
+
+
+def _triple(values: Array) -> Triple:
+    one, two, three = values.tolist()
+    return one, two, three
+
+
+def _metamers(
+    palette: Palette, targets: Mapping[Place, Cell], Lab: Array
+) -> Iterator[MetamerReport]:
+    """Yield every pair of reflectances whose cells have one target, light by light."""
+    rows, columns = palette.names
+    for j, column in enumerate(columns):
+        for (i, one), (k, other) in combinations(enumerate(rows), 2):
+            if _have_one_target(targets, (one, column), (other, column)):
+                between = delta_E_2000(Lab[i], Lab[k])
+                apart = {n: float(d) for n, d in zip(columns, between, strict=True) if n != column}
+                yield MetamerReport(column, (one, other), float(between[j]), apart)
+
+
+def _have_one_target(targets: Mapping[Place, Cell], one: Place, other: Place) -> bool:
+    if one not in targets or other not in targets:
+        return False
+    first, second = _last_same(targets, one), _last_same(targets, other)
+    if first == second:
+        return True
+    a, b = targets.get(first), targets.get(second)
+    if a is None or b is None or a.kind != b.kind or a.kind not in ("colour", "black", "free"):
+        return False
+    return (a.colour, a.group) == (b.colour, b.group)
+
+
+def _last_same(targets: Mapping[Place, Cell], place: Place) -> Place:
+    """Return the end of the chain of cells that are each the same as the next one."""
+    visited = {place}
+    while (cell := targets.get(place)) and cell.kind == "same" and cell.other not in visited:
+        assert cell.other is not None
+        place = cell.other
+        visited.add(place)
+    return place
+
+
 def _spectra(state: State) -> Iterator[SpectrumReport]:
-    for lights in (False, True):
-        phase = Phase(state, lights)
-        members = state.palette.lights if lights else state.palette.reflectances
-        for number, x in _unknowns(phase).items():
-            member = members[number]
+    for kind, phase in (("reflectance", Phase(state, False)), ("light", Phase(state, True))):
+        for number, x in phase.values().items():
+            member = phase.members[number]
             near = _TOUCH * max(float(np.abs(x).max()), 1e-12)
             yield SpectrumReport(
-                "light" if lights else "reflectance",
+                kind,
                 member.name,
                 len(x),
                 0 if member.lower is None else int((x <= member.lower + near).sum()),
@@ -150,30 +326,15 @@ def _spectra(state: State) -> Iterator[SpectrumReport]:
             )
 
 
-def _unknowns(phase: Phase) -> dict[int, Array]:
-    """What the solver found for each open spectrum: its bands, or the shares of its lamps."""
-    spectra = phase.state.E if phase.lights else phase.state.S
-    return {n: np.linalg.lstsq(phase.synthesis(n), spectra[n], rcond=None)[0] for n in phase.open}
-
-
-def _cost(state: State, cells: tuple[CellReport, ...]) -> dict[str, float]:
-    criteria, eyes, total = state.palette.criteria, state.eyes(), 0.0
+def _costs(state: State, cells: tuple[CellReport, ...]) -> dict[str, float]:
+    criteria, space, colours = state.palette.criteria, state.palette.viewing.display.colours, 0.0
     for cell in cells:
         if cell.wanted is None or not np.isfinite(cell.weight):
             continue
         if criteria.metric == "Lab":
             off = (cell.delta_E_1976 or 0.0) / 100.0
         else:
-            decode = eyes[0].space.decode
-            off = float(np.linalg.norm(decode(cell.wanted) - decode(cell.obtained)))
-        total += (cell.weight * off) ** 2 / 3.0
-    costs = {"colours": total, "smoothness": 0.0, "subspace": 0.0}
-    for phase in (Phase(state, lights=False), Phase(state, lights=True)):
-        x = {phase.block_name(n): values for n, values in _unknowns(phase).items()}
-        for term in phase.problem()[1]:
-            subspace = term.label.startswith("the subspace error")
-            if subspace or term.label in x:  # smoothness goes by the spectrum's name
-                made = sum(rows @ x[name] for name, rows in term.parts.items())
-                square = float(((made - term.target) ** 2).sum())
-                costs["subspace" if subspace else "smoothness"] += term.weight**2 * square
-    return costs
+            off = float(np.linalg.norm(space.decode(cell.wanted) - space.decode(cell.obtained)))
+        colours += (cell.weight * off) ** 2 / 3.0
+    phases = Phase(state, lights=False).costs(), Phase(state, lights=True).costs()
+    return {"colours": colours} | {name: sum(p[name] for p in phases) for name in phases[0]}

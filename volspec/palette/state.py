@@ -1,35 +1,127 @@
-"""Where a design stands: the spectra of all rows and columns, and the colours they make.
+"""State of a design: the spectra of all rows and columns, and the colours they make.
 
-model -> [state] -> criteria, design, report
+model, appearance -> [state] -> linearisation, optimisation, report
+
+Colours are linear RGB of the display, 1 for its white: wanted colours are given there, and the
+least squares are taken there or in CIELAB before the display's white.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from volspec.appearance.live import passage_of
+from volspec.appearance.models.cielab import XYZ_from_cielab, cielab, cielab_chord
+from volspec.appearance.passages import ClosedPassage, LinearPassage
+from volspec.appearance.spaces import ColourSpace
+from volspec.appearance.spec import Viewing
 from volspec.errors import PaletteError
-from volspec.palette.eye import Eye
-from volspec.palette.members import PaletteSpectrum
 from volspec.palette.model import Palette
-from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
-from volspec.spectra.spectrum import light_power, reflectance_values
+from volspec.palette.variables import initial_light, initial_reflectance
+from volspec.spectra import colour_matching_functions
 
 Array = NDArray[np.float64]
 
-# Periods of the waves that open lights begin with, nm (Bergner et al., section 4.1: 60 and 85).
-_WAVES_NM = (60.0, 85.0, 110.0, 140.0, 45.0)
-# A light with less luminance than this share of an even one has none for a colour.
+# Half the step of a difference quotient, in units of Y = 100 for white.
+_STEP = 0.01
+# A light with less luminance than this fraction of an even one has no chromaticity to adapt to.
 _LEAST_Y = 1e-9
-# Share of a white's largest value below which no adaptation goes.
+# Least tristimulus value of a white to adapt to, as a fraction of its largest.
 _LEAST_WHITE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ColourModel:
+    """Appearance under one light: scene XYZ to linear RGB of the display, and its derivatives.
+
+    Parameters
+    ----------
+    passage : ClosedPassage
+        Scene XYZ to the display's.
+    exposure : float
+        `Viewing.exposure`.
+    space : ColourSpace
+        The display's.
+    """
+
+    passage: ClosedPassage
+    exposure: float
+    space: ColourSpace
+
+    @classmethod
+    def of(cls, viewing: Viewing, white_XYZ: ArrayLike) -> ColourModel:
+        """Return the colour model of a viewing, adapted to a light's white.
+
+        Raises
+        ------
+        PaletteError
+            If the viewing's model has no inverse in closed form.
+        """
+        passage = passage_of(viewing, white_XYZ)
+        if not isinstance(passage, ClosedPassage):
+            raise PaletteError(
+                f"{viewing.model!r} has no inverse in closed form to design with; use CIECAM02, "
+                "CAM16, CIELAB, RLAB, an adaptation as CAT02, or none",
+                code="unsupported",
+                field="viewing.model",
+                given=viewing.model,
+            )
+        return cls(passage, viewing.exposure, viewing.display.colours)
+
+    def RGB_from_XYZ(self, XYZ: ArrayLike) -> Array:
+        """Return (..., 3) linear RGB of scene XYZ, Y = 100 for a perfect diffuser; not clipped."""
+        scene = self.exposure * np.asarray(XYZ, dtype=np.float64)
+        return self.passage.apply(scene) @ _RGB_from_XYZ(self.space).T
+
+    def XYZ_from_RGB(self, RGB: ArrayLike) -> Array:
+        """Return the scene XYZ of linear RGB: the inverse of `RGB_from_XYZ`."""
+        display = np.asarray(RGB) @ _XYZ_from_RGB(self.space).T
+        undone: Array = self.passage.undo(display)
+        return undone / self.exposure
+
+    def RGB_jacobian(self, XYZ: ArrayLike) -> Array:
+        """Return the (..., 3, 3) derivatives of linear RGB by scene XYZ."""
+        scene = np.asarray(XYZ, dtype=np.float64)
+        if isinstance(self.passage, LinearPassage):
+            slope = self.exposure * _RGB_from_XYZ(self.space) @ self.passage.matrix
+            return np.broadcast_to(slope, (*scene.shape, 3))
+        around = scene[..., None, None, :] + _STEP * np.stack([np.eye(3), -np.eye(3)])
+        RGB = self.RGB_from_XYZ(around)
+        return np.swapaxes((RGB[..., 0, :, :] - RGB[..., 1, :, :]) / (2.0 * _STEP), -1, -2)
+
+    def Lab_from_RGB(self, RGB: ArrayLike) -> Array:
+        """Return (..., 3) CIELAB before the display's white."""
+        XYZ = np.asarray(RGB) @ _XYZ_from_RGB(self.space).T
+        return cielab(XYZ, self.space.white_XYZ)
+
+    def RGB_from_Lab(self, Lab: ArrayLike) -> Array:
+        """Return (..., 3) linear RGB: the inverse of `Lab_from_RGB`."""
+        return XYZ_from_cielab(Lab, self.space.white_XYZ) @ _RGB_from_XYZ(self.space).T
+
+    def Lab_chord(self, one: ArrayLike, other: ArrayLike) -> Array:
+        """Return the (..., 3, 3) chord W of two RGBs: Lab(one) - Lab(other) = W (one - other)."""
+        ratio_from_RGB = _XYZ_from_RGB(self.space) / self.space.white_XYZ[:, None]
+        one, other = np.asarray(one) @ ratio_from_RGB.T, np.asarray(other) @ ratio_from_RGB.T
+        return cielab_chord(one, other) @ ratio_from_RGB
+
+
+@lru_cache(maxsize=16)
+def _XYZ_from_RGB(space: ColourSpace) -> Array:
+    return space.XYZ_from_RGB
+
+
+@lru_cache(maxsize=16)
+def _RGB_from_XYZ(space: ColourSpace) -> Array:
+    return space.RGB_from_XYZ
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Spectra, eyes and colours.
+    """Spectra of a palette at one point of its design.
 
     Parameters
     ----------
@@ -37,7 +129,7 @@ class State:
     S : (R, N)
         Reflectances.
     E : (L, N)
-        Lights, scaled so that XYZ = Q (E ∗ S) and a given one's white has Y = 100.
+        Lights, scaled so that XYZ = Q (E ∗ S) and a given light's white has Y = 100.
     """
 
     palette: Palette
@@ -46,27 +138,18 @@ class State:
 
     @classmethod
     def start(cls, palette: Palette) -> State:
-        """Given spectra as they are, open ones where their design begins.
+        """Return the given spectra and the initial values of free ones.
 
         Raises
         ------
         SpectrumError
             If a spectrum does not cover the grid, or a given one is no light or reflectance.
         PaletteError
-            If the light that an open one begins with has no luminance within its band.
+            If the light that a free one starts from has no luminance within its band.
         """
         grid = palette.grid
-        S = [_reflectance(row, grid) for row in palette.reflectances]
-        V = colour_matching_functions(grid)[1]
-        E = []
-        for number, column in enumerate(palette.lights):
-            power = _light(column, grid, number)
-            if not V @ power > _LEAST_Y * V.sum():
-                raise PaletteError(
-                    f"palette: light {column.name!r} has no luminous energy to show a colour by; "
-                    "widen its band, or begin with another spectrum"
-                )
-            E.append(100.0 * power / (V @ power))
+        S = [initial_reflectance(row, grid) for row in palette.reflectances]
+        E = [initial_light(column, grid, number) for number, column in enumerate(palette.lights)]
         return cls(palette, np.stack(S), np.stack(E))
 
     @property
@@ -80,56 +163,37 @@ class State:
         colours: Array = np.einsum("cn,ln,rn->rlc", self.Q, self.E, self.S)
         return colours
 
-    def eyes(self) -> list[Eye]:
-        """One adapted to each light: to its chromaticity, at Y = 100."""
+    def colour_models(self) -> list[ColourModel]:
+        """Return a colour model for each light, adapted to its chromaticity at Y = 100."""
         even = self.Q.sum(axis=1)
         whites = self.E @ self.Q.T
-        # A light that was designed away leaves the eye as an even one does.
+        # A light that was designed away leaves the eye adapted to an even one.
         whites = np.where(whites[:, 1:2] > _LEAST_Y * 100.0, whites, even)
         whites = np.maximum(whites, _LEAST_WHITE * np.abs(whites).max(axis=1, keepdims=True))
         viewing = self.palette.viewing
-        return [Eye.of(viewing, 100.0 * white / white[1]) for white in whites]
+        return [ColourModel.of(viewing, 100.0 * white / white[1]) for white in whites]
 
-    def linear(self, eyes: list[Eye]) -> Array:
-        """(R, L, 3) colours as the display shows them: its linear RGB, not clipped."""
-        XYZ = self.XYZ
-        return np.stack([eye.linear(XYZ[:, j]) for j, eye in enumerate(eyes)], axis=1)
+    def RGB(self, models: list[ColourModel] | None = None) -> Array:
+        """Return (R, L, 3) linear RGB of the display, not clipped.
 
-    def with_rows(self, rows: dict[int, Array]) -> State:
-        """The same with other reflectances."""
+        Parameters
+        ----------
+        models : list of ColourModel, optional
+            `colour_models`, if there are some already.
+        """
+        models, XYZ = models or self.colour_models(), self.XYZ
+        return np.stack([model.RGB_from_XYZ(XYZ[:, j]) for j, model in enumerate(models)], axis=1)
+
+    def with_reflectances(self, rows: dict[int, Array]) -> State:
+        """Return the state with other reflectances in some rows."""
         S = self.S.copy()
         for i, values in rows.items():
             S[i] = values
         return replace(self, S=S)
 
-    def with_columns(self, columns: dict[int, Array]) -> State:
-        """The same with other lights."""
+    def with_lights(self, columns: dict[int, Array]) -> State:
+        """Return the state with other lights in some columns."""
         E = self.E.copy()
         for j, values in columns.items():
             E[j] = values
         return replace(self, E=E)
-
-
-def _reflectance(row: PaletteSpectrum, grid: SpectralGrid) -> Array:
-    if row.spectrum is None:
-        return np.full(grid.size, 0.5)
-    if row.open:
-        return row.spectrum.on(grid).values
-    return reflectance_values(row.spectrum, grid, f"palette: reflectance {row.name!r}")
-
-
-def _light(column: PaletteSpectrum, grid: SpectralGrid, number: int) -> Array:
-    if column.spectrum is not None:
-        return light_power(column.spectrum, grid, f"palette: light {column.name!r}")
-    wavelengths = grid.wavelengths_nm
-    period = _WAVES_NM[number % len(_WAVES_NM)]
-    wave = 0.5 + 0.5 * np.cos(2.0 * np.pi * (wavelengths - grid.start_nm) / period)
-    synthesis = column.synthesis(grid)
-    if column.mixture:
-        return synthesis.sum(axis=1)
-    return synthesis @ (synthesis.T @ wave)
-
-
-def named(member: PaletteSpectrum, values: Array, grid: SpectralGrid) -> Spectrum:
-    """A designed spectrum: it says that it is one."""
-    return Spectrum(grid.wavelengths_nm, values, member.name, {"designed": "volspec design"})

@@ -1,4 +1,4 @@
-"""Palettes written: into the text they came from, whose comments and order stay, or anew.
+"""Write palettes: into their source, keeping its comments and order, or as a new file.
 
 Palette | Design -> [storage] -> TOML
 """
@@ -19,12 +19,11 @@ from volspec._tables.written import plain
 from volspec._toml import put
 from volspec.basis.storage import shipped_names
 from volspec.errors import PaletteError, SpectrumError, visible
-from volspec.palette.colours import hexadecimal, parsed_colour
 from volspec.palette.file import palette_table, palette_text
-from volspec.palette.members import PaletteSpectrum
-from volspec.palette.model import Cell, Palette
-from volspec.palette.solve import Design
+from volspec.palette.model import Cell, Palette, hexadecimal, parse_colour
+from volspec.palette.optimisation import Design
 from volspec.palette.tables import ViewingTable
+from volspec.palette.variables import PaletteSpectrum
 from volspec.spectra import Spectrum, light
 from volspec.spectra.files import rebase_address, rebase_path
 from volspec.spectra.lights import rebase_light
@@ -51,31 +50,37 @@ def save_palette(
     path : path
         A ``.toml``. Its spectra can then be used as ``FILE.toml#name``.
     source : path, optional
-        The file it was loaded from: all that stands in it is kept, comments too, and what was
-        designed goes beside it. Files it names are found from the new place as well. Left out,
-        the file is written anew, with the values of every spectrum.
+        The file it was loaded from: its text stays, comments too, and designed values are added.
+        Names of files become relative to the new folder. By default the file is new and holds the
+        values of every spectrum.
     comment : str, optional
-        The first line of a file that is written anew.
+        First line of a new file.
 
     Raises
     ------
     PaletteError
-        If the name is not ``.toml``, the source holds other spectra, or a viewing or basis has no
-        words in a file.
+        If the name is not ``.toml``, the source holds other spectra, or the file format cannot
+        express the viewing or the basis.
     """
     target = Path(path)
     if target.suffix.lower() != ".toml":
-        raise PaletteError(f"{target}: palettes are TOML; name it .toml")
+        raise PaletteError(
+            f"{target}: palettes are TOML; name it .toml",
+            code="unsupported",
+            field="path",
+            given=path,
+        )
     palette = palette.palette if isinstance(palette, Design) else palette
     if source is None:
-        document, ends = _new(palette, comment), "\n"
+        document, ends = _new_document(palette, comment), "\n"
     else:
-        document, ends = _filled(palette, Path(source), target), line_end(source)
+        document, ends = _filled_source(palette, Path(source), target), line_end(source)
     with write_whole(target) as temporary:
         temporary.write_text(document.as_string(), encoding="utf-8", newline=ends)
 
 
-def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
+def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument:
+    """Return the source with designed values, and its file names relative to the target."""
     import tomlkit
 
     table = palette_table(source)
@@ -88,7 +93,10 @@ def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
         if names != [member.name for member in members]:
             raise PaletteError(
                 f"{source}: its {kind}s are {', '.join(names)}, the palette's "
-                f"{', '.join(member.name for member in members)}; give the file it came from"
+                f"{', '.join(member.name for member in members)}; give the file it came from",
+                code="conflict",
+                field="source",
+                given=source,
             )
         for entry, member in zip(document[kind], members, strict=True):
             if elsewhere and "spectrum" in entry:
@@ -96,7 +104,7 @@ def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
                 entry["spectrum"] = move(str(entry["spectrum"]), *folders)
             if elsewhere and "mixture" in entry:
                 entry["mixture"] = [rebase_light(str(lamp), *folders) for lamp in entry["mixture"]]
-            if member.open:
+            if member.free:
                 if "design" not in entry:
                     put(entry, "design", True)
                 if member.spectrum is not None:
@@ -111,23 +119,24 @@ def _filled(palette: Palette, source: Path, target: Path) -> TOMLDocument:
 
 
 def _values(member: PaletteSpectrum, palette: Palette) -> list[float]:
-    """A spectrum on the palette's bands; a light as `volspec.light`'s: 1 is an even one's."""
+    """Return a spectrum on the palette's bands; a light's 1 is the even light's."""
     assert member.spectrum is not None
     values = stack(member.spectrum, palette.grid)
     return [float(value) + 0.0 for value in values.round(_DECIMALS)]  # never -0
 
 
-def _new(palette: Palette, comment: str) -> TOMLDocument:
+def _new_document(palette: Palette, comment: str) -> TOMLDocument:
     import tomlkit
 
     document = tomlkit.document()
     if comment:
         document.add(tomlkit.comment(visible(comment)))
-    document["viewing"] = _viewing(palette)
-    document["criteria"] = _criteria(palette)
+    document["viewing"] = _viewing_keys(palette)
+    document["criteria"] = _criteria_keys(palette)
     for kind, members in (("light", palette.lights), ("reflectance", palette.reflectances)):
-        document[kind] = _array([_member(kind, member, palette) for member in members])
-    document["cell"] = _array([{"at": list(at), **_cell(c)} for at, c in palette.cells.items()])
+        document[kind] = _table_array([_spectrum_keys(member, palette) for member in members])
+    cells = [{"at": list(at), **dict(_cell_keys(cell))} for at, cell in palette.cells.items()]
+    document["cell"] = _table_array(cells)
     for kind in ("light", "reflectance"):
         for entry in document[kind]:
             if "values" in entry:
@@ -135,7 +144,7 @@ def _new(palette: Palette, comment: str) -> TOMLDocument:
     return document
 
 
-def _array(rows: Sequence[dict[str, Any]]) -> Any:
+def _table_array(rows: Sequence[dict[str, Any]]) -> Any:
     import tomlkit
 
     array = tomlkit.aot()
@@ -146,10 +155,14 @@ def _array(rows: Sequence[dict[str, Any]]) -> Any:
     return array
 
 
-def _viewing(palette: Palette) -> dict[str, Any]:
+def _viewing_keys(palette: Palette) -> dict[str, Any]:
     viewing, default = palette.viewing, type(palette.viewing)()
     if viewing.adapting != default.adapting or viewing.fov_deg is not None:
-        raise PaletteError("palette: its viewing adapts to pictures, which no palette has")
+        raise PaletteError(
+            "it adapts to pictures, which a palette has not; give its conditions",
+            code="unsupported",
+            field="Palette.viewing",
+        )
     names = ("model", "illuminance_lux", "L_A", "Y_b", "surround", "D", "discount", "exposure")
     settings = {name: getattr(viewing, name) for name in names}
     if viewing.display != default.display:
@@ -157,42 +170,45 @@ def _viewing(palette: Palette) -> dict[str, Any]:
     return {"model": viewing.model, **plain(ViewingTable(**settings))}
 
 
-def _criteria(palette: Palette) -> dict[str, Any]:
+def _criteria_keys(palette: Palette) -> dict[str, Any]:
     criteria, grid = palette.criteria, palette.grid
-    told = {
+    keys = {
         name: getattr(criteria, name) for name in ("smoothness", "subspace", "metric", "rounds")
     }
-    told |= {"level": palette.level, "grid_nm": [grid.start_nm, grid.stop_nm, grid.step_nm]}
+    keys |= {"level": palette.level, "grid_nm": [grid.start_nm, grid.stop_nm, grid.step_nm]}
     if palette.basis is not None:
         if palette.basis.name not in shipped_names():
             raise PaletteError(
-                f"palette: the basis {palette.basis.name!r} does not ship; save it, name the file "
-                "in a palette's [criteria], and give that as source"
+                f"{palette.basis.name!r} does not ship; save it, name the file in a palette's "
+                "[criteria], and give that as source",
+                code="unsupported",
+                field="Palette.basis",
+                given=palette.basis.name,
             )
-        told["basis"] = palette.basis.name
-    return told
+        keys["basis"] = palette.basis.name
+    return keys
 
 
-def _member(kind: str, member: PaletteSpectrum, palette: Palette) -> dict[str, Any]:
-    told: dict[str, Any] = {"name": member.name}
-    if member.open:
-        told["design"] = True
+def _spectrum_keys(member: PaletteSpectrum, palette: Palette) -> dict[str, Any]:
+    keys: dict[str, Any] = {"name": member.name}
+    if member.free:
+        keys["design"] = True
         for name in ("lower", "upper"):
             bound = getattr(member, name)
-            told[name] = "none" if bound is None else bound
+            keys[name] = "none" if bound is None else bound
         if member.band_nm is not None:
-            told["band_nm"] = list(member.band_nm)
+            keys["band_nm"] = list(member.band_nm)
         if member.mixture:
-            told["mixture"] = [_lamp(lamp, palette) for lamp in member.mixture]
+            keys["mixture"] = [_lamp(lamp, palette) for lamp in member.mixture]
         if member.constant:
-            told["constant"] = True
+            keys["constant"] = True
     if member.spectrum is not None:
-        told["values"] = _values(member, palette)
-    return told
+        keys["values"] = _values(member, palette)
+    return keys
 
 
 def _lamp(lamp: Spectrum, palette: Palette) -> str:
-    """The name by which a lamp of a mixture is found again."""
+    """Return the name by which a lamp of a mixture is found again."""
     try:
         known = light(lamp.name, palette.grid).values
         shape = stack(lamp, palette.grid)
@@ -201,24 +217,23 @@ def _lamp(lamp: Spectrum, palette: Palette) -> str:
     except SpectrumError:
         pass
     raise PaletteError(
-        f"palette: the lamp {lamp.name!r} of a mixture is no light of that name; save it as a file "
-        "and take it from there: volspec.light('FILE.csv')"
+        f"the lamp {lamp.name!r} is not the light of that name; save it as a file and load it from "
+        "there: volspec.light('FILE.csv')",
+        code="unknown",
+        field="PaletteSpectrum.mixture",
+        given=lamp.name,
     )
 
 
-def _cell(cell: Cell) -> dict[str, Any]:
-    return dict(_cell_words(cell))
-
-
-def _cell_words(cell: Cell) -> Iterator[tuple[str, Any]]:
+def _cell_keys(cell: Cell) -> Iterator[tuple[str, Any]]:
     if cell.kind == "colour":
-        yield "colour", _colour(cell.colour)
+        yield "colour", _colour_value(cell.colour)
     elif cell.kind == "black":
         yield "black", True
     elif cell.kind == "free":
         yield "free", cell.group
-        yield "low", _colour(cell.low)
-        yield "high", _colour(cell.high)
+        yield "low", _colour_value(cell.low)
+        yield "high", _colour_value(cell.high)
     else:
         yield cell.kind, list(cell.other or ())
     if cell.kind == "distinct":
@@ -229,7 +244,7 @@ def _cell_words(cell: Cell) -> Iterator[tuple[str, Any]]:
         yield "weight", cell.weight
 
 
-def _colour(codes: Any) -> str | list[float]:
-    """In hexadecimal where that says it whole."""
+def _colour_value(codes: Any) -> str | list[float]:
+    """Return hexadecimal if it is exact."""
     text = hexadecimal(codes)
-    return text if parsed_colour(text) == tuple(codes) else list(codes)
+    return text if parse_colour(text) == tuple(codes) else list(codes)

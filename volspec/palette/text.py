@@ -1,4 +1,4 @@
-"""A design's report for a terminal: a matrix of colours, metamers, bounds, suggestions.
+"""Render a design's report for a terminal: a matrix of colours, metamers, bounds, suggestions.
 
 DesignReport -> [text] -> rich
 """
@@ -13,44 +13,41 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from volspec.palette.colours import hexadecimal
+from volspec.palette.model import hexadecimal
 
 if TYPE_CHECKING:
-    from volspec.palette.cells import CellReport
-    from volspec.palette.metamers import MetamerReport
-    from volspec.palette.report import DesignReport
+    from volspec.palette.report import CellReport, DesignReport, MetamerReport
 
-# More lights than this leave no room for codes beside differences.
+# More lights than this leave no room for codes and differences.
 _MOST_WITH_CODES = 6
-# And of so many are metamers told by name.
+# Metamers under more other lights than this are summed up.
 _MOST_NAMED = 4
 _WIDTH = 100
 
 
 def plain_text(report: DesignReport) -> str:
-    """All of it as text, without colours."""
+    """Return the report as text, without colours."""
     sink = io.StringIO()
-    Console(file=sink, width=_WIDTH, color_system=None, highlight=False).print(parts(report, False))
+    Console(file=sink, width=_WIDTH, color_system=None, highlight=False).print(
+        render(report, colours=False)
+    )
     return "\n".join(line.rstrip() for line in sink.getvalue().splitlines())
 
 
-def parts(report: DesignReport, colours: bool) -> Group:
-    """All of it, to print; with swatches where there are colours."""
-    blocks: list[RenderableType] = [matrix(report, colours), Text(""), *_lines(report)]
+def render(report: DesignReport, *, colours: bool) -> Group:
+    """Return the report to be printed by rich; with swatches if the terminal has colours."""
+    blocks: list[RenderableType] = [_matrix(report, colours), Text(""), *_lines(report)]
     if report.suggestions:
         blocks += [Text(""), Text("what would help", style="dim")]
-        blocks += [_hanging(sentence) for sentence in report.suggestions]
+        bullets = Table.grid(padding=(0, 1))
+        for sentence in report.suggestions:
+            bullets.add_row("•", Text(sentence))
+        blocks.append(bullets)
     return Group(*blocks)
 
 
-def _hanging(sentence: str) -> Table:
-    table = Table.grid(padding=(0, 1))
-    table.add_row("•", Text(sentence))
-    return table
-
-
-def matrix(report: DesignReport, colours: bool) -> Table:
-    """Reflectances below each other, lights beside each other: the colour seen and its ΔE00."""
+def _matrix(report: DesignReport, colours: bool) -> Table:
+    """Reflectances as rows, lights as columns: the obtained colour and its ΔE00."""
     columns = list(dict.fromkeys(cell.light for cell in report.cells))
     codes = len(columns) <= _MOST_WITH_CODES
     table = Table(box=None, pad_edge=False, show_edge=False, header_style="dim")
@@ -65,12 +62,12 @@ def matrix(report: DesignReport, colours: bool) -> Table:
 
 def _cell(cell: CellReport, codes: bool, colours: bool) -> Text:
     text = Text()
-    shown = hexadecimal(cell.obtained)
+    code = hexadecimal(cell.obtained)
     if colours:
-        text.append("  ", style=f"on {shown}")
+        text.append("  ", style=f"on {code}")
         text.append(" ")
     if codes:
-        text.append(shown + ("" if cell.in_gamut else "!") + " ")
+        text.append(code + ("" if cell.in_gamut else "!") + " ")
     if cell.error is not None:
         digits = 1 if codes or cell.error < 9.95 else 0
         text.append(f"{cell.error:.{digits}f}", style="bold" if cell.error > 1.0 else "")
@@ -88,19 +85,19 @@ def _lines(report: DesignReport) -> Iterator[Text]:
     )
     outside = [cell for cell in report.cells if not cell.in_gamut]
     if outside:
-        # Marked in the matrix where codes are.
+        # Marked in the matrix if it has codes.
         yield Text.assemble(
             ("outside the display (!) ", "dim"), f"{len(outside)} colour{'s' * (len(outside) > 1)}"
         )
     for light in dict.fromkeys(pair.light for pair in report.metamers):
         yield _metamers(light, [pair for pair in report.metamers if pair.light == light])
-    for kind, noun in (("reflectance", "reflectances"), ("light", "lights")):
+    for kind in ("reflectance", "light"):
         bound = [s for s in report.spectra if s.kind == kind]
         if bound:
             low, high = sum(s.at_lower for s in bound), sum(s.at_upper for s in bound)
             bands = sum(s.bands for s in bound)
             yield Text.assemble(
-                (f"{noun} ", "dim"),
+                (f"{kind}s ", "dim"),
                 f"{low} of {bands} bands at their lower bound, {high} at their upper one",
             )
     cost = ", ".join(f"{name} {value:.2g}" for name, value in report.cost.items() if value)
@@ -108,7 +105,7 @@ def _lines(report: DesignReport) -> Iterator[Text]:
 
 
 def _metamers(light: str, pairs: list[MetamerReport]) -> Text:
-    """Pairs wanted alike under a light: how far apart they are there, and elsewhere."""
+    """Largest ΔE of metamers under their light, and the range under others."""
     many = f"{len(pairs)} pairs" if len(pairs) > 1 else " and ".join(pairs[0].reflectances)
     there = max(pair.delta_E for pair in pairs)
     others = list(pairs[0].apart)
@@ -116,8 +113,8 @@ def _metamers(light: str, pairs: list[MetamerReport]) -> Text:
     if len(others) > _MOST_NAMED:
         elsewhere = [f"{_range([d for p in pairs for d in p.apart.values()])} elsewhere"]
     most = f"at most ΔE {there:.2f}" if len(pairs) > 1 else f"ΔE {there:.2f}"
-    apart_words = f", apart {', '.join(elsewhere)}" if elsewhere else ""
-    return Text.assemble(("alike under ", "dim"), f"{light}: {many}, {most}{apart_words}")
+    apart = f", apart {', '.join(elsewhere)}" if elsewhere else ""
+    return Text.assemble(("alike under ", "dim"), f"{light}: {many}, {most}{apart}")
 
 
 def _range(values: list[float]) -> str:

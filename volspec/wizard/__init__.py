@@ -1,8 +1,6 @@
-"""Wizards: a scene's materials hidden, revealed, merged or kept, by a palette made from it."""
+"""Wizards: hide, reveal, merge or keep a scene's materials by a palette made from it."""
 
-from volspec.wizard.asks import hide, keep, merge, reveal
-from volspec.wizard.reached import Reached
-from volspec.wizard.result import Redesigned
-from volspec.wizard.writing import require_place
+from volspec.wizard.operations import hide, keep, merge, reveal
+from volspec.wizard.result import LightEvaluation, Redesigned, require_output
 
-__all__ = ["Reached", "Redesigned", "hide", "keep", "merge", "require_place", "reveal"]
+__all__ = ["LightEvaluation", "Redesigned", "hide", "keep", "merge", "require_output", "reveal"]

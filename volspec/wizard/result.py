@@ -1,60 +1,121 @@
-"""A scene that a wizard has redesigned: its new scene, the palette, and what was reached.
+"""A wizard's result: the redesigned scene, its figures, and its files.
 
-Scene, Design -> [result] -> writing
+    Scene, Design -> [result] -> NEW.toml, NEW-palette.toml
+
+The new scene keeps the comments of its file; the palette is next to it.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from volspec.basis import MaterialBasis
-from volspec.palette import Design, PaletteSpectrum
-from volspec.scene import NamedLight, Scene
-from volspec.scene.lights import LightTable
-from volspec.scene.tables import BasisTable
-from volspec.spectra import Spectrum
-from volspec.wizard.reached import Reached, off, reached
-from volspec.wizard.writing import Changes, write
+import numpy as np
+from numpy.typing import NDArray
 
-# What addresses in the new scene begin with until it is saved beside a palette of its own name.
+from volspec._deprecated import renamed_attribute
+from volspec._files import require_writable
+from volspec.appearance.live import passage_of
+from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.basis import MaterialBasis
+from volspec.errors import SceneError, SpectrumError
+from volspec.palette import Design, PaletteSpectrum, save_palette
+from volspec.relight import Illumination
+from volspec.scene import NamedLight, Scene, write_scene
+from volspec.scene.file import SceneFile
+from volspec.scene.lights import LightTable
+from volspec.scene.reading import scene_data, scene_file
+from volspec.scene.tables import BasisTable
+from volspec.scene.writing import require_toml
+from volspec.spectra import Spectrum
+from volspec.spectra.files import rebase_path, split_address
+from volspec.spectra.lights import light_terms
+from volspec.wizard.scene_palette import ScenePalette
+
+Array = NDArray[np.float64]
+
+# File of the addresses in a new scene until it is saved with a palette of its own name.
 _PALETTE = "palette.toml"
-# CIEDE2000 between a basis and all bands from which on it is not good enough.
+# CIEDE2000 between a basis and all bands above which the basis is too coarse.
 _BLUR = 0.5
+# A palette with this comment is replaced by the next wizard; any other is the user's own.
+_OURS = "Written by volspec wizard, which replaces it"
+
+
+@dataclass(frozen=True, slots=True)
+class LightEvaluation:
+    """Figures of one light, CIEDE2000 of the displayed colours.
+
+    Parameters
+    ----------
+    light : str
+    apart : {(material, material): ΔE}
+        Distances between materials.
+    changed : {material: ΔE}
+        Changes of the designed materials; under a new light, changes of the others from the light
+        that it is like.
+    like : str
+        Name of that light; empty for a light of the original scene.
+    """
+
+    light: str
+    apart: dict[tuple[str, str], float]
+    changed: dict[str, float]
+    like: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """New rows of a scene's file.
+
+    Parameters
+    ----------
+    materials : tuple of str
+        Materials with reflectances from the palette.
+    light : str, optional
+        A new light, from the palette too.
+    exact : bool
+        True if the scene is now cast by its materials, as its basis would blur the design.
+    """
+
+    materials: tuple[str, ...]
+    light: str | None = None
+    exact: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Redesigned:
-    """What a wizard made.
+    """Result of a wizard.
 
     Parameters
     ----------
     scene : Scene
-        With the designed spectra in place.
+        The scene with the designed spectra.
     design : Design
     materials : tuple of str
-        Those that were designed.
-    reached : tuple of Reached
+        The designed ones.
+    evaluations : tuple of LightEvaluation
         Figures of every light, as its frames show them.
     changes : Changes
-        What is new in the scene's file.
+        New rows of the scene's file.
     """
 
     scene: Scene
     design: Design
     materials: tuple[str, ...]
-    reached: tuple[Reached, ...]
+    evaluations: tuple[LightEvaluation, ...]
     changes: Changes
 
     def delta_e(self, light: str, one: str, other: str) -> float:
-        """CIEDE2000 between two materials under a light, as its frames show them."""
-        own = next(row for row in self.reached if row.light == light)
-        return own.apart[(one, other) if (one, other) in own.apart else (other, one)]
+        """Return CIEDE2000 between two materials under a light, as its frames show them."""
+        apart = next(row.apart for row in self.evaluations if row.light == light)
+        return apart[(one, other) if (one, other) in apart else (other, one)]
 
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, Path]:
-        """Write the scene's file, comments kept, and beside it ``…-palette.toml``.
+        """Write the scene's file with its comments, and next to it ``…-palette.toml``.
 
         Returns
         -------
@@ -63,11 +124,13 @@ class Redesigned:
         Raises
         ------
         SceneError
-            If it is the scene itself, or it or the palette beside it is there and no wizard's.
+            If it is the original scene, or it or its palette exists and is not a wizard's.
         InputError
             If they cannot be written there.
         """
-        return write(self.scene, self.design, self.changes, Path(path))
+        return _write(self.scene, self.design, self.changes, Path(path))
+
+    reached = renamed_attribute("evaluations")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,53 +140,212 @@ class NewLight:
     Parameters
     ----------
     member : PaletteSpectrum
-        Open.
+        Free.
     like : NamedLight
-        The one of the scene that it resembles.
+        Light of the scene that it resembles.
     """
 
     member: PaletteSpectrum
     like: NamedLight
 
 
-def redesigned(
+def redesign(
     scene: Scene, made: Design, materials: Sequence[str], light: NewLight | None
 ) -> Redesigned:
-    """Put a design into a scene and measure what it shows."""
-    spectra = {f"{_PALETTE}#{name}": made.reflectance(name) for name in materials}
-    spectra = {**scene.known, **spectra}
-    rows = [
-        row.model_copy(update={"reflectance": f"{_PALETTE}#{row.name}"})
-        if row.name in materials
-        else row
-        for row in scene.file.material
-    ]
-    update: dict[str, object] = {"material": rows}
-    name = None
+    """Put a design into a scene and evaluate its colours."""
+    spectra = {**scene.known, **{f"{_PALETTE}#{n}": made.reflectance(n) for n in materials}}
+    lights, name = list(scene.file.light), None
     if light is not None:
         name = light.member.name
-        lux = light.like.rig.facing(scene.raycast.shares()).total_lux
         address = f"{_PALETTE}#{name}"
         spectra[address] = made.light(name)
-        row = LightTable(name=name, spectrum=address, illuminance_lux=lux)
-        update["light"] = [*scene.file.light, row]
-    file = scene.file.model_copy(update=update)
-    after, exact = _well_based(Scene(file, scene.path, spectra), spectra)
-    changes = Changes(tuple(materials), name, exact)
-    figures = reached(scene, after, materials, light.like if light else None)
+        lux = light.like.rig.facing(scene.raycast.shares()).total_lux
+        lights.append(LightTable(name=name, spectrum=address, illuminance_lux=lux))
+    changes = Changes(tuple(materials), name)
+    file = _with_addresses(scene.file.model_copy(update={"light": lights}), changes, _PALETTE)
+    after, exact = _with_exact_basis(Scene(file, scene.path, spectra), spectra)
+    figures = evaluate_lights(scene, after, materials, light.like if light else None)
+    changes = replace(changes, exact=exact)
     return Redesigned(after, made, tuple(materials), figures, changes)
 
 
-def _well_based(scene: Scene, spectra: dict[str, Spectrum]) -> tuple[Scene, bool]:
-    """The scene, or one cast by its materials where its basis blurs what was designed."""
+def _with_addresses(file: SceneFile, changes: Changes, palette: str) -> SceneFile:
+    """Return a scene's file with the designed spectra as addresses in a palette."""
+    material = [
+        row.model_copy(update={"reflectance": f"{palette}#{row.name}"})
+        if row.name in changes.materials
+        else row
+        for row in file.material
+    ]
+    light = [
+        row.model_copy(update={"spectrum": f"{palette}#{row.name}"})
+        if row.name == changes.light
+        else row
+        for row in file.light
+    ]
+    return file.model_copy(update={"material": material, "light": light})
+
+
+def _with_exact_basis(scene: Scene, spectra: dict[str, Spectrum]) -> tuple[Scene, bool]:
+    """Return the scene; cast by its materials, and True, if its basis is too coarse."""
     filters = any(row.filter is not None for row in scene.file.material)
     if filters or isinstance(scene.basis, MaterialBasis):
         return scene, False
-    table = BasisTable(
-        method="materials",
-        **scene.file.basis.model_dump(include={"grid_nm"}, exclude_none=True),
+    grid = scene.file.basis.model_dump(include={"grid_nm"}, exclude_none=True)
+    basis = BasisTable(method="materials", **grid)
+    exact = Scene(scene.file.model_copy(update={"basis": basis}), scene.path, spectra)
+    errors = (
+        delta_E_2000(displayed_Lab(scene, one), displayed_Lab(exact, other))
+        for one, other in zip(scene.lights, exact.lights, strict=True)
     )
-    other = Scene(scene.file.model_copy(update={"basis": table}), scene.path, spectra)
-    if off(scene, other) < _BLUR:
-        return scene, False
-    return other, True
+    return (scene, False) if max(map(np.max, errors)) < _BLUR else (exact, True)
+
+
+def evaluate_lights(
+    before: Scene, after: Scene, materials: Sequence[str], like: NamedLight | None = None
+) -> tuple[LightEvaluation, ...]:
+    """Return the figures of every light.
+
+    Parameters
+    ----------
+    before, after : Scene
+    materials : sequence of str
+        The designed ones: compared with each other, and with all others.
+    like : NamedLight, optional
+        The light that a new one resembles.
+    """
+    old = {light.name: light for light in before.lights}
+    names, evaluations = list(after.materials), []
+    pairs = [
+        (one, two)
+        for one in materials
+        for two in names
+        if one != two and not (two in materials and materials.index(two) < materials.index(one))
+    ]
+    for light in after.lights:
+        shown = dict(zip(names, displayed_Lab(after, light), strict=True))
+        apart = {(one, two): float(delta_E_2000(shown[one], shown[two])) for one, two in pairs}
+        is_new, changed = light.name not in old, dict[str, float]()
+        compared = old.get(light.name, like)
+        if compared is not None:
+            original = dict(zip(names, displayed_Lab(before, compared), strict=True))
+            changed = {
+                name: float(delta_E_2000(original[name], shown[name]))
+                for name in names
+                if (name in materials) != is_new
+            }
+        resembled = compared.name if is_new and compared is not None else ""
+        evaluations.append(LightEvaluation(light.name, apart, changed, resembled))
+    return tuple(evaluations)
+
+
+def displayed_Lab(scene: Scene, light: NamedLight) -> Array:
+    """Return (K, 3) CIELAB of a scene's materials in its frames, facing every source.
+
+    The scene's own basis, mode, level and viewing apply; colours are clipped to the display.
+    """
+    groups = scene.raycast.shares()
+    spec = replace(scene.relight, viewing=ScenePalette(scene).viewing)
+    lit = Illumination.of(scene.basis, light.rig, spec, groups)
+    channels = scene.basis.channels_for_materials(scene.materials)
+    layers = np.hstack([share * channels for share in groups.values()])
+    XYZ = lit.scene_XYZ(layers, np.ones(len(layers)))
+    display_XYZ = passage_of(lit.viewing, lit.white_XYZ).apply(XYZ)
+    space = spec.viewing.display.colours
+    RGB = np.clip(display_XYZ @ space.RGB_from_XYZ.T, 0.0, 1.0)
+    return cielab(np.linalg.solve(space.RGB_from_XYZ, RGB.T).T, space.white_XYZ)
+
+
+def require_output(scene: Scene, path: Path) -> Path:
+    """Refuse a new scene that would overwrite files that are not a wizard's.
+
+    Returns
+    -------
+    path
+        The palette next to it.
+
+    Raises
+    ------
+    SceneError
+        If it is no ``.toml`` or the scene itself; if it or its palette is the user's own, or the
+        scene takes spectra from that palette.
+    InputError
+        If it cannot be written.
+    """
+    require_toml(path)
+    palette = path.with_name(f"{path.stem}-palette.toml")
+    for each in (path, palette):
+        require_writable(each)
+    if _same_file(path, scene.path):
+        raise SceneError(
+            f"{path}: is the scene that the new one is made of; name it otherwise",
+            code="conflict",
+            field="path",
+            given=path,
+        )
+    if path.exists() and not _uses_palette(path, palette):
+        raise SceneError(
+            f"{path}: is there already, and no wizard's; name the new scene otherwise",
+            code="duplicate",
+            field="path",
+            given=path,
+        )
+    if not palette.exists():
+        return palette
+    start = palette.read_bytes().removeprefix(b"\xef\xbb\xbf")[:200].decode("utf-8", "replace")
+    if not start.lstrip("# ").startswith(_OURS):
+        raise SceneError(
+            f"{palette}: is there already, and no wizard's; rename it, or name the new scene "
+            "otherwise",
+            code="duplicate",
+            field="path",
+            given=path,
+        )
+    if any(
+        _same_file(palette, scene.folder / f) for f in _spectrum_files(scene.file, scene.folder)
+    ):
+        raise SceneError(
+            f"{palette}: {scene.path} takes spectra from it; name the new scene otherwise",
+            code="conflict",
+            field="path",
+            given=path,
+        )
+    return palette
+
+
+def _uses_palette(path: Path, palette: Path) -> bool:
+    """Return True if a scene takes spectra from the palette next to it, as a wizard's does."""
+    try:
+        file = scene_file(scene_data(path), path)
+    except SceneError:
+        return False
+    return any(path.parent / name == palette for name in _spectrum_files(file, path.parent))
+
+
+def _spectrum_files(file: SceneFile, folder: Path) -> Iterator[str]:
+    """Yield the files that a scene takes spectra from."""
+    names = [row.reflectance for row in file.material if isinstance(row.reflectance, str)]
+    for row in file.light:
+        if isinstance(row.spectrum, str):
+            with suppress(SpectrumError):  # a new light is in no file yet
+                names += [name for name, _ in light_terms(row.spectrum, folder)]
+    yield from (address[0] for name in names if (address := split_address(name)))
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    return one.exists() and other.exists() and one.samefile(other)
+
+
+def _write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Path, Path]:
+    palette = require_output(scene, path)
+    if not scene.path.is_file():
+        raise SceneError(
+            f"{scene.path}: cannot be read again; load the scene from a file, whose comments stay",
+            code="not-found",
+        )
+    # Relative to the original scene's folder, as all names in the scene are.
+    address = rebase_path(palette.name, palette.parent, scene.folder)
+    file = _with_addresses(scene.file, changes, address)
+    # The palette first: a scene without its palette would be broken, not the other way round.
+    save_palette(made, palette, comment=f"{_OURS}; delete this line to keep it")
+    return write_scene(file, path, scene), palette

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from volspec.palette import Cell
-from volspec.palette.colours import parsed_colour
+from volspec.palette.model import parse_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import light_rows
@@ -95,7 +95,7 @@ def _with_cell(
 def set_target(state: ViewState, number: int, text: str) -> ViewState:
     """Set a cell's target to a colour: ``#rrggbb``, or three codes from 0 to 1."""
     codes = [float(word) for word in text.split()] if " " in text else text
-    colour = parsed_colour(codes)
+    colour = parse_colour(codes)
 
     def change(own: Cell | None) -> Cell:
         weight = own.weight if own and own.kind == "colour" else 1.0

@@ -103,8 +103,8 @@ def _targets(palette: Palette, rows: dict[str, str], names: dict[str, str]) -> D
             cell = replace(cell, other=(rows[other[0]], names[other[1]]))
         cells[rows[row], names[column]] = cell
     reflectances = [member for member in palette.reflectances if member.name in rows]
-    opened = {(REFLECTANCE, rows[member.name]) for member in reflectances if member.open}
-    opened |= {(LIGHT, names[light.name]) for light in palette.lights if light.open}
+    opened = {(REFLECTANCE, rows[member.name]) for member in reflectances if member.free}
+    opened |= {(LIGHT, names[light.name]) for light in palette.lights if light.free}
     constant = frozenset(rows[member.name] for member in reflectances if member.constant)
     lamps = {
         names[light.name]: tuple(lamp.name for lamp in light.mixture)

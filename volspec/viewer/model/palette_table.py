@@ -15,8 +15,8 @@ import numpy as np
 from volspec.appearance.spec import Viewing
 from volspec.errors import PaletteError, VolspecError, one_line
 from volspec.palette import Cell, CellReport, Design, Palette, PaletteSpectrum
-from volspec.palette.cells import cell_reports
 from volspec.palette.model import Place
+from volspec.palette.report import report_cells
 from volspec.palette.state import State
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, Spectrum
@@ -198,14 +198,14 @@ def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: Desi
     cells = _known(targets.cells, rows, names)
     # A palette needs an open row; its state is then what is shown now.
     members = tuple(
-        PaletteSpectrum(name, transfer.materials[name], open=True, upper=None) for name in rows
+        PaletteSpectrum(name, transfer.materials[name], free=True, upper=None) for name in rows
     )
     given = tuple(PaletteSpectrum(name, spectrum) for name, spectrum in lights)
     some_cells = cells or {(rows[0], names[0]): _NONE}
     try:
         viewing = unmeasured_viewing(spec.viewing)
         palette = Palette(members, given, some_cells, viewing, transfer.basis.grid)
-        reports, _ = cell_reports(State.start(palette), cells)
+        reports, _ = report_cells(State.start(palette), cells)
     except VolspecError as error:
         return Table(rows, names, spectra, {}, one_line(error))
     return Table(rows, names, spectra, {report.place: report for report in reports})
@@ -264,8 +264,8 @@ def palette_of(state: ViewState) -> Palette:
 
 def initial_spectrum(grid: SpectralGrid, number: int) -> Spectrum:
     """Return the spectrum that a new light starts from: a wave, another for each number."""
-    lights = tuple(PaletteSpectrum(f"{n}", open=True, band_nm=_BAND_NM) for n in range(number + 1))
-    grey = PaletteSpectrum("grey", open=True)
+    lights = tuple(PaletteSpectrum(f"{n}", free=True, band_nm=_BAND_NM) for n in range(number + 1))
+    grey = PaletteSpectrum("grey", free=True)
     state = State.start(Palette((grey,), lights, {("grey", lights[-1].name): _NONE}, grid=grid))
     unit = 100.0 / float(state.Q[1].sum())
     return Spectrum(grid.wavelengths_nm, state.E[-1] / unit, "new")
@@ -290,9 +290,9 @@ def with_design(state: ViewState, made: Design, targets: DesignTargets) -> ViewS
     reflectances = {
         row.name: clip_spectrum(made.reflectance(row.name), 1.0)
         for row in palette.reflectances
-        if row.open
+        if row.free
     }
-    lights = {row.name: clip_spectrum(made.light(row.name)) for row in palette.lights if row.open}
+    lights = {row.name: clip_spectrum(made.light(row.name)) for row in palette.lights if row.free}
     return replace(
         state,
         transfer=with_reflectances(with_material_basis(state.transfer), reflectances),

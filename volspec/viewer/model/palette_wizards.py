@@ -116,7 +116,7 @@ def result_lines(made: Redesigned, begun: ViewState) -> tuple[str, ...]:
     """Return the ΔE reached, a line for each light; the light that it was for comes first."""
     about = made.changes.light or wizard_place(begun)[1]
     lines = []
-    for row in sorted(made.reached, key=lambda row: row.light != about):
+    for row in sorted(made.evaluations, key=lambda row: row.light != about):
         apart = [f"{one} – {two} ΔE {value:.1f}" for (one, two), value in row.apart.items()]
         lines.append(f"{row.light}: {', '.join(apart[:3])}")
     return tuple(lines)

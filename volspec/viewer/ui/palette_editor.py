@@ -7,7 +7,7 @@ import math
 from imgui_bundle import imgui
 
 from volspec.palette import Cell
-from volspec.palette.colours import hexadecimal
+from volspec.palette.model import hexadecimal
 from volspec.spectra import light_names
 from volspec.viewer.model import lights, palette_edits
 from volspec.viewer.model.palette_table import Table

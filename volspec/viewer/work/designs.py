@@ -73,7 +73,7 @@ class DesignWorker(LatestWorker[DesignJob, DesignDone]):
 
     def _answers(self, job: DesignJob) -> Iterator[DesignDone]:
         criteria = job.palette.criteria
-        rounds = QUICK_LIGHTS if any(light.open for light in job.palette.lights) else QUICK
+        rounds = QUICK_LIGHTS if any(light.free for light in job.palette.lights) else QUICK
         quick = replace(criteria, rounds=min(rounds, criteria.rounds))
         done = _run(job, replace(job.palette, criteria=quick), whole=quick == criteria)
         yield done

@@ -1,12 +1,12 @@
-"""A bounded convex quadratic problem over named blocks of unknowns, and its optimum.
+"""Solve a bounded convex quadratic program over named blocks of variables.
 
-    criteria -> [problem] -> design
+    linearisation -> [quadratic_program] -> optimisation
 
     minimise  Σ w² |Σ_b A_b x_b - t|²     over terms
     with      lower <= x_b <= upper, and Σ_b C_b x_b = d
 
-Blocks that no term ties together are solved apart. clarabel finds the optimum, or shows which
-equations and bounds contradict each other.
+Blocks that no term connects are solved separately. clarabel finds the optimum, or a certificate of
+which equations and bounds contradict each other.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from volspec.errors import PaletteError
 
 Array = NDArray[np.float64]
 
-# Of the certificate's largest multiplier: what has less has no part in the contradiction.
+# A term with a multiplier below this fraction of the largest has no part in a contradiction.
 _INVOLVED = 1e-3
-# Of P's largest number: where q has no more, it is P that the problem is scaled by.
+# If q's largest number is below this fraction of P's, the problem is scaled by P.
 _LEAST_q = 1e-3
-# Accurate enough without a second solution: a hundredth of what is promised.
+# Residual that needs no second solution: a hundredth of what is promised.
 _ACCURATE = 1e-8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """Unknowns that belong together: a spectrum's, or a free colour.
+    """Variables of one spectrum or of one free colour.
 
     Parameters
     ----------
     size : int
     lower, upper : (size,) float64
-        Infinite where there is no bound.
+        Infinite if unbounded.
     """
 
     size: int
@@ -49,16 +49,16 @@ class Block:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Term:
-    """Rows that are wanted to hold: Σ_b A_b x_b = target.
+    """Weighted equations: Σ_b A_b x_b = target.
 
     Parameters
     ----------
     parts : {block: (k, n_b)}
     target : (k,)
     weight : float
-        Infinite: they must hold.
+        Infinite: an equality constraint.
     label : str
-        What a message calls them.
+        Name in messages.
     """
 
     parts: Mapping[str, Array]
@@ -69,7 +69,7 @@ class Term:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
-    """What the solver found.
+    """Solution of a quadratic program.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Optimum:
     cost : float
         The weighted sum of squares.
     residual : float
-        Largest violation of the conditions of optimality (Karush, Kuhn, Tucker), relative to the
+        Largest violation of the optimality conditions (Karush, Kuhn, Tucker), relative to the
         problem's numbers.
     """
 
@@ -87,29 +87,29 @@ class Optimum:
 
 
 def solve(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
-    """The optimum.
+    """Minimise the weighted terms within the bounds.
 
     Raises
     ------
     PaletteError
-        If terms that must hold contradict each other or the bounds.
+        If equality constraints contradict each other or the bounds.
     """
     values: dict[str, Array] = {}
     cost = residual = 0.0
-    for names in _components(blocks, terms):
+    for names in _connected_blocks(blocks, terms):
         own = [term for term in terms if not names.isdisjoint(term.parts)]
-        part = _solve_together({name: blocks[name] for name in blocks if name in names}, own)
+        part = _solve_connected({name: blocks[name] for name in blocks if name in names}, own)
         values |= part.values
         cost, residual = cost + part.cost, max(residual, part.residual)
     return Optimum(values, cost, residual)
 
 
-def _components(blocks: Mapping[str, Block], terms: Sequence[Term]) -> list[set[str]]:
+def _connected_blocks(blocks: Mapping[str, Block], terms: Sequence[Term]) -> list[set[str]]:
     groups = [{name} for name in blocks]
     for term in terms:
         if len(term.parts) > 1:
-            tied = [group for group in groups if not group.isdisjoint(term.parts)]
-            groups = [group for group in groups if group not in tied] + [set().union(*tied)]
+            joined = [group for group in groups if not group.isdisjoint(term.parts)]
+            groups = [group for group in groups if group not in joined] + [set().union(*joined)]
     return groups
 
 
@@ -121,12 +121,12 @@ class _Quadratic:
     ----------
     P : (n, n)
     q : (n,)
-        Both divided by one number, so that those of q come to about 1.
+        Both divided by one number, so that q is about 1.
     C : (k, n)
         Equations, first in A.
     d : (k,)
     lower, upper : (n,)
-        Bounds: next in A where they meet, then the lower, then the upper ones.
+        Bounds: next in A the equal ones, then the lower, then the upper ones.
     """
 
     P: Array
@@ -137,9 +137,10 @@ class _Quadratic:
     upper: Array
 
     @classmethod
-    def of(
+    def from_terms(
         cls, blocks: Mapping[str, Block], places: Mapping[str, slice], terms: Iterable[Term]
     ) -> _Quadratic:
+        """Assemble the normal equations of the soft terms, and the rows of the hard ones."""
         size = sum(block.size for block in blocks.values())
         P, q = np.zeros((size, size)), np.zeros(size)
         C, d = [np.zeros((0, size))], [np.zeros(0)]
@@ -160,7 +161,7 @@ class _Quadratic:
         # The solver's tolerances are absolute: small weights are as good as large ones.
         scale = max(float(np.abs(q).max()), _LEAST_q * float(np.abs(P).max())) or 1.0
         P, q = P / scale, q / scale
-        # Beside the terms nothing counts: this only keeps what they leave open finite.
+        # Far below every term: it only keeps variables finite that no term determines.
         P[np.diag_indices(size)] += 1e-12 * max(1.0, 0.5 * float(np.trace(P))) / size
         lower = np.concatenate([block.lower for block in blocks.values()])
         upper = np.concatenate([block.upper for block in blocks.values()])
@@ -168,13 +169,13 @@ class _Quadratic:
 
     @property
     def bounded(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Unknowns whose bounds meet, that have a lower, and that have an upper one."""
+        """Variables of equal bounds, with a lower, and with an upper bound."""
         fixed = self.lower == self.upper
         above, below = np.isfinite(self.lower) & ~fixed, np.isfinite(self.upper) & ~fixed
         return np.flatnonzero(fixed), np.flatnonzero(above), np.flatnonzero(below)
 
-    def minimum(self, refine: bool) -> tuple[str, Array, Array]:
-        """clarabel's status, x and multipliers z, in the order of A's rows."""
+    def minimise(self, refine: bool) -> tuple[str, Array, Array]:
+        """Return clarabel's status, x, and multipliers z in the order of A's rows."""
         import clarabel
         from scipy import sparse
 
@@ -202,17 +203,17 @@ class _Quadratic:
 
     @property
     def feasible(self) -> bool:
-        """Whether any x is within the bounds and meets the equations."""
-        return "Infeasible" not in self.minimum(refine=True)[0]
+        """True if some x is within the bounds and meets the equations."""
+        return "Infeasible" not in self.minimise(refine=True)[0]
 
-    def without(self, side: str, place: slice) -> _Quadratic:
-        """The same with no ``"lower"`` or ``"upper"`` bound in a place."""
+    def without_bound(self, side: str, place: slice) -> _Quadratic:
+        """Return the program without the ``"lower"`` or ``"upper"`` bound in a place."""
         bound = getattr(self, side).copy()
         bound[place] = -math.inf if side == "lower" else math.inf
         return replace(self, **{side: bound})
 
-    def by_unknown(self, z: Array) -> tuple[Array, Array, Array]:
-        """Multipliers of the equations (k,), and of the lower and the upper bounds (n,)."""
+    def split_multipliers(self, z: Array) -> tuple[Array, Array, Array]:
+        """Return the multipliers of the equations (k,), and of lower and upper bounds (n,)."""
         fixed, above, below = self.bounded
         of_equations, of_fixed, of_lower, of_upper = np.split(
             z, np.cumsum([len(self.d), len(fixed), len(above)])
@@ -223,33 +224,34 @@ class _Quadratic:
         return of_equations, low, high
 
     def residual(self, x: Array, z: Array) -> float:
-        """How far x, within its bounds, and z are from the conditions of optimality."""
-        of_equations, low, high = self.by_unknown(z)
+        """Return the largest violation of the optimality conditions by x, within its bounds."""
+        of_equations, low, high = self.split_multipliers(z)
         Px = self.P @ x
         scale = 1.0 + max(np.abs(Px).max(initial=0.0), np.abs(self.q).max(initial=0.0))
         gradient = Px + self.q + self.C.T @ of_equations - low + high
         # An infinite bound has no multiplier.
         slack_low = np.where(np.isfinite(self.lower), x - self.lower, 0.0)
         slack_high = np.where(np.isfinite(self.upper), self.upper - x, 0.0)
-        wrong = [gradient, low * slack_low, high * slack_high, np.minimum(low, 0.0)]
-        dual = max(float(np.abs(one).max(initial=0.0)) for one in [*wrong, np.minimum(high, 0.0)])
+        negative = np.minimum(low, 0.0), np.minimum(high, 0.0)
+        violations = (gradient, low * slack_low, high * slack_high, *negative)
+        dual = max(float(np.abs(one).max(initial=0.0)) for one in violations)
         return max(dual / float(scale), float(np.abs(self.C @ x - self.d).max(initial=0.0)))
 
 
-def _solve_together(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
+def _solve_connected(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
     ends = list(accumulate((block.size for block in blocks.values()), initial=0))
     places = {name: slice(ends[n], ends[n + 1]) for n, name in enumerate(blocks)}
-    quadratic = _Quadratic.of(blocks, places, terms)
+    quadratic = _Quadratic.from_terms(blocks, places, terms)
     for refine in (False, True):
-        status, x, z = quadratic.minimum(refine)
+        status, x, z = quadratic.minimise(refine)
         x = np.clip(x, quadratic.lower, quadratic.upper)
         residual = quadratic.residual(x, z)
         if status == "Solved" and residual < _ACCURATE:
             break
     if "Infeasible" in status:
-        raise PaletteError(_contradiction(quadratic, z, places, terms))
+        raise _contradiction(quadratic, z, places, terms)
     if not math.isfinite(residual):
-        raise PaletteError(f"palette: the solver gave up ({status}); lower the weights")
+        raise PaletteError(f"the solver gave up ({status}); lower the weights", code="impossible")
     values = {name: x[place] for name, place in places.items()}
     return Optimum(values, _cost(values, terms), residual)
 
@@ -265,28 +267,29 @@ def _cost(values: Mapping[str, Array], terms: Iterable[Term]) -> float:
 
 def _contradiction(
     quadratic: _Quadratic, z: Array, places: Mapping[str, slice], terms: Iterable[Term]
-) -> str:
-    """Names the terms that a certificate of infeasibility leans on, and bounds that do it alone."""
-    of_equations, low, high = quadratic.by_unknown(z)
+) -> PaletteError:
+    """Name the terms of a certificate of infeasibility, and bounds that contradict them alone."""
+    of_equations, low, high = quadratic.split_multipliers(z)
     hard = [term for term in terms if math.isinf(term.weight)]
     parts = np.split(of_equations, np.cumsum([len(term.target) for term in hard])[:-1])
     sizes = [float(np.abs(part).max()) for part in parts]
-    must = [term.label for term, size in zip(hard, sizes, strict=True) if _involved(size, sizes)]
+    exact = [term.label for term, size in zip(hard, sizes, strict=True) if _involved(size, sizes)]
     sides = [
         (many[place].max(initial=0.0), side, name)
         for name, place in places.items()
         for side, many in (("lower", low), ("upper", high))
     ]
-    leant_on = [size for size, _, _ in sides]
+    sizes = [size for size, _, _ in sides]
     widen = [
         f"the {side} bound of {name}"
         for size, side, name in sides
-        if _involved(size, leant_on) and quadratic.without(side, places[name]).feasible
+        if _involved(size, sizes) and quadratic.without_bound(side, places[name]).feasible
     ]
-    return (
-        f"palette: no spectrum within its bounds meets {', '.join(dict.fromkeys(must))} exactly; "
-        f"{'widen ' if widen else ''}{' or '.join(widen)}{', ' if widen else ''}give finite "
-        "weights, free one of them, or change the exposure"
+    remedy = "give finite weights, free one of them, or change the exposure"
+    return PaletteError(
+        f"no spectrum within its bounds meets {', '.join(dict.fromkeys(exact))} exactly",
+        f"widen {' or '.join(widen)}, {remedy}" if widen else remedy,
+        code="impossible",
     )
 
 

@@ -1,0 +1,299 @@
+"""Linearise a palette's colours: affine functions of the spectra that a phase designs.
+
+    state -> [linearisation] -> optimisation
+
+In the first iteration CIELAB is replaced by the chord from the current colour to the wanted one,
+exact where that is met; later by its tangent at the current colour (Gauss-Newton steps). Chords
+alone would not converge: if colours cannot be met, they oscillate and get worse.
+
+References
+----------
+[1] Bergner, Drew & Möller (2009), ACM TOG 28(1) art. 5, section 3, eq. 16, 22-24.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.palette.model import Cell, Index, Palette
+from volspec.palette.quadratic_program import Block, Term
+from volspec.palette.state import ColourModel, State
+
+Array = NDArray[np.float64]
+
+ROW_WEIGHT = 1.0 / math.sqrt(3.0)
+"""The three equations of a colour count as one."""
+# CIELAB differences in hundredths are near those of linear RGB.
+_Lab_UNIT = 0.01
+# ΔE below which two colours to be distinct have no direction; they part along a* and b*.
+_ALIKE = 0.1
+# Weight of distinct cells being colours that the display shows, relative to their difference.
+_GAMUT = 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AffineColour:
+    """A colour as an affine function of the free variables.
+
+    Parameters
+    ----------
+    parts : {block: (3, n)}
+        Empty if the colour is constant.
+    constant : (3,)
+    """
+
+    parts: Mapping[str, Array]
+    constant: Array
+
+    def transform(self, matrix: Array, shift: Array | float = 0.0) -> AffineColour:
+        """Return matrix · colour + shift."""
+        parts = {name: matrix @ rows for name, rows in self.parts.items()}
+        return AffineColour(parts, matrix @ self.constant + shift)
+
+    def equality(self, other: AffineColour, weight: float, label: str) -> Term:
+        """Return the equations that the colour equals another."""
+        parts = dict(self.parts)
+        for name, rows in other.parts.items():
+            parts[name] = parts[name] - rows if name in parts else -rows
+        return Term(parts, other.constant - self.constant, weight, label)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Variables:
+    """Free variables of a phase.
+
+    Parameters
+    ----------
+    state : State
+    lights : bool
+        True if lights are designed, False if reflectances are.
+    names : {number: block}
+        Blocks of the free spectra.
+    synthesis : {number: (N, n)}
+        Variables to the spectrum in the state.
+    first : bool
+        True in the first iteration.
+    """
+
+    state: State
+    lights: bool
+    names: Mapping[int, str]
+    synthesis: Mapping[int, Array]
+    first: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearisation:
+    """Linear RGB of all cells, linearised by the spectra at one colour each.
+
+    Parameters
+    ----------
+    variables : Variables
+    jacobian : (R, L, 3, 3)
+        Linear RGB by XYZ.
+    rows : (R, L, 3, N)
+        Linear RGB by the spectrum that is designed.
+    constant : (R, L, 3)
+    """
+
+    variables: Variables
+    jacobian: Array
+    rows: Array
+    constant: Array
+
+    @classmethod
+    def at(cls, variables: Variables, models: list[ColourModel], XYZ: Array) -> Linearisation:
+        """Linearise at (R, L, 3) colours; exact there."""
+        state = variables.state
+        jacobian = np.stack([model.RGB_jacobian(XYZ[:, j]) for j, model in enumerate(models)], 1)
+        RGB = np.stack([model.RGB_from_XYZ(XYZ[:, j]) for j, model in enumerate(models)], axis=1)
+        constant = RGB - (jacobian @ XYZ[..., None])[..., 0]
+        others = state.S[:, None, None] if variables.lights else state.E[None, :, None]
+        return cls(variables, jacobian, jacobian @ (state.Q * others), constant)
+
+    def colour(self, place: Index) -> AffineColour:
+        """Return the linearised colour of a cell."""
+        variables, state = self.variables, self.variables.state
+        number = place[1] if variables.lights else place[0]
+        if number in variables.names:
+            rows = self.rows[place] @ variables.synthesis[number]
+            return AffineColour({variables.names[number]: rows}, self.constant[place])
+        spectrum = state.E[number] if variables.lights else state.S[number]
+        return AffineColour({}, self.constant[place] + self.rows[place] @ spectrum)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellEquations:
+    """Linearised equations of all cells.
+
+    Parameters
+    ----------
+    cells : {(i, j): Cell}
+    Lab : (R, L, 3)
+        Current colours.
+    Lab_slopes : (R, L, 3, 3)
+        CIELAB by linear RGB: chords or tangents.
+    Lab_at_black : (R, L, 3)
+        Their value at linear RGB 0.
+    wanted : {(i, j): ((3,), (3,))}
+        Linear RGB and CIELAB of wanted colours, black included.
+    free : {group: ((3, 3), (3,))}
+        Slopes, and value at linear RGB 0, at each free colour.
+    at_current, at_wanted : Linearisation
+        At the current colours, and at the wanted ones of equality constraints and of the first
+        iteration.
+    """
+
+    cells: Mapping[Index, Cell]
+    Lab: Array
+    Lab_slopes: Array
+    Lab_at_black: Array
+    wanted: Mapping[Index, tuple[Array, Array]]
+    free: Mapping[str, tuple[Array, Array]]
+    at_current: Linearisation
+    at_wanted: Linearisation
+
+    @classmethod
+    def of(cls, variables: Variables) -> CellEquations:
+        """Linearise the cells of a phase."""
+        state = variables.state
+        cells, models, XYZ = state.palette.indexed_cells(), state.colour_models(), state.XYZ
+        model, current = models[0], state.RGB(models)
+        codes = {at: cell.wanted for at, cell in cells.items() if cell.wanted is not None}
+        places = list(codes)
+        colours = model.space.decode(np.reshape(list(codes.values()), (-1, 3)))
+        wanted = dict(
+            zip(places, zip(colours, model.Lab_from_RGB(colours), strict=True), strict=True)
+        )
+        free = _free_colours(cells, current, model, state.palette)
+        ends, anchors = current.copy(), XYZ.copy()
+        for j, of_light in groupby(sorted(places, key=_column), _column):
+            places = [p for p in of_light if variables.first or math.isinf(cells[p].weight)]
+            for place in places:
+                ends[place] = wanted[place][0]
+            rows = [i for i, _ in places]
+            anchors[rows, j] = models[j].XYZ_from_RGB(ends[rows, j])
+        if variables.first:
+            for place, cell in cells.items():
+                ends[place] = free.get(cell.group, ends[place])
+        Lab, slopes = model.Lab_from_RGB(current), model.Lab_chord(current, ends)
+        return cls(
+            cells,
+            Lab,
+            slopes,
+            Lab - (slopes @ current[..., None])[..., 0],
+            wanted,
+            {group: _tangent(model, colour) for group, colour in free.items()},
+            Linearisation.at(variables, models, XYZ),
+            Linearisation.at(variables, models, anchors),
+        )
+
+    def problem(self) -> tuple[dict[str, Block], list[Term]]:
+        """Return the blocks of free colours, and all equations."""
+        blocks: dict[str, Block] = {}
+        terms: list[Term] = []
+        for place, cell in self.cells.items():
+            more, rows = self._equations(place, cell)
+            blocks |= more
+            terms += [term for term in rows if term.parts]
+        return blocks, terms
+
+    def _equations(self, place: Index, cell: Cell) -> tuple[dict[str, Block], list[Term]]:
+        palette, first = self._palette, self.at_current.variables.first
+        label = f"cell ({palette.reflectances[place[0]].name}, {palette.lights[place[1]].name})"
+        exact = math.isinf(cell.weight)
+        in_RGB = exact or palette.criteria.metric == "RGB"
+        if place in self.wanted:
+            linearised = self.at_wanted if exact or first else self.at_current
+            here = self._metric(linearised.colour(place), place, in_RGB)
+            RGB, Lab = self.wanted[place]
+            there = AffineColour({}, ROW_WEIGHT * (RGB if in_RGB else _Lab_UNIT * Lab))
+            return {}, [here.equality(there, cell.weight, label)]
+        here = self._metric(self.at_current.colour(place), place, in_RGB)
+        if cell.other is None:
+            name, colour = _variable_colour(f"free colour {cell.group!r}")
+            space = palette.viewing.display.colours
+            block = Block(3, *space.decode(palette.free_bounds(cell.group)))
+            if in_RGB or first:
+                colour = self._metric(colour, place, in_RGB)
+            else:
+                slopes, at_black = self.free[cell.group]
+                unit = ROW_WEIGHT * _Lab_UNIT
+                colour = colour.transform(unit * slopes, unit * at_black)
+            return {name: block}, [here.equality(colour, cell.weight, label)]
+        other = palette.index(cell.other)
+        if cell.kind == "same":
+            there = self._metric(self.at_current.colour(other), other, in_RGB)
+            return {}, [here.equality(there, cell.weight, label)]
+        return self._distinct_equations(place, other, cell, label)
+
+    @property
+    def _palette(self) -> Palette:
+        return self.at_current.variables.state.palette
+
+    def _distinct_equations(
+        self, place: Index, other: Index, cell: Cell, label: str
+    ) -> tuple[dict[str, Block], list[Term]]:
+        """Two distant colours that the display shows, and the cells near them."""
+        name, shown = _variable_colour(f"the colour shown by {label}")
+        other_name, shown_there = _variable_colour(f"the colour compared with {label}")
+        blocks = {each: Block(3, np.zeros(3), np.ones(3)) for each in (name, other_name)}
+        shows = [
+            self.at_current.colour(each).equality(colour, _GAMUT * cell.weight, label)
+            for each, colour in ((place, shown), (other, shown_there))
+        ]
+        # Along the direction in which the two differ already.
+        way = self.Lab[place] - self.Lab[other]
+        if np.linalg.norm(way) < _ALIKE:
+            way = way + _ALIKE * np.array([0.0, 1.0, 1.0])
+        along = (way / np.linalg.norm(way))[None] / ROW_WEIGHT
+        there = self._metric(shown_there, other, in_RGB=False)
+        enough = there.transform(along, _Lab_UNIT * cell.distance)
+        far = self._metric(shown, place, in_RGB=False).transform(along)
+        return blocks, [*shows, far.equality(enough, cell.weight, label)]
+
+    def _metric(self, colour: AffineColour, place: Index, in_RGB: bool) -> AffineColour:
+        """Transform a colour near that of a place to the metric's coordinates."""
+        if in_RGB:
+            return colour.transform(ROW_WEIGHT * np.eye(3))
+        unit = ROW_WEIGHT * _Lab_UNIT
+        return colour.transform(unit * self.Lab_slopes[place], unit * self.Lab_at_black[place])
+
+
+def _free_colours(
+    cells: Mapping[Index, Cell], current: Array, model: ColourModel, palette: Palette
+) -> dict[str, Array]:
+    """Return each group's linear RGB, within its bounds, of least squares to its cells."""
+    members: dict[str, list[tuple[Index, float]]] = {}
+    for place, cell in cells.items():
+        if cell.kind == "free":
+            weight = 1.0 if math.isinf(cell.weight) else cell.weight**2
+            members.setdefault(cell.group, []).append((place, weight))
+    colours = {}
+    for group, own in members.items():
+        Lab = model.Lab_from_RGB(np.stack([current[place] for place, _ in own]))
+        mean = np.average(Lab, axis=0, weights=[weight for _, weight in own])
+        low, high = model.space.decode(palette.free_bounds(group))
+        colours[group] = np.clip(model.RGB_from_Lab(mean), low, high)
+    return colours
+
+
+def _tangent(model: ColourModel, colour: Array) -> tuple[Array, Array]:
+    """Return the slopes of CIELAB at a colour, and the tangent's value at linear RGB 0."""
+    slopes = model.Lab_chord(colour, colour)
+    return slopes, model.Lab_from_RGB(colour) - slopes @ colour
+
+
+def _column(place: Index) -> int:
+    return place[1]
+
+
+def _variable_colour(name: str) -> tuple[str, AffineColour]:
+    """Return a colour that is itself a block of variables."""
+    return name, AffineColour({name: np.eye(3)}, np.zeros(3))

@@ -1,0 +1,436 @@
+"""Design a palette: optimise its free lights and reflectances in turn.
+
+    model -> state -> linearisation -> quadratic_program -> [optimisation] -> report
+
+One phase designs the reflectances under the current lights, the other the lights on the current
+reflectances. Both have the same equations, as light and reflectance are interchangeable in
+XYZ = Q (E ∗ S). Each is a linearisation, and the two alternate, so that the true cost may rise:
+iterations are compared by the true cost.
+
+References
+----------
+[1] Bergner, Drew & Möller (2009), ACM TOG 28(1) art. 5, sections 3 and 5, after Smits (1999).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.basis import SpectralBasis
+from volspec.basis.display import display_matrix
+from volspec.errors import PaletteError
+from volspec.palette.linearisation import ROW_WEIGHT, CellEquations, Variables
+from volspec.palette.model import Cell, Index, Palette
+from volspec.palette.quadratic_program import Block, Term, solve
+from volspec.palette.state import State
+from volspec.palette.variables import PaletteSpectrum
+from volspec.spectra import Spectrum
+
+Array = NDArray[np.float64]
+
+# Half the step of a difference quotient, as a fraction of a light's mean.
+_STEP = 1e-4
+# Linear RGB within which a cell is met exactly.
+_MET = 1e-4
+# Weight of an exact cell in the true cost: more than all the others have.
+_EXACT_WEIGHT = 1e4
+_SUBSPACE = "the subspace error of"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Phase:
+    """Least-squares problem of the free reflectances, or of the free lights.
+
+    Parameters
+    ----------
+    state : State
+    lights : bool
+        True to design the lights, False the reflectances.
+    first : bool
+        True in the first iteration; see `linearisation`.
+    """
+
+    state: State
+    lights: bool
+    first: bool = True
+
+    @property
+    def members(self) -> tuple[PaletteSpectrum, ...]:
+        """The palette's lights or reflectances, given ones too."""
+        palette = self.state.palette
+        return palette.lights if self.lights else palette.reflectances
+
+    @property
+    def free(self) -> list[int]:
+        """Numbers of the spectra that this phase designs."""
+        return [number for number, member in enumerate(self.members) if member.free]
+
+    def block_name(self, number: int) -> str:
+        """Return the name of a spectrum's variables."""
+        return f"{'light' if self.lights else 'reflectance'} {self.members[number].name!r}"
+
+    @property
+    def unit(self) -> float:
+        """Value in the state of a variable of 1; a light's is the even light of Y = 100."""
+        return 100.0 / float(self.state.Q[1].sum()) if self.lights else 1.0
+
+    def synthesis(self, number: int) -> Array:
+        """Return the (N, n) matrix from variables to the spectrum in the state."""
+        return self.members[number].synthesis(self.state.palette.grid) * self.unit
+
+    def values(self) -> dict[int, Array]:
+        """Return the variables of each free spectrum: its bands, or the weights of its lamps."""
+        spectra = self.state.E if self.lights else self.state.S
+        return {
+            number: np.linalg.lstsq(self.synthesis(number), spectra[number], rcond=None)[0]
+            for number in self.free
+        }
+
+    def problem(self) -> tuple[dict[str, Block], list[Term]]:
+        """Return the blocks of variables, and the terms over them.
+
+        Raises
+        ------
+        PaletteError
+            If a free spectrum has no band to be free in.
+        """
+        names = {number: self.block_name(number) for number in self.free}
+        synthesis = {number: self.synthesis(number) for number in names}
+        variables = Variables(self.state, self.lights, names, synthesis, self.first)
+        equations = CellEquations.of(variables)
+        colours, rows = equations.problem()
+        spectra = {name: self._block(number, variables) for number, name in names.items()}
+        terms = [*self._own_terms(variables), *rows]
+        basis = self.state.palette.basis
+        if basis is not None and self.state.palette.criteria.subspace:
+            terms += self._subspace_terms(equations, basis)
+        # A free colour of given spectra only mends nothing, and an exact one would contradict its
+        # own rounding.
+        connected = set(spectra)
+        while more := {n for t in terms if t.parts.keys() & connected for n in t.parts} - connected:
+            connected |= more
+        terms = [term for term in terms if term.parts.keys() & connected]
+        return spectra | {name: colours[name] for name in colours if name in connected}, terms
+
+    def solve(self) -> tuple[State, float, float]:
+        """Return the state with this phase's spectra designed, the cost and the residual."""
+        found = solve(*self.problem())
+        spectra = {
+            number: self.synthesis(number) @ found.values[self.block_name(number)]
+            for number in self.free
+        }
+        update = self.state.with_lights if self.lights else self.state.with_reflectances
+        return update(spectra), found.cost, found.residual
+
+    def costs(self) -> dict[str, float]:
+        """Return the weighted squares of smoothness and subspace error at the current state."""
+        costs = {"smoothness": 0.0, "subspace": 0.0}
+        x = {self.block_name(number): values for number, values in self.values().items()}
+        for term in self.problem()[1]:
+            subspace = term.label.startswith(_SUBSPACE)
+            if subspace or term.label in x:  # smoothness has the spectrum's name
+                made = sum(rows @ x[name] for name, rows in term.parts.items())
+                square = float(((made - term.target) ** 2).sum())
+                costs["subspace" if subspace else "smoothness"] += term.weight**2 * square
+        return costs
+
+    def _block(self, number: int, variables: Variables) -> Block:
+        member, size = self.members[number], variables.synthesis[number].shape[1]
+        low = -math.inf if member.lower is None else float(member.lower)
+        high = math.inf if member.upper is None else float(member.upper)
+        return Block(size, np.full(size, low), np.full(size, high))
+
+    def _own_terms(self, variables: Variables) -> Iterator[Term]:
+        """Yield the smoothness of each spectrum [1, eq. 21], and the luminance of each light."""
+        palette, state = self.state.palette, self.state
+        bands = palette.grid.size
+        bend = np.diff(np.eye(bands), 2, axis=0) / (math.sqrt(6.0 * bands) * self.unit)
+        for number, name in variables.names.items():
+            synthesis = variables.synthesis[number]
+            if palette.criteria.smoothness:
+                zero = np.zeros(bands - 2)
+                yield Term({name: bend @ synthesis}, zero, palette.criteria.smoothness, name)
+            if self.lights and palette.level == "relative":
+                luminance = (state.Q[1] @ synthesis)[None] / 100.0
+                yield Term({name: luminance}, np.ones(1), math.inf, f"the luminance of {name}")
+
+    def _subspace_terms(self, equations: CellEquations, basis: SpectralBasis) -> Iterator[Term]:
+        """Yield F of [1, eq. 20]: colours of all bands minus those of the basis, componentwise."""
+        state, variables = self.state, equations.at_current.variables
+        subspace = state.palette.criteria.subspace
+        channels = state.S @ basis.analysis.T
+        from_basis: dict[int, Array] = {}
+        for (i, j), cell in equations.cells.items():
+            number = j if self.lights else i
+            if number not in variables.names:
+                continue
+            if j not in from_basis:
+                slopes = _basis_XYZ_by_light if self.lights else _basis_XYZ_by_reflectance
+                from_basis[j] = slopes(basis, state.E[j], state.Q)
+            less = from_basis[j] @ channels[i] if self.lights else from_basis[j]
+            other = state.S[i] if self.lights else state.E[j]
+            rows = ROW_WEIGHT * equations.at_current.jacobian[i, j] @ (state.Q * other - less)
+            weight = subspace * (1.0 if math.isinf(cell.weight) else cell.weight)
+            name = variables.names[number]
+            part = {name: rows @ variables.synthesis[number]}
+            yield Term(part, np.zeros(3), weight, f"{_SUBSPACE} {name}")
+
+
+def _XYZ_from_channels(basis: SpectralBasis, E: Array, Q: Array) -> Array:
+    """Return (3, m): a reflectance's channels to XYZ under a light at its own level."""
+    e = basis.analysis @ E
+    level = float(Q[1] @ E) / 100.0
+    return level * display_matrix(basis.XYZ_from_channels, e, E, Q) * e
+
+
+def _basis_XYZ_by_reflectance(basis: SpectralBasis, E: Array, Q: Array) -> Array:
+    """Return (3, N): a reflectance to the XYZ that the basis makes of it under a light."""
+    return _XYZ_from_channels(basis, E, Q) @ basis.analysis
+
+
+def _basis_XYZ_by_light(basis: SpectralBasis, E: Array, Q: Array) -> Array:
+    """Return (3, N, m): derivatives of `_XYZ_from_channels` by the light, its exact white included.
+
+    Twice the light makes twice the matrix, so the tangent goes through the origin (Euler).
+    """
+    step = _STEP * float(np.abs(E).mean())
+    ahead, back = (
+        [_XYZ_from_channels(basis, E + sign * row, Q) for row in step * np.eye(len(E))]
+        for sign in (1.0, -1.0)
+    )
+    slopes: Array = (np.stack(ahead, axis=1) - np.stack(back, axis=1)) / (2.0 * step)
+    return slopes
+
+
+def true_cost(state: State) -> float:
+    """Return the weighted sum of squares of a palette's colours and roughness, not linearised.
+
+    Colours are compared by `Criteria.metric`, a free one with the mean of its group.
+    """
+    palette = state.palette
+    cells, models = palette.indexed_cells(), state.colour_models()
+    shown = state.RGB(models)
+    unit = 1.0
+    if palette.criteria.metric == "Lab":
+        shown, unit = models[0].Lab_from_RGB(shown), 0.01
+    means = _free_means(cells, shown)
+    total = 0.0
+    for place, cell in cells.items():
+        if cell.wanted is not None:
+            target = models[0].space.decode(cell.wanted)
+            off = shown[place] - (models[0].Lab_from_RGB(target) if unit < 1.0 else target)
+        elif cell.other is None:
+            off = shown[place] - means[cell.group]
+        else:
+            off = shown[place] - shown[palette.index(cell.other)]
+            if cell.kind == "distinct":
+                off = np.array([max(cell.distance - float(np.linalg.norm(off)), 0.0)])
+        total += float(((_finite_weight(cell) * unit * off) ** 2).sum()) / 3.0
+    return total + palette.criteria.smoothness**2 * _roughness(state)
+
+
+def _finite_weight(cell: Cell) -> float:
+    return _EXACT_WEIGHT if math.isinf(cell.weight) else cell.weight
+
+
+def _free_means(cells: Mapping[Index, Cell], shown: Array) -> dict[str, Array]:
+    groups: dict[str, list[Index]] = {}
+    for place, cell in cells.items():
+        if cell.kind == "free":
+            groups.setdefault(cell.group, []).append(place)
+    return {
+        group: np.average(
+            [shown[place] for place in places],
+            axis=0,
+            weights=[_finite_weight(cells[place]) ** 2 for place in places],
+        )
+        for group, places in groups.items()
+    }
+
+
+def _roughness(state: State) -> float:
+    """Squares of second differences of free spectra, as `Criteria.smoothness` counts them."""
+    unit = 100.0 / float(state.Q[1].sum())
+    rows = [row.free for row in state.palette.reflectances]
+    columns = [column.free for column in state.palette.lights]
+    spectra = np.concatenate([state.S[rows], state.E[columns] / unit])
+    return float((np.diff(spectra, 2, axis=1) ** 2).sum()) / (6.0 * state.palette.grid.size)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Design:
+    """A palette that has been designed.
+
+    Parameters
+    ----------
+    palette : Palette
+        The palette with every spectrum filled in.
+    state : State
+        Spectra on the palette's grid.
+    cost : float
+        Weighted sum of squares of the last solution.
+    residual : float
+        Largest violation of the last solutions' optimality conditions; see
+        `quadratic_program.Optimum`.
+    """
+
+    palette: Palette
+    state: State
+    cost: float
+    residual: float
+
+    def light(self, name: str) -> Spectrum:
+        """Return a light of the palette."""
+        return _spectrum(self.palette.member("light", name))
+
+    def reflectance(self, name: str) -> Spectrum:
+        """Return a reflectance of the palette."""
+        return _spectrum(self.palette.member("reflectance", name))
+
+
+def design(palette: Palette) -> Design:
+    """Optimise a palette's free spectra.
+
+    Reflectances come first, under the initial lights; then lights, on these reflectances;
+    `Criteria.rounds` times in turn, of which the best is the result. If both are free and some
+    cells count more than others, the first design weights all alike: equality constraints under
+    arbitrary lights would otherwise fix the reflectances.
+
+    Raises
+    ------
+    PaletteError
+        If exact cells contradict each other or the bounds.
+    SpectrumError
+        If a given spectrum is none, or does not cover the palette's grid.
+    """
+    begun = _Iteration(State.start(palette), math.inf, math.inf)
+    weights = {cell.weight for cell in palette.cells.values()}
+    both = all(any(m.free for m in members) for members in (palette.lights, palette.reflectances))
+    if both and (len(weights) > 1 or math.inf in weights):
+        alike = {place: replace(cell, weight=1.0) for place, cell in palette.cells.items()}
+        begun = _iterate(replace(begun.state, palette=replace(palette, cells=alike)))
+        begun = replace(begun, state=replace(begun.state, palette=palette))
+    try:
+        best = _iterate(begun.state)
+    except PaletteError:
+        # A colour on a bound can be met, but not as an equation between rounded numbers.
+        if math.isinf(begun.cost) or not _meets_exact_cells(begun.state):
+            raise
+        best = begun
+    return Design(_designed_palette(palette, best.state), best.state, best.cost, best.residual)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Iteration:
+    """State after an iteration, with its last solution's cost and residual."""
+
+    state: State
+    cost: float
+    residual: float
+
+
+def _iterate(state: State) -> _Iteration:
+    """Alternate reflectances and lights; return the iteration of least true cost."""
+    best, least = None, math.inf
+    refused: dict[bool, PaletteError] = {}
+    solved: set[bool] = set()
+    for iteration in range(state.palette.criteria.rounds):
+        cost = residual = 0.0
+        for lights in (False, True):
+            phase = Phase(state, lights, iteration == 0)
+            if not phase.free:
+                continue
+            try:
+                state, cost, violation = phase.solve()
+            except PaletteError as error:  # perhaps the other phase can meet the exact cells
+                refused[lights] = error
+            else:
+                solved.add(lights)
+                residual = max(residual, violation)
+        if solved and (reached := true_cost(state)) < least:
+            best, least = _Iteration(state, cost, residual), reached
+    for lights, refusal in refused.items():
+        if best is None or lights not in solved or not _meets_exact_cells(best.state):
+            raise refusal
+    assert best is not None
+    return best
+
+
+def _meets_exact_cells(state: State) -> bool:
+    """Return True if every cell of infinite weight is met, far below a visible difference."""
+    palette, models = state.palette, state.colour_models()
+    shown = state.RGB(models)
+    for place, cell in palette.cells.items():
+        if math.isinf(cell.weight):
+            here = shown[palette.index(place)]
+            if cell.other is not None:
+                target = shown[palette.index(cell.other)]
+            elif cell.wanted is not None:
+                target = models[0].space.decode(cell.wanted)
+            else:
+                continue  # free groups are met as one
+            if np.abs(here - target).max() > _MET:
+                return False
+    return True
+
+
+def _spectrum(member: PaletteSpectrum) -> Spectrum:
+    assert member.spectrum is not None  # a design has filled them all
+    return member.spectrum
+
+
+def _designed_palette(palette: Palette, state: State) -> Palette:
+    """Return the palette with the designed values in its free spectra, which stay free.
+
+    Lights are scaled as `volspec.light` gives them: 1 is the even light of Y = 100.
+    """
+    unit = 100.0 / float(state.Q[1].sum())
+
+    def filled(members: tuple[PaletteSpectrum, ...], spectra: Array) -> tuple[PaletteSpectrum, ...]:
+        nm, note = palette.grid.wavelengths_nm, {"designed": "volspec design"}
+        return tuple(
+            replace(member, spectrum=Spectrum(nm, values, member.name, note))
+            if member.free
+            else member
+            for member, values in zip(members, spectra, strict=True)
+        )
+
+    rows, columns = filled(palette.reflectances, state.S), filled(palette.lights, state.E / unit)
+    return replace(palette, reflectances=rows, lights=columns)
+
+
+def fitted_exposure(palette: Palette) -> float:
+    """Return the exposure at which the designed reflectances stay within their upper bounds.
+
+    The palette is designed without upper bounds; if a reflectance exceeds its own, the light is
+    raised by as much [1]. A colour is the same under twice the light on half the reflectance, so
+    nothing is lost.
+
+    Parameters
+    ----------
+    palette : Palette
+
+    Returns
+    -------
+    float
+        At least the palette's own exposure; for `Palette.with_exposure`.
+
+    Raises
+    ------
+    PaletteError
+        As `design`.
+    """
+    rows = palette.reflectances
+    unbounded = tuple(replace(row, upper=None) if row.free else row for row in rows)
+    S = design(replace(palette, reflectances=unbounded)).state.S
+    ratios = [
+        float(values.max() / row.upper)
+        for row, values in zip(rows, S, strict=True)
+        if row.free and row.upper
+    ]
+    return palette.viewing.exposure * max([1.0, *ratios])

@@ -1,0 +1,500 @@
+"""The wizards: hide, reveal, merge or keep a scene's materials.
+
+    Scene -> scene_palette -> [operations] -> design -> result
+
+A wizard designs the reflectances of its materials, and a light if a new one is wanted; all else of
+the scene is given. Colours that must not change are compared with the material's original, a row
+of its own.
+
+References
+----------
+[1] Bergner, Drew & Möller (2009), ACM TOG 28(1) art. 5, sections 4.4 and 5.1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.spaces import space_of
+from volspec.errors import PaletteError, SceneError
+from volspec.palette import (
+    Cell,
+    Criteria,
+    Design,
+    DesignReport,
+    Palette,
+    PaletteSpectrum,
+    design,
+)
+from volspec.palette.model import Place, Triple
+from volspec.scene import Scene
+from volspec.spectra import SpectralGrid, Spectrum
+from volspec.spectra import light as find_light
+from volspec.wizard.result import NewLight, Redesigned, redesign
+from volspec.wizard.scene_palette import ScenePalette, original_name
+
+Cells = dict[Place, Cell]
+
+# Soft-constraint weight used instead of equality when a light is free too, which equalities would
+# fix at its start.
+_HEAVY = 10.0
+# Weight of the other lights when materials are merged and split.
+_OTHER_LIGHTS = 0.5
+# Weight of colours that the user gave.
+_GIVEN = 4.0
+# Weights of colours that should stay, tried until the target is reached.
+_STAY, _STAY_NEW_LIGHT = (math.inf, 10.0, 3.0, 1.0, 0.3), (3.0, 0.3)
+# Distances of a constant colour from the original one, display codes.
+_BOXES = (0.0, 0.03, 0.1, 0.25)
+# ΔE below which colours count as one.
+_ALIKE = 1.0
+# Saturated colours are further apart in CIELAB, which is designed, than in CIEDE2000.
+_MARGINS = (1.5, 3.0)
+# Iterations; designs with a free light take more.
+_ITERATIONS, _ITERATIONS_NEW_LIGHT = 6, 12
+# Bounds of a free light: the band that the eye sees well, and multiples of an even light's power.
+_BAND_nm, _MOST_POWER = (420.0, 680.0), 8.0
+# Periods of the waves that its design starts from.
+_WAVES_NM = (60.0, 45.0, 110.0)
+# ΔE at which no other start is tried.
+_GOOD = 0.5
+# CIELAB of colours that differ by their hue: light, and within sRGB for every hue.
+_LIGHTNESS, _CHROMA, _FIRST_DEG = 65.0, 45.0, 30.0
+
+
+def hide(
+    scene: Scene,
+    material: str,
+    *,
+    under: str,
+    within: str | None = None,
+    black: bool = False,
+    like: str | None = None,
+    lamps: Sequence[str] = (),
+) -> Redesigned:
+    """Make a material look like another one under a light, or like nothing.
+
+    Under the scene's other lights it keeps its colour as far as possible.
+
+    Parameters
+    ----------
+    scene : Scene
+    material : str
+        The one to hide.
+    under : str
+        A light of the scene; or, with ``like``, the name of a new one.
+    within : str, optional
+        The material that it then looks like; by default the most visible one next to it in the
+        transfer function.
+    black : bool
+        True for a metameric black: it reflects nothing under that light. Only a light with gaps in
+        its spectrum leaves it any colour elsewhere, so a new light is needed.
+    like : str, optional
+        A light of the scene. ``under`` is then designed too, and shows the other materials in
+        the colours that they have under this one.
+    lamps : sequence of str
+        Real lights; the new one is a sum of these.
+
+    Returns
+    -------
+    Redesigned
+
+    Raises
+    ------
+    SceneError
+        If a material or light is unknown, or there is no other material.
+    PaletteError
+        If the viewing's model has no inverse in closed form.
+
+    Examples
+    --------
+    >>> import volspec as vs
+    >>> scene = vs.Scene.load("data/scenes/engine.toml")
+    >>> hidden = vs.hide(scene, "inserts", under="A")
+    >>> hidden.delta_e("A", "inserts", "block") < 1
+    True
+    """
+    palette = ScenePalette(scene)
+    palette.require_material(material)
+    host = None
+    if not black:
+        host = palette.surrounding_material(material) if within is None else within
+        palette.require_material(host)
+        palette.other_materials(material)
+        if host == material:
+            raise SceneError(
+                f"{material!r} cannot hide in itself; name another",
+                code="conflict",
+                field="within",
+                given=within,
+            )
+    elif within is not None:
+        raise SceneError(
+            f"{material!r} is either black or like {within!r}; choose",
+            code="conflict",
+            field="within",
+            given=within,
+        )
+    target = TargetLight.of(palette, under, like, lamps)
+    problem = DesignProblem(palette, (material,), target)
+    weight = _HEAVY if black or target.new else math.inf
+    cells = problem.keep_colours(1.0) | problem.keep_other_materials()
+    for column in target.columns:
+        cells[material, column] = (
+            Cell("black", weight=weight)
+            if host is None
+            else Cell("same", other=(host, column), weight=weight)
+        )
+    return problem.redesign(problem.design(cells))
+
+
+def reveal(
+    scene: Scene,
+    material: str,
+    *,
+    under: str,
+    distance: float = 20.0,
+    like: str | None = None,
+    lamps: Sequence[str] = (),
+) -> Redesigned:
+    """Make a material differ from all others under a light.
+
+    Under the scene's other lights it keeps its colours; exactly if the distance can be reached so,
+    else as far as possible.
+
+    Parameters
+    ----------
+    scene : Scene
+    material : str
+    under : str
+        A light of the scene; or, with ``like``, the name of a new one.
+    distance : float
+        Sufficient CIEDE2000 from every other material.
+    like, lamps
+        As `hide`.
+
+    Returns
+    -------
+    Redesigned
+
+    Raises
+    ------
+    SceneError
+        If a material or light is unknown, or there is no other material.
+    PaletteError
+        If the distance cannot be reached; the message gives the largest that was.
+    """
+    palette = ScenePalette(scene)
+    others = palette.other_materials(material)
+    if not 0.0 < distance <= 100.0:
+        raise SceneError.refused("distance", distance, "give a ΔE above 0, up to 100", "range")
+    target = TargetLight.of(palette, under, like, lamps)
+    problem = DesignProblem(palette, (material,), target)
+    furthest = 0.0
+    for made in _distinct_designs(problem, material, others, distance):
+        pairs = [((material, column), (one, column)) for one in others for column in target.columns]
+        least = min(_cell_distance(made, *pair) for pair in pairs)
+        furthest = max(furthest, least)
+        if least >= distance:
+            found = problem.redesign(made)
+            if min(found.delta_e(under, material, one) for one in others) >= distance:
+                return found
+    raise PaletteError(
+        f"{material!r} comes no further than ΔE {furthest:.1f} from the others under {under!r}, "
+        f"not {distance:g}; give a smaller one{'' if target.new else ', or a new light'}",
+        code="impossible",
+        field="distance",
+        given=distance,
+    )
+
+
+def _distinct_designs(
+    problem: DesignProblem, material: str, others: Sequence[str], distance: float
+) -> Iterator[Design]:
+    """Yield designs with a material distinct from others, those that change least first."""
+    target = problem.target
+    weights = _STAY_NEW_LIGHT if target.new else _STAY
+    for weight, margin, other in product(weights, _MARGINS, others):
+        far = min(margin * distance, 100.0)
+        distinct = {
+            (material, column): Cell("distinct", other=(other, column), distance=far)
+            for column in target.columns
+        }
+        cells = problem.keep_colours(weight) | problem.keep_other_materials() | distinct
+        try:
+            yield from problem.designs(cells)
+        except PaletteError:  # exact cells may contradict each other; softer ones follow
+            if math.isfinite(weight):
+                raise
+
+
+def merge(
+    scene: Scene,
+    materials: Sequence[str],
+    *,
+    under: str,
+    split: str | None = None,
+    colours: Sequence[Triple] = (),
+    average: bool = False,
+    lamps: Sequence[str] = (),
+) -> Redesigned:
+    """Give materials one colour under a light, and colours of their own under a new one.
+
+    Parameters
+    ----------
+    scene : Scene
+    materials : sequence of str
+        Two or more.
+    under : str
+        The light of the scene under which they have one colour.
+    split : str, optional
+        Name of the new light, under which they differ; by default there is none.
+    colours : sequence of (red, green, blue)
+        Their display codes under the new light; by default hues as far apart as possible.
+    average : bool
+        True for the mean of their colours under ``under``; else the solver picks the colour.
+    lamps : sequence of str
+        Real lights; the new one is a sum of these.
+
+    Returns
+    -------
+    Redesigned
+
+    Raises
+    ------
+    SceneError
+        If a material or light is unknown, there are fewer than two, or not as many colours.
+    PaletteError
+        If the viewing's model has no inverse in closed form.
+    """
+    palette = ScenePalette(scene)
+    names = tuple(dict.fromkeys(palette.require_material(name) for name in materials))
+    if len(names) < 2:
+        raise SceneError(
+            f"{', '.join(names) or 'nothing'} alone cannot be merged; name two or more",
+            code="missing",
+            field="materials",
+            given=materials,
+        )
+    if colours and (split is None or len(colours) != len(names)):
+        remedy = "split, a new light" if split is None else f"{len(names)}, one for each material"
+        raise SceneError(
+            f"{len(colours)} colours are given; give {remedy}",
+            code="missing" if split is None else "shape",
+            field="colours",
+            given=colours,
+        )
+    one = TargetLight.of(palette, under, None, ())
+    target = one if split is None else TargetLight.of(palette, split, under, lamps)
+    problem = DesignProblem(palette, names, target)
+    codes = palette.display_codes()
+    cells = problem.keep_colours(_OTHER_LIGHTS) | problem.keep_other_materials()
+    for column in one.columns:
+        merged = Cell("free", group=f"merged {column}", weight=math.inf)
+        if average:
+            red, green, blue = np.mean([codes[name, column] for name in names], axis=0).tolist()
+            merged = Cell(colour=(red, green, blue), weight=_HEAVY)
+        cells |= {(name, column): merged for name in names}
+    if split is not None:
+        wanted = tuple(colours) or _distinct_colours(len(names))
+        for name, colour in zip(names, wanted, strict=True):
+            cells[name, split] = Cell(colour=colour, weight=_GIVEN if colours else 1.0)
+    return problem.redesign(problem.design(cells))
+
+
+def keep(scene: Scene, material: str) -> Redesigned:
+    """Give a material one colour under all lights of the scene: colour constancy.
+
+    It is the colour under the scene's first light, or a near one if that is impossible.
+
+    Parameters
+    ----------
+    scene : Scene
+    material : str
+
+    Returns
+    -------
+    Redesigned
+
+    Raises
+    ------
+    SceneError
+        If the material is unknown.
+    PaletteError
+        If no colour near its own is the same under every light.
+    """
+    palette = ScenePalette(scene)
+    palette.require_material(material)
+    columns = [column.name for column in palette.columns()]
+    problem = DesignProblem(palette, (material,), TargetLight((columns[0],)))
+    places = [(material, column) for column in columns]
+    first = np.array(palette.display_codes()[places[0]])
+    for box in _BOXES:
+        low, high = (tuple(np.clip(first + d, 0.0, 1.0).tolist()) for d in (-box, box))
+        # Not exact: constant under two lights is then nearly constant under their mixes, too.
+        free = Cell("free", group="constant", weight=_HEAVY, low=low, high=high)
+        made = problem.design(dict.fromkeys(places, free))
+        if max((_cell_distance(made, places[0], at) for at in places[1:]), default=0.0) < _ALIKE:
+            return problem.redesign(made)
+    raise PaletteError(
+        f"no colour near that of {material!r} is the same under {', '.join(columns)}; give it a "
+        "greyer one, or leave out the light with least colours",
+        code="impossible",
+        field="material",
+        given=material,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetLight:
+    """The light that a wizard is for: one of the scene, or a new one to be designed.
+
+    Parameters
+    ----------
+    columns : tuple of str
+        Its columns in the palette.
+    like : tuple of str
+        Columns that a new light should resemble; else empty.
+    new : NewLight, optional
+    """
+
+    columns: tuple[str, ...]
+    like: tuple[str, ...] = ()
+    new: NewLight | None = None
+
+    @classmethod
+    def of(
+        cls, palette: ScenePalette, name: str, like: str | None, lamps: Sequence[str]
+    ) -> TargetLight:
+        """Return a light of the scene, or with ``like`` a new one.
+
+        Raises
+        ------
+        SceneError
+            If there is no such light, or already one, or lamps are given for one of the scene.
+        SpectrumError
+            If a lamp is unknown.
+        """
+        if like is None:
+            if lamps:
+                raise SceneError(
+                    f"{', '.join(lamps)} are for a new light; say which light of the scene it is "
+                    "like",
+                    code="conflict",
+                    field="lamps",
+                    given=lamps,
+                )
+            hint = "; for a new light say which of these it is like"
+            return cls(tuple(palette.light_columns(palette.light(name, hint=hint))))
+        palette.require_new_light(name)
+        mixture = tuple(find_light(lamp, palette.grid) for lamp in lamps)
+        # The eye hardly sees the ends of the spectrum, so power there would grow without bounds.
+        band, most = (None, None) if mixture else (_BAND_nm, _MOST_POWER)
+        member = PaletteSpectrum(name, free=True, upper=most, band_nm=band, mixture=mixture)
+        resembled = palette.light(like, "like")
+        return cls((name,), tuple(palette.light_columns(resembled)), NewLight(member, resembled))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DesignProblem:
+    """Materials of a scene to be designed, and the light that they are designed for.
+
+    Parameters
+    ----------
+    palette : ScenePalette
+    materials : tuple of str
+    target : TargetLight
+    """
+
+    palette: ScenePalette
+    materials: tuple[str, ...]
+    target: TargetLight
+
+    def keep_colours(self, weight: float) -> Cells:
+        """Return cells that keep the materials' original colours under all other lights."""
+        return {
+            (name, column.name): Cell(
+                "same", other=(original_name(name), column.name), weight=weight
+            )
+            for name in self.materials
+            for column in self.palette.columns()
+            if column.name not in self.target.columns
+        }
+
+    def keep_other_materials(self) -> Cells:
+        """Return cells that show the other materials under a new light as under its model."""
+        return {
+            (name, self.target.columns[0]): Cell("same", other=(name, self.target.like[0]))
+            for name in self.palette.scene.materials
+            if self.target.new and name not in self.materials
+        }
+
+    def design(self, cells: Cells) -> Design:
+        """Return the best of the `designs`."""
+        best, least = None, math.inf
+        for made in self.designs(cells):
+            report = DesignReport.of(made)
+            if best is None or report.cost["colours"] < least:
+                best, least = made, report.cost["colours"]
+            if report.max < _GOOD:
+                break
+        assert best is not None  # there is always one
+        return best
+
+    def designs(self, cells: Cells) -> Iterator[Design]:
+        """Yield designs from several initial lights, as alternation finds a local optimum."""
+        palette, light = self.palette, self.target.new
+        originals = {original_name(name) for name in self.materials}
+        compared = any(cell.other and cell.other[0] in originals for cell in cells.values())
+        rows, columns = palette.rows(self.materials, originals=compared), palette.columns()
+        criteria = Criteria(rounds=_ITERATIONS if light is None else _ITERATIONS_NEW_LIGHT)
+        starts = [()] if light is None else ((start,) for start in _starts(light, palette.grid))
+        for new in starts:
+            lights = (*columns, *new)
+            yield design(Palette(rows, lights, cells, palette.viewing, palette.grid, criteria))
+
+    def redesign(self, made: Design) -> Redesigned:
+        """Put a design into the scene."""
+        return redesign(self.palette.scene, made, self.materials, self.target.new)
+
+
+def _starts(light: NewLight, grid: SpectralGrid) -> Iterator[PaletteSpectrum]:
+    """Yield a new light with waves of several lengths as its start; a sum of lamps as it is."""
+    if light.member.mixture:
+        yield light.member
+        return
+    wavelengths = grid.wavelengths_nm
+    for period, phase in product(_WAVES_NM, (0.5, 0.0)):
+        wave = 0.5 + 0.5 * np.cos(2.0 * np.pi * ((wavelengths - grid.start_nm) / period + phase))
+        inside = (wavelengths >= _BAND_nm[0]) & (wavelengths <= _BAND_nm[1])
+        start = Spectrum(wavelengths, wave * inside, light.member.name)
+        yield replace(light.member, spectrum=start)
+
+
+def _cell_distance(made: Design, one: Place, other: Place) -> float:
+    """Return CIEDE2000 between two cells, as the display shows them."""
+    models = made.state.colour_models()
+    RGB = np.clip(made.state.RGB(models), 0.0, 1.0)
+    Lab = [models[j].Lab_from_RGB(RGB[i, j]) for i, j in map(made.palette.index, (one, other))]
+    return float(delta_E_2000(Lab[0], Lab[1]))
+
+
+def _distinct_colours(count: int) -> tuple[Triple, ...]:
+    """Return the display codes of hues as far apart as possible, of one lightness.
+
+    >>> len(set(_distinct_colours(5)))
+    5
+    """
+    space = space_of("sRGB")
+    hues = math.radians(_FIRST_DEG) + 2.0 * math.pi * np.arange(count) / count
+    fy = (_LIGHTNESS + 16.0) / 116.0
+    fx, fz = fy + _CHROMA * np.cos(hues) / 500.0, fy - _CHROMA * np.sin(hues) / 200.0
+    XYZ = space.white_XYZ * np.stack([fx, np.full(count, fy), fz], axis=-1) ** 3
+    codes = space.encode(np.clip(XYZ @ space.RGB_from_XYZ.T, 0.0, 1.0))
+    return tuple((r, g, b) for r, g, b in codes.tolist())

@@ -1,0 +1,235 @@
+"""A scene as a palette: its lights are columns, its materials rows.
+
+Scene -> [scene_palette] -> operations, result
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from volspec.appearance.spec import Viewing
+from volspec.errors import SceneError, nearest
+from volspec.palette import Cell, Palette, PaletteSpectrum
+from volspec.palette.model import Place, Triple
+from volspec.palette.state import State
+from volspec.scene import NamedLight, Scene
+from volspec.spectra import SpectralGrid, Spectrum
+
+_BEFORE = " before"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScenePalette:
+    """A scene's materials and lights as rows and columns, looked up by name.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Raises
+    ------
+    SceneError
+        If the scene uses the 10° observer, for which there are no palettes.
+    """
+
+    scene: Scene
+
+    def __post_init__(self) -> None:
+        if self.scene.basis.observer_deg != 2:
+            raise SceneError(
+                f"{self.scene.path} has the {self.scene.basis.observer_deg}° observer; give 2, as "
+                "palettes have that of 2°",
+                code="unsupported",
+                field="basis.observer_deg",
+                given=self.scene.basis.observer_deg,
+            )
+
+    @property
+    def viewing(self) -> Viewing:
+        """The scene's viewing, without what it measures in each picture."""
+        return replace(self.scene.relight.viewing, adapting="given", fov_deg=None)
+
+    @property
+    def grid(self) -> SpectralGrid:
+        """Bands of the scene's basis."""
+        return self.scene.basis.grid
+
+    def require_material(self, name: str) -> str:
+        """Return the name.
+
+        Raises
+        ------
+        SceneError
+            If no material has it.
+        """
+        return _require_name(self.scene, "material", name, self.scene.materials)
+
+    def other_materials(self, name: str) -> list[str]:
+        """Return the materials but one.
+
+        Raises
+        ------
+        SceneError
+            If there is no such material, or no other.
+        """
+        self.require_material(name)
+        others = [other for other in self.scene.materials if other != name]
+        if not others:
+            raise SceneError(
+                f"{name!r} is the scene's only one; add the [[material]] that it is compared with",
+                code="missing",
+                field="material",
+                given=name,
+            )
+        return others
+
+    def surrounding_material(self, name: str) -> str:
+        """Return the most visible neighbour in the transfer function; without one, of all."""
+        transfer, visible = self.scene.file.transfer, dict[str, float]()
+        for amount, shares in transfer.seen():
+            for material, share in shares.items():
+                visible[material] = visible.get(material, 0.0) + amount * share
+        others = self.other_materials(name)
+        rows = [row.shares for row in transfer.points or transfer.surfaces or ()]
+        near = {
+            material
+            for one, two in pairwise(rows)
+            if name in one or name in two
+            for material in (*one, *two)
+        }
+        candidates = [other for other in others if other in near] or others
+        return max(candidates, key=lambda other: visible.get(other, 0.0))
+
+    def light(self, name: str, field: str = "under", hint: str = "") -> NamedLight:
+        """Return a light of the scene.
+
+        Parameters
+        ----------
+        name : str
+        field : str
+            The argument that names it, for messages.
+        hint : str
+            Added to the message.
+
+        Raises
+        ------
+        SceneError
+            If there is none of that name.
+        """
+        lights = {light.name: light for light in self.scene.lights}
+        return lights[_require_name(self.scene, "light", name, lights, field, hint)]
+
+    def require_new_light(self, name: str) -> None:
+        """Check the name of a new light.
+
+        Raises
+        ------
+        SceneError
+            If it is blank, or the scene has a light of that name.
+        """
+        if not name.strip():
+            raise SceneError(
+                "the new light has no name; give it one", code="missing", field="light"
+            )
+        if any(light.name == name for light in self.scene.lights):
+            raise SceneError(
+                f"{name!r} is one of the scene already; name the new one otherwise",
+                code="duplicate",
+                field="light",
+                given=name,
+            )
+
+    def light_columns(self, light: NamedLight) -> dict[str, Spectrum]:
+        """Return a light's columns, one for each group: equal under each is equal under all.
+
+        A surface that faces one group more than another is lit by another mix of them.
+        """
+        rig = light.rig
+        if len(rig.lights) == 1:
+            return {light.name: light.spectrum}
+        return {
+            f"{light.name} / {group or number}": spectrum
+            for number, (group, spectrum) in enumerate(
+                zip(rig.groups, rig.lights, strict=True), start=1
+            )
+        }
+
+    def columns(self) -> tuple[PaletteSpectrum, ...]:
+        """Return the columns of all lights, given."""
+        return tuple(
+            PaletteSpectrum(name, spectrum)
+            for light in self.scene.lights
+            for name, spectrum in self.light_columns(light).items()
+        )
+
+    def rows(self, free: Sequence[str], originals: bool = True) -> tuple[PaletteSpectrum, ...]:
+        """Return the rows of all materials.
+
+        Parameters
+        ----------
+        free : sequence of str
+            Materials to design.
+        originals : bool
+            True adds a given row for each free material as it is now.
+
+        Raises
+        ------
+        SceneError
+            If a material has the name of such a row.
+        """
+        rows = []
+        for name, spectrum in self.scene.materials.items():
+            if name not in free:
+                rows.append(PaletteSpectrum(name, spectrum))
+                continue
+            # A measured value above 1 is a fluorescence that no design may count on.
+            rows.append(PaletteSpectrum(name, spectrum, free=True, upper=1.0))
+            if originals and original_name(name) in self.scene.materials:
+                raise SceneError(
+                    f"one is named {original_name(name)!r}, as wizards call the original {name!r}; "
+                    f"name it without {_BEFORE!r}",
+                    code="duplicate",
+                    field="material",
+                    given=original_name(name),
+                )
+            if originals:
+                rows.append(PaletteSpectrum(original_name(name), spectrum))
+        return tuple(rows)
+
+    def display_codes(self) -> dict[Place, Triple]:
+        """Return the colour of every material under every column, clipped to the display."""
+        names = list(self.scene.materials)
+        rows, columns = self.rows(names[:1], originals=False), self.columns()
+        # A palette needs a free row and a cell; its initial state is the scene as it is.
+        black = {(names[0], columns[0].name): Cell("black")}
+        state = State.start(Palette(rows, columns, black, self.viewing, self.grid))
+        models = state.colour_models()
+        codes = models[0].space.encode(np.clip(state.RGB(models), 0.0, 1.0))
+        return {
+            (row.name, column.name): tuple(codes[i, j].tolist())
+            for i, row in enumerate(rows)
+            for j, column in enumerate(columns)
+        }
+
+
+def original_name(name: str) -> str:
+    """Return the name of the row that holds a free material's original reflectance."""
+    return f"{name}{_BEFORE}"
+
+
+def _require_name(
+    scene: Scene, kind: str, name: str, known: Mapping[str, object], field: str = "", hint: str = ""
+) -> str:
+    if name not in known:
+        raise SceneError(
+            f"{name!r} is unknown",
+            f"{nearest(str(name), known)}there is {', '.join(known)}{hint}",
+            code="unknown",
+            field=field or kind,
+            given=name,
+        )
+    return name
