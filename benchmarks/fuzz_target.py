@@ -1,6 +1,6 @@
 """A reader under fuzzing.
 
-fuzz_targets, fuzz_volumes -> [fuzz_target] -> fuzz, fuzz_child, tests/test_fuzz.py
+fuzz_targets, fuzz_volumes -> [fuzz_target] -> fuzz, fuzz_child, tests/fuzz/test_fuzz.py
 """
 
 from __future__ import annotations

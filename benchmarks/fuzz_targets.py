@@ -1,6 +1,6 @@
 """Readers under fuzzing: the project's own, as a table of name, seeds and function.
 
-    files that are read well -> [fuzz_targets] -> fuzz, tests/test_fuzz.py
+    files that are read well -> [fuzz_targets] -> fuzz, tests/fuzz/test_fuzz.py
 
 A reader of another library goes into the same table, as one row of `TARGETS`. What it reads beside
 the file that is mutated (the other slices of a folder, the chunks of a store) is `Target.beside`.

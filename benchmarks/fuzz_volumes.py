@@ -24,7 +24,7 @@ from benchmarks.fuzz_target import Target
 from volspec.errors import VolspecError
 from volspec.volume import load_volume, reader_process
 from volspec.volume.files.headers import check_itk_header
-from volspec.volume.files.layout import Layout
+from volspec.volume.files.itk import Layout
 from volspec.volume.files.query import Query
 from volspec.volume.files.vtk import check_vtk
 

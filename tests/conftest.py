@@ -92,7 +92,9 @@ def engine_table() -> TransferTable:
 def three_channels(engine_table: TransferTable) -> TransferTable:
     """The first of them: a kernel that marches eight rays compiles in two thirds of the time."""
     table = engine_table
-    return TransferTable(table.domain, table.opacity, table.shares[:, :3], table.reference_step_mm)
+    return TransferTable(
+        table.domain, table.opacity, table.material_weights[:, :3], table.reference_step_mm
+    )
 
 
 @pytest.fixture

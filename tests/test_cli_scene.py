@@ -80,7 +80,7 @@ def test_every_error_is_a_line_that_names_the_file(
             (wrong, "light.1.spectrm: unknown key; did you mean 'spectrum'"),
             (wrong, "there is no [volume]; add one"),
             (wrong, "transfer.points.2.opacity: Input should be a valid number (it is 'much')"),
-            (apart, "[transfer] transfer function: "),
+            (apart, "[transfer] TransferFunction.points[1].value is "),
             (none, "no such file; check the path"),
             (good, "ok: "),
         ],
@@ -120,7 +120,7 @@ def test_all_that_keyframes_cannot_be_is_told_with_its_time(
             "camera: at 1 s: position_mm to target_mm is ",
             "viewing: at 2.5 s: exposure is 1000000000.0; expected a factor of ",
             "viewing: at 4 s: Y_b is 1000000000.0; expected 0 to 2000",
-            "transfer: at 6 s: transfer function: point 1 (value 0.1) has opacity 5; give 0…1",
+            "transfer: at 6 s: TransferFunction.points[0].opacity is 5; give 0…1",
         ],
         strict=True,
     ):

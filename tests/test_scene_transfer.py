@@ -183,7 +183,7 @@ WRONG = {
     "half a label": (f"labels = [{{ label = 1.5, {LOOK} }}]", r"labels\.1\.label: .*1\.5"),
     "values that fall": (
         f"regions = [{{ values = [9, 1], gradients = [0, 1], {LOOK} }}]",
-        r"\[transfer\] region: values are 9 to 1",
+        r"\[transfer\] Region.values is \(9.0, 1.0\)",
     ),
     "one value": (
         f"regions = [{{ values = [9], gradients = [0, 1], {LOOK} }}]",
@@ -191,7 +191,7 @@ WRONG = {
     ),
     "nine surfaces": (
         f"surfaces = [{', '.join(f'{{ value = {v}, {LOOK} }}' for v in range(9))}]",
-        r"\[transfer\] isosurfaces: 9 surfaces, at most 8",
+        r"\[transfer\] Isosurfaces.surfaces: 9 surfaces, at most 8",
     ),
     "a misspelt key": (
         'surfaces = [{ value = 1, opacty = 1, material = "core" }]',
@@ -203,7 +203,7 @@ WRONG = {
     ),
     "an unknown material": (
         'labels = [{ label = 1, opacity = 1, material = "cor" }]',
-        r"\[transfer\] label function: label 1: no material 'cor'; did you mean 'core'",
+        r"\[transfer\] LabelFunction.labels\[1\].material: no material 'cor'; did you mean 'core'",
     ),
     "no material": (
         "labels = [{ label = 1, opacity = 1, material = 5 }]",

@@ -20,7 +20,7 @@ def child_command(code: str) -> list[str]:
     return [sys.executable, "-I", "-c", _PATHS + code, json.dumps(searched)]
 
 
-def cause_of(returncode: int) -> str:
+def exit_cause(returncode: int) -> str:
     """Return how a process ended: ``SIGSEGV``, or ``exit code 0xc0000005``."""
     with suppress(ValueError):
         return signal.Signals(-returncode).name

@@ -62,7 +62,9 @@ def test_a_cast_of_materials_is_the_cast_of_31_bands(ball: CoefficientImage) -> 
     caster, view = Raycaster(volume), Camera.orbit(volume)
 
     def cast(bands: slice) -> np.ndarray:
-        part = replace(table, shares=spectra[:, bands], channels=np.eye(16), white=np.ones(16))
+        part = replace(
+            table, material_weights=spectra[:, bands], channels=np.eye(16), white=np.ones(16)
+        )
         return np.asarray(caster.cast(part, view, (48, 40), SPEC)[0])
 
     low, high = cast(slice(0, 16)), cast(slice(15, 31))

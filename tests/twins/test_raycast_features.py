@@ -93,12 +93,14 @@ def test_cut_volumes_match_reference(
 def steep_table(engine_table: TransferTable) -> TransferTable:
     """Opacity only where the value changes: a table of 16 gradients."""
     rows = np.linspace(0, 1, 16)[:, None] ** 0.5
-    shares = np.broadcast_to(engine_table.shares, (16, *engine_table.shares.shape)).copy()
+    shares = np.broadcast_to(
+        engine_table.material_weights, (16, *engine_table.material_weights.shape)
+    ).copy()
     shares *= np.linspace(0.4, 1, 16)[:, None, None]
     return replace(
         engine_table,
         opacity=rows * engine_table.opacity * 1.5,
-        shares=shares,
+        material_weights=shares,
         gradient_top=60.0,
     )
 
@@ -184,7 +186,7 @@ def test_projections_match_reference(
 SURFACES = SurfaceTable(
     values=np.array([90.0, 150.5, 200.0]),
     opacity=np.array([0.3, 0.5, 1.0]),
-    shares=np.eye(3),
+    material_weights=np.eye(3),
     channels=np.array([[0.9, 0.2, 0.4, 0.1], [0.1, 0.8, 0.3, 0.2], [0.3, 0.3, 0.9, 1.0]]),
 )
 

@@ -23,7 +23,7 @@ from glob import glob
 from pathlib import Path
 
 from volspec import _cache
-from volspec._child import cause_of, child_command
+from volspec._child import child_command, exit_cause
 from volspec._files import write_whole
 from volspec.errors import InputError, one_line
 
@@ -135,7 +135,7 @@ def _try(index: int, info: DeviceInfo) -> str:
     lines = [line for line in said.splitlines() if line.strip()]
     text = complaint[1] if complaint else lines[-1] if lines else ""
     if done.returncode < 0 or not text:
-        text = f"it ends the process ({cause_of(done.returncode)}) {text}".rstrip()
+        text = f"it ends the process ({exit_cause(done.returncode)}) {text}".rstrip()
     return one_line(text)[:200]
 
 

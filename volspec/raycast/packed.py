@@ -185,7 +185,7 @@ class Program:
         if isinstance(table, SurfaceTable):
             name, extra = "surfaces", {"SURFACES": len(table.values), "ITERATIONS": ITERATIONS}
             opacity = np.stack([table.values, table.opacity], axis=1).astype(np.float32)
-            weights = _padded(table.shares)
+            weights = _padded(table.material_weights)
         elif spec.preintegrated:
             name, count, extra = "preintegrated", count + 1, {"NEAREST": NEAREST_POSITIONS}
             # (τ, τ s …) -> (τ s …, τ): the weights first, as everywhere; τ mixes nothing.
@@ -201,7 +201,7 @@ class Program:
                 entries = _rising(table.opacity)
             rows = 1 if table.gradient_top is None else len(table.opacity)
             opacity = entries.astype(np.float32)
-            weights = _padded(with_rises(table.shares))
+            weights = _padded(with_rises(table.material_weights))
             if name == "raycast":
                 filters = np.zeros((1, 8))
             if table.filters is not None:

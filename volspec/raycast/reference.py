@@ -233,7 +233,7 @@ class _Surfaces(_March):
             along = self._place(rays, begin[met], end[met], front[met], back[met], level[met])
             point = self.point(rays, along)
             gradient = self.sampler.gradient(point) if self.normals else None
-            seen = (table.shares @ table.channels)[which]
+            seen = (table.material_weights @ table.channels)[which]
             self.reflect(rays, along, point, gradient, table.opacity[which], seen)
 
     def _place(

@@ -1,16 +1,17 @@
-"""From a scalar to what is seen: opacity and reflectance, baked to a table of channels."""
+"""Transfer functions: opacity and reflectance by scalar value, baked to a table of channels."""
 
-from volspec.transfer.labels import LabelFunction
+from volspec.transfer.discrete import Isosurfaces, LabelFunction
 from volspec.transfer.model import TransferFunction
-from volspec.transfer.preintegrated import NEAREST_POSITIONS, integral_rows, segment_means
 from volspec.transfer.regions import Region, TransferFunction2D
-from volspec.transfer.surfaces import Isosurfaces
 from volspec.transfer.table import (
     MAX_CHANNELS,
     MAX_LABEL,
     MAX_SURFACES,
+    NEAREST_POSITIONS,
     SurfaceTable,
     TransferTable,
+    integral_rows,
+    segment_means,
 )
 
 Transfer = TransferFunction | TransferFunction2D | LabelFunction | Isosurfaces

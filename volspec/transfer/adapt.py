@@ -1,11 +1,11 @@
-"""A transfer function from VTK's: opacity and colour over values become points and materials.
+"""Convert a VTK volume property into a transfer function.
 
     VTK volume property -> [adapt] -> TransferFunction
 
 Opacity means the same on both sides: 1 − (1 − opacity)^(step / unit distance). A colour becomes a
 plausible reflectance that has it under D65. VTK mixes sRGB codes between its points and along the
-ray, volspec mixes light: pictures agree in where things are and in the colour of what is opaque,
-and differ where layers shine through each other.
+ray, volspec mixes light: pictures agree in geometry and in the colour of opaque parts, and differ
+in translucent layers.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from volspec.transfer.model import TransferFunction
 
 Array = NDArray[np.float64]
 
-# Between VTK's own points its curves may bend (sharpness, HSV, Lab).
-_BETWEEN = 256
-# Of the span: nearer values are one.
+# Samples over the span: VTK's curves may bend between its points (sharpness, HSV, Lab).
+_SAMPLES = 256
+# Values nearer than this fraction of the span are one.
 _SAME = 1e-9
-# Of a code, 0 to 1: what a colour may be off between two materials; and of an opacity.
+# Interpolation error allowed for a colour's codes, 0 to 1, and for an opacity.
 _COLOUR_ERROR, _OPACITY_ERROR = 2 / 255, 1e-6
 
 
 def transfer_from_vtk(
     settings: Any, unit_scale: float = 1.0, basis: Basis | None = None, name: str = "volume"
 ) -> TransferFunction:
-    """Take over the scalar opacity and the colours of a VTK volume property.
+    """Convert the scalar opacity and the colours of a VTK volume property.
 
     Parameters
     ----------
     settings : vtkVolumeProperty
-        Its first component's curves.
+        The first component's curves are read.
     unit_scale : float
         Millimetres for each unit in which the property counts its opacity unit distance.
     basis : SpectralBasis, optional
@@ -52,8 +52,7 @@ def transfer_from_vtk(
     Returns
     -------
     TransferFunction
-        Materials are called by their colour, ``"#rrggbb"``; another reflectance can be put in
-        their place.
+        Materials are named by their colour, ``"#rrggbb"``, and can be replaced by others.
 
     Raises
     ------
@@ -66,33 +65,35 @@ def transfer_from_vtk(
         If no reflectance has one of the colours.
     """
     if settings.GetTransferFunctionMode() != 0:
-        raise TransferError(f"{name}: has a 2-D transfer function; give curves over values")
+        raise TransferError(
+            f"{name}: has a 2-D transfer function; give curves over values", code="unsupported"
+        )
     thickness = settings.GetScalarOpacityUnitDistance(0)
     if not 0 < thickness < math.inf:
         raise TransferError.refused(
-            f"{name}: opacity_unit_distance", thickness, "give a length above 0", "range"
+            f"{name}.opacity_unit_distance", thickness, "give a length above 0", "range"
         )
     curve = settings.GetScalarOpacity(0)
-    values = _values(curve, _colours(settings))
+    values = _sample_values(curve, _colours(settings))
     opacities = np.array([curve.GetValue(value) for value in values]).clip(0, 1)
     codes = _codes(_colours(settings), values)
     keys = _knots(values, sRGB_CURVE.decode(codes), sRGB_CURVE.encode, _COLOUR_ERROR)
     turns = _knots(values, opacities[:, None], np.asarray, _OPACITY_ERROR)
-    words = ["#" + "".join(f"{round(255 * c):02x}" for c in codes[key]) for key in keys]
+    names = ["#" + "".join(f"{round(255 * c):02x}" for c in codes[key]) for key in keys]
     points = [
-        (float(values[i]), float(opacities[i]), _mix(values[i], values[keys], words))
+        (float(values[i]), float(opacities[i]), _mix_at(values[i], values[keys], names))
         for i in sorted({*keys, *turns})
     ]
     return TransferFunction(
         points,
-        {word: reflectance_from_colour(word) for word in dict.fromkeys(words)},
+        {name: reflectance_from_colour(name) for name in dict.fromkeys(names)},
         basis or SpectralBasis.load("general-7"),
         thickness * unit_scale,
     )
 
 
 def _colours(settings: Any) -> Any:
-    """Its colours, or greys, by value: a vtkColorTransferFunction or vtkPiecewiseFunction."""
+    """Return the colours or greys by value: vtkColorTransferFunction or vtkPiecewiseFunction."""
     grey = settings.GetColorChannels(0) == 1
     return settings.GetGrayTransferFunction(0) if grey else settings.GetRGBTransferFunction(0)
 
@@ -104,8 +105,8 @@ def _codes(colours: Any, values: Array) -> Array:
     return np.array([[colours.GetValue(value)] * 3 for value in values]).clip(0, 1)
 
 
-def _values(*curves: Any) -> Array:
-    """Where to look: the points of the curves, and evenly between the outermost."""
+def _sample_values(*curves: Any) -> Array:
+    """Return the values of the curves' points, and even samples between the outermost."""
     nodes = []
     for curve in curves:
         node = [0.0] * (6 if hasattr(curve, "GetColor") else 4)
@@ -113,31 +114,31 @@ def _values(*curves: Any) -> Array:
             curve.GetNodeValue(i, node)
             nodes.append(node[0])
     low, high = min(nodes), max(nodes)
-    values = np.unique([*nodes, *np.linspace(low, high, _BETWEEN)])
+    values = np.unique([*nodes, *np.linspace(low, high, _SAMPLES)])
     return values[np.diff(values, prepend=-np.inf) > _SAME * (high - low)]
 
 
-def _knots(values: Array, rows: Array, shown: Callable[[Array], Array], error: float) -> list[int]:
-    """Which of (V,) values suffice to draw (V, C) rows by straight lines, rising.
+def _knots(values: Array, rows: Array, encode: Callable[[Array], Array], error: float) -> list[int]:
+    """Return rising indices of the (V,) values between which (V, C) rows are linear.
 
-    What is off by most becomes the next, until all is within ``error`` of what is ``shown``.
+    The worst value is added until every encoded one is interpolated within ``error``.
     """
-    kept = sorted({0, len(values) - 1})
-    wanted = shown(rows)
+    knots = sorted({0, len(values) - 1})
+    exact = encode(rows)
     while True:
-        drawn = [np.interp(values, values[kept], column[kept]) for column in rows.T]
-        off = np.abs(shown(np.stack(drawn, axis=1)) - wanted).max(axis=1)
+        linear = [np.interp(values, values[knots], column[knots]) for column in rows.T]
+        off = np.abs(encode(np.stack(linear, axis=1)) - exact).max(axis=1)
         worst = int(off.argmax())
         if off[worst] <= error:
-            return kept
-        kept = sorted({*kept, worst})
+            return knots
+        knots = sorted({*knots, worst})
 
 
-def _mix(value: float, keys: Array, words: Sequence[str]) -> dict[str, float]:
-    """Shares of the two colours around a value."""
+def _mix_at(value: float, keys: Array, names: Sequence[str]) -> dict[str, float]:
+    """Return the weights of the two colours around a value."""
     right = int(np.searchsorted(keys, value).clip(0, len(keys) - 1))
     left = max(right - 1, 0)
-    share = float(np.interp(value, keys[[left, right]], [0.0, 1.0])) if right else 1.0
-    mix = {words[left]: 1.0 - share}
-    mix[words[right]] = mix.get(words[right], 0.0) + share
-    return {word: part for word, part in mix.items() if part > 0}
+    weight = float(np.interp(value, keys[[left, right]], [0.0, 1.0])) if right else 1.0
+    mix = {names[left]: 1.0 - weight}
+    mix[names[right]] = mix.get(names[right], 0.0) + weight
+    return {name: part for name, part in mix.items() if part > 0}

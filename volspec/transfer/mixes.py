@@ -1,6 +1,10 @@
-"""What every kind of transfer function shares: materials, mixes of them, rows of channels.
+"""Materials of transfer functions: mixes, filters, and their channels in the basis.
 
-materials, basis -> [mixes] -> points, regions, labels, surfaces
+    materials, basis -> [mixes] -> points, regions, labels, surfaces
+
+A filter is the transmission spectrum of a material at opacity 1: a reference step of opacity α
+transmits 1 − α (1 − filter), channel by channel. A material without one transmits 1 − α at every
+wavelength; its filter is 0.
 """
 
 from __future__ import annotations
@@ -20,14 +24,16 @@ from volspec.spectra import Spectrum
 from volspec.transfer.table import MAX_CHANNELS
 
 Mix = str | Mapping[str, float]
-# (value, opacity, material or mix): of a curve's point and of a surface.
+# (value, opacity, material or mix): a point of a curve, or a surface.
 Point = tuple[float, float, Mix]
+# Filters of a signed basis may leave 0…1 by this much before a warning.
+_UNSEEN = 0.02
 
 
 def check_materials(who: str, materials: Any, basis: Any) -> None:
-    """Refuse what is no basis that can be cast and no mapping of reflectances.
+    """Refuse a basis that cannot be cast, and materials other than reflectances.
 
-    Called from ``__post_init__``, so that a warning points at the maker of the object.
+    Called from ``__post_init__``, so that a warning points at the constructor's caller.
 
     Raises
     ------
@@ -35,7 +41,7 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
     """
     if not isinstance(basis, SpectralBasis | MaterialBasis):
         raise TransferError.refused(
-            f"{who}: basis",
+            f"{who}.basis",
             basis,
             "expected a SpectralBasis, such as SpectralBasis.load('general-7'), or a MaterialBasis",
             "type",
@@ -45,26 +51,32 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
         if isinstance(basis, MaterialBasis):
             what = f"{len(basis.materials)} materials and white are {what}"
         raise TransferError(
-            f"{who}: {what}, at most {MAX_CHANNELS} can be cast; "
-            "take a SpectralBasis of fewer channels"
+            f"{what}, at most {MAX_CHANNELS} can be cast",
+            "take a SpectralBasis of fewer channels",
+            code="size",
+            field=f"{who}.basis",
+            given=basis,
         )
     if not isinstance(materials, Mapping):
-        raise TransferError(f"{who}: materials must be {{name: Spectrum}}")
+        raise TransferError.refused(f"{who}.materials", materials, "give {name: Spectrum}", "type")
     for name, spectrum in materials.items():
-        label = f"{who}: material {name!r}"
+        field = f"{who}.materials[{name!r}]"
         if not isinstance(spectrum, Spectrum):
             raise TransferError.refused(
-                label, spectrum, "expected a Spectrum, such as reflectance('copper')", "type"
+                field, spectrum, "expected a Spectrum, such as reflectance('copper')", "type"
             )
         worst = spectrum.values.min()
         if worst < 0:
             raise TransferError(
-                f"{label} reflects {worst:g} at "
-                f"{spectrum.wavelengths_nm[spectrum.values.argmin()]:g} nm; give 0…1"
+                f"reflects {worst:g} at {spectrum.wavelengths_nm[spectrum.values.argmin()]:g} nm",
+                "give 0…1",
+                code="range",
+                field=field,
+                given=spectrum,
             )
         if spectrum.values.max() > 1 + 1e-6:
             warnings.warn(
-                f"{label} reflects up to {spectrum.values.max():g}; more than 1 only "
+                f"{field} reflects up to {spectrum.values.max():g}; more than 1 only "
                 "fluorescent matter does, was a light given?",
                 VolspecWarning,
                 stacklevel=4,
@@ -72,100 +84,107 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
 
 
 def checked_step(who: str, step_mm: Any) -> float | None:
-    """A reference step: None, or millimetres above 0."""
+    """Return a reference step: None, or millimetres above 0."""
     if step_mm is None:
         return None
-    step = number(who, "reference_step_mm", step_mm)
+    step = checked_number(f"{who}.reference_step_mm", step_mm)
     if not (math.isfinite(step) and step > 0):
-        raise TransferError.refused(
-            f"{who}: reference_step_mm", step_mm, "give mm above 0", "range"
-        )
+        raise TransferError.refused(f"{who}.reference_step_mm", step_mm, "give mm above 0", "range")
     return step
 
 
-def listed(who: str, what: str, given: Any, one: str) -> tuple[Any, ...]:
-    """A sequence of at least one; ``one`` says what it is of."""
+def checked_list(field: str, given: Any, item: str) -> tuple[Any, ...]:
+    """Return a sequence as a tuple, unless it is empty; ``item`` describes an element."""
     try:
-        found = tuple(given)
+        items = tuple(given)
     except TypeError:
-        raise TransferError.refused(f"{who}: {what}", given, f"give a list of {one}") from None
-    if not found:
-        raise TransferError(f"{who}: no {what}; give at least one {one}")
-    return found
+        raise TransferError.refused(field, given, f"give a list of {item}", "type") from None
+    if not items:
+        raise TransferError.refused(field, given, f"give at least one {item}", "missing")
+    return items
 
 
-def number(where: str, what: str, given: Any) -> float:
-    """A number as float; text and truth values are none."""
+def checked_number(field: str, given: Any) -> float:
+    """Return a number as float; text and booleans are refused."""
     if isinstance(given, bool) or not isinstance(given, Real):
-        raise TransferError.refused(f"{where}: {what}", given, "expected a number", "type")
+        raise TransferError.refused(field, given, "expected a number", "type")
     return float(given)
 
 
-def fraction(where: str, what: str, given: Any) -> float:
-    """An opacity or another number of 0…1."""
-    found = number(where, what, given)
-    if not 0 <= found <= 1:
-        raise TransferError(f"{where} has {what} {found:g}; give 0…1")
-    return found
+def checked_fraction(field: str, given: Any) -> float:
+    """Return an opacity or another number of 0…1."""
+    fraction = checked_number(field, given)
+    if not 0 <= fraction <= 1:
+        raise TransferError.refused(field, given, "give 0…1", "range")
+    return fraction
 
 
-def checked_mix(where: str, given: Any, materials: Mapping[str, Spectrum] | None) -> Mix:
-    """A mix as {material: share}; without materials the names are left for later."""
+def checked_mix(field: str, given: Any, materials: Mapping[str, Spectrum] | None) -> Mix:
+    """Return a mix as {material: weight}; names are checked only against given ``materials``."""
     if not isinstance(given, str | Mapping):
-        raise TransferError.refused(
-            f"{where}: material", given, "expected a name or {name: share}", "type"
-        )
-    shares = {}
-    for name, share in shares_of(given).items():
+        raise TransferError.refused(field, given, "expected a name or {name: weight}", "type")
+    weights = {}
+    for name, weight in mix_weights(given).items():
         if materials is not None and name not in materials:
             known = ", ".join(sorted(materials)) or "none"
             raise TransferError(
-                f"{where}: no material {name!r}; {nearest(name, materials)}known: {known}",
+                f"no material {name!r}",
+                f"{nearest(name, materials)}known: {known}",
                 code="unknown",
+                field=field,
+                given=name,
             )
-        shares[name] = number(where, f"share of {name!r}", share)
-        if not (math.isfinite(shares[name]) and shares[name] >= 0):
-            raise TransferError(f"{where}: share {share} of {name!r}; give 0…1")
-    total = sum(shares.values())
+        weights[name] = checked_number(f"{field}[{name!r}]", weight)
+        if not (math.isfinite(weights[name]) and weights[name] >= 0):
+            raise TransferError.refused(f"{field}[{name!r}]", weight, "give 0…1", "range")
+    total = sum(weights.values())
     if not 0 < total <= 1 + 1e-6:
-        raise TransferError(f"{where}: shares sum to {total:g}; give above 0 and at most 1")
-    return shares
+        raise TransferError(
+            f"weights sum to {total:g}",
+            "give above 0 and at most 1",
+            code="range",
+            field=field,
+            given=given,
+        )
+    return weights
 
 
-def checked_point(where: str, given: Any, materials: Mapping[str, Spectrum]) -> Point:
-    """(value, opacity, {material: share}) of (value, opacity, material or mix)."""
+def checked_point(field: str, given: Any, materials: Mapping[str, Spectrum]) -> Point:
+    """Return (value, opacity, {material: weight}) for (value, opacity, material or mix)."""
     try:
         value, opacity, mix = given
     except (TypeError, ValueError):
         raise TransferError.refused(
-            where, given, "expected (value, opacity, material or mix)"
+            field, given, "expected (value, opacity, material or mix)", "type"
         ) from None
-    value = number(where, "value", value)
+    value = checked_number(f"{field}.value", value)
     if not math.isfinite(value):
-        raise TransferError(f"{where} has value {value}; give a finite number")
-    opacity = fraction(f"{where} (value {value:g})", "opacity", opacity)
-    return value, opacity, checked_mix(where, mix, materials)
+        raise TransferError.refused(f"{field}.value", value, "give a finite number", "range")
+    opacity = checked_fraction(f"{field}.opacity", opacity)
+    return value, opacity, checked_mix(f"{field}.material", mix, materials)
 
 
-def shares_of(mix: Mix) -> Mapping[str, float]:
-    """A mix as {material: share}."""
+def mix_weights(mix: Mix) -> Mapping[str, float]:
+    """Return a mix as {material: weight}."""
     return {mix: 1.0} if isinstance(mix, str) else mix
 
 
-def used(mixes: Iterable[Mix]) -> list[str]:
-    """The names of the materials that mixes hold any of, sorted."""
-    return sorted({name for mix in mixes for name, share in shares_of(mix).items() if share > 0})
+def used_materials(mixes: Iterable[Mix]) -> list[str]:
+    """Return the sorted names of the materials with a weight above 0."""
+    return sorted({name for mix in mixes for name, w in mix_weights(mix).items() if w > 0})
 
 
-def share_matrix(mixes: Sequence[Mix], names: Sequence[str]) -> NDArray[np.float64]:
-    """(P, K) shares of K materials in P mixes."""
-    return np.array([[shares_of(mix).get(name, 0.0) for name in names] for mix in mixes])
+def weight_matrix(mixes: Sequence[Mix], names: Sequence[str]) -> NDArray[np.float64]:
+    """(P, K) weights of K materials in P mixes."""
+    return np.array([[mix_weights(mix).get(name, 0.0) for name in names] for mix in mixes])
 
 
-def rows_of_channels(
+def weights_and_channels(
     mixes: Sequence[Mix], materials: Mapping[str, Spectrum], basis: Basis
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What a table mixes, of no more rows than needed: the cast gathers one number a row.
+    """Return a table's weights and channels with as few rows as possible.
+
+    The raycaster gathers one number per row at each sample.
 
     Parameters
     ----------
@@ -175,14 +194,101 @@ def rows_of_channels(
 
     Returns
     -------
-    shares : (P, K)
+    weights : (P, K)
     channels : (K, M)
-        Of the K materials that the mixes hold; where these are more than the M channels, the
-        mixes' channels themselves are the shares, of the identity.
+        A row for each of the K materials in the mixes. If these are more than the M channels, the
+        weights are the mixes' channels instead, and the channels the identity.
     """
-    names = used(mixes)
+    names = used_materials(mixes)
     channels = basis.channels_for_materials({name: materials[name] for name in names})
-    shares = share_matrix(mixes, names)
+    weights = weight_matrix(mixes, names)
     if len(names) > basis.size:
-        return shares @ channels, np.eye(basis.size)
-    return shares, channels
+        return weights @ channels, np.eye(basis.size)
+    return weights, channels
+
+
+def checked_filters(
+    who: str, filters: Any, materials: Mapping[str, Spectrum], basis: Any
+) -> dict[str, Spectrum]:
+    """Return filters of known materials, 0…1, for a basis of wavelengths.
+
+    Raises
+    ------
+    TransferError
+    """
+    if not isinstance(filters, Mapping):
+        raise TransferError.refused(f"{who}.filters", filters, "give {material: Spectrum}", "type")
+    if filters and isinstance(basis, MaterialBasis):
+        raise TransferError(
+            "filters need channels of wavelengths, those of a MaterialBasis are materials",
+            "take a SpectralBasis",
+            code="conflict",
+            field=f"{who}.filters",
+            given=filters,
+        )
+    for name, spectrum in filters.items():
+        if name not in materials:
+            known = ", ".join(sorted(materials))
+            raise TransferError(
+                f"no material {name!r}",
+                f"{nearest(name, materials)}known: {known}",
+                code="unknown",
+                field=f"{who}.filters",
+                given=name,
+            )
+        field = f"{who}.filters[{name!r}]"
+        if not isinstance(spectrum, Spectrum):
+            raise TransferError.refused(field, spectrum, "expected a Spectrum of 0…1", "type")
+        low, high = spectrum.values.min(), spectrum.values.max()
+        if low < 0 or high > 1 + 1e-6:
+            raise TransferError(
+                f"transmits {low:g} to {high:g}",
+                "give 0…1",
+                code="range",
+                field=field,
+                given=spectrum,
+            )
+    return dict(filters)
+
+
+def filter_rows(
+    mixes: Sequence[Mix], filters: Mapping[str, Spectrum], basis: SpectralBasis
+) -> NDArray[np.float64]:
+    """Return each mix's filter channels times weights, and the weights' sum to divide them by.
+
+    Parameters
+    ----------
+    mixes : P mixes
+    filters : {material: Spectrum}
+        0…1.
+    basis : SpectralBasis
+
+    Returns
+    -------
+    (P, M + 1) float64
+        Weighted channels; the sum of the weights comes last. Divide after interpolation.
+
+    Examples
+    --------
+    >>> glass = Spectrum([390, 710], [0.5, 0.5])
+    >>> basis = SpectralBasis.load("general-5")
+    >>> filter_rows([{"glass": 0.5}], {"glass": glass}, basis).round(6).tolist()
+    [[0.25, 0.25, 0.25, 0.25, 0.25, 0.5]]
+    """
+    names = used_materials(mixes)
+    channels = np.zeros((len(names), basis.size))
+    for row, name in zip(channels, names, strict=True):
+        if name not in filters:
+            continue
+        exact = basis.analyse(filters[name])
+        row[:] = exact.clip(0, 1)
+        clipped = float(np.abs(row - exact).max())
+        if clipped > _UNSEEN:
+            warnings.warn(
+                f"transfer function: filter of {name!r} leaves 0…1 by {clipped:.2g} in basis "
+                f"{basis.name!r} and is clipped; smooth it, or take a positive basis",
+                VolspecWarning,
+                stacklevel=3,
+            )
+    weights = weight_matrix(mixes, names)
+    return np.column_stack([weights @ channels, weights.sum(axis=1)])

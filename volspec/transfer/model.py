@@ -2,9 +2,9 @@
 
     volume -> [transfer] -> raycast -> relight -> appearance
 
-Between two points opacity and reflectance run linearly; beyond the first and the last they
-stay. Baking analyses the materials in the basis and samples the curve into a table, which is
-all the raycaster sees: reflectances and opacities are gone from there on, channels remain.
+Opacity and reflectance are interpolated linearly between points and constant beyond the first and
+the last. Baking analyses the materials in the basis and samples the curve into a table; the
+raycaster reads only that table, which holds channels instead of reflectances.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from numpy.typing import NDArray
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import TransferError, VolspecWarning
 from volspec.spectra import Spectrum
-from volspec.transfer.filters import checked_filters, filter_rows
 from volspec.transfer.mixes import (
     Point,
     check_materials,
+    checked_filters,
+    checked_fraction,
+    checked_list,
+    checked_number,
     checked_point,
     checked_step,
-    fraction,
-    listed,
-    number,
-    rows_of_channels,
-    used,
+    filter_rows,
+    used_materials,
+    weights_and_channels,
 )
-from volspec.transfer.table import TransferTable, entries
+from volspec.transfer.table import TransferTable, power_of_two
 
-_WHO = "transfer function"
-# Entries over values; with gradients a table has rows too, and must still fit a cache.
+_WHO = "TransferFunction"
+# Entries over values; a table with gradients has rows as well, and must still fit a cache.
 _SIZES, _SIZES_WITH_GRADIENT, _ROWS = (1024, 65536), (1024, 4096), (64, 256)
 
 
@@ -46,20 +47,20 @@ class TransferFunction:
 
     Parameters
     ----------
-    points : sequence of (value, opacity, material or {material: share})
+    points : sequence of (value, opacity, material or {material: weight})
         At least one; values must not decrease (two points of one value make a step).
-        Opacities 0…1. Shares are ≥ 0 and sum to at most 1 (the rest is black).
+        Opacities 0…1. Weights are ≥ 0 and sum to at most 1 (the rest is black).
     materials : {name: Spectrum}
         Reflectances the points name.
     basis : SpectralBasis or MaterialBasis
     reference_step_mm : float, optional
-        Length over which an opacity holds; the volume's smallest spacing when left out.
+        Length to which an opacity refers; the volume's smallest spacing when left out.
     gradient_opacity : sequence of (gradient magnitude, factor), optional
-        What multiplies the opacity per reference step, 0…1, where the value changes by this
-        much per millimetre; rising, linear in between. Makes boundaries stand out.
+        Factors, 0…1, of the opacity per reference step, by the change of value per millimetre;
+        gradients rise, linear in between. Makes boundaries visible.
     filters : {material: Spectrum}, optional
         Spectral absorption: the transmission, 0…1, of a material at opacity 1; a reference
-        step lets 1 − opacity (1 − filter) through, channel by channel. Materials without one
+        step transmits 1 − opacity (1 − filter), channel by channel. Materials without one
         are grey. Needs a SpectralBasis; not together with ``gradient_opacity``.
 
     Raises
@@ -76,7 +77,7 @@ class TransferFunction:
     ...     [(60, 0.0, "copper"), (90, 0.5, {"gold": 0.7, "copper": 0.3})],
     ...     metals, SpectralBasis.load("general-7"))
     >>> table = function.bake(smallest_spacing_mm=0.5)
-    >>> table.domain, table.opacity.shape, table.shares[-1].tolist()
+    >>> table.domain, table.opacity.shape, table.material_weights[-1].tolist()
     ((60.0, 90.0), (1024,), [0.3, 0.7])
     """
 
@@ -88,17 +89,19 @@ class TransferFunction:
     filters: Mapping[str, Spectrum] | None = None
 
     def __post_init__(self) -> None:
-        points = listed(_WHO, "points", self.points, "(value, opacity, material)")
+        points = checked_list(f"{_WHO}.points", self.points, "(value, opacity, material)")
         check_materials(_WHO, self.materials, self.basis)
         checked = tuple(
-            checked_point(f"{_WHO}: point {i}", point, self.materials)
-            for i, point in enumerate(points, start=1)
+            checked_point(f"{_WHO}.points[{i}]", point, self.materials)
+            for i, point in enumerate(points)
         )
-        for i, (left, right) in enumerate(pairwise(checked), start=2):
+        for i, (left, right) in enumerate(pairwise(checked), start=1):
             if right[0] < left[0]:
-                raise TransferError(
-                    f"{_WHO}: point {i} has value {right[0]:g} after {left[0]:g}; "
-                    "sort the points by value"
+                raise TransferError.refused(
+                    f"{_WHO}.points[{i}].value",
+                    right[0],
+                    f"sort the points by value, the one before has {left[0]:g}",
+                    "range",
                 )
         object.__setattr__(self, "points", checked)
         object.__setattr__(self, "reference_step_mm", checked_step(_WHO, self.reference_step_mm))
@@ -108,8 +111,10 @@ class TransferFunction:
             filters = checked_filters(_WHO, self.filters, self.materials, self.basis)
             if filters and self.gradient_opacity is not None:
                 raise TransferError(
-                    f"{_WHO}: filters and gradient_opacity do not go together; give one of them",
+                    "filters and gradient_opacity do not go together",
+                    "give one of them",
                     code="conflict",
+                    field=_WHO,
                 )
             object.__setattr__(self, "filters", filters)
 
@@ -124,12 +129,12 @@ class TransferFunction:
         Parameters
         ----------
         smallest_spacing_mm : float
-            The volume's, used where the function has no reference step of its own.
+            The volume's, used if the function has no reference step of its own.
         size : int, optional
             Entries; chosen by the distance of the closest points when left out: 1024 to 65536,
-            with ``gradient_opacity`` to 4096. Closer points are warned about.
+            with ``gradient_opacity`` to 4096. Closer points cause a warning.
         rows : int, optional
-            Of a table with gradients; 64 to 256, chosen likewise.
+            Rows of a table with gradients; 64 to 256, chosen likewise.
 
         Returns
         -------
@@ -139,31 +144,31 @@ class TransferFunction:
         values = np.array([value for value, _, _ in self.points])
         opacities = np.array([opacity for _, opacity, _ in self.points])
         mixes = [mix for _, _, mix in self.points]
-        shares, channels = rows_of_channels(mixes, self.materials, self.basis)
+        weights, channels = weights_and_channels(mixes, self.materials, self.basis)
         low, high = values[0], values[-1]
         if low == high:  # one value: a table needs two ends
             low, high = low - 0.5, high + 0.5
         limits = _SIZES if self.gradient_opacity is None else _SIZES_WITH_GRADIENT
-        at = np.linspace(low, high, size or _size("points", values, low, limits))
-        opacity = _sampled(at, values, opacities[:, None])[:, 0]
-        shares = _sampled(at, values, shares)
+        at = np.linspace(low, high, size or _table_size("points", values, low, limits))
+        opacity = _sample(at, values, opacities[:, None])[:, 0]
+        weights = _sample(at, values, weights)
         top, filters = None, None
         if self.gradient_opacity is not None:
             gradients, factors = np.array(self.gradient_opacity).T
             top = float(gradients[-1])
-            row_at = np.linspace(0, top, rows or _size("gradients", gradients, 0.0, _ROWS))
+            row_at = np.linspace(0, top, rows or _table_size("gradients", gradients, 0.0, _ROWS))
             opacity = np.interp(row_at, gradients, factors)[:, None] * opacity
-            # Copied, since the device takes it as it lies in memory.
-            shares = np.ascontiguousarray(np.broadcast_to(shares, (len(row_at), *shares.shape)))
-        own = {k: f for k, f in (self.filters or {}).items() if k in used(mixes)}
+            # Copied, since the device takes the memory as it is.
+            weights = np.ascontiguousarray(np.broadcast_to(weights, (len(row_at), *weights.shape)))
+        own = {k: f for k, f in (self.filters or {}).items() if k in used_materials(mixes)}
         if own and isinstance(self.basis, SpectralBasis):
-            passed = _sampled(at, values, filter_rows(mixes, own, self.basis))
+            weighted = _sample(at, values, filter_rows(mixes, own, self.basis))
             # A mean of rows of 0…1 may leave that by rounding.
-            filters = (passed[:, :-1] / passed[:, -1:]).clip(0, 1)
+            filters = (weighted[:, :-1] / weighted[:, -1:]).clip(0, 1)
         return TransferTable(
             domain=(float(low), float(high)),
             opacity=opacity,
-            shares=shares,
+            material_weights=weights,
             channels=channels,
             reference_step_mm=self.reference_step_mm or smallest_spacing_mm,
             white=self.basis.white,
@@ -173,44 +178,44 @@ class TransferFunction:
 
 
 def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    what = "(gradient magnitude, factor)"
+    item, field = "(gradient magnitude, factor)", f"{_WHO}.gradient_opacity"
     checked: list[tuple[float, float]] = []
-    for i, pair in enumerate(listed(_WHO, "gradient_opacity", given, what), start=1):
-        where = f"{_WHO}: gradient_opacity {i}"
+    for i, pair in enumerate(checked_list(field, given, item)):
         try:
             gradient, factor = pair
         except (TypeError, ValueError):
-            raise TransferError.refused(where, pair, f"expected {what}") from None
-        gradient = number(where, "gradient", gradient)
+            raise TransferError.refused(f"{field}[{i}]", pair, f"expected {item}", "type") from None
+        gradient = checked_number(f"{field}[{i}].gradient", gradient)
+        remedy = ""
         if not (math.isfinite(gradient) and gradient >= 0):
-            raise TransferError(f"{where} has gradient {gradient:g}; give 0 or more, value per mm")
-        if checked and gradient <= checked[-1][0]:
-            raise TransferError(
-                f"{where} has gradient {gradient:g} after {checked[-1][0]:g}; let gradients rise"
-            )
-        checked.append((gradient, fraction(where, "factor", factor)))
+            remedy = "give 0 or more, value per mm"
+        elif checked and gradient <= checked[-1][0]:
+            remedy = f"let gradients rise, the one before is {checked[-1][0]:g}"
+        if remedy:
+            raise TransferError.refused(f"{field}[{i}].gradient", gradient, remedy, "range")
+        checked.append((gradient, checked_fraction(f"{field}[{i}].factor", factor)))
     if checked[-1][0] == 0:
-        raise TransferError(f"{_WHO}: gradient_opacity ends at gradient 0; give one above")
+        raise TransferError("ends at gradient 0", "give one above", code="range", field=field)
     return tuple(checked)
 
 
-def _sampled(
+def _sample(
     at: NDArray[np.float64], values: NDArray[np.float64], rows: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(N, C) the curve through (P,) values and their (P, C) rows."""
-    # np.interp wants rising positions: of two points of one value the later moves up by one
+    """Interpolate (P, C) rows over (P,) values at (N,) positions: (N, C)."""
+    # np.interp needs rising positions: of two points of one value the later moves up by one
     # unit in the last place, which leaves a sharp step.
     rising = values.copy()
     for i in range(1, len(rising)):
         rising[i] = max(rising[i], np.nextafter(rising[i - 1], np.inf))
     sampled = np.stack([np.interp(at, rising, column) for column in rows.T], axis=1)
-    # Beyond the ends the first and the last point hold, also where a step lies there.
+    # The ends take the first and the last point, even at a step.
     sampled[[0, -1]] = rows[[0, -1]]
     return sampled
 
 
-def _size(what: str, points: NDArray[np.float64], low: float, limits: tuple[int, int]) -> int:
-    """Entries from ``low`` on, four between the closest points of different value."""
+def _table_size(what: str, points: NDArray[np.float64], low: float, limits: tuple[int, int]) -> int:
+    """Return how many entries give four between the closest points of different value."""
     gaps = np.diff(points)
     if not (gaps > 0).any():
         return limits[0]
@@ -223,4 +228,4 @@ def _size(what: str, points: NDArray[np.float64], low: float, limits: tuple[int,
             VolspecWarning,
             stacklevel=3,
         )
-    return entries(4 * span / gaps[i], limits)
+    return power_of_two(4 * span / gaps[i], limits)

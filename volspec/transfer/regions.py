@@ -1,9 +1,9 @@
-"""A transfer function over value and gradient: boundaries told apart from what they bound.
+"""Transfer functions over value and gradient, which separate boundaries from interiors.
 
     volume -> [regions] -> raycast -> relight -> appearance
 
-A region is a rectangle of values and gradient magnitudes with soft sides. Thin boundaries of
-one value but of different steepness, which a curve over values cannot part, get their own.
+A region is a rectangle of values and gradient magnitudes with soft sides. Boundaries of one value
+and different steepness, which a curve over values cannot separate, get a region each.
 
 References
 ----------
@@ -28,16 +28,16 @@ from volspec.spectra import Spectrum
 from volspec.transfer.mixes import (
     Mix,
     check_materials,
+    checked_fraction,
+    checked_list,
     checked_mix,
+    checked_number,
     checked_step,
-    fraction,
-    listed,
-    number,
-    rows_of_channels,
+    weights_and_channels,
 )
-from volspec.transfer.table import TransferTable, entries
+from volspec.transfer.table import TransferTable, power_of_two
 
-_WHO = "transfer function 2D"
+_WHO = "TransferFunction2D"
 # Entries over values and rows over gradients.
 _SIZES, _ROWS = (256, 2048), (64, 256)
 
@@ -52,11 +52,11 @@ class Region:
     gradients : (low, high)
         Gradient magnitudes, value per millimetre, from 0; high may be ``inf``.
     opacity : float
-        Per reference step, 0…1, in the middle.
-    material : str or {name: share}
-        Shares are ≥ 0 and sum to at most 1 (the rest is black).
+        Opacity per reference step, 0…1, in the middle.
+    material : str or {name: weight}
+        Weights are ≥ 0 and sum to at most 1 (the rest is black).
     softness : float
-        Share, 0…1, of each side's half-width over which opacity falls smoothly to 0; a side
+        Fraction, 0…1, of each side's half-width over which opacity falls smoothly to 0; a side
         at gradient 0 and one at ``inf`` do not fall. A region open to ``inf`` counts as
         reaching to twice its lower gradient.
 
@@ -75,19 +75,25 @@ class Region:
     def __post_init__(self) -> None:
         low, high = _checked_bounds("values", self.values)
         if not (math.isfinite(low) and math.isfinite(high)):
-            raise TransferError(f"region: values are {low:g} to {high:g}; give finite numbers")
+            raise TransferError.refused(
+                "Region.values", self.values, "give finite numbers", "range"
+            )
         bottom, top = _checked_bounds("gradients", self.gradients)
         if bottom < 0:
-            raise TransferError(f"region: gradients start at {bottom:g}; give 0 or more")
+            raise TransferError.refused(
+                "Region.gradients", self.gradients, "give 0 or more", "range"
+            )
         object.__setattr__(self, "values", (low, high))
         object.__setattr__(self, "gradients", (bottom, top))
-        object.__setattr__(self, "material", checked_mix("region", self.material, None))
+        mix = checked_mix("Region.material", self.material, None)
+        object.__setattr__(self, "material", mix)
         for name in ("opacity", "softness"):
-            object.__setattr__(self, name, fraction("region", name, getattr(self, name)))
+            fraction = checked_fraction(f"Region.{name}", getattr(self, name))
+            object.__setattr__(self, name, fraction)
 
     @property
     def reach(self) -> float:
-        """The gradient up to which the region's opacity changes; 0 where it never does."""
+        """Greatest gradient at which the region's opacity changes; 0 if it never does."""
         bottom, top = self.gradients
         return top if math.isfinite(top) else 2 * bottom
 
@@ -96,8 +102,7 @@ class Region:
 class TransferFunction2D:
     """Regions of value and gradient magnitude.
 
-    Where regions overlap, opacities add up as layers do, 1 − Π (1 − α), and reflectances mix
-    by α.
+    Overlapping regions combine as layers: opacity is 1 − Π (1 − α), reflectances mix by α.
 
     Parameters
     ----------
@@ -106,7 +111,7 @@ class TransferFunction2D:
         Reflectances the regions name.
     basis : SpectralBasis or MaterialBasis
     reference_step_mm : float, optional
-        Length over which an opacity holds; the volume's smallest spacing when left out.
+        Length to which an opacity refers; the volume's smallest spacing when left out.
 
     Raises
     ------
@@ -131,14 +136,13 @@ class TransferFunction2D:
     reference_step_mm: float | None = None
 
     def __post_init__(self) -> None:
-        regions = listed(_WHO, "regions", self.regions, "Region")
+        regions = checked_list(f"{_WHO}.regions", self.regions, "Region")
         check_materials(_WHO, self.materials, self.basis)
-        for i, region in enumerate(regions, start=1):
+        for i, region in enumerate(regions):
+            field = f"{_WHO}.regions[{i}]"
             if not isinstance(region, Region):
-                raise TransferError.refused(
-                    f"{_WHO}: region {i}", region, "expected a Region", "type"
-                )
-            checked_mix(f"{_WHO}: region {i}", region.material, self.materials)
+                raise TransferError.refused(field, region, "expected a Region", "type")
+            checked_mix(f"{field}.material", region.material, self.materials)
         object.__setattr__(self, "regions", regions)
         object.__setattr__(self, "reference_step_mm", checked_step(_WHO, self.reference_step_mm))
 
@@ -153,10 +157,10 @@ class TransferFunction2D:
         Parameters
         ----------
         smallest_spacing_mm : float
-            The volume's, used where the function has no reference step of its own.
+            The volume's, used if the function has no reference step of its own.
         size : (values, gradients), optional
             Entries and rows; (256, 64), or up to (2048, 256) for narrow regions. Narrower
-            ones are warned about.
+            ones cause a warning.
 
         Returns
         -------
@@ -165,7 +169,7 @@ class TransferFunction2D:
             steepest that any region reaches to, take the last row, in which only regions to
             ``inf`` are not transparent.
         """
-        # What is transparent must not lend its colour to the rim of what is not.
+        # Transparent regions must not colour the rims of visible ones.
         regions = [region for region in self.regions if region.opacity > 0] or self.regions[:1]
         low = min(region.values[0] for region in self.regions)
         high = max(region.values[1] for region in self.regions)
@@ -175,7 +179,10 @@ class TransferFunction2D:
             width = min(region.values[1] - region.values[0] for region in regions)
             heights = [region.reach - region.gradients[0] for region in regions]
             height = min((height for height in heights if height > 0), default=top)
-            size = entries(4 * (high - low) / width, _SIZES), entries(4 * top / height, _ROWS)
+            size = (
+                power_of_two(4 * (high - low) / width, _SIZES),
+                power_of_two(4 * top / height, _ROWS),
+            )
         at, row_at = np.linspace(low, high, size[0]), np.linspace(0, top, size[1])
         alphas = np.stack([_opacity(region, at, row_at) for region in regions])
         for region, alpha in zip(regions, alphas, strict=True):
@@ -187,15 +194,15 @@ class TransferFunction2D:
                     VolspecWarning,
                     stacklevel=2,
                 )
-        shares, channels = rows_of_channels(
+        weights, channels = weights_and_channels(
             [region.material for region in regions], self.materials, self.basis
         )
-        weights = np.where(alphas.any(axis=0), alphas, _nearest(regions, at, row_at))
-        mixed = np.tensordot(weights, shares, axes=(0, 0))
+        by_region = np.where(alphas.any(axis=0), alphas, _nearest_region(regions, at, row_at))
+        mixed = np.tensordot(by_region, weights, axes=(0, 0))
         return TransferTable(
             domain=(low, high),
             opacity=(1 - (1 - alphas).prod(axis=0)).clip(0, 1),
-            shares=mixed / weights.sum(axis=0)[..., None],
+            material_weights=mixed / by_region.sum(axis=0)[..., None],
             channels=channels,
             reference_step_mm=self.reference_step_mm or smallest_spacing_mm,
             white=self.basis.white,
@@ -203,48 +210,49 @@ class TransferFunction2D:
         )
 
 
-def _checked_bounds(what: str, given: Any) -> tuple[float, float]:
+def _checked_bounds(name: str, given: Any) -> tuple[float, float]:
+    field = f"Region.{name}"
     try:
         low, high = given
     except (TypeError, ValueError):
-        raise TransferError.refused(f"region: {what}", given, "expected (low, high)") from None
-    low, high = number("region", what, low), number("region", what, high)
+        raise TransferError.refused(field, given, "expected (low, high)", "type") from None
+    low, high = checked_number(f"{field}[0]", low), checked_number(f"{field}[1]", high)
     if not low < high:
-        raise TransferError(f"region: {what} are {low:g} to {high:g}; let the second be greater")
+        raise TransferError.refused(field, given, "let the second be greater", "range")
     return low, high
 
 
 def _opacity(
     region: Region, at: NDArray[np.float64], row_at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(G, N) the region's own opacity; 0 on its rim, so that nothing lies beyond a table."""
+    """(G, N) opacity of one region; 0 on its rim, so that a table ends transparent."""
     (low, high), (bottom, top) = region.values, region.gradients
     soft = region.softness * (high - low) / 2
-    over_values = _rise(at - low, soft) * _rise(high - at, soft)
+    over_values = _smoothstep(at - low, soft) * _smoothstep(high - at, soft)
     soft = region.softness * (region.reach - bottom) / 2
     over_gradients = np.ones_like(row_at)
     if bottom > 0:
-        over_gradients *= _rise(row_at - bottom, soft)
+        over_gradients *= _smoothstep(row_at - bottom, soft)
     if math.isfinite(top):
-        over_gradients *= _rise(top - row_at, soft)
+        over_gradients *= _smoothstep(top - row_at, soft)
     return region.opacity * over_gradients[:, None] * over_values
 
 
-def _rise(inside: NDArray[np.float64], soft: float) -> NDArray[np.float64]:
-    """Smoothstep from 0 at a side to 1 at ``soft`` within it."""
+def _smoothstep(inside: NDArray[np.float64], soft: float) -> NDArray[np.float64]:
+    """Rise smoothly from 0 at a side to 1 at ``soft`` inside it."""
     if soft == 0:
         return (inside > 0).astype(np.float64)
     t = inside.clip(0, soft) / soft
     return t * t * (3 - 2 * t)
 
 
-def _nearest(
+def _nearest_region(
     regions: Sequence[Region], at: NDArray[np.float64], row_at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(R, G, N) 1 for the region that an entry is nearest to, in entries, else 0.
+    """(R, G, N) one-hot choice of the region nearest to each entry, measured in entries.
 
-    Entries next to a region are transparent yet take part in interpolation; were their shares
-    0, regions would have dark rims.
+    Entries next to a region are transparent yet take part in interpolation; with weights of 0
+    regions would have dark rims.
     """
     distances = []
     for region in regions:

@@ -1,9 +1,19 @@
-"""What the raycaster reads of a transfer function: tables, free of spectra and materials.
+"""Baked transfer functions: tables of opacity, material weights and channels, and their integrals.
 
     volume -> [transfer] -> raycast -> relight -> appearance
 
-Every entry mixes K rows of channels by shares. The raycaster gathers the K shares and turns
-them into M channels once per pixel, so that a cast costs the same for any M.
+Every entry mixes K rows of channels by weights. The raycaster accumulates the K weights and
+multiplies them by the M channels once per pixel, so that a cast costs the same for any M.
+
+Pre-integration: a step whose value goes from v₀ to v₁ linearly takes the mean of extinction, and of
+extinction times weights, over all values between. That mean is the difference of running integrals
+over the table, divided by the distance of the two values [1], so that no value of a steep transfer
+function is skipped.
+
+References
+----------
+[1] Engel, Kraus, Ertl (2001), "High-quality pre-integrated volume rendering using
+    hardware-accelerated pixel shading", Graphics Hardware 2001, 9-16. doi:10.1145/383507.383515
 """
 
 from __future__ import annotations
@@ -12,26 +22,34 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import TransferError
+from volspec._deprecated import renamed_attribute
+from volspec.errors import ShapeError, TransferError
 
-# What the kernel's tables and a file's header can hold at ease.
+Rows = NDArray[np.float32]
+Array = NDArray[np.float64]
+
+# Limits of the kernels' tables and of image headers.
 MAX_CHANNELS = 32
 MAX_SURFACES = 8
 MAX_LABEL = 65535
+# Least transmittance of a step: the extinction of an opaque entry would be infinite.
+LEAST_TRANSMITTANCE = 1e-6
+# Nearer positions than this, in entries, have a difference of integrals that is mostly rounding.
+NEAREST_POSITIONS = 1 / 64
 
 
-def entries(wanted: float, limits: tuple[int, int]) -> int:
-    """How many entries a table gets: a power of two of at least ``wanted``, within limits.
+def power_of_two(least: float, limits: tuple[int, int]) -> int:
+    """Return a table's size: a power of two of at least ``least``, clipped to limits.
 
     Examples
     --------
-    >>> entries(3000, (1024, 65536)), entries(3000, (64, 256))
+    >>> power_of_two(3000, (1024, 65536)), power_of_two(3000, (64, 256))
     (4096, 256)
     """
     low, high = limits
-    return int(np.clip(2.0 ** np.ceil(np.log2(np.clip(wanted, low, high))), low, high))
+    return int(np.clip(2.0 ** np.ceil(np.log2(np.clip(least, low, high))), low, high))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,21 +62,21 @@ class TransferTable:
         Values of the first and the last entry; other values take the nearest end.
     opacity : (N,) or (G, N)
         Opacity per reference step, 0…1.
-    shares : (N, K) or (G, N, K)
-        How much of each of the K rows of ``channels`` is reflected; not premultiplied.
+    material_weights : (N, K) or (G, N, K)
+        Weights of the K rows of ``channels``; not premultiplied by opacity.
     reference_step_mm : float
-        Length over which ``opacity`` holds.
+        Length to which ``opacity`` refers.
     white : (M,), optional
         Channels of the perfect diffuser, to which a highlight adds; ones when left out.
     channels : (K, M), optional
-        Channels of what is mixed; the identity when left out, shares then are channels.
+        Channels of the materials; the identity when left out, the weights then are channels.
     gradient_top : float, optional
         Gradient magnitude, value per millimetre, of the last of G rows; the first is for 0.
     filters : (N, M), optional
-        Spectral absorption: channels of what passes an entry of opacity 1, so that a reference
-        step lets 1 − opacity (1 − filter) through. 0, grey, when left out.
+        Spectral absorption: channels of the transmission at opacity 1; a reference step
+        transmits 1 − opacity (1 − filter). 0, grey, when left out.
     labels : bool
-        Entry i is for label i; nothing lies between two entries.
+        True if entry i is for label i, without interpolation between entries.
 
     Raises
     ------
@@ -68,56 +86,50 @@ class TransferTable:
 
     domain: tuple[float, float]
     opacity: NDArray[np.float64]
-    shares: NDArray[np.float64]
+    material_weights: NDArray[np.float64]
     reference_step_mm: float
-    # None is only how the caller leaves them out: both are always set after __post_init__.
+    # None only in the constructor's call: both are always set after __post_init__.
     white: NDArray[np.float64] = None  # type: ignore[assignment]
     channels: NDArray[np.float64] = None  # type: ignore[assignment]
     gradient_top: float | None = None
     filters: NDArray[np.float64] | None = None
     labels: bool = False
+    shares = renamed_attribute("material_weights")
 
     def __post_init__(self) -> None:
         low, high = self.domain
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise TransferError.refused(
-                "transfer table: the domain", self.domain, "give two that rise"
+                "TransferTable.domain", self.domain, "give two that rise", "range"
             )
-        opacity, shares = _taken(self, "opacity"), _taken(self, "shares")
+        opacity, weights = _set_array(self, "opacity"), _set_array(self, "material_weights")
         two = self.gradient_top is not None
         if opacity.ndim != 1 + two or min(opacity.shape) < 2:
-            raise TransferError(
-                f"transfer table: opacity has shape {opacity.shape}; expected (N,), or (G, N) "
-                "with gradient_top, of 2 or more"
+            raise _shape_error(
+                self, "opacity", "(N,), or (G, N) with gradient_top, of 2 or more entries"
             )
-        _check_range("transfer table: opacity", opacity)
-        if shares.ndim != opacity.ndim + 1 or shares.shape[:-1] != opacity.shape:
-            raise TransferError(
-                f"transfer table: shares have shape {shares.shape}, opacity {opacity.shape}; "
-                f"expected {(*opacity.shape, 'K')}"
-            )
-        if not (math.isfinite(self.reference_step_mm) and self.reference_step_mm > 0):
-            raise TransferError(f"transfer table: reference step {self.reference_step_mm} mm")
-        if self.gradient_top is not None and not (
-            math.isfinite(self.gradient_top) and self.gradient_top > 0
+        _check_range(self, "opacity")
+        if weights.ndim != opacity.ndim + 1 or weights.shape[:-1] != opacity.shape:
+            raise _shape_error(self, "material_weights", f"{(*opacity.shape, 'K')}, as opacity")
+        for name, number in (
+            ("reference_step_mm", self.reference_step_mm),
+            ("gradient_top", 1.0 if self.gradient_top is None else self.gradient_top),
         ):
-            raise TransferError.refused(
-                "transfer table: gradient_top", self.gradient_top, "give > 0"
-            )
-        M = _take_channels(self)
+            if not (math.isfinite(number) and number > 0):
+                raise TransferError.refused(f"TransferTable.{name}", number, "give > 0", "range")
+        M = _set_channels(self)
         if self.labels and (two or (low, high) != (0, len(opacity) - 1)):
             raise TransferError(
-                f"transfer table: labels have domain {self.domain} and opacity of shape "
-                f"{opacity.shape}; expected (0, N - 1) and (N,)"
+                f"domain is {self.domain} and opacity has shape {opacity.shape}",
+                "expected (0, N - 1) and (N,)",
+                code="shape",
+                field="TransferTable.labels",
             )
         if self.filters is not None:
-            filters = _taken(self, "filters")
-            if filters.shape != (opacity.shape[-1], M) or two or self.labels:
-                raise TransferError(
-                    f"transfer table: filters have shape {filters.shape}; expected "
-                    f"{(opacity.shape[-1], M)}, over values alone"
-                )
-            _check_range("transfer table: filters", filters)
+            expected = (opacity.shape[-1], M)
+            if _set_array(self, "filters").shape != expected or two or self.labels:
+                raise _shape_error(self, "filters", f"{expected}, over values alone")
+            _check_range(self, "filters")
 
     @property
     def size(self) -> int:
@@ -127,7 +139,7 @@ class TransferTable:
     @property
     def coefficients(self) -> NDArray[np.float64]:
         """(…, M) the reflectance's channels at every entry, not premultiplied."""
-        return self.shares @ self.channels
+        return self.material_weights @ self.channels
 
     @property
     def entries_per_value(self) -> float:
@@ -142,61 +154,71 @@ class TransferTable:
         scale = (self.opacity.shape[-1] - 1) / (high - low)
         if scale > np.finfo(np.float32).max:
             raise TransferError(
-                f"transfer function: spans {high - low:g}, too little for float32; multiply the "
-                "volume's values"
+                f"spans {high - low:g}, too little for float32",
+                "multiply the volume's values",
+                code="range",
+                field="TransferTable.domain",
+                given=self.domain,
             )
         return scale
 
     def step_opacity(self, step_mm: float) -> NDArray[np.float64]:
-        """Opacity of one step: 1 − (1 − opacity)^(step / reference step), METHOD §3."""
+        """Opacity of one step: 1 − (1 − opacity)^(step / reference step)."""
         return 1 - (1 - self.opacity) ** (step_mm / self.reference_step_mm)
 
     def step_transmittance(self, step_mm: float) -> NDArray[np.float64]:
-        """(N, M) what one step lets through, channel by channel, with ``filters``."""
+        """(N, M) transmittance of one step, channel by channel, with ``filters``."""
         filters = 0.0 if self.filters is None else self.filters
-        passed = 1 - self.opacity[:, None] * (1 - filters)
-        return passed ** (step_mm / self.reference_step_mm)
+        transmittance = 1 - self.opacity[:, None] * (1 - filters)
+        return transmittance ** (step_mm / self.reference_step_mm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceTable:
-    """Isosurfaces: what a ray meets where the value passes one of S levels.
+    """Isosurfaces of S levels, each with opacity and reflectance.
 
     Parameters
     ----------
     values : (S,)
         Levels, rising.
     opacity : (S,)
-        Of a surface itself, 0…1; 1 ends the ray.
-    shares : (S, K)
+        A surface's own opacity, 0…1; 1 ends the ray.
+    material_weights : (S, K)
     channels : (K, M), optional
     white : (M,), optional
-        As `TransferTable`.
+        See `TransferTable`.
+
+    Raises
+    ------
+    TransferError
+        If the arrays do not belong together or a number is out of range.
     """
 
     values: NDArray[np.float64]
     opacity: NDArray[np.float64]
-    shares: NDArray[np.float64]
-    # As in TransferTable: both are always set after __post_init__.
+    material_weights: NDArray[np.float64]
+    # None as in TransferTable.
     channels: NDArray[np.float64] = None  # type: ignore[assignment]
     white: NDArray[np.float64] = None  # type: ignore[assignment]
+    shares = renamed_attribute("material_weights")
 
     def __post_init__(self) -> None:
-        values, opacity = _taken(self, "values"), _taken(self, "opacity")
-        shares = _taken(self, "shares")
+        values, opacity = _set_array(self, "values"), _set_array(self, "opacity")
+        weights = _set_array(self, "material_weights")
         if values.ndim != 1 or not 1 <= len(values) <= MAX_SURFACES or (np.diff(values) <= 0).any():
-            raise TransferError(
-                f"surface table: values are {values.tolist()!r:.60}; give 1 to {MAX_SURFACES} "
-                "that rise"
+            raise TransferError.refused(
+                "SurfaceTable.values",
+                values.tolist(),
+                f"give 1 to {MAX_SURFACES} that rise",
+                "range",
             )
         count = len(values)
-        if opacity.shape != (count,) or shares.ndim != 2 or len(shares) != count:
-            raise TransferError(
-                f"surface table: opacity has shape {opacity.shape}, shares {shares.shape}; "
-                f"expected ({count},) and ({count}, K)"
-            )
-        _check_range("surface table: opacity", opacity)
-        _take_channels(self)
+        if opacity.shape != (count,):
+            raise _shape_error(self, "opacity", f"({count},), as values")
+        if weights.ndim != 2 or len(weights) != count:
+            raise _shape_error(self, "material_weights", f"({count}, K), as values")
+        _check_range(self, "opacity")
+        _set_channels(self)
 
     @property
     def size(self) -> int:
@@ -204,37 +226,177 @@ class SurfaceTable:
         return self.channels.shape[1]
 
 
-def _taken(table: TransferTable | SurfaceTable, name: str) -> NDArray[np.float64]:
-    """A field as float64, kept as such."""
+def _set_array(table: TransferTable | SurfaceTable, name: str) -> NDArray[np.float64]:
+    """Convert a field to a finite float64 array."""
     array = np.asarray(getattr(table, name), dtype=np.float64)
     if not np.isfinite(array).all():
-        raise TransferError(f"{_who(table)}: {name} holds NaN or infinite numbers")
+        raise TransferError(
+            "holds NaN or infinite numbers", code="range", field=f"{type(table).__name__}.{name}"
+        )
     object.__setattr__(table, name, array)
     return array
 
 
-def _take_channels(table: TransferTable | SurfaceTable) -> int:
-    """Fill in and check ``channels`` and ``white``; M."""
-    K = table.shares.shape[-1]
+def _set_channels(table: TransferTable | SurfaceTable) -> int:
+    """Fill in and check ``channels`` and ``white``; return M."""
+    K = table.material_weights.shape[-1]
     if table.channels is None:
         object.__setattr__(table, "channels", np.eye(K))
-    channels = _taken(table, "channels")
+    channels = _set_array(table, "channels")
     if channels.ndim != 2 or len(channels) != K:
-        raise TransferError(
-            f"{_who(table)}: channels have shape {channels.shape}; expected ({K}, M), a row a share"
-        )
+        raise _shape_error(table, "channels", f"({K}, M), a row for each material weight")
     M = channels.shape[1]
     if table.white is None:
         object.__setattr__(table, "white", np.ones(M))
-    if _taken(table, "white").shape != (M,):
-        raise TransferError(f"{_who(table)}: white has shape {table.white.shape}; expected ({M},)")
+    if _set_array(table, "white").shape != (M,):
+        raise _shape_error(table, "white", f"({M},), as channels")
     return M
 
 
-def _check_range(what: str, array: NDArray[np.float64]) -> None:
+def _check_range(table: TransferTable | SurfaceTable, name: str) -> None:
+    array = getattr(table, name)
     if not ((array >= 0) & (array <= 1)).all():
-        raise TransferError(f"{what} must be 0…1")
+        raise TransferError("must be 0…1", code="range", field=f"{type(table).__name__}.{name}")
 
 
-def _who(table: TransferTable | SurfaceTable) -> str:
-    return "transfer table" if isinstance(table, TransferTable) else "surface table"
+def _shape_error(table: TransferTable | SurfaceTable, name: str, expected: str) -> TransferError:
+    return TransferError(
+        f"has shape {getattr(table, name).shape}",
+        f"expected {expected}",
+        code="shape",
+        field=f"{type(table).__name__}.{name}",
+    )
+
+
+def integral_rows(table: TransferTable, step_mm: float) -> tuple[Rows, Rows, Rows, Rows]:
+    """Return the kernel's rows: running integrals over the entries, rates and their rises.
+
+    With τ_j = −log(max(1 − α_j, 1e-6)), the extinction of a whole step at entry j, and
+    c_j = [τ_j, τ_j w_j1, …, τ_j w_jK], linear between entries, the integral over entry
+    positions from 0 to j + f is I_j + f (c_j + f rise_j / 2), 0 ≤ f ≤ 1.
+
+    Parameters
+    ----------
+    table : TransferTable
+        Over values alone, not of labels.
+    step_mm : float
+        Length of a whole step.
+
+    Returns
+    -------
+    rows_hi, rows_lo : (N, 1 + K) float32
+        I_j = Σ_{i<j} (c_i + c_{i+1}) / 2 as a sum of two, since one float32 would lose small
+        segments far along a long table.
+    rates : (N, 1 + K) float32
+        c_j.
+    rises : (N, 1 + K) float32
+        c_{j+1} − c_j; 0 in the last row.
+
+    Raises
+    ------
+    TransferError
+        If the table has gradients or labels, or the step is not above 0.
+
+    Examples
+    --------
+    >>> table = TransferTable((0, 2), [0, 0.5, 0.5], [[1], [1], [1]], reference_step_mm=1)
+    >>> hi, lo, rates, rises = integral_rows(table, step_mm=1)
+    >>> [f"{integral:.4f}" for integral in hi[:, 0]], [f"{rate:.4f}" for rate in rates[:, 0]]
+    (['0.0000', '0.3466', '1.0397'], ['0.0000', '0.6931', '0.6931'])
+    """
+    c = _extinctions(table, step_mm)
+    integral = _integral(c)
+    high = integral.astype(np.float32)
+    low = (integral - high).astype(np.float32)
+    rises = np.diff(c, axis=0, append=c[-1:])
+    return high, low, c.astype(np.float32), rises.astype(np.float32)
+
+
+def segment_means(
+    table: TransferTable, step_mm: float, front_values: ArrayLike, back_values: ArrayLike
+) -> Array:
+    """Return means over the values between the two ends of segments: the kernel's NumPy twin.
+
+    Parameters
+    ----------
+    table : TransferTable
+        Over values alone, not of labels.
+    step_mm : float
+        Length of a whole step.
+    front_values, back_values : (R,)
+        Values at a segment's ends, in any order. Values outside the domain count as its nearest
+        end.
+
+    Returns
+    -------
+    (R, 1 + K) float64
+        Mean extinction of a whole step, and of extinction times each weight. Ends nearer than
+        1/64 entry take the values in their middle.
+
+    Raises
+    ------
+    ShapeError
+        If fronts and backs are not (R,) both.
+    TransferError
+        If the table has gradients or labels, or the step is not above 0.
+
+    Examples
+    --------
+    >>> table = TransferTable((0, 2), [0, 0.5, 0.5], [[1], [1], [1]], reference_step_mm=1)
+    >>> segment_means(table, 1, [0, 1.5, 1], [2, 1.5, 9]).round(4).tolist()
+    [[0.5199, 0.5199], [0.6931, 0.6931], [0.6931, 0.6931]]
+    """
+    c = _extinctions(table, step_mm)
+    fronts, backs = (np.asarray(v, dtype=np.float64) for v in (front_values, back_values))
+    if fronts.ndim != 1 or fronts.shape != backs.shape:
+        raise ShapeError(
+            f"segment_means: fronts have shape {fronts.shape}, backs {backs.shape}; "
+            "expected (R,) both"
+        )
+    low, high = table.domain
+    last = len(c) - 1
+    a, b = ((v - low) / (high - low) * last for v in (fronts, backs))
+    integral = _integral(c)
+    gathered = _integral_at(c, integral, b) - _integral_at(c, integral, a)
+    apart = np.abs(b - a) >= NEAREST_POSITIONS
+    mean = gathered / np.where(apart, b - a, 1)[:, None]
+    j, f = _split((a + b) / 2, last)
+    middle = c[j] + f * (c[j + 1] - c[j])
+    return np.where(apart[:, None], mean, middle)
+
+
+def _extinctions(table: TransferTable, step_mm: float) -> Array:
+    """(N, 1 + K) c: extinction of a whole step, alone and times each weight."""
+    if table.gradient_top is not None or table.labels:
+        kind = "labels" if table.labels else "gradients"
+        raise TransferError(
+            f"preintegration: the table is of {kind}; it needs a transfer function of values alone",
+            code="unsupported",
+        )
+    if not (math.isfinite(step_mm) and step_mm > 0):
+        raise TransferError.refused("preintegration.step_mm", step_mm, "give mm above 0", "range")
+    tau = 0.0 - np.log(np.maximum(1 - table.step_opacity(step_mm), LEAST_TRANSMITTANCE))
+    return tau[:, None] * np.column_stack([np.ones(len(tau)), table.material_weights])
+
+
+def _integral(c: Array) -> Array:
+    """(N, C) from position 0 to every entry, c linear in between."""
+    integral = np.zeros_like(c)
+    np.cumsum((c[:-1] + c[1:]) / 2, axis=0, out=integral[1:])
+    return integral
+
+
+def _integral_at(c: Array, integral: Array, position: Array) -> Array:
+    """(R, C) from 0 to any position, with the ends' rates beyond the table."""
+    last = len(c) - 1
+    j, f = _split(position, last)
+    inside = integral[j] + f * (c[j] + f * (c[j + 1] - c[j]) / 2)
+    below, above = np.minimum(position, 0)[:, None], np.maximum(position - last, 0)[:, None]
+    return inside + below * c[0] + above * c[-1]
+
+
+def _split(position: Array, last: int) -> tuple[NDArray[np.intp], Array]:
+    """Entry (R,) and fraction (R, 1) of positions clipped to the table."""
+    clipped = position.clip(0, last)
+    j = np.minimum(clipped.astype(np.intp), last - 1)
+    return j, (clipped - j)[:, None]

@@ -1,4 +1,4 @@
-"""Scalar grids: values on a regular lattice, and where that lattice lies in the world."""
+"""Scalar volumes: values on a regular lattice, its geometry, and readers of files."""
 
 from volspec.volume import phantom
 from volspec.volume.load import load_volume

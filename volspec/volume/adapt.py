@@ -1,6 +1,6 @@
-"""Volumes to and from pyvista (VTK).
+"""Convert volumes to and from pyvista (VTK).
 
-Cell scalars are taken where a grid has no point scalars; their lattice is the cells' centres.
+Cell scalars are taken if a grid has no point scalars; their lattice is the cells' centres.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ def volume_from_pyvista(
     *,
     name: str = "pyvista grid",
 ) -> Volume:
-    """Take over a pyvista ``ImageData``: its scalars, spacing, origin and direction.
+    """Convert a pyvista ``ImageData``: its scalars, spacing, origin and direction.
 
     Raises
     ------
     VolumeError
-        If it is not an ``ImageData``, has no such array, or the array is not one scalar a point.
+        If it is not an ``ImageData``, has no such array, or the array has several components.
     """
     values, world = values_and_lattice(grid, scalars, name)
     return Volume(values, world_from_index=world, name=name)
@@ -42,31 +42,38 @@ def values_and_lattice(
     Raises
     ------
     VolumeError
-        As `volume_from_pyvista`.
+        See `volume_from_pyvista`.
     """
     if type(grid).__name__ != "ImageData":
         raise VolumeError(
             f"{name}: is a {type(grid).__name__}; volspec casts regular grids, "
-            "resample it to ImageData first"
+            "resample it to ImageData first",
+            code="type",
         )
     cells = scalars is None and not len(grid.point_data) and len(grid.cell_data) > 0
     data = grid.cell_data if cells else grid.point_data
     available = list(data.keys())
     chosen = scalars or data.active_scalars_name or (available[0] if available else None)
     if chosen not in available:
-        raise VolumeError(f"{name}: no scalars {chosen!r}; the grid has {available}")
+        raise VolumeError(
+            f"{name}: no scalars {chosen!r}; the grid has {available}", code="unknown"
+        )
     array = np.asarray(data[chosen])
     if array.ndim != 1:
         raise VolumeError(
-            f"{name}: {array.shape[-1]} components a voxel in {chosen!r}; a volume has one"
+            f"{name}: {array.shape[-1]} components a voxel in {chosen!r}; a volume has one",
+            code="shape",
         )
     shape = tuple(n - 1 if cells else n for n in grid.dimensions)
     if min(shape) < 2:
-        raise VolumeError(f"{name}: {'x'.join(map(str, shape))} points; a volume is 3-D")
+        raise VolumeError(
+            f"{name}: {'x'.join(map(str, shape))} points; a volume is 3-D", code="shape"
+        )
     spacing = np.asarray(grid.spacing, dtype=np.float64)
     if not (spacing > 0).all():
         raise VolumeError(
-            f"{name}: spacing {tuple(spacing.tolist())} mm; each of x, y, z must be positive"
+            f"{name}: spacing {tuple(spacing.tolist())} mm; each of x, y, z must be positive",
+            code="range",
         )
     world = np.eye(4)
     world[:3, :3] = np.asarray(grid.direction_matrix) * spacing
@@ -76,7 +83,7 @@ def values_and_lattice(
 
 
 def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:
-    """A pyvista ``ImageData`` with a copy of the values as point scalars ``"values"``."""
+    """Return a pyvista ``ImageData`` with a copy of the values as point scalars ``"values"``."""
     import pyvista
 
     world = volume.world_from_index

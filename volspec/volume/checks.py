@@ -1,4 +1,9 @@
-"""What a volume's values and geometry must be: what is kept, converted, replaced or refused."""
+"""Check and convert a volume's values and geometry, whichever library they come from.
+
+    NumPy, xarray, Zarr -> [checks] -> Volume
+
+xarray and Zarr need not be installed: their objects are recognised by their attributes.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import VolspecWarning, VolumeError, one_line
 
-# What the kernels read as it is; everything else becomes the nearest of these that holds it.
-KEPT_DTYPES = (np.uint8, np.uint16, np.int16, np.float32)
+NATIVE_DTYPES = (np.uint8, np.uint16, np.int16, np.float32)
+"""Types that the kernels read; others become the nearest of these that holds them."""
 _WIDENED = {"b1": np.uint8, "i1": np.int16}
-# Of the range: rounding that no transfer function of 65536 entries can show.
+# Fraction of the range: rounding that no transfer function of 65536 entries can show.
 _NEGLIGIBLE = 1e-6
+# Fraction of a step by which coordinates may be uneven, as float32 and decimal files leave them.
+_UNEVEN = 1e-3
 
 
 def checked_values(given: ArrayLike, name: str) -> tuple[NDArray[Any], tuple[float, float]]:
-    """Values the kernels can read, and their range.
+    """Return values that the kernels can read, and their range.
 
     Parameters
     ----------
@@ -29,7 +36,7 @@ def checked_values(given: ArrayLike, name: str) -> tuple[NDArray[Any], tuple[flo
 
     Returns
     -------
-    values : (Z, Y, X) array of one of `KEPT_DTYPES`, read-only, C-contiguous, finite
+    values : (Z, Y, X) array of one of `NATIVE_DTYPES`, read-only, C-contiguous, finite
     range : (float, float)
 
     Raises
@@ -39,47 +46,54 @@ def checked_values(given: ArrayLike, name: str) -> tuple[NDArray[Any], tuple[flo
         finite value, or values beyond float32.
     """
     if isinstance(given, str | os.PathLike):
-        raise VolumeError(f"{given!r:.60} is no array; read a file with volspec.load_volume")
-    original = _array(given, name)
+        raise VolumeError(
+            f"{given!r:.60} is no array; read a file with volspec.load_volume", code="type"
+        )
+    original = _real_array(given, name)
     values = original
-    if original.dtype.newbyteorder("=") not in KEPT_DTYPES:
-        values = _converted(original, name)
+    if original.dtype.newbyteorder("=") not in NATIVE_DTYPES:
+        values = _convert(original, name)
     values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
     low, high = float(values.min()), float(values.max())
     if not np.isfinite([low, high]).all():
-        values, low, high = _finite(values, name)
+        values, low, high = _replace_non_finite(values, name)
     if original.dtype.kind == "f" and original.dtype.itemsize > 4:
-        _tell_lost_digits(original, values, (low, high), name)
+        _warn_of_lost_digits(original, values, (low, high), name)
     values = values.view()
     values.flags.writeable = False
     return values, (low, high)
 
 
-def _array(given: ArrayLike, name: str) -> NDArray[Any]:
+def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
     try:
         values = np.asarray(given)
     except (TypeError, ValueError) as error:
         raise VolumeError(
             f"{name}: {type(given).__name__} is no array ({one_line(error)}); "
-            "give one scalar a voxel, (Z, Y, X)"
+            "give one scalar a voxel, (Z, Y, X)",
+            code="type",
         ) from error
     if values.dtype.kind not in "buif":
-        raise VolumeError(f"{name}: values of type {values.dtype} are not real numbers")
+        raise VolumeError(
+            f"{name}: values of type {values.dtype} are not real numbers", code="type"
+        )
     if values.ndim != 3:
         raise VolumeError(
             f"{name}: the array has shape {values.shape}; a volume is 3-D (Z, Y, X), "
-            "one scalar a voxel. Choose one channel or time step"
+            "one scalar a voxel. Choose one channel or time step",
+            code="shape",
         )
     if min(values.shape) < 2:
         raise VolumeError(
             f"{name}: the array has shape {values.shape}; a volume has at least two voxels along "
-            "each axis, was a single slice given?"
+            "each axis, was a single slice given?",
+            code="shape",
         )
     return values
 
 
-def _converted(values: NDArray[Any], name: str) -> NDArray[Any]:
-    """As one of `KEPT_DTYPES`: the smallest integer that holds all of them, else float32."""
+def _convert(values: NDArray[Any], name: str) -> NDArray[Any]:
+    """Convert to the smallest native integer type that holds all values, else to float32."""
     kind = values.dtype.kind
     if kind in "iu" and values.dtype.itemsize > 2:  # labels, mostly
         low, high = int(values.min()), int(values.max())
@@ -93,7 +107,8 @@ def _converted(values: NDArray[Any], name: str) -> NDArray[Any]:
     if kind == "f" and (np.isfinite(values) & ~np.isfinite(converted)).any():
         raise VolumeError(
             f"{name}: values up to {np.abs(values[np.isfinite(values)]).max():g} exceed "
-            "float32; rescale the volume"
+            "float32; rescale the volume",
+            code="range",
         )
     if kind in "iu" and not np.array_equal(converted.astype(values.dtype), values):
         _warn(
@@ -103,10 +118,13 @@ def _converted(values: NDArray[Any], name: str) -> NDArray[Any]:
     return converted
 
 
-def _finite(values: NDArray[Any], name: str) -> tuple[NDArray[Any], float, float]:
+def _replace_non_finite(values: NDArray[Any], name: str) -> tuple[NDArray[Any], float, float]:
+    """Return values without NaN and infinities, their minimum and maximum."""
     finite = np.isfinite(values)
     if not finite.any():
-        raise VolumeError(f"{name}: none of the {values.size} voxels is a finite float32 number")
+        raise VolumeError(
+            f"{name}: none of the {values.size} voxels is a finite float32 number", code="range"
+        )
     low = values.min(where=finite, initial=np.inf)
     high = values.max(where=finite, initial=-np.inf)
     above = np.count_nonzero(values == np.inf)
@@ -119,15 +137,15 @@ def _finite(values: NDArray[Any], name: str) -> tuple[NDArray[Any], float, float
     return values, float(low), float(high)
 
 
-def _tell_lost_digits(
-    exact: NDArray[Any], kept: NDArray[Any], span: tuple[float, float], name: str
+def _warn_of_lost_digits(
+    exact: NDArray[Any], rounded: NDArray[Any], span: tuple[float, float], name: str
 ) -> None:
-    """Warn where float32 rounds a fine structure away, such as 1e6 … 1e6 + 1."""
+    """Warn if float32 rounds a fine structure away, such as 1e6 … 1e6 + 1."""
     most = float(np.spacing(np.float32(max(map(abs, span))))) / 2
     if most <= _NEGLIGIBLE * (span[1] - span[0]):
         return
     low, high, error = np.inf, -np.inf, 0.0
-    for a, b in zip(exact, kept, strict=True):  # slice by slice, to need no second volume
+    for a, b in zip(exact, rounded, strict=True):  # by slice, without a second volume
         finite = np.isfinite(a)
         low = min(low, float(a.min(where=finite, initial=np.inf)))
         high = max(high, float(a.max(where=finite, initial=-np.inf)))
@@ -140,15 +158,15 @@ def _tell_lost_digits(
 
 
 def _warn(message: str) -> None:
-    # To the line that makes the volume: past this, the check, checked_values, __post_init__
-    # and __init__.
+    # Blame the line that makes the volume: above this function, the check, checked_values,
+    # __post_init__ and __init__.
     warnings.warn(message, VolspecWarning, stacklevel=6)
 
 
 def checked_geometry(
     spacing: tuple[float, float, float] | None, world: ArrayLike | None, name: str
 ) -> tuple[tuple[float, float, float], NDArray[np.float64]]:
-    """Spacing and affine map of a lattice, each from the other where one is missing.
+    """Return spacing and affine map of a lattice, each from the other if one is missing.
 
     Returns
     -------
@@ -168,8 +186,10 @@ def checked_geometry(
             )
         if not (np.isfinite(spacing_array).all() and (spacing_array > 0).all()):
             raise VolumeError(
-                f"{name}: spacing {tuple(spacing_array.tolist())} mm; "
-                "each of x, y, z must be positive, correct the header or give spacing_mm"
+                f"{name}: spacing {tuple(spacing_array.tolist())} mm",
+                "each of x, y, z must be positive, correct the header or give spacing_mm",
+                code="range",
+                given=spacing,
             )
     else:
         spacing_array = np.ones(3)
@@ -178,17 +198,25 @@ def checked_geometry(
     else:
         matrix = _numbers(world)
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-            raise VolumeError(f"{name}: world_from_index must be a finite (4, 4) matrix")
+            raise VolumeError(
+                f"{name}: world_from_index must be a finite (4, 4) matrix",
+                code="shape",
+                given=world,
+            )
         lengths = np.linalg.norm(matrix[:3, :3], axis=0)
         if (lengths <= 0).any() or abs(np.linalg.det(matrix[:3, :3] / lengths)) < 1e-6:
             raise VolumeError(
                 f"{name}: the orientation matrix {matrix[:3, :3].tolist()} is singular; "
-                "its columns must be independent directions"
+                "its columns must be independent directions",
+                code="range",
+                given=world,
             )
         if matrix[3].tolist() != [0, 0, 0, 1]:
             raise VolumeError(
                 f"{name}: world_from_index ends in the row {matrix[3].tolist()}; an affine map "
-                "ends in 0, 0, 0, 1"
+                "ends in 0, 0, 0, 1",
+                code="range",
+                given=world,
             )
         if spacing is not None and not np.allclose(lengths, spacing_array, rtol=1e-4):
             raise VolumeError(
@@ -203,8 +231,77 @@ def checked_geometry(
 
 
 def _numbers(given: ArrayLike) -> NDArray[np.float64]:
-    """A float64 copy; empty where the input is no array of numbers."""
+    """Return a float64 copy; an empty array if the input is no array of numbers."""
     try:
         return np.array(given, dtype=np.float64)
     except (TypeError, ValueError):
         return np.empty(0)
+
+
+def array_and_lattice(given: Any, name: str) -> tuple[Any, NDArray[np.float64] | None]:
+    """Return the array to convert, and the lattice of its own coordinates.
+
+    Parameters
+    ----------
+    given : array or anything else
+        An xarray ``DataArray`` with dimensions x, y and z, in any order and case, is transposed
+        to (Z, Y, X); with other names its order counts. Everything else is returned unchanged.
+    name : str
+        Used in messages.
+
+    Returns
+    -------
+    values
+        Input of `numpy.asarray`.
+    world_from_index : (4, 4) float64 or None
+        From a ``DataArray``'s coordinates, taken as millimetres; None without them.
+
+    Raises
+    ------
+    VolumeError
+        If it holds several arrays, or coordinates are not evenly spaced numbers.
+    """
+    kind = type(given).__name__
+    if hasattr(given, "point_data") or hasattr(given, "n_blocks"):
+        which = "Volume.from_pyvista takes an ImageData"
+        if hasattr(given, "n_blocks"):
+            which += f", such as one of its {given.n_blocks} blocks"
+        raise VolumeError(f"{name}: is a pyvista {kind}; {which}", code="type")
+    if hasattr(given, "keys") and not hasattr(given, "dtype"):
+        names = ", ".join(map(repr, given)) or "nothing"
+        raise VolumeError(f"{name}: is a {kind} of {names:.60}; give one array of it", code="type")
+    if not (hasattr(given, "dims") and hasattr(given, "coords")):
+        return given, None
+    return _xarray_lattice(given, name)
+
+
+def _xarray_lattice(array: Any, name: str) -> tuple[Any, NDArray[np.float64] | None]:
+    axes = {str(dim).lower(): dim for dim in array.dims}
+    if set(axes) == {"x", "y", "z"}:
+        array = array.transpose(axes["z"], axes["y"], axes["x"])
+    if len(array.dims) != 3 or not any(dim in array.coords for dim in array.dims):
+        return array, None
+    world = np.eye(4)
+    for axis, dim in enumerate(reversed(array.dims)):
+        if dim in array.coords:
+            world[axis, 3], world[axis, axis] = _start_and_step(array.coords[dim], dim, name)
+    return array, world
+
+
+def _start_and_step(coordinates: Any, dim: Any, name: str) -> tuple[float, float]:
+    """Return the first coordinate and the step, which is negative if coordinates fall."""
+    try:
+        at = np.asarray(coordinates).astype(np.float64, casting="same_kind")
+    except (TypeError, ValueError):
+        at = np.full(2, np.nan)
+    if at.size < 2:  # one slice: refused with the shape
+        return 0.0, 1.0
+    step = (at[-1] - at[0]) / (at.size - 1) if np.isfinite(at).all() else 0.0
+    even = at[0] + step * np.arange(at.size)
+    if not (step and (np.abs(at - even) <= _UNEVEN * abs(step)).all()):
+        raise VolumeError(
+            f"{name}: the coordinates along {str(dim)!r} are not evenly spaced numbers; "
+            f"interpolate to a regular lattice, or leave them out: drop_vars({str(dim)!r})",
+            code="range",
+        )
+    return float(at[0]), float(step)

@@ -1,4 +1,4 @@
-"""Read volumes from files and folders; spacing and orientation kept.
+"""Read volumes from files and folders, with spacing and orientation.
 
     file or folder -> [load] -> the reader of its kind (files/) -> Volume
 
@@ -21,9 +21,8 @@ from volspec.volume.files.itk import read_itk
 from volspec.volume.files.omezarr import is_zarr, read_ome_zarr
 from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.files.raw import read_npy, read_raw
-from volspec.volume.files.stack import pictures_in, read_stack
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
-from volspec.volume.files.tiff import read_tiff
+from volspec.volume.files.tiff import pictures_in, read_stack, read_tiff
 from volspec.volume.files.vtk import read_vtk
 from volspec.volume.model import Volume
 from volspec.volume.reader_process import read_in_child
@@ -39,8 +38,8 @@ _KNOWN = (
 def load_volume(path: str | os.PathLike[str]) -> Volume:
     """Read a volume from a file or a folder.
 
-    What a name leaves open is said after a question mark. ``spacing=X,Y,Z`` in millimetres goes
-    before what slices state, and takes them for even; ``channel=N`` and ``time=N`` count from 0.
+    Options follow a question mark. ``spacing=X,Y,Z`` in millimetres overrides the file's and treats
+    slices as even; ``channel=N`` and ``time=N`` count from 0.
 
     Parameters
     ----------
@@ -51,9 +50,9 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         - raw bytes as ``FILE.raw?shape=XxYxZ&dtype=uint8&spacing=1,1,1`` (also ``&offset=``
           bytes and ``&order=big``);
         - a folder of DICOM slices, or one file of a series: ``FOLDER?series=NUMBER`` (or its
-          UID) of several series, ``?time=N`` where slices lie at the same places. A folder
-          without slices stands for those in it, down to three levels. Oblique and tilted stacks
-          stay as they were taken, sheared where the gantry was tilted;
+          UID) of several series, ``?time=N`` if slices share their positions. In a folder
+          without slices, folders below are searched, down to three levels. Oblique and tilted
+          stacks are not resampled; a tilted gantry gives a sheared lattice;
         - a TIFF file of several pages, ImageJ's and OME-TIFF's spacing known, or a folder of
           single TIFF or PNG pictures in the order of the numbers in their names (``z2`` before
           ``z10``): ``?spacing= channel= time=``;
@@ -64,20 +63,24 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     ------
     VolumeError
         If the file is missing, truncated, of unknown format, not 3-D, constant, or its
-        spacing is not positive; if of several series, channels or time steps none is named, or
-        slices are missing.
+        spacing is not positive; if there are several series, channels or time steps and none is
+        named, or slices are missing.
     DeviceError
         If it is an OME-Zarr and zarr is not installed.
     """
     if not isinstance(path, str | os.PathLike):
-        raise VolumeError(f"volume: {quoted(path)} is no path; give text or a pathlib.Path")
+        raise VolumeError(
+            f"volume: {quoted(path)} is no path; give text or a pathlib.Path",
+            code="type",
+            given=path,
+        )
     query = Query.of(os.fspath(path))
-    library = library_of(query)
+    library = reader_library(query)
     if library in _UTF_8:
         _require_utf_8(query.path)
     reading = read_in_child(query) if library else read_here(query)
     values = reading.values
-    # None, where a format has none, is how a volume's geometry is left out.
+    # A format without geometry gives None, the constructor's default.
     volume = Volume(
         values.read() if isinstance(values, Stored) else values,
         spacing_mm=reading.spacing_mm,  # type: ignore[arg-type]
@@ -92,13 +95,14 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     if low == high:
         raise VolumeError(
             f"{query.path}: every voxel is {low:g}, there is nothing to show; was the right file "
-            "or channel given?"
+            "or channel given?",
+            code="range",
         )
     return volume
 
 
 def read_here(query: Query) -> Reading:
-    """Read a file in this process, whatever its libraries do to it.
+    """Read a file in this process, unprotected from crashes of the format's library.
 
     Raises
     ------
@@ -107,7 +111,7 @@ def read_here(query: Query) -> Reading:
     return _reader(query)(query)
 
 
-# Readers that leave the file's bytes to others' code.
+# Modules of the readers that use a native library.
 _LIBRARIES: dict[Callable[[Query], Reading], str] = {
     read_itk: "SimpleITK",
     read_series: "SimpleITK",
@@ -116,9 +120,7 @@ _LIBRARIES: dict[Callable[[Query], Reading], str] = {
     read_stack: "tifffile",
     read_ome_zarr: "zarr",
 }
-
-
-# Those that open files by names in UTF-8 alone.
+# Those that open only files whose names are UTF-8.
 _UTF_8 = ("SimpleITK", "pyvista")
 
 
@@ -128,11 +130,12 @@ def _require_utf_8(path: Path) -> None:
     except UnicodeEncodeError:
         raise VolumeError(
             f"{quoted(str(path), 200)}: its name is not UTF-8, and the library that reads it opens "
-            "no other; rename it, or work in a UTF-8 locale"
+            "no other; rename it, or work in a UTF-8 locale",
+            code="unsupported",
         ) from None
 
 
-def library_of(query: Query) -> str:
+def reader_library(query: Query) -> str:
     """Return the module that reads a file; empty if it is read with NumPy alone.
 
     Raises
@@ -150,9 +153,9 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
     if path.is_dir():
         return _folder_reader(path)
     if not path.is_file():
-        raise VolumeError(f"{path}: is a pipe or a device; give a file or a folder")
+        raise VolumeError(f"{path}: is a pipe or a device; give a file or a folder", code="type")
     if path.stat().st_size == 0:
-        raise VolumeError(f"{path}: the file is empty; copy or download it again")
+        raise VolumeError(f"{path}: the file is empty; copy or download it again", code="damaged")
     lower = path.name.lower()
     if lower.endswith(TIFF_SUFFIXES):
         return read_tiff
@@ -162,7 +165,8 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
         if query.options:
             raise VolumeError(
                 f"{path}: {next(iter(query.options))}= cannot be given; this format states its "
-                "own layout"
+                "own layout",
+                code="conflict",
             )
         if lower.endswith(".npy"):
             return read_npy
@@ -189,5 +193,6 @@ def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
         ) from error
     raise VolumeError(
         f"{folder}: is a folder without slices (DICOM, TIFF or PNG); give the folder that holds "
-        f"them, or a file ({_KNOWN})"
+        f"them, or a file ({_KNOWN})",
+        code="not-found",
     )

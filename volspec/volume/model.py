@@ -10,6 +10,7 @@ at ``world_from_index @ (i, j, k, 1)`` millimetres.
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import VolumeError
-from volspec.volume.checks import checked_geometry, checked_values
-from volspec.volume.downsample import block_means, block_modes, downsampled_values
-from volspec.volume.foreign import unwrapped
+from volspec.volume.checks import array_and_lattice, checked_geometry, checked_values
 
 if TYPE_CHECKING:
     import pyvista
+
+Summary = Callable[[NDArray[Any]], NDArray[Any]]
+"""(N, M) blocks of M voxels -> (N,)"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,16 +34,16 @@ class Volume:
     Parameters
     ----------
     values : (Z, Y, X) array
-        NumPy, xarray or Zarr; uint8, uint16, int16 and float32 are kept. Wider integers
-        become the smallest of these integers that holds them all, other types float32 (int8
-        becomes int16). NaN and infinities are counted and warned about: +inf becomes the
-        greatest finite value, NaN and -inf the least. An array that is kept as it is stays shared
-        and is read-only here: do not change it while the volume is in use, or give a copy.
-        An xarray ``DataArray`` with dimensions x, y and z is turned to (Z, Y, X), and stands at
-        its coordinates, taken for millimetres, where neither of the next two is given.
+        NumPy, xarray or Zarr; uint8, uint16, int16 and float32 are used without conversion. Wider
+        integers become the smallest of these integer types that holds them all, other types
+        float32 (int8 becomes int16). NaN and infinities are replaced with a warning: +inf by the
+        greatest finite value, NaN and -inf by the least. An array that needs no conversion is
+        shared and read-only here: do not change it while the volume is in use, or give a copy.
+        An xarray ``DataArray`` with dimensions x, y and z is transposed to (Z, Y, X); its
+        coordinates, in millimetres, give the geometry if neither of the next two is given.
     spacing_mm : (x, y, z), optional
-        Distance of neighbouring voxel centres; positive. Read from ``world_from_index``
-        where that is given, else 1 mm.
+        Distance of neighbouring voxel centres; positive. By default that of
+        ``world_from_index``, or 1 mm.
     world_from_index : (4, 4), optional
         Affine map from voxel index (i, j, k) along (x, y, z) to millimetres. Default:
         the spacing on the diagonal, the first voxel at the origin.
@@ -52,7 +54,7 @@ class Volume:
     ------
     VolumeError
         If it is no 3-D array of real numbers, has fewer than two voxels along an axis or no
-        finite value, or the geometry is singular or, of coordinates, uneven.
+        finite value, the geometry is singular, or coordinates are uneven.
 
     Examples
     --------
@@ -62,17 +64,17 @@ class Volume:
     """
 
     values: NDArray[Any]
-    # None is only how the caller leaves them out: both are always set after __post_init__.
+    # None only in the constructor's call: both are always set after __post_init__.
     spacing_mm: tuple[float, float, float] = None  # type: ignore[assignment]
     world_from_index: NDArray[np.float64] = None  # type: ignore[assignment]
     name: str = "volume"
     range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        given, placed = unwrapped(self.values, self.name)
+        given, lattice = array_and_lattice(self.values, self.name)
         values, span = checked_values(given, self.name)
         if self.spacing_mm is None and self.world_from_index is None:
-            object.__setattr__(self, "world_from_index", placed)
+            object.__setattr__(self, "world_from_index", lattice)
         spacing, world = checked_geometry(self.spacing_mm, self.world_from_index, self.name)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "spacing_mm", spacing)
@@ -102,7 +104,7 @@ class Volume:
         return (np.array(index) @ self.world_from_index.T)[:, :3]
 
     def with_spacing(self, spacing_mm: tuple[float, float, float]) -> Volume:
-        """The same volume with another spacing; directions and the first voxel stay.
+        """Return this volume with another spacing; directions and the first voxel stay.
 
         Raises
         ------
@@ -115,19 +117,18 @@ class Volume:
         return Volume(self.values, world_from_index=world, name=self.name)
 
     def downsampled(self, factor: int, *, labels: bool = False) -> Volume:
-        """The same volume with one voxel for every block of factor³, of the same type.
+        """Return this volume with one voxel for every block of factor³, of the same type.
 
-        A new voxel stands at its block's centre. The lattice stays regular: where the factor
-        does not divide a count, the last block holds fewer voxels, and what it yields stands
-        where a whole block's centre would, up to (factor - 1) / 2 old voxels too far out.
+        A new voxel lies at its block's centre. The lattice stays regular: if the factor does not
+        divide a count, the last block holds fewer voxels, but its new voxel lies at a whole
+        block's centre, up to (factor - 1) / 2 old voxels too far out.
 
         Parameters
         ----------
         factor : int
             Old voxels along a block's edge, from 1.
         labels : bool
-            Take a block's most frequent value (of equally frequent ones the least) instead of
-            its mean.
+            True takes a block's most frequent value (the least of several) instead of its mean.
 
         Raises
         ------
@@ -147,27 +148,32 @@ class Volume:
             step = 0
         if step < 1:
             raise VolumeError(
-                f"{self.name}: down-sampled by {factor!r:.40}; give a whole number from 1"
+                f"{self.name}: down-sampled by {factor!r:.40}",
+                "give a whole number from 1",
+                code="range",
+                given=factor,
             )
         least = min(self.shape_xyz)
         if -(-least // step) < 2:
             raise VolumeError(
-                f"{self.name}: down-sampled by {step}, {least} voxels leave one; a volume has at "
-                f"least two along each axis, give a factor below {least}"
+                f"{self.name}: down-sampled by {step}, {least} voxels leave one",
+                f"a volume has at least two along each axis, give a factor below {least}",
+                code="range",
+                given=factor,
             )
         index_from_new = np.diag([step, step, step, 1.0])
         index_from_new[:3, 3] = (step - 1) / 2
         return Volume(
-            downsampled_values(self.values, step, block_modes if labels else block_means),
+            downsample(self.values, step, block_modes if labels else block_means),
             world_from_index=self.world_from_index @ index_from_new,
             name=self.name,
         )
 
     @classmethod
     def of(cls, given: Volume | pyvista.ImageData | ArrayLike) -> Volume:
-        """A volume as it is, a pyvista ``ImageData``, or an array (Z, Y, X).
+        """Return a volume itself, or the volume of a pyvista ``ImageData`` or array (Z, Y, X).
 
-        Voxels are 1 mm, unless it is an xarray ``DataArray`` with coordinates.
+        An array's voxels are 1 mm, unless it is an xarray ``DataArray`` with coordinates.
         """
         if isinstance(given, cls):
             return given
@@ -177,13 +183,88 @@ class Volume:
 
     @classmethod
     def from_pyvista(cls, grid: pyvista.ImageData, scalars: str | None = None) -> Volume:
-        """Take over a pyvista ``ImageData`` (point scalars, or cell scalars where alone)."""
+        """Convert a pyvista ``ImageData``: its point scalars, or cell scalars if it has no others.
+
+        Raises
+        ------
+        VolumeError
+            If it is not an ``ImageData``, has no such array, or the array has several components.
+        """
         from volspec.volume.adapt import volume_from_pyvista
 
         return volume_from_pyvista(grid, scalars)
 
     def to_pyvista(self) -> pyvista.ImageData:
-        """A pyvista ``ImageData`` with a copy of the values as point scalars ``"values"``."""
+        """Return a pyvista ``ImageData`` with a copy of the values as point scalars "values"."""
         from volspec.volume.adapt import volume_to_pyvista
 
         return volume_to_pyvista(self)
+
+
+def block_means(blocks: NDArray[Any]) -> NDArray[Any]:
+    """Mean of every row, rounded for integer types.
+
+    >>> block_means(np.array([[1, 2, 4, 4], [9, 9, 9, 9]], np.uint8)).tolist()
+    [3.0, 9.0]
+    """
+    means = blocks.mean(axis=1, dtype=np.float64)
+    return np.rint(means) if blocks.dtype.kind in "ui" else means
+
+
+def block_modes(blocks: NDArray[Any]) -> NDArray[Any]:
+    """Most frequent value of every row, the least of several.
+
+    >>> block_modes(np.array([[7, 2, 7, 3], [5, 4, 5, 4]])).tolist()
+    [7, 4]
+    """
+    ordered = np.sort(blocks, axis=1)
+    best, longest = ordered[:, 0].copy(), np.ones(len(ordered), np.int32)
+    run = np.ones(len(ordered), np.int32)
+    for column, before in zip(ordered.T[1:], ordered.T[:-1], strict=True):
+        run = np.where(column == before, run + 1, 1)
+        longer = run > longest
+        best[longer], longest[longer] = column[longer], run[longer]
+    return best
+
+
+def downsample(values: NDArray[Any], factor: int, summary: Summary) -> NDArray[Any]:
+    """Summarise blocks of factor³ voxels; those at the far ends may be smaller.
+
+    Parameters
+    ----------
+    values : (Z, Y, X) array
+    factor : int
+    summary : `block_means` or `block_modes`
+
+    Returns
+    -------
+    (⌈Z/factor⌉, ⌈Y/factor⌉, ⌈X/factor⌉) array of the same type
+
+    Examples
+    --------
+    >>> values = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
+    >>> downsample(values, 2, block_means).tolist()
+    [[[5, 6]]]
+    """
+    tops = range(0, values.shape[0], factor)
+    small = np.empty((len(tops), *(-(-n // factor) for n in values.shape[1:])), values.dtype)
+    # One layer of blocks at a time keeps the rearranged copy small.
+    for layer, top in zip(small, tops, strict=True):
+        slab = values[top : top + factor]
+        for ys, block_y, y in _block_runs(slab.shape[1], factor):
+            for xs, block_x, x in _block_runs(slab.shape[2], factor):
+                part = slab[:, ys, xs]
+                shape = (len(slab), part.shape[1] // block_y, block_y, -1, block_x)
+                blocks = part.reshape(shape).transpose(1, 3, 0, 2, 4)
+                rows = blocks.reshape(blocks.shape[0] * blocks.shape[1], -1)
+                layer[y, x] = summary(rows).reshape(blocks.shape[:2])
+    return small
+
+
+def _block_runs(count: int, factor: int) -> list[tuple[slice, int, slice]]:
+    """Return (source, block length, target) of the whole blocks and of the last, smaller one."""
+    whole = count // factor
+    parts = [(slice(0, whole * factor), factor, slice(0, whole))]
+    if rest := count - whole * factor:
+        parts.append((slice(whole * factor, None), rest, slice(whole, None)))
+    return [part for part in parts if part[0].stop != 0]

@@ -8,17 +8,17 @@ from volspec.volume.model import Volume
 
 
 def slab(size: int = 32, thickness: int = 16, value: float = 1.0) -> Volume:
-    """A homogeneous float32 volume, ``thickness`` cells along z and ``size`` across, 1 mm.
+    """Make a homogeneous float32 volume, ``thickness`` cells along z and ``size`` across, 1 mm.
 
-    Every sample inside is ``value``, so that Beer-Lambert gives the transmittance of any ray
-    from its chord through the box alone.
+    Every sample inside is ``value``: the Beer-Lambert law gives the transmittance of any ray from
+    its chord through the box.
     """
     values = np.full((thickness + 1, size + 1, size + 1), value, np.float32)
     return Volume(values, name="slab")
 
 
 def ball(size: int = 64, *, spacing_mm: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Volume:
-    """A float32 volume whose value falls linearly from 1 at the centre to 0 at the border.
+    """Make a float32 volume that falls linearly from 1 at the centre to 0 at the border.
 
     The field is a cone in space (world millimetres), so its gradient has the same length
     everywhere but at the centre.

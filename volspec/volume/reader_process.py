@@ -1,9 +1,10 @@
-"""A child process that reads volumes with native libraries, so that no file can end this one.
+"""Child process that reads volumes with native libraries, so that no file can crash this process.
 
     load_volume -> Query -> [reader process: ITK, VTK, GDCM, libtiff, blosc] -> Reading
 
-A crash, a hang or a flood of memory there is one line here. Voxels come back in shared memory and
-are not copied again. Requests and answers are lines of JSON on the child's stdin and stdout.
+A crash, a hang or excessive memory of the child becomes a one-line error. Voxels come back in
+shared memory and are not copied again. Requests and answers are lines of JSON on the child's stdin
+and stdout.
 """
 
 from __future__ import annotations
@@ -31,28 +32,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec import errors
-from volspec._child import cause_of, child_command
+from volspec._child import child_command, exit_cause
 from volspec.errors import DeviceError, VolspecError, VolumeError, one_line
 from volspec.volume.files.query import Query, Reading, Stored
 
-# Silence for so long, and for the time that a slow disk needs, ends a reader.
-_PATIENCE_S, _SLOWEST_BYTES_PER_S = 8.0, 8e6
-# Its libraries have to be loaded first, perhaps from a network.
+# Timeout without a message, to which the time of a slow disk is added.
+_TIMEOUT_S, _SLOWEST_BYTES_PER_S = 8.0, 8e6
+# Timeout of the first message: libraries have to be loaded, perhaps from a network.
 _START_S = 60.0
-# A child waits so long for the next file.
+# A child ends after this time without a request.
 _IDLE_S = 20.0
-# Of what a file holds: what is packed further is unpacked quickly, or is hostile.
+# Greatest compression ratio that adds to the timeout; higher ones unpack quickly, or are hostile.
 _MOST_PACKED = 20
-# Files of a folder that are counted for the time to read it.
+# Files of a folder that are counted for the timeout.
 _MOST_COUNTED = 5000
-# Address space beyond what its libraries take: for reading, and per byte of declared voxels (the
-# library's own, one conversion, and the shared memory).
+# Address space beyond that of the libraries: for reading, and per byte of declared voxels (the
+# library's copy, one conversion, and the shared memory).
 _SPARE_BYTES, _TIMES_DECLARED = 200 << 20, 3
 _START = (
-    "from volspec.volume.load import library_of, read_here; "
-    "from volspec.volume.reader_process import serve; serve(read_here, library_of)"
+    "from volspec.volume.load import read_here, reader_library; "
+    "from volspec.volume.reader_process import serve; serve(read_here, reader_library)"
 )
-# One heap, since each thread's reserves address space; and no threads for algebra.
+# One heap, since each thread's heap reserves address space; and no threads for linear algebra.
 _ENVIRONMENT = {"MALLOC_ARENA_MAX": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -62,7 +63,7 @@ def read_in_child(query: Query) -> Reading:
     Raises
     ------
     VolspecError
-        As the reader raises it there; a VolumeError if it crashes, hangs, or takes more memory
+        The reader's own error; a VolumeError if the child crashes, hangs, or takes more memory
         than the file's header accounts for.
     DeviceError
         If no child can be started.
@@ -70,20 +71,20 @@ def read_in_child(query: Query) -> Reading:
     idle = _idle_processes(os.getpid())
     try:
         process = idle.pop()
-        if not process.request(query):  # it has waited too long, and ended
+        if not process.request(query):  # it has been idle too long, and ended
             raise IndexError
     except IndexError:
         try:
             process = _ReaderProcess()
             begun = process.request(query)
-        except (OSError, TypeError) as error:  # the latter if the interpreter's path is unknown
+        except (OSError, TypeError) as error:  # TypeError: the interpreter's path is unknown
             raise _no_process(query, one_line(error)) from error
         if not begun:
             raise _no_process(query, "it ended at once") from None
     answer = process.answer(query)
     if "error" in answer:
         idle.append(process)
-        raise getattr(errors, answer["error"])(answer["said"])
+        raise getattr(errors, answer["error"])(**answer["fields"])
     voxels = Stored(**answer["voxels"])
     try:
         values = voxels if answer["is_stored"] else process.take(voxels)
@@ -114,12 +115,12 @@ def _no_process(query: Query, cause: str) -> DeviceError:
 
 @lru_cache(maxsize=1)
 def _idle_processes(owner: int) -> list[_ReaderProcess]:
-    """Children that wait for a file; a fork of their owner has none."""
+    """Return the idle children of a process; a fork of their owner has none."""
     return []
 
 
 class _ReaderProcess:
-    """The parent's end of a child; for one request at a time."""
+    """Parent's end of a child process; serves one request at a time."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
@@ -129,8 +130,8 @@ class _ReaderProcess:
             stderr=subprocess.DEVNULL,
             env=os.environ | _ENVIRONMENT,
         )
-        self._late = False
-        self._seconds = _PATIENCE_S
+        self._timed_out = False
+        self._seconds = _TIMEOUT_S
         self.declared_bytes = 0
         atexit.register(self.close)
 
@@ -138,7 +139,7 @@ class _ReaderProcess:
         """End the child."""
         atexit.unregister(self.close)
         self._process.kill()
-        with suppress(OSError):  # what could not be sent to it
+        with suppress(OSError):  # unsent bytes
             self._process.communicate()
 
     def request(self, query: Query) -> bool:
@@ -173,10 +174,10 @@ class _ReaderProcess:
             self.close()
             raise
         self.close()
-        if self._late:
+        if self._timed_out:
             fault = f"takes longer than {self._seconds:.0f} s to read"
         else:
-            fault = f"ends the library that reads it ({cause_of(self._process.returncode)})"
+            fault = f"ends the library that reads it ({exit_cause(self._process.returncode)})"
         raise VolumeError(
             f"{query.path}: {fault}; the file is damaged, copy or export it again", code="damaged"
         )
@@ -197,21 +198,21 @@ class _ReaderProcess:
         return np.ndarray(voxels.shape, voxels.dtype, memory)
 
     def _expected(self, message: dict[str, Any] | None) -> bool:
-        """Grant the time for the bytes that a message announces; False if it is of another kind."""
+        """Extend the timeout for the bytes a message announces; False for other messages."""
         if message is None or "expects" not in message:
             return False
-        self._seconds = _PATIENCE_S + message["expects"] / _SLOWEST_BYTES_PER_S
+        self._seconds = _TIMEOUT_S + message["expects"] / _SLOWEST_BYTES_PER_S
         self.declared_bytes = message["declares"]
         return True
 
     def _send(self, line: bytes) -> None:
         assert self._process.stdin is not None
-        with suppress(OSError, ValueError):  # it has ended or is closed: told by its silence
+        with suppress(OSError, ValueError):  # it has ended or is closed: no answer will come
             self._process.stdin.write(line + b"\n")
             self._process.stdin.flush()
 
     def _receive(self, seconds: float) -> dict[str, Any] | None:
-        """The next message; None if the child has ended, or is ended for its silence."""
+        """Return the next message; None if the child has ended, or was killed at the timeout."""
         assert self._process.stdout is not None
         watch = threading.Timer(seconds, self._expire)
         watch.start()
@@ -226,28 +227,28 @@ class _ReaderProcess:
         return json.loads(line) if line.endswith(b"\n") else None
 
     def _expire(self) -> None:
-        self._late = True
+        self._timed_out = True
         self._process.kill()
 
 
-def serve(read: Callable[[Query], Reading], library_of: Callable[[Query], str]) -> None:
-    """Answer requests until there is none for a while, or the parent ends.
+def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], str]) -> None:
+    """Answer requests until none comes for a while, or the parent ends.
 
     Parameters
     ----------
     read : callable
-    library_of : callable
-        Name of the module that a query's reader imports.
+    reader_library : callable
+        Returns the name of the module that a query's reader imports.
     """
     with suppress(ValueError):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's Ctrl+C: it ends this one
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C ends the parent, which ends this one
     answers = os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    for number in (1, 2):  # what C++ libraries print
+    for number in (1, 2):  # discard the output of C++ libraries
         os.dup2(nowhere, number)
 
     def send(**message: Any) -> None:
-        answers.write(json.dumps(message).encode() + b"\n")
+        answers.write(json.dumps(message, default=str).encode() + b"\n")
         answers.flush()
 
     requests: SimpleQueue[bytes] = SimpleQueue()
@@ -267,8 +268,8 @@ def serve(read: Callable[[Query], Reading], library_of: Callable[[Query], str]) 
 
             query = Query(path, given["options"], expect)
             _limit_memory(None)
-            with suppress(ImportError, VolspecError):  # told when it is read
-                importlib.import_module(library_of(query))
+            with suppress(ImportError, VolspecError):  # reported when it is read
+                importlib.import_module(reader_library(query))
             expect(0)
             answer, memory = _answer(query, read)
             send(**answer)
@@ -278,19 +279,24 @@ def serve(read: Callable[[Query], Reading], library_of: Callable[[Query], str]) 
 
 
 def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, Any], int | None]:
-    """Read a volume: the message for the parent, and the handle of the voxels' memory."""
+    """Read a volume; return the message for the parent and the handle of the voxels' memory."""
     try:
         reading = read(query)
         values, memory = reading.values, None
         if not isinstance(values, Stored):
             values, memory = _shared(values)
     except VolspecError as error:
-        return {"error": type(error).__name__, "said": str(error)}, None
+        names = ("problem", "remedy", "code", "field", "given")
+        fields = {name: getattr(error, name) for name in names}
+        return {"error": type(error).__name__, "fields": fields}, None
     except ImportError as error:
+        code = "unsupported"
         fault = f"the library that reads it cannot be loaded ({one_line(error):.150}); reinstall it"
     except MemoryError:
+        code = "size"
         fault = "takes more memory to read than its header accounts for; is it damaged?"
     except Exception as error:  # a library's own, of a kind that its reader does not expect
+        code = "damaged"
         fault = f"cannot be read ({type(error).__name__}: {one_line(error):.150}); is it damaged?"
     else:
         world = reading.world_from_index
@@ -301,29 +307,30 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
             "world_from_index": None if world is None else world.tolist(),
             "remarks": list(reading.remarks),
         }, memory
-    return {"error": "VolumeError", "said": f"{query.path}: {fault}"}, None
+    fields = {"problem": f"{query.path}: {fault}", "code": code}
+    return {"error": "VolumeError", "fields": fields}, None
 
 
 def _folder_bytes(path: Path) -> int:
-    """Bytes that a reader may have to look through: a slice's headers are in files of their own."""
+    """Return the bytes a reader may have to search: each slice has a file of its own."""
     try:
         files = islice(path.rglob("*") if path.is_dir() else path.parent.iterdir(), _MOST_COUNTED)
         return sum(file.stat().st_size for file in files if file.is_file())
-    except OSError:  # told when it is read
+    except OSError:  # reported when it is read
         return 0
 
 
 def _listen(requests: SimpleQueue[bytes]) -> None:
     for line in sys.stdin.buffer:
         requests.put(line)
-    os._exit(0)  # the parent has ended, whatever is being read
+    os._exit(0)  # the parent has ended; stop any reading
 
 
 def _shared(values: NDArray[Any]) -> tuple[Stored, int]:
-    """Copy an array into shared memory; where it is, and the handle that keeps it.
+    """Copy an array into shared memory; return its location and the handle that owns it.
 
-    Not ``multiprocessing.shared_memory``: that fills /dev/shm, which containers keep small, and
-    leaves names behind if a process is killed.
+    Not ``multiprocessing.shared_memory``, which fills /dev/shm, small in containers, and leaves
+    names behind if a process is killed.
     """
     if values.dtype.hasobject or not values.size:
         raise ValueError(f"values of type {values.dtype} and shape {values.shape}")
@@ -333,13 +340,13 @@ def _shared(values: NDArray[Any]) -> tuple[Stored, int]:
     else:
         handle, path = tempfile.mkstemp(prefix="volspec-")
     left = memoryview(np.ascontiguousarray(values)).cast("B")
-    while left:  # quicker than through a mapping, whose pages are made one by one
+    while left:  # faster than a mapping, whose pages are made one by one
         left = left[os.write(handle, left) :]
     return Stored(path, values.shape, values.dtype.str), handle
 
 
 def _limit_memory(nbytes: int | None) -> None:
-    """Limit the bytes that this process may yet allocate, on systems that can; None: no limit."""
+    """Limit the bytes that this process may still allocate, if the system can; None: no limit."""
     if sys.platform == "win32":
         return
     import resource

@@ -1,4 +1,4 @@
-"""A volume in a few lines: what `volspec info` prints."""
+"""Summary of a volume's size, geometry and histogram, as `volspec info` prints it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class VolumeSummary:
     orientation : (3, 3) nested list
         Columns are the directions of the x, y and z axes in the world.
     histogram : list of (from, to, count)
-        Equal bins over the range; of integer volumes both ends belong to the bin.
+        Equal bins over the range; both ends belong to a bin of an integer volume.
     """
 
     name: str
@@ -40,11 +40,11 @@ class VolumeSummary:
     histogram: list[tuple[float, float, int]]
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
+        """Convert to JSON types."""
         return asdict(self)
 
     def table(self) -> Table:
-        """For a terminal; the bars' length follows the logarithm of the count."""
+        """Make a table for a terminal; bars grow with the logarithm of the count."""
         from rich.table import Table
 
         table = Table(title=self.name, show_header=False)
@@ -65,7 +65,7 @@ class VolumeSummary:
 
 
 def summarise(volume: Volume) -> VolumeSummary:
-    """Look at a volume once."""
+    """Measure a volume's size, geometry and histogram."""
     low, high = volume.range
     edges = np.linspace(low, high, _BINS + 1)
     if volume.values.dtype.kind in "ui":  # whole numbers fall into bins of whole numbers

@@ -26,7 +26,7 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.transfer.mixes import used
+from volspec.transfer.mixes import used_materials
 from volspec.viewer.model.edit import refusable, tolerant
 from volspec.viewer.model.light_rows import unused_name
 from volspec.viewer.model.scene_file import same_spectrum
@@ -122,7 +122,7 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
     if name in materials:
         return with_mix(transfer, index, name)
     if isinstance(transfer.basis, MaterialBasis) and len(materials) >= MOST_MATERIALS:
-        names = used(part.mix for part in parts_of(transfer))
+        names = used_materials(part.mix for part in parts_of(transfer))
         if len(names) >= MOST_MATERIALS:
             raise TransferError(
                 f"{quoted(name)}: {MOST_MATERIALS} materials are in use, and no more can be cast; "
@@ -194,7 +194,7 @@ def _users(transfer: Transfer) -> Mapping[str, list[str]]:
     labels = isinstance(transfer, LabelFunction)
     users: dict[str, list[str]] = {}
     for number, part in enumerate(parts_of(transfer), 1):
-        for name in used([part.mix]):
+        for name in used_materials([part.mix]):
             users.setdefault(name, []).append(f"{part.values[0]:g}" if labels else f"{number}")
     return users
 

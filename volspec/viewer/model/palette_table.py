@@ -22,7 +22,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.spectra import light as find_light
 from volspec.transfer import Transfer, TransferFunction
-from volspec.transfer.mixes import Mix, Point, shares_of
+from volspec.transfer.mixes import Mix, Point, mix_weights
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.materials import clip_spectrum, with_material_basis, with_reflectances
@@ -94,7 +94,7 @@ def with_range_material(curve: TransferFunction, number: int, material: str) -> 
 
 
 def _mix_name(mix: Mix) -> str:
-    weights = [(name, weight) for name, weight in shares_of(mix).items() if weight > 0]
+    weights = [(name, weight) for name, weight in mix_weights(mix).items() if weight > 0]
     if len(weights) == 1 and weights[0][1] == 1.0:
         return weights[0][0]
     return " + ".join(f"{weight:.0%} {name}" for name, weight in weights)
@@ -109,7 +109,7 @@ def _interpolate(points: list[Point], value: float) -> Point:
     if _mix_name(one[2]) == _mix_name(two[2]) or two[0] <= one[0]:
         return value, opacity, two[2]
     t = (value - one[0]) / (two[0] - one[0])
-    first, second = shares_of(one[2]), shares_of(two[2])
+    first, second = mix_weights(one[2]), mix_weights(two[2])
     weights = {
         name: min((1.0 - t) * first.get(name, 0.0) + t * second.get(name, 0.0), 1.0)
         for name in {**first, **second}

@@ -112,8 +112,8 @@ def _look_up(
     """Return (N,) opacities and (N, K) material weights of values."""
     if isinstance(table, SurfaceTable):  # the inside of a surface is made of it
         inside = np.searchsorted(table.values, values, side="right") - 1
-        return np.where(inside < 0, 0.0, table.opacity[inside]), table.shares[inside]
-    opacity, shares = table.opacity, table.shares
+        return np.where(inside < 0, 0.0, table.opacity[inside]), table.material_weights[inside]
+    opacity, shares = table.opacity, table.material_weights
     if opacity.ndim == 2:  # over gradients, of which a slice shows the mean
         weights = np.maximum(opacity, 1e-9)[..., None]
         shares = (shares * weights).sum(axis=0) / weights.sum(axis=0)

@@ -22,7 +22,7 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.transfer.mixes import Mix, Point, shares_of
+from volspec.transfer.mixes import Mix, Point, mix_weights
 from volspec.viewer.model.transfer_parts import KINDS, MOST_PARTS, Kind
 from volspec.viewer.model.view import clamp
 
@@ -111,13 +111,17 @@ def _bands(transfer: Transfer, span: tuple[float, float]) -> list[Band]:
             low, high = region.values
             half, edge = (high - low) / 2, _EDGE * (span[1] - span[0])
             ramp = max(region.softness * half, min(edge, half))
-            found.append(Band(low, high, ramp, region.opacity, shares_of(region.material)))
+            found.append(Band(low, high, ramp, region.opacity, mix_weights(region.material)))
         return found
     if isinstance(transfer, Isosurfaces):
         half = _THIN * (span[1] - span[0])
         return [
             Band(
-                value - half, value + half, half, 1 - (1 - opacity) ** (1 / _DEPTH), shares_of(mix)
+                value - half,
+                value + half,
+                half,
+                1 - (1 - opacity) ** (1 / _DEPTH),
+                mix_weights(mix),
             )
             for value, opacity, mix in transfer.surfaces
         ]
@@ -174,7 +178,7 @@ def _runs(points: Sequence[Point]) -> list[range]:
 
 
 def _main(mix: Mix) -> str:
-    shares = shares_of(mix)
+    shares = mix_weights(mix)
     return max(shares, key=lambda name: shares[name])
 
 
@@ -182,7 +186,7 @@ def _mean_mix(weights: Sequence[float], mixes: Iterable[Mix]) -> dict[str, float
     """Return the weighted mean of mixes; its shares sum to at most 1, whatever rounding did."""
     mix: dict[str, float] = {}
     for weight, own in zip(weights, mixes, strict=True):
-        for name, share in shares_of(own).items():
+        for name, share in mix_weights(own).items():
             mix[name] = mix.get(name, 0.0) + weight * share
     total = max(sum(mix.values()), sum(weights))
     return {name: share / total for name, share in mix.items()}

@@ -20,7 +20,7 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.transfer.mixes import Mix, Point, shares_of
+from volspec.transfer.mixes import Mix, Point, mix_weights
 from volspec.viewer.model.view import clamp
 
 Kind = Literal["points", "regions", "surfaces", "labels"]
@@ -59,12 +59,12 @@ def parts_of(transfer: Transfer) -> tuple[Part, ...]:
     """Return all parts, in their order."""
     if isinstance(transfer, TransferFunction2D):
         regions = transfer.regions
-        return tuple(Part(r.values, r.opacity, shares_of(r.material)) for r in regions)
+        return tuple(Part(r.values, r.opacity, mix_weights(r.material)) for r in regions)
     if isinstance(transfer, LabelFunction):
         labels = transfer.labels.items()
-        return tuple(Part((label,), opacity, shares_of(mix)) for label, (opacity, mix) in labels)
+        return tuple(Part((label,), opacity, mix_weights(mix)) for label, (opacity, mix) in labels)
     rows = rows_of(transfer)
-    return tuple(Part((value,), opacity, shares_of(mix)) for value, opacity, mix in rows)
+    return tuple(Part((value,), opacity, mix_weights(mix)) for value, opacity, mix in rows)
 
 
 def rows_of(transfer: TransferFunction | Isosurfaces) -> Sequence[Point]:

@@ -16,7 +16,7 @@ from volspec.basis import Basis
 from volspec.relight import RelightSpec
 from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.transfer import Transfer
-from volspec.transfer.mixes import share_matrix
+from volspec.transfer.mixes import weight_matrix
 from volspec.viewer.model import presets
 from volspec.viewer.model.light_rows import Rows, rig_of
 from volspec.viewer.model.state import ViewState
@@ -73,7 +73,7 @@ def _colours(
     names = list(transfer.materials)
     XYZ_of_all, codes = _adapted(lights, spec, transfer.basis)
     XYZ = XYZ_of_all(list(transfer.materials.values()))
-    weights = share_matrix([part.mix for part in parts_of(transfer)], names)
+    weights = weight_matrix([part.mix for part in parts_of(transfer)], names)
     parts = tuple(as_colour(each) for each in codes(weights @ XYZ))
     return parts, dict(zip(names, map(as_colour, codes(XYZ)), strict=True))
 

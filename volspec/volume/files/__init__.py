@@ -1,1 +1,1 @@
-"""Readers of volumes: one file a kind, each from a path and its query to a `Volume`."""
+"""Readers of volume files, a module for each format: Query -> Reading."""

@@ -1,10 +1,11 @@
-"""DICOM series through SimpleITK (GDCM): which slices belong together, in which order, and where.
+"""DICOM series through SimpleITK (GDCM): choice, order and lattice of the slices.
 
     folder, or one file of it -> headers -> [dicom] -> Reading
 
 Rescale slope and intercept are applied slice by slice (Hounsfield units, PET). Positions and
 directions are the patient's (LPS). ITK's own reader of series gives every stack the mean distance
-of its slices and right angles, whatever lacks or was tilted: hence the lattice is made here.
+of its slices and right angles, even if slices are missing or tilted; hence the lattice is made
+here.
 
 References
 ----------
@@ -23,10 +24,15 @@ from numpy.typing import NDArray
 from volspec._files import captured_output
 from volspec.errors import VolumeError
 from volspec.volume.files.dicom_headers import Series, Slice, dicom_files, headers
-from volspec.volume.files.itk import complaint
-from volspec.volume.files.lattice import Places, affine, step_mm, unevenness
+from volspec.volume.files.itk import itk_message
+from volspec.volume.files.lattice import (
+    SlicePositions,
+    affine,
+    slice_step_mm,
+    stack_slices,
+    unevenness,
+)
 from volspec.volume.files.query import Query, Reading
-from volspec.volume.files.stacking import stacked
 
 # Values (Z, Y, X), and world_from_index (4, 4).
 _Placed = tuple[NDArray[Any], NDArray[np.float64]]
@@ -37,7 +43,7 @@ _MOST_LISTED = 8
 
 
 def series_folders(folder: Path) -> list[Path]:
-    """The folder itself where it holds DICOM files, else those nearest below it that do."""
+    """Return the folder itself if it holds DICOM files, else the nearest folders below that do."""
     level = [folder]
     for _ in range(_LEVELS + 1):
         if found := [each for each in level if dicom_files(each)]:
@@ -57,30 +63,31 @@ def read_series(query: Query) -> Reading:
     Raises
     ------
     VolumeError
-        If it is not clear which series is meant, a file is damaged, slices are missing or lie at
-        the same places, or the pictures are in colour.
+        If the series is ambiguous, a file is damaged, slices are missing or share a position, or
+        the pictures are in colour.
     """
     remarks: list[str] = []
-    guesses: list[str] = []  # of the distance of slices: done without where it is given
-    series = _one_stack(_asked_for(query), query, remarks)
+    guesses: list[str] = []  # about the slices' distance: dropped if the query gives it
+    series = _largest_stack(_requested_series(query), query, remarks)
     if series[0].components != 1:
         raise VolumeError(
             f"{series[0].path}: holds {series[0].components} components a pixel (colour); a volume "
-            "has one, give a series of grey pictures"
+            "has one, give a series of grey pictures",
+            code="shape",
         )
     if series[0].size[2] > 1:
         query.index("time", 1, "time steps")
         query.reserve(series[0].size, series[0].itemsize)
-        values, world = _frames(series[0], guesses)
+        values, world = _read_frames(series[0], guesses)
     else:
-        values, world = _slices(_one_time(series, query), query, guesses)
+        values, world = _read_slices(_sorted_slices(series, query), query, guesses)
     if query.spacing_mm is None:
         remarks += guesses
     return Reading(values, world_from_index=world, remarks=remarks)
 
 
-def _asked_for(query: Query) -> list[Slice]:
-    """The series that is meant, each slice once."""
+def _requested_series(query: Query) -> list[Slice]:
+    """Return the series that the query selects, each slice once."""
     path = query.path
     query.allow(*(("series",) if path.is_dir() else ()), "time", "spacing")
     folders = series_folders(path) if path.is_dir() else [path.parent]
@@ -89,19 +96,21 @@ def _asked_for(query: Query) -> list[Slice]:
         return own
     found = headers([file for folder in folders for file in dicom_files(folder)])
     if not found or own == []:
-        raise VolumeError(f"{path}: holds no DICOM pictures; give the folder of a series")
+        raise VolumeError(
+            f"{path}: holds no DICOM pictures; give the folder of a series", code="not-found"
+        )
     if own:
         chosen = own[0].series.uid
         found = [*own, *(each for each in found if each.path != path)]
     else:
-        chosen = _chosen(found, query)
-    # Copies of a file have its UID; without one a file is itself.
+        chosen = _choose_uid(found, query)
+    # Copies of a file share its UID; a file without one is unique.
     unique = {each.uid or each.path: each for each in found if each.series.uid == chosen}
     return list(unique.values())
 
 
-def _chosen(found: list[Slice], query: Query) -> str:
-    """The UID of the only series, or of the one that ``series=`` names."""
+def _choose_uid(found: list[Slice], query: Query) -> str:
+    """Return the UID of the only series, or of the one that ``series=`` names."""
     kinds: dict[str, list[Slice]] = {}
     for each in found:
         kinds.setdefault(each.series.uid, []).append(each)
@@ -121,7 +130,9 @@ def _chosen(found: list[Slice], query: Query) -> str:
     wrong = "" if given is None else f"series={given} names {len(meant) or 'none'} of them; "
     raise VolumeError(
         f"{query.path}: holds {len(kinds)} series; {wrong}name one as {query.name}?series="
-        f"{rows[0].split(' ')[0]}: {', '.join(rows[:_MOST_LISTED])}{more}"
+        f"{rows[0].split(' ')[0]}: {', '.join(rows[:_MOST_LISTED])}{more}",
+        code="missing" if given is None else "unknown",
+        given=given,
     )
 
 
@@ -130,12 +141,12 @@ def _order(series: Series) -> tuple[int, str]:
     return (int(number) if number.isdecimal() else 0, series.uid)
 
 
-def _one_stack(series: list[Slice], query: Query, remarks: list[str]) -> list[Slice]:
-    """The slices of one size and orientation; single others, such as a scout, are left out."""
+def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> list[Slice]:
+    """Return the slices of one size and orientation, without single others such as a scout."""
     stacks: list[list[Slice]] = []
     for each in series:
         for stack in stacks:
-            if each.lies_like(stack[0]):
+            if each.fits_stack(stack[0]):
                 stack.append(each)
                 break
         else:
@@ -150,16 +161,18 @@ def _one_stack(series: list[Slice], query: Query, remarks: list[str]) -> list[Sl
     stacks.sort(key=lambda stack: len(stack) * stack[0].size[2])
     *others, most = stacks
     if any(len(stack) > 1 for stack in others):
-        told = ", ".join(f"{len(s)} of {s[0].size[0]}x{s[0].size[1]}" for s in reversed(stacks))
+        counts = ", ".join(f"{len(s)} of {s[0].size[0]}x{s[0].size[1]}" for s in reversed(stacks))
         raise VolumeError(
             f"{query.path}: holds slices of {len(stacks)} sizes or orientations in one series "
-            f"({told}); put each stack into a folder of its own"
+            f"({counts}); put each stack into a folder of its own",
+            code="conflict",
         )
     if len(most) * most[0].size[2] < 2:
         columns, rows, _ = most[0].size
         raise VolumeError(
             f"{query.path}: a single slice ({columns}x{rows}) is no volume; give the folder that "
-            "holds all slices of the series"
+            "holds all slices of the series",
+            code="shape",
         )
     if others:
         first = others[0][0].path.name
@@ -170,37 +183,41 @@ def _one_stack(series: list[Slice], query: Query, remarks: list[str]) -> list[Sl
     return most
 
 
-def _one_time(series: list[Slice], query: Query) -> list[Slice]:
-    """One slice a place, in the order of the places; of those without places by their numbers."""
+def _sorted_slices(series: list[Slice], query: Query) -> list[Slice]:
+    """Return one slice for each position in order; slices without positions by their numbers."""
     series = sorted(series, key=lambda each: (each.number, each.path.name))
     lost = next((each for each in series if not each.placed), None)
     if lost is not None:
         if any(each.placed for each in series):
             raise VolumeError(
                 f"{lost.path}: states no position in the patient, others of its series do; take "
-                "it out of the folder"
+                "it out of the folder",
+                code="conflict",
             )
         query.index("time", 1, "time steps")
         return series
     at = np.array([each.origin_mm for each in series])
-    stacks = Places(at, series[0].directions[:, 2]).stacks()
+    stacks = SlicePositions(at, series[0].directions[:, 2]).grouped()
     times = len(stacks[0])
     if any(len(stack) != times for stack in stacks):
         a, b, *_ = next(stack for stack in stacks if len(stack) > 1)
         raise VolumeError(
             f"{query.path}: {series[a].path.name} and {series[b].path.name} lie at the same place, "
-            "and not all slices are there as often; leave one of each in the folder"
+            "and not all slices are there as often; leave one of each in the folder",
+            code="duplicate",
         )
     if len(stacks) == 1:
         raise VolumeError(
             f"{query.path}: all {times} slices lie at the same place; a volume has slices at two "
-            "places or more"
+            "places or more",
+            code="duplicate",
         )
     chosen = query.index("time", times, "time steps, echoes or the like at every place")
     return [series[stack[chosen]] for stack in stacks]
 
 
-def _slices(series: list[Slice], query: Query, guesses: list[str]) -> _Placed:
+def _read_slices(series: list[Slice], query: Query, guesses: list[str]) -> _Placed:
+    """Read a file for each slice."""
     first = series[0]
     x, y, _ = first.spacing_mm
     directions = first.directions
@@ -213,20 +230,20 @@ def _slices(series: list[Slice], query: Query, guesses: list[str]) -> _Placed:
         )
     else:
         at = np.array([each.origin_mm for each in series])
-        origin, step = at[0], step_mm(at, [each.path.name for each in series], query)
+        origin, step = at[0], slice_step_mm(at, [each.path.name for each in series], query)
         if uneven := unevenness(at):
             guesses.append(f"{query.path}: {uneven}")
     query.reserve((*first.size, len(series)), first.itemsize)
     with captured_output([]):
-        values = stacked(series, _pixels)
+        values = stack_slices(series, _read_slice)
     columns = np.column_stack([directions[:, 0] * x, directions[:, 1] * y, step])
     return values, affine(columns, origin)
 
 
-def _frames(file: Slice, guesses: list[str]) -> _Placed:
-    """One file of many frames: an enhanced CT or MR, or a film."""
+def _read_frames(file: Slice, guesses: list[str]) -> _Placed:
+    """Read one file of many frames: an enhanced CT or MR, or a film."""
     with captured_output([]):
-        values = _picture(file)
+        values = _read_pixels(file)
     z = file.spacing_mm[2]
     guesses.append(
         f"{file.path}: its {file.size[2]} frames are taken for slices {z:g} mm apart; give "
@@ -236,24 +253,24 @@ def _frames(file: Slice, guesses: list[str]) -> _Placed:
     return values, affine(columns, file.origin_mm)
 
 
-def _pixels(file: Slice) -> NDArray[Any]:
-    """One slice, (Y, X)."""
-    values: NDArray[Any] = _picture(file)[0]
+def _read_slice(file: Slice) -> NDArray[Any]:
+    """Read one slice, (Y, X)."""
+    values: NDArray[Any] = _read_pixels(file)[0]
     # Rescaled 16-bit pixels come as 32-bit ones; most fit again.
     if values.dtype == np.int32 and values.min() >= -(2**15) and values.max() < 2**15:
         return values.astype(np.int16)
     return values
 
 
-def _picture(file: Slice) -> NDArray[Any]:
-    """(Z, Y, X) of a file, rescaled."""
+def _read_pixels(file: Slice) -> NDArray[Any]:
+    """Read a file's rescaled values, (Z, Y, X)."""
     import SimpleITK as sitk
 
     try:
         image = sitk.ReadImage(os.fspath(file.path), imageIO="GDCMImageIO")
     except RuntimeError as error:
         raise VolumeError(
-            f"{file.path}: cannot be read ({complaint(error, [])}); damaged, or compressed in "
+            f"{file.path}: cannot be read ({itk_message(error, [])}); damaged, or compressed in "
             "a way that GDCM does not know",
             code="damaged",
         ) from error

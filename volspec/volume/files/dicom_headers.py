@@ -1,4 +1,4 @@
-"""Headers of DICOM files, as GDCM reads them: whose series, which size, where in the patient.
+"""Headers of DICOM files through GDCM: series, size and position in the patient.
 
     files -> [dicom_headers] -> Slice -> dicom
 
@@ -24,7 +24,7 @@ from volspec.errors import VolumeError
 
 SUFFIXES = (".dcm", ".dicom", ".ima")
 _PREAMBLE = 128
-# What stands beside pictures: DICOMDIR; waveforms, presentation states, raw data, reports,
+# Classes without pictures: DICOMDIR; waveforms, presentation states, raw data, reports,
 # documents, radiotherapy's structures and plans.
 _NO_PICTURES = re.compile(
     r"1\.2\.840\.10008\.(1\.3\.10|5\.1\.4\.(34\..*|1\.1\.((9|11|67|88|104)\..*|66(\.[1235])?"
@@ -35,7 +35,7 @@ _CLASS = re.compile(rb"\x02\x00\x02\x00UI..([0-9.]+)", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Which series a file is of: its UID, and what people call it."""
+    """Identity of a series: its UID, and number and description for people."""
 
     uid: str
     number: str
@@ -44,29 +44,29 @@ class Series:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slice:
-    """What one file states.
+    """Header of one file.
 
     Parameters
     ----------
     path : Path
     uid : str
-        Of the instance; copies of a file share it.
+        UID of the instance; copies of a file share it.
     series : Series
     number : int
-        Of the instance in its series.
+        Number of the instance in its series.
     size : (columns, rows, frames)
     components, itemsize : int
-        Values a pixel, and bytes a value.
+        Values per pixel, and bytes per value.
     spacing_mm : (x, y, z)
-        The last is of frames.
+        The last is that of frames.
     directions : (3, 3) float64
         Columns are the directions of columns, rows and frames.
     origin_mm : (3,) float64
-        Of the first pixel's centre.
+        Centre of the first pixel.
     placed : bool
-        Whether a position is stated for the file as a whole.
+        True if a position is stated for the file as a whole.
     thickness_mm : float, optional
-        Distance of slices where it is stated, else their thickness.
+        Distance of slices if stated, else their thickness.
     """
 
     path: Path
@@ -82,8 +82,8 @@ class Slice:
     placed: bool
     thickness_mm: float | None
 
-    def lies_like(self, other: Slice) -> bool:
-        """Whether both could be of one stack."""
+    def fits_stack(self, other: Slice) -> bool:
+        """Return True if both have the same size and orientation, as slices of one stack."""
         return (
             (self.size, self.components) == (other.size, other.components)
             and np.allclose(self.spacing_mm[:2], other.spacing_mm[:2], rtol=1e-3)
@@ -92,7 +92,7 @@ class Slice:
 
 
 def is_dicom(path: Path) -> bool:
-    """Whether a file begins as DICOM files do."""
+    """Return True if a file begins with DICOM's preamble."""
     try:
         with path.open("rb") as file:
             return file.read(_PREAMBLE + 4)[_PREAMBLE:] == b"DICM"
@@ -101,7 +101,7 @@ def is_dicom(path: Path) -> bool:
 
 
 def dicom_files(folder: Path) -> list[Path]:
-    """A folder's DICOM files, by ending or by their first bytes; hidden ones are left out."""
+    """Return a folder's DICOM files, by suffix or first bytes, without hidden ones."""
     return sorted(
         path
         for path in folder.iterdir()
@@ -112,7 +112,7 @@ def dicom_files(folder: Path) -> list[Path]:
 
 
 def headers(paths: Sequence[Path]) -> list[Slice]:
-    """What files state, those left out that are of a kind without a picture.
+    """Read headers, leaving out files of classes without pictures.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Headers of NRRD and MetaImage files: their fields, and what ITK would misread of them.
+"""Fields of NRRD and MetaImage headers, and a check for those that ITK would misread.
 
-    path -> [headers] -> layout, itk
+    path -> [headers] -> itk
 
-A negative spacing mirrors an axis; MetaImage's ``ElementDataFile`` is passed to C's ``sprintf``,
-and followed anywhere.
+ITK mirrors an axis of negative spacing, passes MetaImage's ``ElementDataFile`` to C's ``sprintf``,
+and follows it to any folder.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 from volspec.errors import VolumeError, quoted
 
 TRUNCATED = "truncated, copy or download it again"
-# A header's lines and their length, beyond which it is no header.
+# Limits of a header's lines and of their length.
 _MOST_LINES, _MOST_LENGTH = 10_000, 1 << 16
-# Of both formats; MetaIO counts through what overflows.
+# Limit of both formats; beyond it MetaIO loops over a count that overflows.
 _MOST_DIMENSIONS = 16
 # The one conversion that MetaImage defines for names of slices: slice%03d.raw.
 _PATTERN, _NUMBER = re.compile(r"[^%]*%0?\d{0,2}d[^%]*"), re.compile(r"-?\d+")
-# MetaIO takes a colon, too, and reads on in the next line where there is neither.
+# MetaIO accepts a colon as well, and without either takes the next line for the value.
 _META_LINE = re.compile(r"([^=:\r]+)[=:]([^\r]*)")
 
 
@@ -34,7 +34,7 @@ def check_itk_header(path: Path) -> None:
     ------
     VolumeError
         If a spacing is not positive, a size is no positive number, dimensions are less than 1 or
-        more than 16, or the voxels are said to be outside of the file's folder.
+        more than 16, or the data file is outside of the header's folder.
     """
     header = HeaderFields.read(path)
     fields = header.named
@@ -42,43 +42,48 @@ def check_itk_header(path: Path) -> None:
     try:
         numbers = [float(word) for word in spacing.split()]
     except ValueError:
-        numbers = []  # ITK says what is wrong with it
+        numbers = []  # left to ITK's message
     if not all(0 < number < np.inf for number in numbers):
         raise VolumeError(
-            f"{path}: spacing {spacing}; each of x, y, z must be positive, correct the header"
+            f"{path}: spacing {spacing}; each of x, y, z must be positive, correct the header",
+            code="range",
         )
     dimensions = fields.get("dimension") or fields.get("NDims") or "3"
     try:
-        few = 1 <= float(dimensions) <= _MOST_DIMENSIONS
+        in_range = 1 <= float(dimensions) <= _MOST_DIMENSIONS
     except ValueError:
-        few = True  # ITK says what is wrong with it
-    if not few:
+        in_range = True  # left to ITK's message
+    if not in_range:
         raise VolumeError(
-            f"{path}: {quoted(dimensions)} dimensions; expected 3, correct the header"
+            f"{path}: {quoted(dimensions)} dimensions; expected 3, correct the header",
+            code="shape",
         )
     sizes = fields.get("sizes") or fields.get("DimSize") or ""
     if not all(is_count(word) and int(word) > 0 for word in sizes.split()):
         raise VolumeError(
             f"{path}: sizes {quoted(sizes)}; each must be a positive whole number, of less than 20 "
-            "digits"
+            "digits",
+            code="range",
         )
     for name in _data_files(path, header):
         parts = PurePath(name.replace("\\", "/"))
         if parts.is_absolute() or ".." in parts.parts or ":" in name:
             raise VolumeError(
                 f"{path}: its voxels are said to be in {quoted(name)}; a data file lies in the "
-                "header's folder or below it, move it there and correct the header"
+                "header's folder or below it, move it there and correct the header",
+                code="unsupported",
             )
 
 
 def _data_files(path: Path, header: HeaderFields) -> list[str]:
-    """Names of the files of voxels beside a header; none where it holds them itself."""
+    """Return the names of separate data files; none if the header's file holds the voxels."""
     named = data_field(header.named)
     name, *numbers = named.split() or [""]
     if "%" in named and not (_PATTERN.fullmatch(name) and all(map(_NUMBER.fullmatch, numbers))):
         raise VolumeError(
             f"{path}: its voxels are said to be in {quoted(named)}; a pattern of names holds one "
-            "number, as slice%03d.raw 1 110 1"
+            "number, as slice%03d.raw 1 110 1",
+            code="syntax",
         )
     if name.upper() != "LIST":
         return [] if named.upper() == "LOCAL" else [named]
@@ -87,7 +92,7 @@ def _data_files(path: Path, header: HeaderFields) -> list[str]:
 
 
 def data_field(fields: dict[str, str]) -> str:
-    """Return where the voxels are: a file, a pattern, ``LIST``, or ``LOCAL`` for the same file."""
+    """Return the data file's name, pattern or ``LIST``; ``LOCAL`` is the header's own file."""
     keys = ("ElementDataFile", "datafile")
     return next((fields[key] for key in keys if key in fields), "LOCAL")
 
@@ -104,9 +109,9 @@ class HeaderFields:
     Parameters
     ----------
     named : {str: str}
-        NRRD's names in lower case and without spaces, as ``byteskip``; MetaImage's as they are.
+        NRRD's names in lower case and without spaces, as ``byteskip``; MetaImage's unchanged.
     end : int
-        The byte behind the header, or behind the line after which files are listed.
+        First byte after the header, or after the line that begins a list of files.
     """
 
     named: dict[str, str]
@@ -119,7 +124,7 @@ class HeaderFields:
         Raises
         ------
         VolumeError
-            If a line of a MetaImage header is no field: MetaIO takes the next one for its value.
+            If a line of a MetaImage header is no field; MetaIO takes the next one for its value.
         """
         read_line = cls._meta_field if is_meta(path) else cls._nrrd_field
         named: dict[str, str] = {}
@@ -136,7 +141,8 @@ class HeaderFields:
                 except ValueError as error:
                     raise VolumeError(
                         f"{path}: line {number + 1} of its header, {quoted(line)}, is not "
-                        "written as Name = value; correct or delete it"
+                        "written as Name = value; correct or delete it",
+                        code="syntax",
                     ) from error
                 if field is None:
                     continue
@@ -164,5 +170,5 @@ class HeaderFields:
 
 
 def is_count(word: str) -> bool:
-    """Return True for a whole number that a file may have bytes for."""
+    """Return True for a whole number that can count bytes: of less than 20 digits."""
     return word.isdecimal() and len(word) < 20

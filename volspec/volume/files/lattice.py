@@ -1,14 +1,16 @@
-"""Slices at positions in the world: their order, and the lattice they make.
+"""Lattice of a stack of slices: units of length, order, spacing, and stacking.
 
-    readers -> [lattice] -> world_from_index
+    readers -> [lattice] -> values, world_from_index
 
-Slices shifted within their plane, as a tilted gantry takes them, make a sheared lattice: the
-affine map says so, nothing is resampled.
+Slices shifted within their plane, as from a tilted gantry, make a sheared lattice, expressed by the
+affine map without resampling.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,17 +18,27 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import VolumeError
 from volspec.volume.files.query import Query
 
-# Of the usual distance: a wider gap or a narrower one is no jitter, slices lack or are of another
-# stack.
+# Fractions of the median distance: a wider or narrower gap is no jitter, but slices are missing or
+# belong to another stack.
 _WIDE, _NARROW = 1.5, 0.5
-# Of a slice's distance: headers round positions to a tenth of a millimetre or finer.
+# Fraction of the step: headers round positions to a tenth of a millimetre or finer.
 _JITTER = 0.1
-# Of the mean distance of neighbours.
+# Fraction of the mean distance of neighbours.
 _SAME_PLACE = 0.01
+Item = TypeVar("Item")
+_MM = {
+    **dict.fromkeys(("angstrom", "å"), 1e-7),
+    **dict.fromkeys(("nm", "nanometer", "nanometre"), 1e-6),
+    **dict.fromkeys(("um", "µm", "micron", "microns", "micrometer", "micrometre"), 1e-3),
+    **dict.fromkeys(("mm", "millimeter", "millimetre"), 1.0),
+    **dict.fromkeys(("cm", "centimeter", "centimetre"), 10.0),
+    **dict.fromkeys(("m", "meter", "metre"), 1000.0),
+    **dict.fromkeys(("in", "inch", "inches"), 25.4),
+}
 
 
 def affine(columns: ArrayLike, origin: ArrayLike) -> NDArray[np.float64]:
-    """(4, 4) map from voxel index to millimetres.
+    """Return the (4, 4) map from voxel index to millimetres.
 
     >>> affine(np.diag([1, 1, 2]), (5, 6, 7))[2].tolist()
     [0.0, 0.0, 2.0, 7.0]
@@ -38,15 +50,15 @@ def affine(columns: ArrayLike, origin: ArrayLike) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Places:
-    """Where slices of one orientation lie.
+class SlicePositions:
+    """Positions of slices of one orientation.
 
     Parameters
     ----------
     at_mm : (N, 3) float64
         Centre of each slice's first voxel.
     normal : (3,) float64
-        Of all of them; unit length.
+        Common normal; unit length.
     """
 
     at_mm: NDArray[np.float64]
@@ -54,47 +66,49 @@ class Places:
 
     @property
     def along_mm(self) -> NDArray[np.float64]:
-        """(N,) how far along the normal."""
+        """(N,) distances along the normal."""
         return self.at_mm @ self.normal
 
-    def stacks(self) -> list[list[int]]:
-        """Slices by place, along the normal: lists of the indices of those that share one.
+    def grouped(self) -> list[list[int]]:
+        """Group slices by position, in order along the normal: lists of indices.
 
-        Slices of one place keep their order.
+        Slices of one position stay in order.
 
         >>> at = np.array([[0, 0, 2.5], [0, 0, 0], [0, 0, 2.5], [0, 0, 0]])
-        >>> Places(at, np.array([0, 0, 1.0])).stacks()
+        >>> SlicePositions(at, np.array([0, 0, 1.0])).grouped()
         [[1, 3], [0, 2]]
         """
         along = self.along_mm
         order = np.argsort(along, kind="stable")
         apart = np.diff(along[order], prepend=along[order[0]])
         least = _SAME_PLACE * float(np.ptp(along)) / max(len(order) - 1, 1)
-        found: list[list[int]] = []
+        groups: list[list[int]] = []
         for index, gap in zip(order.tolist(), apart, strict=True):
-            if found and gap <= least:
-                found[-1].append(index)
+            if groups and gap <= least:
+                groups[-1].append(index)
             else:
-                found.append([index])
-        return [sorted(stack) for stack in found]
+                groups.append([index])
+        return [sorted(group) for group in groups]
 
 
-def step_mm(at_mm: NDArray[np.float64], names: list[str], query: Query) -> NDArray[np.float64]:
-    """From each slice to the next.
+def slice_step_mm(
+    at_mm: NDArray[np.float64], names: list[str], query: Query
+) -> NDArray[np.float64]:
+    """Return the vector from each slice to the next.
 
     Parameters
     ----------
     at_mm : (N, 3) float64
         Positions in the order of the slices.
     names : list of str
-        Their files; used in messages.
+        Names of the files, for messages.
     query : Query
-        A spacing that it gives takes uneven slices for even.
+        Its spacing, if given, treats uneven slices as even.
 
     Returns
     -------
     (3,) float64
-        Of an even lattice through the first slice and the last.
+        Step of an even lattice through the first slice and the last.
 
     Raises
     ------
@@ -112,16 +126,58 @@ def step_mm(at_mm: NDArray[np.float64], names: list[str], query: Query) -> NDArr
         raise VolumeError(
             f"{query.path}: {names[odd]} and {names[odd + 1]} lie {apart[odd]:.4g} mm apart, "
             f"others {usual:.4g} mm: {what}; complete the folder, or take the slices for even with "
-            f"{query.name}?spacing=x,y,z"
+            f"{query.name}?spacing=x,y,z",
+            code="missing" if apart[odd] > usual else "conflict",
         )
     return step
 
 
 def unevenness(at_mm: NDArray[np.float64]) -> str:
-    """What to say of slices that lie off their even places; nothing where it cannot be seen."""
+    """Return a remark on slices off their even positions; empty if the offset is invisible."""
     even = np.linspace(at_mm[0], at_mm[-1], len(at_mm))
     off = float(np.linalg.norm(at_mm - even, axis=1).max())
     step = float(np.linalg.norm(even[1] - even[0]))
     if off <= _JITTER * step:
         return ""
     return f"slices lie up to {off:.3g} mm off even places {step:.4g} mm apart, and are shown there"
+
+
+def stack_slices(items: Sequence[Item], read: Callable[[Item], NDArray[Any]]) -> NDArray[Any]:
+    """Read slices one after the other into one array of a type that holds them all.
+
+    Parameters
+    ----------
+    items : sequence
+        Sources of the slices.
+    read : callable
+        Returns a slice, (Y, X), for a source; all must have one shape.
+
+    Returns
+    -------
+    (Z, Y, X) array
+
+    Examples
+    --------
+    >>> stack_slices([1, -1], lambda n: np.full((2, 2), n, np.int16 if n < 0 else np.uint8)).dtype
+    dtype('int16')
+    """
+    first = read(items[0])
+    values = np.empty((len(items), *first.shape), first.dtype)
+    values[0] = first
+    for k, item in enumerate(items[1:], 1):
+        one = read(item)
+        if not np.can_cast(one.dtype, values.dtype):
+            values = values.astype(np.result_type(values.dtype, one.dtype))
+        values[k] = one
+    return values
+
+
+def mm_per_unit(unit: str | None) -> float | None:
+    """Millimetres in a unit; None if it is no length, such as ``pixel``.
+
+    >>> mm_per_unit("micrometer"), mm_per_unit("\\u03bcm"), mm_per_unit("pixel")
+    (0.001, 0.001, None)
+    """
+    # Greek mu and the micro sign look alike, and ImageJ writes the latter escaped.
+    name = (unit or "").strip().replace("\u03bc", "\u00b5").replace("\\u00B5", "\u00b5")
+    return _MM.get(name.casefold().replace("\u03bc", "\u00b5"))

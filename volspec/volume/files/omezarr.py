@@ -20,12 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import DeviceError, VolumeError, one_line
-from volspec.volume.files.lattice import affine
+from volspec.volume.files.lattice import affine, mm_per_unit
 from volspec.volume.files.query import Query, Reading
-from volspec.volume.files.units import mm_per
 
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
-# What a level may take where none is asked for.
+# Greatest size of the default level.
 _MOST_BYTES = 2**31
 _SPACE = ("z", "y", "x")
 _DAMAGE = (KeyError, TypeError, ValueError, IndexError, OSError, RuntimeError, AttributeError)
@@ -39,7 +38,7 @@ class Level:
     ----------
     array : zarr.Array
     scale, shift : tuple of float
-        Per axis of the array, in the axes' units.
+        One number per axis of the array, in the axes' units.
     """
 
     array: Any
@@ -48,12 +47,12 @@ class Level:
 
 
 def is_zarr(folder: Path) -> bool:
-    """Whether a folder is a Zarr group or array."""
+    """Return True if a folder is a Zarr group or array."""
     return any((folder / mark).is_file() for mark in _MARKS)
 
 
 def read_ome_zarr(query: Query) -> Reading:
-    """Read a level of a picture; of several channels or times the one asked for.
+    """Read a level of a picture, with the channel and time that the query selects.
 
     Raises
     ------
@@ -90,7 +89,7 @@ def read_ome_zarr(query: Query) -> Reading:
 
 
 def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:
-    """Axes and levels, the finest first, of a group's first picture."""
+    """Return axes and levels, the finest first, of a group's first picture."""
     attributes = dict(group.attrs)
     stated = attributes.get("ome", attributes)
     if "multiscales" not in stated:
@@ -98,7 +97,8 @@ def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Le
         remedy = f"give one inside it, such as {query.path / inside[0]}" if inside else ""
         raise VolumeError(
             f"{query.path}: is a Zarr folder without an OME-Zarr picture of its own (multiscales); "
-            f"{remedy or 'give vs.Volume(zarr.open(…)) an array of another kind'}"
+            f"{remedy or 'give vs.Volume(zarr.open(…)) an array of another kind'}",
+            code="unsupported",
         )
     picture = stated["multiscales"][0]
     # Version 0.3 names axes and no more.
@@ -119,7 +119,7 @@ def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Le
 def _scale_and_shift(
     steps: Sequence[dict[str, Any]], count: int
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Transformations one after the other, as one.
+    """Combine transformations into one scale and shift.
 
     >>> _scale_and_shift([{"type": "scale", "scale": [2]}, {"type": "translation",
     ... "translation": [3]}, {"type": "scale", "scale": [10]}], 1)
@@ -143,17 +143,17 @@ def _scale_and_shift(
 
 
 def _level(levels: list[Level], names: list[str], query: Query, remarks: list[str]) -> int:
-    """The level asked for, else the finest that does not take too much memory."""
+    """Return the level that the query selects, else the finest of at most `_MOST_BYTES`."""
     if "level" in query.options:
         return query.index("level", len(levels), "levels")
-    taken = []
+    sizes = []
     for level in levels:
         sides = [n for n, name in zip(level.array.shape, names, strict=True) if name in _SPACE]
-        taken.append(math.prod(sides) * level.array.dtype.itemsize)
-    chosen = next((k for k, size in enumerate(taken) if size <= _MOST_BYTES), len(levels) - 1)
+        sizes.append(math.prod(sides) * level.array.dtype.itemsize)
+    chosen = next((k for k, size in enumerate(sizes) if size <= _MOST_BYTES), len(levels) - 1)
     if chosen:
         remarks.append(
-            f"{query.path}: level 0 takes {taken[0] / 1e9:.3g} GB, level {chosen} is read; ask for "
+            f"{query.path}: level 0 takes {sizes[0] / 1e9:.3g} GB, level {chosen} is read; ask for "
             f"another as {query.name}?level=0"
         )
     return chosen
@@ -166,12 +166,13 @@ def _world(
     if missing := [name for name in _SPACE if name not in places]:
         raise VolumeError(
             f"{query.path}: has no axis {missing[0]} (its axes are {', '.join(places)}); a volume "
-            "has x, y and z"
+            "has x, y and z",
+            code="shape",
         )
     scale, shift, unknown = [], [], []
     for name in reversed(_SPACE):
         unit = axes[places[name]].get("unit")
-        mm = mm_per(str(unit or ""))
+        mm = mm_per_unit(str(unit or ""))
         if mm is None:
             unknown.append(str(unit or "none"))
         scale.append(level.scale[places[name]] * (mm or 1.0))
@@ -185,7 +186,7 @@ def _world(
 
 
 def _values(level: Level, names: list[str], query: Query) -> NDArray[Any]:
-    """(Z, Y, X) of the channel and the time asked for."""
+    """Read the selected channel and time as (Z, Y, X)."""
     options = {"c": ("channel", "channels"), "t": ("time", "time steps")}
     index: list[int | slice] = []
     for name, count in zip(names, level.array.shape, strict=True):
@@ -196,12 +197,13 @@ def _values(level: Level, names: list[str], query: Query) -> NDArray[Any]:
         if not key and count > 1:
             raise VolumeError(
                 f"{query.path}: has {count} values along an axis {name!r}; a volume has x, y, z, "
-                "save one of them"
+                "save one of them",
+                code="shape",
             )
         index.append(query.index(key, count, what))
     read = [n for n, at in zip(level.array.shape, index, strict=True) if isinstance(at, slice)]
     query.reserve(read, level.array.dtype.itemsize)
-    # A chunk is unpacked whole, whatever is taken of it.
+    # A chunk is decompressed whole, even if only a part is needed.
     chunk = [min(pair) for pair in zip(level.array.chunks, level.array.shape, strict=True)]
     if math.prod(chunk) > math.prod(read):
         query.reserve(chunk, level.array.dtype.itemsize)

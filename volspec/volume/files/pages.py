@@ -1,72 +1,85 @@
-"""Pages of TIFF files, and PNG pictures, as arrays; damage told in one line.
+"""Pages of TIFF files and PNG pictures as arrays, and the spacing stated by TIFF files.
 
-    tiff, stack -> [pages] -> (Y, X) or (Y, X, S) arrays
+    tiff -> [pages] -> (Y, X) or (Y, X, S) arrays, millimetres along x, y, z
 
-tifffile knows the dialects of microscopes. Without imagecodecs, a large package, it leaves LZW and
-JPEG alone: such pages are read by Pillow, which knows no dialects and few types. Others it would
-narrow or read in the wrong byte order without a word; they are refused.
+tifffile knows the dialects of microscopes. Without imagecodecs, a large package, it cannot decode
+LZW and JPEG: such pages are read by Pillow, which knows no dialects and few types. Types that it
+would silently narrow or read in the wrong byte order are refused.
+
+References
+----------
+[1] OME-XML 2016-06, Pixels: PhysicalSizeX and its unit, micrometres by default.
+[2] TIFF 6.0, XResolution, YResolution and ResolutionUnit: pixels an inch or a centimetre. ImageJ
+    writes pixels per unit of its own; the unit and the slices' distance are in its description.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import captured_output
 from volspec.errors import VolumeError, one_line
+from volspec.volume.files.lattice import mm_per_unit
+from volspec.volume.files.query import Query
 
 _DAMAGE = (
     *(ValueError, OSError, RuntimeError, LookupError, TypeError, AttributeError, ArithmeticError),
     *(EOFError, SyntaxError, MemoryError, ImportError, struct.error, zlib.error),
 )
-# `Query.reserve`, or one for a single picture of several.
 Reserve = Callable[[Sequence[int], int], None]
-# Types that Pillow reads as they are, with the file's byte order; of several samples a pixel one.
+"""`Query.reserve`, or a wrapper for one picture of several."""
+# Types that Pillow reads correctly, with the file's byte order; fewer for several samples a pixel.
 _PILLOWS = ("<b1", ">b1", "<u1", ">u1", "<u2", ">u2", "<i2", "<i4", "<u4", "<f4")
 _PILLOWS_COLOURS = ("<u1", ">u1")
 # TIFF 6.0: PhotometricInterpretation, PlanarConfiguration.
 _WHITE_IS_ZERO, _CONTIGUOUS = 0, 1
-# Where a PNG file says the bits of a sample.
+# Offset of the bits per sample in a PNG file.
 _PNG_BITS = 24
+# Dots an inch that programs write by default, unrelated to the voxels.
+_FOR_PRINT = (1, 72, 96, 100, 150, 200, 240, 300, 360, 400, 600, 720, 1200, 2400)
+_INCH, _CENTIMETRE = 2, 3
 
 
-class _Complaints(logging.Handler):
-    """Keeps what is logged."""
+class _LogRecorder(logging.Handler):
+    """Collects logged messages."""
 
     def __init__(self, level: int) -> None:
         super().__init__(level)
-        self.said: list[str] = []
+        self.messages: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a message."""
-        self.said.append(record.getMessage())
+        """Collect a message."""
+        self.messages.append(record.getMessage())
 
 
 @contextmanager
-def readable(path: Path) -> Iterator[None]:
-    """Turn what readers of pictures raise and log into one line.
+def picture_errors(path: Path) -> Iterator[None]:
+    """Turn exceptions and logged errors of picture readers into one line.
 
     Raises
     ------
     VolumeError
         If the body raises, or tifffile logs an error: it goes on with what it could read.
     """
-    log, handler = logging.getLogger("tifffile"), _Complaints(logging.ERROR)
-    said = handler.said
+    log, handler = logging.getLogger("tifffile"), _LogRecorder(logging.ERROR)
+    messages = handler.messages
     log.addHandler(handler)
-    heard, log.propagate = log.propagate, False
+    propagated, log.propagate = log.propagate, False
     try:
         yield
     except _DAMAGE as error:
-        if isinstance(error, VolumeError) and not said:
+        if isinstance(error, VolumeError) and not messages:
             raise
         if _lacks_codec(error):
             raise VolumeError(
@@ -74,18 +87,19 @@ def readable(path: Path) -> Iterator[None]:
                 "pip install imagecodecs, or save the stack without compression",
                 code="unsupported",
             ) from error
-        raise VolumeError(_damaged(path, [*said, str(error)])) from error
+        raise _damage_error(path, [*messages, str(error)]) from error
     finally:
         log.removeHandler(handler)
-        log.propagate = heard
-    if said:
-        raise VolumeError(_damaged(path, said))
+        log.propagate = propagated
+    if messages:
+        raise _damage_error(path, messages)
 
 
-def _damaged(path: Path, said: list[str]) -> str:
-    return (
-        f"{path}: cannot be read ({one_line(said[0])[:120]}); is it complete and of the type its "
-        "name says?"
+def _damage_error(path: Path, messages: list[str]) -> VolumeError:
+    return VolumeError(
+        f"{path}: cannot be read ({one_line(messages[0])[:120]}); is it complete and of the type "
+        "its name says?",
+        code="damaged",
     )
 
 
@@ -94,7 +108,7 @@ def _lacks_codec(error: Exception) -> bool:
 
 
 def page_values(page: Any) -> NDArray[Any]:
-    """The pixels of a tifffile ``TiffPage``, as its axes say, decoded by whom that can."""
+    """Decode a tifffile ``TiffPage``, in its axes' order, by tifffile or else by Pillow."""
     try:
         return np.asarray(page.asarray())
     except (ValueError, ImportError) as error:
@@ -103,13 +117,13 @@ def page_values(page: Any) -> NDArray[Any]:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        # libtiff prints its complaints, and Pillow raises them.
+        # libtiff prints its errors, and Pillow raises them.
         with captured_output([]), Image.open(page.parent.filehandle.path) as image:
             image.seek(page.index)
             values = np.array(image)
     except UnidentifiedImageError as error:
         raise ImportError("imagecodecs") from error
-    # Pillow inverts these, tifffile gives what is stored.
+    # Pillow inverts these, tifffile does not.
     if page.keyframe.photometric == _WHITE_IS_ZERO and values.dtype.itemsize == 1:
         values = ~values
     # Its integers of 32 bits are signed.
@@ -117,7 +131,7 @@ def page_values(page: Any) -> NDArray[Any]:
 
 
 def _pillow_can(page: Any) -> bool:
-    """Whether Pillow gives the values that are stored."""
+    """Return True if Pillow gives the stored values unchanged."""
     if page.dtype is None or page.planarconfig != _CONTIGUOUS or page.imagedepth > 1:
         return False
     known = _PILLOWS if page.samplesperpixel == 1 else _PILLOWS_COLOURS
@@ -126,13 +140,13 @@ def _pillow_can(page: Any) -> bool:
 
 
 def png_values(path: Path, reserve: Reserve) -> NDArray[Any]:
-    """The pixels of a PNG file; where it has a palette, their numbers in it.
+    """Read the pixels of a PNG file, as indices if it has a palette.
 
     Parameters
     ----------
     path : Path
     reserve : callable
-        Called with the picture's shape and the bytes of a value before it is unpacked.
+        Called with the picture's shape and the bytes of a value before it is decoded.
 
     Raises
     ------
@@ -147,7 +161,90 @@ def png_values(path: Path, reserve: Reserve) -> NDArray[Any]:
         if bits > 8 and len(image.getbands()) > 1:
             raise VolumeError(
                 f"{path}: holds colours of {bits} bits, of which 8 would be left; save it grey, or "
-                "as TIFF"
+                "as TIFF",
+                code="unsupported",
             )
         reserve((*image.size, len(image.getbands())), 4 if image.mode == "I" else -(-bits // 8))
         return np.array(image)
+
+
+def resolve_spacing(
+    stated: tuple[float | None, ...], query: Query, remarks: list[str]
+) -> tuple[float, float, float]:
+    """Return the query's spacing, else the stated one completed by guesses.
+
+    Parameters
+    ----------
+    stated : (x, y, z)
+        Millimetres; None if not stated.
+    query : Query
+    remarks : list of str
+        A remark is appended for a guess.
+    """
+    x, y, z = stated
+    if query.spacing_mm is not None:
+        return query.spacing_mm
+    remedy = f"give {query.name}?spacing=x,y,z in mm"
+    if x is None or y is None:
+        remarks.append(f"{query.path}: states no spacing, voxels are taken for 1 mm; {remedy}")
+        return 1.0, 1.0, 1.0
+    if z is None:
+        remarks.append(
+            f"{query.path}: states {x:.4g} × {y:.4g} mm in the plane and no distance of slices, "
+            f"{x:.4g} mm is taken; {remedy}"
+        )
+        return x, y, x
+    return x, y, z
+
+
+def stated_spacing_mm(tiff: Any, page: Any) -> tuple[float | None, float | None, float | None]:
+    """Return the spacing that a tifffile ``TiffFile`` states along x, y and z, or None of each."""
+    if tiff.ome_metadata:
+        x, y, z = _ome_spacing_mm(tiff.ome_metadata)
+        return x, y, z
+    if tiff.imagej_metadata:
+        imagej = tiff.imagej_metadata
+        unit = imagej.get("unit")
+        x_mm, y_mm, z_mm = (
+            mm_per_unit(u) for u in (unit, imagej.get("yunit", unit), imagej.get("zunit", unit))
+        )
+        distance = _positive(imagej.get("spacing"))
+        z = None if z_mm is None or distance is None else z_mm * distance
+        return _pixel_mm(page, "XResolution", x_mm), _pixel_mm(page, "YResolution", y_mm), z
+    tag = page.tags.get("ResolutionUnit")
+    unit = {_INCH: "inch", _CENTIMETRE: "cm"}.get(int(tag.value) if tag is not None else 0)
+    x, y = (_pixel_mm(page, name, mm_per_unit(unit)) for name in ("XResolution", "YResolution"))
+    if x is None or y is None or round(25.4 / x, 1) in _FOR_PRINT:
+        return None, None, None
+    return x, y, None
+
+
+def _ome_spacing_mm(text: str) -> list[float | None]:
+    try:
+        pixels = ElementTree.fromstring(text).find("{*}Image/{*}Pixels")
+    except ElementTree.ParseError:
+        pixels = None
+    spacing: list[float | None] = []
+    for axis in "XYZ":
+        size = _positive(None if pixels is None else pixels.get(f"PhysicalSize{axis}"))
+        mm = None if pixels is None else mm_per_unit(pixels.get(f"PhysicalSize{axis}Unit", "µm"))
+        spacing.append(None if size is None or mm is None else size * mm)
+    return spacing
+
+
+def _pixel_mm(page: Any, name: str, mm: float | None) -> float | None:
+    """Return millimetres per pixel from a tag that holds pixels per unit as a fraction."""
+    tag = page.tags.get(name)
+    if tag is None or mm is None:
+        return None
+    pixels, units = tag.value
+    per_unit = _positive(pixels / units if units else None)
+    return None if per_unit is None else mm / per_unit
+
+
+def _positive(given: Any) -> float | None:
+    try:
+        number = float(given)
+    except (TypeError, ValueError):
+        return None
+    return number if 0 < number < math.inf else None

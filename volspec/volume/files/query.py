@@ -1,4 +1,4 @@
-"""A reader's input and output: a volume's name with its options, and what the file holds.
+"""Input and output of readers: a file's name with options, and its voxels with their lattice.
 
     load_volume -> [Query] -> reader -> [Reading] -> Volume
 
@@ -24,14 +24,13 @@ from volspec.errors import VolumeError, one_line, quoted
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """The options a volume was named with.
+    """Path of a volume and the options given with it.
 
     Parameters
     ----------
     path : Path
-        What they are of; used in messages.
     options : {str: str}
-        As they were written.
+        Texts by key, not yet checked.
     declare : callable
         Called by `reserve` with the bytes a reader is about to allocate.
 
@@ -48,7 +47,7 @@ class Query:
 
     @classmethod
     def of(cls, text: str) -> Query:
-        """Split a name at its question mark; one that is there as a whole has no options.
+        """Split a name at its question mark; the name of an existing file has no options.
 
         Raises
         ------
@@ -59,11 +58,14 @@ class Query:
         try:
             if query and Path(text).exists():
                 return cls(Path(text))
-        except (OSError, ValueError) as error:  # too long a name, or one with a NUL in it
-            raise VolumeError(f"volume: {quoted(text)} is no path: {one_line(error)}") from error
+        except (OSError, ValueError) as error:  # too long a name, or a NUL in it
+            raise VolumeError(
+                f"volume: {quoted(text)} is no path: {one_line(error)}", code="syntax", given=text
+            ) from error
         if not path:
             raise VolumeError(
-                "volume: the name is empty; give a file or a folder, as . for this one"
+                "volume: the name is empty; give a file or a folder, as . for this one",
+                code="missing",
             )
         options: dict[str, str] = {}
         for key, value in parse_qsl(query, keep_blank_values=True):
@@ -74,7 +76,7 @@ class Query:
 
     @property
     def name(self) -> str:
-        """The path's last part, for an example of a query in a message."""
+        """Last part of the path, for examples in messages."""
         return self.path.name or str(self.path)
 
     def allow(self, *known: str) -> None:
@@ -92,12 +94,12 @@ class Query:
 
     @property
     def spacing_mm(self) -> tuple[float, float, float] | None:
-        """``spacing=x,y,z`` in millimetres; None where it is left out.
+        """``spacing=x,y,z`` in millimetres; None if left out.
 
         Raises
         ------
         VolumeError
-            If it is not three numbers; whether they are positive, the volume checks.
+            If it is not three numbers; the volume checks that they are positive.
         """
         given = self.options.get("spacing")
         if given is None:
@@ -108,20 +110,21 @@ class Query:
             raise VolumeError(
                 f"{self.path}: spacing={given} cannot be read; write millimetres along x, y, z "
                 f"as in {self.name}?spacing=0.65,0.65,2",
-                code="damaged",
+                code="syntax",
+                given=given,
             ) from error
         return x, y, z
 
     def index(self, key: str, count: int, what: str) -> int:
-        """Which of several is meant: ``channel=N``, ``time=N``, counted from 0.
+        """Return the index of one of several, from ``channel=N``, ``time=N``, counted from 0.
 
         Parameters
         ----------
         key : str
         count : int
-            How many there are; of one it need not be said.
+            Length of the axis; at 1 the option may be left out.
         what : str
-            What they are, in the plural.
+            Noun for messages, in the plural.
 
         Raises
         ------
@@ -133,18 +136,22 @@ class Query:
             return 0
         if count == 1 and given != "0":
             raise VolumeError(
-                f"{self.path}: {key}={given}, but there is one only; leave it out", code="conflict"
+                f"{self.path}: {key}={given}, but there is one only; leave it out",
+                code="conflict",
+                given=given,
             )
         if given is None or not given.isdecimal() or int(given) >= count:
             wrong = "" if given is None else f" and {key}={given} is none of them"
             raise VolumeError(
                 f"{self.path}: holds {count} {what}{wrong}, a volume is one; choose it as "
-                f"{self.name}?{key}=0 … {count - 1}"
+                f"{self.name}?{key}=0 … {count - 1}",
+                code="missing" if given is None else "range",
+                given=given,
             )
         return int(given)
 
     def reserve(self, shape: Sequence[int], itemsize: int) -> None:
-        """Refuse voxels that memory cannot take, before allocating them.
+        """Refuse voxels that do not fit into memory, before allocating them.
 
         Parameters
         ----------
@@ -183,7 +190,8 @@ class Query:
         if held < nbytes:
             raise VolumeError(
                 f"{self.path}: holds {held} bytes of voxels, its header asks for {nbytes} "
-                f"({'x'.join(map(str, shape))}); truncated, copy or download it again"
+                f"({'x'.join(map(str, shape))}); truncated, copy or download it again",
+                code="damaged",
             )
 
     def surplus(self, held: int | None, nbytes: int) -> list[str]:
@@ -198,7 +206,7 @@ class Query:
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """Voxels that are a file's bytes as they are.
+    """Voxels stored uncompressed as a run of bytes in a file.
 
     Parameters
     ----------
@@ -216,10 +224,9 @@ class Stored:
     offset: int = 0
 
     def read(self) -> NDArray[Any]:
-        """Read the voxels, not map them: the file may change while they are in use.
+        """Read the voxels. They are not mapped, since the file may change while they are in use.
 
-        They begin at a page of memory, which Intel's OpenCL takes as it is; of other arrays it
-        makes a copy.
+        They begin at a page of memory, so that Intel's OpenCL uses them without a copy.
 
         Raises
         ------
@@ -238,7 +245,9 @@ class Stored:
                 f"{self.path}: cannot be read ({one_line(error)})", code="damaged"
             ) from error
         if left:
-            raise VolumeError(f"{self.path}: has become shorter while it was read; read it again")
+            raise VolumeError(
+                f"{self.path}: has become shorter while it was read; read it again", code="state"
+            )
         return np.ndarray(self.shape, self.dtype, memory)
 
 
@@ -249,13 +258,13 @@ class Reading:
     Parameters
     ----------
     values : (Z, Y, X) array or Stored
-        Any type and any number of axes that `Volume` then converts or refuses.
+        Any type and number of axes; `Volume` converts or refuses them.
     spacing_mm : (x, y, z), optional
     world_from_index : (4, 4), optional
     remarks : sequence of str
-        Warnings for the caller of `load_volume`: what was guessed, left out or is doubtful.
+        Warnings for the caller of `load_volume`: guesses, omissions and doubts.
     owner : object
-        Keeps the memory of ``values`` alive where they do not do so themselves.
+        Owner of the memory of ``values``, if they do not own it themselves.
     """
 
     values: NDArray[Any] | Stored

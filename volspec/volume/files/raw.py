@@ -1,4 +1,4 @@
-"""Bytes without a header, and NumPy's own files.
+"""Raw bytes without a header, and NumPy's .npy files.
 
 load_volume -> [raw] -> Reading
 """
@@ -20,7 +20,7 @@ _EXAMPLE = "shape=256x256x110&dtype=uint8&spacing=1,1,1"
 
 
 def read_npy(query: Query) -> Reading:
-    """Read what ``numpy.save`` wrote.
+    """Read a file of ``numpy.save``.
 
     Raises
     ------
@@ -35,11 +35,14 @@ def read_npy(query: Query) -> Reading:
         except Exception as error:
             raise VolumeError(
                 f"{path}: not a readable .npy file of numbers; is it complete, and saved by "
-                "numpy.save?"
+                "numpy.save?",
+                code="damaged",
             ) from error
-        if dtype.kind not in "buif":  # others may take no bytes
+        if dtype.kind not in "buif":  # others may have an item size of 0
             raise VolumeError(
-                f"{path}: values of type {dtype!s:.60} are not real numbers; save an array of these"
+                f"{path}: values of type {dtype!s:.60} are not real numbers; save an array of "
+                "these",
+                code="type",
             )
         held = path.stat().st_size - file.tell()
         query.require_held(held, shape, math.prod(shape) * dtype.itemsize)
@@ -51,7 +54,7 @@ def read_npy(query: Query) -> Reading:
 
 
 def read_raw(query: Query) -> Reading:
-    """Read bytes as the query lays them out.
+    """Read bytes in the layout that the query gives.
 
     Raises
     ------
@@ -63,7 +66,8 @@ def read_raw(query: Query) -> Reading:
     if missing := [key for key in ("shape", "dtype") if key not in options]:
         raise VolumeError(
             f"{path}: raw bytes need their layout, {missing[0]} is missing; write "
-            f"{path.name}?{_EXAMPLE}"
+            f"{path.name}?{_EXAMPLE}",
+            code="missing",
         )
     try:
         key = "shape"
@@ -77,22 +81,36 @@ def read_raw(query: Query) -> Reading:
     except (ValueError, TypeError, SyntaxError, RecursionError) as error:  # the last two by dtype
         raise VolumeError(
             f"{path}: {key}={options[key]} cannot be read; write it as in {path.name}?{_EXAMPLE}",
-            code="damaged",
+            code="syntax",
+            given=options[key],
         ) from error
     if options.get("order", "little") not in ("little", "big"):
-        raise VolumeError(f"{path}: order={options['order']}; give little or big")
+        raise VolumeError(
+            f"{path}: order={options['order']}; give little or big",
+            code="unknown",
+            given=options["order"],
+        )
     if options.get("order") == "big":
         dtype = dtype.newbyteorder(">")
     if offset < 0:
-        raise VolumeError(f"{path}: offset={offset}; give the bytes before the voxels, 0 or more")
+        raise VolumeError(
+            f"{path}: offset={offset}; give the bytes before the voxels, 0 or more",
+            code="range",
+            given=offset,
+        )
     if len(shape) != 3 or min(shape) < 1:
-        raise VolumeError(f"{path}: shape {options['shape']} is not XxYxZ with positive counts")
+        raise VolumeError(
+            f"{path}: shape {options['shape']} is not XxYxZ with positive counts",
+            code="shape",
+            given=options["shape"],
+        )
     expected = math.prod(shape) * dtype.itemsize
     held = path.stat().st_size - offset
     if held < expected:
         raise VolumeError(
             f"{path}: holds {max(held, 0)} bytes after the offset, but shape {options['shape']} "
-            f"of {dtype} needs {expected}; truncated, or is the shape wrong?"
+            f"of {dtype} needs {expected}; truncated, or is the shape wrong?",
+            code="damaged",
         )
     query.reserve(shape, dtype.itemsize)
     remarks = []

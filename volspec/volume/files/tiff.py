@@ -1,11 +1,15 @@
-"""TIFF files of several pages: plain, ImageJ's, OME-TIFF.
+"""TIFF files of several pages (plain, ImageJ's, OME-TIFF), and folders of TIFF or PNG slices.
 
 file -> tifffile: axes and pages -> [tiff] -> Reading
+folder -> names in order -> [tiff] -> Reading
 """
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +17,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolumeError
-from volspec.volume.files.pages import page_values, readable
+from volspec.volume.files.lattice import stack_slices
+from volspec.volume.files.pages import (
+    Reserve,
+    page_values,
+    picture_errors,
+    png_values,
+    resolve_spacing,
+    stated_spacing_mm,
+)
 from volspec.volume.files.query import Query, Reading
-from volspec.volume.files.stacking import stacked
-from volspec.volume.files.tiff_spacing import spacing_of, stated_mm
 
 SUFFIXES = (".tif", ".tiff")
 # tifffile's letters: channels and the samples of a pixel, time.
 _CHANNELS, _TIME = "CS", "T"
+_PNG = ".png"
+# tifffile's letter for the samples of a pixel.
+_SAMPLES = "S"
 
 
 def read_tiff(query: Query) -> Reading:
-    """Read the stack that a TIFF file holds; of several channels or times the one asked for.
+    """Read a TIFF file's stack, with the channel and time that the query selects.
 
     Raises
     ------
@@ -36,7 +49,7 @@ def read_tiff(query: Query) -> Reading:
     path = query.path
     query.allow("spacing", "channel", "time")
     remarks: list[str] = []
-    with readable(path), TiffFile(path, **_pages_alike(path)) as tiff:
+    with picture_errors(path), TiffFile(path, **_open_options(path)) as tiff:
         series = _only_series(tiff, query)
         through = _slice_axis(series, query)
         at = {
@@ -46,13 +59,13 @@ def read_tiff(query: Query) -> Reading:
         }
         if through == _TIME:
             remarks.append(f"{path}: its pages are points in time, and are taken for slices")
-        spacing = spacing_of(stated_mm(tiff, series.keyframe), query, remarks)
+        spacing = resolve_spacing(stated_spacing_mm(tiff, series.keyframe), query, remarks)
         values = _values(tiff, series, through, at, query)
     return Reading(values, spacing_mm=spacing, remarks=remarks)
 
 
-def _pages_alike(path: Path) -> dict[str, bool]:
-    """How to open a file: pages that tifffile has written one by one are a series each in it."""
+def _open_options(path: Path) -> dict[str, bool]:
+    """Return options that join pages written one by one, each of which tifffile makes a series."""
     from tifffile import TiffFile
 
     with TiffFile(path) as tiff:
@@ -61,7 +74,7 @@ def _pages_alike(path: Path) -> dict[str, bool]:
 
 
 def _only_series(tiff: Any, query: Query) -> Any:
-    """The series of a file, or the one stack among single pictures (labels, previews)."""
+    """Return the series of a file, or the one stack among single pictures (labels, previews)."""
     if len(tiff.series) == 1:
         return tiff.series[0]
     stacks = [series for series in tiff.series if len(series.pages) > 1]
@@ -70,12 +83,13 @@ def _only_series(tiff: Any, query: Query) -> Any:
     sizes = ", ".join("x".join(map(str, series.shape[::-1])) for series in tiff.series[:8])
     raise VolumeError(
         f"{query.path}: holds pictures of several sizes ({sizes}); a volume's slices have one, "
-        "save the stack alone"
+        "save the stack alone",
+        code="conflict",
     )
 
 
 def _slice_axis(series: Any, query: Query) -> str:
-    """The axis that runs through the slices."""
+    """Return the axis along which slices are stacked."""
     others = [axis for axis in series.axes if axis not in ("Y", "X", *_CHANNELS)]
     if "Z" in others:
         others = [axis for axis in others if axis not in ("Z", _TIME)]
@@ -87,26 +101,28 @@ def _slice_axis(series: Any, query: Query) -> str:
     if not others:
         raise VolumeError(
             f"{query.path}: is a single picture ({counts}), a volume has several slices; give the "
-            f"folder that holds them, {query.path.absolute().parent}"
+            f"folder that holds them, {query.path.absolute().parent}",
+            code="shape",
         )
     raise VolumeError(
         f"{query.path}: holds {counts} values along {series.axes[::-1]}, of which no stack of "
-        "slices can be told; save one stack"
+        "slices can be chosen; save one stack",
+        code="shape",
     )
 
 
 def _names(axis: str, count: int) -> tuple[str, int, str]:
-    """The option that chooses along an axis, how many there are, and what they are."""
+    """Return the option that selects along an axis, the axis' length, and its noun."""
     if axis == _TIME:
         return "time", count, "time steps"
     return "channel", count, "channels"
 
 
 def _values(tiff: Any, series: Any, through: str, at: dict[str, int], query: Query) -> NDArray[Any]:
-    """(Z, Y, X), read without the other channels and times."""
+    """Read (Z, Y, X) values without the other channels and times."""
     itemsize = series.dtype.itemsize
     index = tuple(at.get(axis, slice(None)) for axis in series.axes)
-    if series.dataoffset is not None:  # one block of bytes, also where ImageJ lists one page only
+    if series.dataoffset is not None:  # one block of bytes, even if ImageJ lists one page only
         from tifffile import memmap
 
         which = next(k for k, each in enumerate(tiff.series) if each is series)
@@ -129,4 +145,95 @@ def _values(tiff: Any, series: Any, through: str, at: dict[str, int], query: Que
 
     count = series.shape[leading.index(through)]
     query.reserve((*series.keyframe.shape, count), itemsize)
-    return stacked(range(count), page)
+    return stack_slices(range(count), page)
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """Return a folder's TIFF files, or else its PNG files; ``z2`` before ``z10``."""
+    files = [p for p in folder.iterdir() if not p.name.startswith(".") and p.is_file()]
+    for endings in (SUFFIXES, (_PNG,)):
+        if found := [path for path in files if path.name.lower().endswith(endings)]:
+            return sorted(found, key=lambda path: _natural_key(path.name))
+    return []
+
+
+def _natural_key(name: str) -> list[tuple[int, str]]:
+    """Return a sort key by letters and by the values of numbers, then by their digits.
+
+    >>> sorted(["z10.tif", "z2.tif", "Z01.tif"], key=_natural_key)
+    ['Z01.tif', 'z2.tif', 'z10.tif']
+    """
+    parts = re.split(r"(\d+)", name.casefold())
+    return [(int(part) if part.isdecimal() else 0, part) for part in parts]
+
+
+def read_stack(query: Query) -> Reading:
+    """Read a folder of pictures.
+
+    Raises
+    ------
+    VolumeError
+        If one is damaged, or of another size than the first, or all are in colour and no
+        channel is chosen.
+    """
+    query.allow("spacing", "channel")
+    files = pictures_in(query.path)
+    if len(files) == 1:
+        raise VolumeError(
+            f"{query.path}: holds one picture, {files[0].name}, a volume has several slices; give "
+            "all of them, or a TIFF file of several pages itself",
+            code="shape",
+        )
+    remarks: list[str] = []
+
+    def reserve(shape: Sequence[int], itemsize: int) -> None:
+        query.reserve((*shape, len(files)), itemsize)
+
+    first, stated = _read_picture(files[0], reserve)
+    spacing = resolve_spacing(stated, query, remarks)
+    read = partial(_read_slice, shape=first.shape, query=query, reserve=reserve)
+    values = stack_slices(files, read)
+    return Reading(values, spacing_mm=spacing, remarks=remarks)
+
+
+def _read_slice(path: Path, shape: tuple[int, ...], query: Query, reserve: Reserve) -> NDArray[Any]:
+    """Read (Y, X) of one file, which must be as large as the first."""
+    values, _ = _read_picture(path, reserve)
+    if values.shape != shape:
+        raise VolumeError(
+            f"{path}: is {_size(values.shape)}, the first slice {_size(shape)}; take out what is "
+            "no slice, or make all of one size",
+            code="shape",
+        )
+    if values.ndim == 2:
+        query.index("channel", 1, "channels")
+        return values
+    chosen: NDArray[Any] = values[..., query.index("channel", shape[2], "channels")]
+    return chosen
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    channels = f" of {shape[2]} channels" if len(shape) > 2 else ""
+    return f"{shape[1]}x{shape[0]}{channels}"
+
+
+def _read_picture(path: Path, reserve: Reserve) -> tuple[NDArray[Any], tuple[float | None, ...]]:
+    """Read (Y, X) or (Y, X, S) of one file, and the spacing that it states."""
+    with picture_errors(path):
+        if path.suffix.lower() == _PNG:
+            return png_values(path, reserve), (None, None, None)
+        from tifffile import TiffFile
+
+        with TiffFile(path) as tiff:
+            page = tiff.pages[0]
+            if (pages := len(tiff.pages) * page.imagedepth) > 1:
+                raise VolumeError(
+                    f"{path}: holds {pages} pages, and its folder other files; give a file of "
+                    "several pages itself, or a folder of single ones",
+                    code="conflict",
+                )
+            reserve(page.shape, page.dtype.itemsize)
+            values = page_values(page)
+            if page.axes.startswith(_SAMPLES):  # a plane for each colour
+                values = np.moveaxis(values, 0, -1)
+            return values, stated_spacing_mm(tiff, page)

@@ -2,7 +2,7 @@
 
 load_volume -> [vtk] -> Reading
 
-Lengths are checked first: VTK gives voxels that are missing any value.
+Lengths are checked first: VTK leaves missing voxels uninitialised.
 
 References
 ----------
@@ -28,7 +28,7 @@ from volspec.volume.adapt import values_and_lattice
 from volspec.volume.files.headers import TRUNCATED
 from volspec.volume.files.query import Query, Reading
 
-# Bits of a legacy type; vtkIdType is stored as int.
+# Bits of the legacy types; vtkIdType is stored as int.
 _LEGACY_BITS = {
     **dict.fromkeys(("bit",), 1),
     **dict.fromkeys(("char", "signed_char", "unsigned_char"), 8),
@@ -59,10 +59,10 @@ def read_vtk(query: Query) -> Reading:
 
     path = query.path
     check_vtk(query)
-    # VTK prints its complaints, pyvista logs them again; what the user needs is one line.
+    # VTK prints its errors and pyvista logs them again; both are replaced by one line.
     before = vtkLogger.GetCurrentVerbosityCutoff()
-    # Where another library has switched VTK's warnings off, its errors would not reach us either.
-    told = vtkObject.GetGlobalWarningDisplay()
+    # If another library has switched VTK's warnings off, its errors would not be caught either.
+    warnings_shown = vtkObject.GetGlobalWarningDisplay()
     vtkObject.SetGlobalWarningDisplay(1)
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     logging.disable(logging.ERROR)
@@ -71,7 +71,7 @@ def read_vtk(query: Query) -> Reading:
             VtkErrorCatcher(raise_errors=True, send_to_logging=False),
             warnings.catch_warnings(),
         ):
-            # pyvista warns of errors that it caught itself.
+            # pyvista turns errors that it catches into warnings.
             warnings.filterwarnings("error", ".*raised an error while reading", UserWarning)
             grid = pyvista.read(path)
     except (OSError, ValueError, RuntimeError, TypeError, UserWarning) as error:
@@ -79,13 +79,13 @@ def read_vtk(query: Query) -> Reading:
     finally:
         logging.disable(logging.NOTSET)
         vtkLogger.SetStderrVerbosity(before)
-        vtkObject.SetGlobalWarningDisplay(told)
+        vtkObject.SetGlobalWarningDisplay(warnings_shown)
     values, world = values_and_lattice(grid, None, str(path))
     return Reading(values, world_from_index=world)
 
 
 def check_vtk(query: Query) -> None:
-    """Refuse a file whose arrays are longer than the file, or than memory.
+    """Refuse a file with arrays longer than the file, or than memory.
 
     Raises
     ------
@@ -100,12 +100,13 @@ def check_vtk(query: Query) -> None:
 def _unreadable(path: Path) -> VolumeError:
     return VolumeError(
         f"{path}: not readable as VTK image data; is the file complete and of the type its name "
-        "says?"
+        "says?",
+        code="damaged",
     )
 
 
 def _check_legacy(query: Query) -> None:
-    """Refuse a legacy file whose arrays are longer than the file, or than memory."""
+    """Refuse a legacy file with arrays longer than the file, or than memory."""
     path = query.path
     size = path.stat().st_size
     nbytes = 0
@@ -128,11 +129,12 @@ def _check_legacy(query: Query) -> None:
             values = math.prod(map(int, counts))
             stored = -(-values * _LEGACY_BITS[kind] // 8)
             nbytes += stored
-            # In ASCII VTK itself finds what is missing; a value and a space take two bytes.
+            # VTK itself finds values missing in ASCII; a value and a space take two bytes.
             least = file.tell() + (stored if binary else 2 * values - 1)
             if least > size:
                 raise VolumeError(
-                    f"{path}: holds {size} bytes, its header asks for {least} or more; {TRUNCATED}"
+                    f"{path}: holds {size} bytes, its header asks for {least} or more; {TRUNCATED}",
+                    code="damaged",
                 )
             if not binary:
                 break
@@ -143,24 +145,24 @@ def _check_legacy(query: Query) -> None:
 
 @dataclass(slots=True)
 class _Array:
-    """A ``DataArray`` element: where its bytes are, and how many its header declares."""
+    """Location and declared length of a ``DataArray`` element's bytes."""
 
     values: int
     itemsize: int
     form: str
     offset: int
-    # Of an array in the element itself: its first characters, how many characters and words.
+    # For an array inside the element: its first characters, and counts of characters and words.
     text: str = ""
     length: int = 0
     words: int = 0
 
 
 class _AppendedData(Exception):
-    """What follows need not be XML."""
+    """End of the XML: appended data follow."""
 
 
 class _XmlHeader:
-    """The elements of a ``.vti`` file, up to its appended data.
+    """Elements of a ``.vti`` file, up to its appended data.
 
     Raises
     ------
@@ -172,11 +174,11 @@ class _XmlHeader:
         self.path = path
         self.arrays: list[_Array] = []
         self._order, self._word, self._compressed = "<", "I", False
-        # Of appended data: its encoding, and the first byte behind its underscore.
+        # Encoding of appended data, and the first byte after their underscore.
         self._encoding, self._start = "", 0
         self._open: list[str] = []
         self._array: _Array | None = None
-        # Of the piece being read, of all pieces so far, and of the whole.
+        # Points and cells of the current piece, cells of all pieces so far and of the whole.
         self._points = self._cells = self._covered = self._whole = 0
         self._parse()
 
@@ -187,7 +189,8 @@ class _XmlHeader:
             if b"</VTKFile>" not in file.read():
                 raise VolumeError(
                     f"{self.path}: not readable as VTK image data, </VTKFile> is missing; "
-                    f"{TRUNCATED}"
+                    f"{TRUNCATED}",
+                    code="damaged",
                 )
             file.seek(0)
             parser = expat.ParserCreate()
@@ -244,7 +247,7 @@ class _XmlHeader:
         array.text = (array.text + text)[:64] if len(array.text) < 64 else array.text
 
     def check(self, query: Query) -> None:
-        """Refuse arrays that are longer than what the file holds of them, or than memory.
+        """Refuse arrays longer than their bytes in the file, or than memory.
 
         Raises
         ------
@@ -255,7 +258,8 @@ class _XmlHeader:
         if self._covered != self._whole:
             raise VolumeError(
                 f"{self.path}: its pieces cover {self._covered} of {self._whole} cells; are all "
-                "there? Save it as one piece"
+                "there? Save it as one piece",
+                code="damaged",
             )
         query.reserve((sum(a.values * a.itemsize for a in self.arrays),), 1)
         with self.path.open("rb") as file:
@@ -268,11 +272,12 @@ class _XmlHeader:
                 if held < asked:
                     raise VolumeError(
                         f"{self.path}: holds {held} bytes of voxels, its header asks for {asked}; "
-                        f"{TRUNCATED}"
+                        f"{TRUNCATED}",
+                        code="damaged",
                     )
 
     def _held(self, array: _Array, file: Any) -> int:
-        """Bytes of an array that are in the file, by the lengths that stand before them."""
+        """Return the bytes of an array in the file, by the lengths stored before them."""
         if array.form == "ascii":
             return array.words * array.itemsize
         raw = array.form == "appended" and self._encoding == "raw"
@@ -294,7 +299,7 @@ class _XmlHeader:
 
 
 def _counts(extent: str) -> tuple[int, int]:
-    """Points and cells of an extent, ``"0 5 0 4 0 39"``."""
+    """Return points and cells of an extent, ``"0 5 0 4 0 39"``."""
     ends = [int(number) for number in extent.split()]
     sides = [high - low for low, high in zip(ends[::2], ends[1::2], strict=True)]
     if len(sides) != 3 or min(sides) < 0:

@@ -30,7 +30,7 @@ from volspec.errors import (
 from volspec.raycast import Camera
 from volspec.transfer.adapt import transfer_from_vtk
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SIZE = (96, 72)
 Plots = Callable[..., pyvista.Plotter]
 
@@ -329,7 +329,7 @@ def shifted(plotter: pyvista.Plotter) -> None:
         (coloured, VolumeError, "ct: 4 components a voxel"),
         (scattered, VolumeError, "ct: is a RectilinearGrid; .*resample it"),
         (two_dimensional, TransferError, "ct: has a 2-D transfer function; give curves"),
-        (endlessly_dense, TransferError, "ct: opacity_unit_distance is 0.0; give a length above 0"),
+        (endlessly_dense, TransferError, "ct.opacity_unit_distance is 0.0; give a length above 0"),
         (flattened, VolumeError, "ct: the orientation matrix .* is singular"),
         (shifted, CameraError, "its camera shears, shifts or moves the picture"),
     ],

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.errors import raises
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.errors import TransferError
 from volspec.spectra import reflectance
@@ -41,11 +42,11 @@ def test_entry_i_is_of_label_i_and_all_others_are_transparent(given_labels: dict
     last = max(1, *given_labels)
     assert table.labels and table.domain == (0, last) and len(table.opacity) == last + 1
     others = np.setdiff1d(np.arange(last + 1), list(given_labels))
-    assert not table.opacity[others].any() and not table.shares[others].any()
+    assert not table.opacity[others].any() and not table.material_weights[others].any()
     for label, (opacity, name) in given_labels.items():
         assert table.opacity[label] == opacity
         expected = BASIS.analyse(MATERIALS[name]) if opacity else np.zeros(7)
-        assert np.allclose(table.shares[label] @ table.channels, expected)
+        assert np.allclose(table.material_weights[label] @ table.channels, expected)
 
 
 def test_labels_may_be_mixes_and_numpy_numbers() -> None:
@@ -56,7 +57,7 @@ def test_labels_may_be_mixes_and_numpy_numbers() -> None:
 def test_materials_of_transparent_labels_are_no_rows() -> None:
     table = labels({1: (0.0, "gold"), 2: (0.5, "steel")}).bake(1.0)
     assert table.channels.shape == (1, 7) and np.allclose(table.channels, STEEL)
-    assert labels({3: (0.0, "gold")}).bake(1.0).shares.shape == (4, 1)
+    assert labels({3: (0.0, "gold")}).bake(1.0).material_weights.shape == (4, 1)
 
 
 def test_materials_as_channels_serve_labels_and_surfaces() -> None:
@@ -65,7 +66,7 @@ def test_materials_as_channels_serve_labels_and_surfaces() -> None:
     assert table.coefficients[1].tolist() == [0, 0, 1, 0]
     assert table.white.tolist() == [0, 0, 0, 1]
     walls = Isosurfaces([(1, 1, "gold")], MATERIALS, basis).bake(1.0)
-    assert (walls.shares @ walls.channels).tolist() == [[0, 0, 1, 0]]
+    assert (walls.material_weights @ walls.channels).tolist() == [[0, 0, 1, 0]]
 
 
 def test_label_s_reference_step_is_its_own_or_the_smallest_spacing() -> None:
@@ -77,7 +78,7 @@ def test_surfaces_are_sorted_by_value() -> None:
     table = surfaces((9, 1.0, "gold"), (-3, 0.25, {"copper": 0.5, "steel": 0.5})).bake(1.0)
     assert table.values.tolist() == [-3, 9] and table.opacity.tolist() == [0.25, 1]
     mixed = (COPPER + STEEL) / 2
-    assert np.allclose(table.shares @ table.channels, [mixed, GOLD])
+    assert np.allclose(table.material_weights @ table.channels, [mixed, GOLD])
 
 
 def test_they_say_what_they_are() -> None:
@@ -86,52 +87,50 @@ def test_they_say_what_they_are() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bad", "message"),
+    ("bad", "code", "field"),
     [
-        ({}, "labels is {}; give {label"),
-        ([(1, "gold")], "at least one"),
-        ({70000: (1, "gold")}, "label 70000 is out of range; give 0 to 65535"),
-        ({-1: (1, "gold")}, "label -1 is out of range"),
-        ({1.5: (1, "gold")}, "label 1.5 is no whole number"),
-        ({"1": (1, "gold")}, "label '1' is no whole number"),
-        ({True: (1, "gold")}, "label True is no whole number"),
-        ({1: (2, "gold")}, "label 1 has opacity 2; give 0…1"),
-        ({1: (math.nan, "gold")}, "opacity nan"),
-        ({1: (1, "glod")}, "label 1: no material 'glod'; did you mean 'gold'"),
-        ({1: "gold"}, r"label 1 is 'gold'; expected \(opacity, material or mix\)"),
-        ({1: 0.5}, "label 1 is 0.5; expected"),
+        ({}, "type", "LabelFunction.labels"),
+        ([(1, "gold")], "type", "LabelFunction.labels"),
+        ({70000: (1, "gold")}, "range", "LabelFunction.labels"),
+        ({-1: (1, "gold")}, "range", "LabelFunction.labels"),
+        ({1.5: (1, "gold")}, "type", "LabelFunction.labels"),
+        ({"1": (1, "gold")}, "type", "LabelFunction.labels"),
+        ({True: (1, "gold")}, "type", "LabelFunction.labels"),
+        ({1: (2, "gold")}, "range", "LabelFunction.labels[1].opacity"),
+        ({1: (math.nan, "gold")}, "range", "LabelFunction.labels[1].opacity"),
+        ({1: (1, "glod")}, "unknown", "LabelFunction.labels[1].material"),
+        ({1: "gold"}, "type", "LabelFunction.labels[1]"),
+        ({1: 0.5}, "type", "LabelFunction.labels[1]"),
     ],
 )
-def test_bad_labels_are_named_in_one_line(bad: object, message: str) -> None:
-    with pytest.raises(TransferError, match=message) as caught:
+def test_bad_labels_are_named_in_one_line(bad: object, code: str, field: str) -> None:
+    with raises(TransferError, code, field):
         labels(bad)
-    assert str(caught.value).startswith("label function: ") and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("bad", "message"),
+    ("bad", "code", "field"),
     [
-        ((), "no surfaces; give at least one"),
-        (((1, 1, "gold"), (1, 0.5, "steel")), "two surfaces have value 1; leave out one"),
-        (tuple((i, 1, "gold") for i in range(9)), "9 surfaces, at most 8 can be cast"),
-        (((1, 2, "gold"),), "opacity 2; give 0…1"),
-        (((math.nan, 1, "gold"),), "surface 1 has value nan"),
-        (((1, math.nan, "gold"),), "opacity nan"),
-        (((1, 1, "glod"),), "surface 1: no material 'glod'; did you mean 'gold'"),
-        (((1, "gold"),), "surface 1 is .*; expected"),
-        ((5,), "surface 1 is 5; expected"),
+        ((), "missing", "Isosurfaces.surfaces"),
+        (((1, 1, "gold"), (1, 0.5, "steel")), "duplicate", "Isosurfaces.surfaces"),
+        (tuple((i, 1, "gold") for i in range(9)), "size", "Isosurfaces.surfaces"),
+        (((1, 2, "gold"),), "range", "Isosurfaces.surfaces[0].opacity"),
+        (((math.nan, 1, "gold"),), "range", "Isosurfaces.surfaces[0].value"),
+        (((1, math.nan, "gold"),), "range", "Isosurfaces.surfaces[0].opacity"),
+        (((1, 1, "glod"),), "unknown", "Isosurfaces.surfaces[0].material"),
+        (((1, "gold"),), "type", "Isosurfaces.surfaces[0]"),
+        ((5,), "type", "Isosurfaces.surfaces[0]"),
     ],
 )
-def test_bad_surfaces_are_named_in_one_line(bad: tuple, message: str) -> None:
-    with pytest.raises(TransferError, match=message) as caught:
+def test_bad_surfaces_are_named_in_one_line(bad: tuple, code: str, field: str) -> None:
+    with raises(TransferError, code, field):
         surfaces(*bad)
-    assert str(caught.value).startswith("isosurfaces: ") and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("kind", [LabelFunction, Isosurfaces])
 def test_basis_and_materials_are_checked(kind: type) -> None:
     given = {1: (1, "gold")} if kind is LabelFunction else [(1, 1, "gold")]
-    with pytest.raises(TransferError, match="expected a SpectralBasis"):
+    with raises(TransferError, "type"):
         kind(given, MATERIALS, "general-7")
-    with pytest.raises(TransferError, match="materials must be"):
+    with raises(TransferError, "type"):
         kind(given, ["gold"], BASIS)

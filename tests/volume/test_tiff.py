@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from tifffile import TiffFile, TiffWriter, imwrite
 
-from tests.test_volume_series import load_silently
+from tests.volume.test_series import load_silently
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import load_volume
 
@@ -283,10 +283,10 @@ def junk(folder: Path) -> Path:
         (one_page, r"a\.tif: is a single picture \(7x6\), .*; give the folder that holds them, /"),
         (one_picture, r"holds one picture, a\.tif, .*; give all of them, or a TIFF file of"),
         (png_of_wide_colours, r"0\.png: holds colours of 16 bits, .*; save it grey"),
-        (many_slices_in_a_page, r"0\.tif: holds 16 pages beside other files"),
+        (many_slices_in_a_page, r"0\.tif: holds 16 pages, and its folder other files"),
         (two_sizes, r"b\.tif: is 7x3, the first slice 7x6"),
         (pages_of_two_sizes, r"v\.tif: holds pictures of several sizes \(7x6, 7x3\)"),
-        (pages_beside_a_page, r"b\.tif: holds 5 pages beside other files"),
+        (pages_beside_a_page, r"b\.tif: holds 5 pages, and its folder other files"),
         (cut, r"v\.tif: cannot be read \(.*\); is it complete"),
         (cut_and_packed, r"v\.tif: cannot be read \(.*\); is it complete"),
         (damaged_lzw, r"v\.tif: cannot be read \(.*\); is it complete"),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import pyvista
 
-from tests.test_volume_files import NRRD, VALUES, nifti
+from tests.volume.test_files import NRRD, VALUES, nifti
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import load_volume
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import zarr
 
-from tests.test_volume_series import load_silently
+from tests.volume.test_series import load_silently
 from volspec.errors import DeviceError, VolspecWarning, VolumeError
 from volspec.volume import load_volume
 from volspec.volume.files import omezarr

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import SimpleITK
 
-from tests.test_volume_files import NRRD, VALUES
+from tests.volume.test_files import NRRD, VALUES
 from volspec.errors import DeviceError, VolspecWarning, VolumeError
 from volspec.volume import load_volume, reader_process
 from volspec.volume.files.query import Query, Reading, Stored
@@ -50,7 +50,7 @@ def test_a_crash_of_the_reader_is_one_line(
 
 
 def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader_process, "_PATIENCE_S", 0.5)
+    monkeypatch.setattr(reader_process, "_TIMEOUT_S", 0.5)
     path = child_with(tmp_path, "time.sleep(60)", monkeypatch)
     begun = time.monotonic()
     with pytest.raises(VolumeError, match=r"v\.nrrd: takes longer than 1 s to read"):
@@ -70,7 +70,7 @@ def test_a_reader_that_takes_more_memory_than_declared_is_refused(
 def test_a_small_file_that_declares_much_gets_no_more_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reader_process, "_PATIENCE_S", 0.5)
+    monkeypatch.setattr(reader_process, "_TIMEOUT_S", 0.5)
     path = child_with(tmp_path, "query.declare(1 << 40); time.sleep(60)", monkeypatch)
     with pytest.raises(VolumeError, match=r"v\.nrrd: takes longer than 1 s to read"):
         load_volume(path)

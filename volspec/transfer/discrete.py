@@ -1,0 +1,229 @@
+"""Transfer functions over single values: labels of a segmentation, and isosurfaces.
+
+volume -> [discrete] -> raycast -> relight -> appearance
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from volspec.basis import Basis
+from volspec.errors import TransferError
+from volspec.spectra import Spectrum
+from volspec.transfer.mixes import (
+    Mix,
+    Point,
+    check_materials,
+    checked_fraction,
+    checked_list,
+    checked_mix,
+    checked_point,
+    checked_step,
+    weights_and_channels,
+)
+from volspec.transfer.table import MAX_LABEL, MAX_SURFACES, SurfaceTable, TransferTable
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelFunction:
+    """Labels and their opacity per reference step and material mix.
+
+    Parameters
+    ----------
+    labels : {label: (opacity, material or {material: weight})}
+        Whole numbers of 0 to 65535; labels left out are transparent.
+    materials : {name: Spectrum}
+        Reflectances the labels name.
+    basis : SpectralBasis or MaterialBasis
+    reference_step_mm : float, optional
+        Length to which an opacity refers; the volume's smallest spacing when left out.
+
+    Raises
+    ------
+    TransferError
+        If there is no label, one is no such number, an opacity is outside 0…1, or a material
+        is unknown (the nearest names are given).
+
+    Examples
+    --------
+    >>> from volspec.basis import SpectralBasis
+    >>> from volspec.spectra import reflectance
+    >>> organs = LabelFunction(
+    ...     {2: (0.9, "gold"), 5: (0.1, "copper")},
+    ...     {name: reflectance(name) for name in ("copper", "gold")},
+    ...     SpectralBasis.load("general-7"))
+    >>> organs.bake(smallest_spacing_mm=1).opacity.tolist()
+    [0.0, 0.0, 0.9, 0.0, 0.0, 0.1]
+    """
+
+    labels: Mapping[int, tuple[float, Mix]]
+    materials: Mapping[str, Spectrum]
+    basis: Basis
+    reference_step_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.labels, Mapping) or not self.labels:
+            raise TransferError.refused(
+                "LabelFunction.labels",
+                self.labels,
+                "give {label: (opacity, material)}, at least one",
+                "type",
+            )
+        check_materials("LabelFunction", self.materials, self.basis)
+        step = checked_step("LabelFunction", self.reference_step_mm)
+        checked = dict(self._checked(label, look) for label, look in self.labels.items())
+        object.__setattr__(self, "labels", checked)
+        object.__setattr__(self, "reference_step_mm", step)
+
+    def _checked(self, label: Any, look: Any) -> tuple[int, tuple[float, Mix]]:
+        is_whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
+        if not is_whole or not 0 <= label <= MAX_LABEL:
+            raise TransferError(
+                f"label {label!r:.20} is {'out of range' if is_whole else 'no whole number'}",
+                f"give 0 to {MAX_LABEL}",
+                code="range" if is_whole else "type",
+                field="LabelFunction.labels",
+                given=label,
+            )
+        field = f"LabelFunction.labels[{label}]"
+        try:
+            opacity, mix = look
+        except (TypeError, ValueError):
+            raise TransferError.refused(
+                field, look, "expected (opacity, material or mix)", "type"
+            ) from None
+        opacity = checked_fraction(f"{field}.opacity", opacity)
+        return int(label), (opacity, checked_mix(f"{field}.material", mix, self.materials))
+
+    def __repr__(self) -> str:
+        return f"LabelFunction({len(self.labels)} labels, {', '.join(self.materials)})"
+
+    def bake(self, smallest_spacing_mm: float) -> TransferTable:
+        """Make a table with one entry a label, up to the greatest.
+
+        Parameters
+        ----------
+        smallest_spacing_mm : float
+            The volume's, used if the function has no reference step of its own.
+
+        Returns
+        -------
+        TransferTable
+            With `labels`; weights of transparent entries are 0.
+        """
+        # A label that is switched off adds no material, which would slow the cast.
+        visible = [label for label, (opacity, _) in self.labels.items() if opacity > 0]
+        baked = visible or list(self.labels)[:1]
+        rows, channels = weights_and_channels(
+            [self.labels[label][1] for label in baked], self.materials, self.basis
+        )
+        last = max(1, *self.labels)
+        opacity, weights = np.zeros(last + 1), np.zeros((last + 1, rows.shape[1]))
+        opacity[visible] = [self.labels[label][0] for label in visible]
+        weights[visible] = rows[: len(visible)]
+        return TransferTable(
+            domain=(0.0, float(last)),
+            opacity=opacity,
+            material_weights=weights,
+            channels=channels,
+            reference_step_mm=self.reference_step_mm or smallest_spacing_mm,
+            white=self.basis.white,
+            labels=True,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Isosurfaces:
+    """Surfaces of equal value with opacity and material mix, sorted by rising value.
+
+    Parameters
+    ----------
+    surfaces : sequence of (value, opacity, material or {material: weight})
+        One to eight of different values. An opacity, 0…1, is the surface's own and does not
+        depend on the step.
+    materials : {name: Spectrum}
+        Reflectances the surfaces name.
+    basis : SpectralBasis or MaterialBasis
+
+    Raises
+    ------
+    TransferError
+        If there is no surface, or more than eight, two have one value, an opacity is outside
+        0…1, or a material is unknown (the nearest names are given).
+
+    Examples
+    --------
+    >>> from volspec.basis import SpectralBasis
+    >>> from volspec.spectra import reflectance
+    >>> skull = Isosurfaces(
+    ...     [(1200, 1.0, "gold"), (300, 0.2, "copper")],
+    ...     {name: reflectance(name) for name in ("copper", "gold")},
+    ...     SpectralBasis.load("general-7"))
+    >>> skull.bake(smallest_spacing_mm=1).values.tolist()
+    [300.0, 1200.0]
+    """
+
+    surfaces: Sequence[Point]
+    materials: Mapping[str, Spectrum]
+    basis: Basis
+
+    def __post_init__(self) -> None:
+        field = "Isosurfaces.surfaces"
+        surfaces = checked_list(field, self.surfaces, "(value, opacity, material)")
+        if len(surfaces) > MAX_SURFACES:
+            raise TransferError(
+                f"{len(surfaces)} surfaces, at most {MAX_SURFACES} can be cast",
+                "leave some out",
+                code="size",
+                field=field,
+                given=surfaces,
+            )
+        check_materials("Isosurfaces", self.materials, self.basis)
+        checked = sorted(
+            (
+                checked_point(f"{field}[{i}]", surface, self.materials)
+                for i, surface in enumerate(surfaces)
+            ),
+            key=lambda surface: surface[0],
+        )
+        for lower, upper in pairwise(checked):
+            if lower[0] == upper[0]:
+                raise TransferError(
+                    f"two surfaces have value {lower[0]:g}",
+                    "leave out one",
+                    code="duplicate",
+                    field=field,
+                    given=surfaces,
+                )
+        object.__setattr__(self, "surfaces", tuple(checked))
+
+    def __repr__(self) -> str:
+        return f"Isosurfaces({len(self.surfaces)} surfaces, {', '.join(self.materials)})"
+
+    def bake(self, smallest_spacing_mm: float) -> SurfaceTable:
+        """Make the surfaces' table.
+
+        Parameters
+        ----------
+        smallest_spacing_mm : float
+            Unused, as a surface has no thickness; every kind of transfer function takes it.
+
+        Returns
+        -------
+        SurfaceTable
+        """
+        weights, channels = weights_and_channels(
+            [mix for _, _, mix in self.surfaces], self.materials, self.basis
+        )
+        return SurfaceTable(
+            values=np.array([value for value, _, _ in self.surfaces]),
+            opacity=np.array([opacity for _, opacity, _ in self.surfaces]),
+            material_weights=weights,
+            channels=channels,
+            white=self.basis.white,
+        )
