@@ -17,7 +17,7 @@ from benchmarks.cast import SPECS
 from benchmarks.measure import commit, in_turn
 from benchmarks.page import PAGE, between, replaced
 from benchmarks.volumes import BenchScene, bench_scene
-from volspec._gpu.devices import POCL, all_devices, chosen_device, devices
+from volspec._gpu.devices import POCL, all_devices, choose_device, devices
 from volspec.pipeline import Raycaster, raycast
 
 SIZES = {"512²": (512, 512), "1080p": (1920, 1080)}
@@ -84,7 +84,7 @@ def main() -> None:
     wanted = parser.parse_args().device
     scene = bench_scene("engine")
     # By number: several runtimes may have devices of one name.
-    number, found = chosen_device(wanted), devices()
+    number, found = choose_device(wanted), devices()
     info = found[number]
     caster = Raycaster(scene.volume, device=str(number), lanes=1)
     pocl = (i for i, d in enumerate(found) if d.platform == POCL and i != number)

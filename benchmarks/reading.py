@@ -18,7 +18,7 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.measure import Figure, in_turn, report
-from volspec._gpu import devices, trials
+from volspec._gpu import devices
 from volspec.volume import Volume, load_volume
 
 ENGINE = Path(__file__).resolve().parents[1] / "data/engine.nrrd"
@@ -78,11 +78,11 @@ def figures() -> Iterator[Figure]:
             )
             path.unlink()
     found = devices.devices()
-    index = devices.chosen_device()
+    index = devices.choose_device()
     times = {}
     for again in (True, False):
         started = perf_counter()
-        trials.fault(index, found, again=again)
+        devices.fault(index, found, again=again)
         times[again] = perf_counter() - started
     yield Figure("device/trial, once", times[True], 2.0, True, "s", note=found[index].name)
     yield Figure("device/trial, later starts", 1e3 * times[False], 10.0, True, "ms")

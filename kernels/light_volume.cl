@@ -3,7 +3,7 @@
 //     σ = mean over the voxels nearest to a node of −log(1 − opacity(v)) / reference step
 //     T = exp(−∫ σ ds) towards a light;  open = min(1, 2 · mean of T over the sphere)
 //
-// NumPy twin: volspec/raycast/light_volume/reference.py (layers). Same steps, same order.
+// NumPy twin: volspec/raycast/reference.py (layers). Same steps, same order.
 //
 // Launch: 1-D, whole work-groups. `extinction` has a work-item per node of the padded grid; then,
 // for each layer, `parallel` or `converging` has one per packet of LANES nodes along x.
@@ -20,7 +20,7 @@
 //             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives
 //
 // The host sets LANES, VOXEL, KIND (one of the four below) and the structs Span, Grid and Step
-// (volspec/raycast/light_volume/gpu.py describes their members).
+// (volspec/raycast/light_volume.py describes their members).
 
 #include "lanes.clh"
 

@@ -29,9 +29,10 @@ PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 EXTRAS = "test,video,notebook,zarr,distributed"
 # Each requirement is used by one of these.
 TESTS = (
-    *("test_layers", "test_cli", "test_cli_basis", "test_scene", "test_scene_schema", "test_image"),
+    *("test_layers", "test_cli", "test_cli_basis", "test_scene", "test_scene_schema"),
     *("volume/test_files", "volume/test_series", "volume/test_tiff", "volume/test_zarr"),
-    *("volume/test_pyvista", "test_opencl", "twins/test_relight", "viewer/test_window"),
+    *("volume/test_pyvista", "raycast/test_image", "gpu/test_opencl", "twins/test_relight"),
+    *("viewer/test_window",),
     *("palette/test_problem", "palette/test_palette_figure", "export/test_export_film"),
     *("notebook/test_widget", "spectra/test_construct"),
 )

@@ -27,7 +27,7 @@ install() {
 }
 
 device_works() {
-    "$python" -c 'from volspec._gpu.devices import chosen_device; chosen_device()' >/dev/null 2>&1
+    "$python" -c 'from volspec._gpu.devices import choose_device; choose_device()' >/dev/null 2>&1
 }
 
 if ! device_works; then

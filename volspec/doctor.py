@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from volspec import __version__
 from volspec._gpu import devices as opencl_devices
-from volspec._gpu.trials import DeviceInfo, try_all
+from volspec._gpu.devices import DeviceInfo, try_all
 from volspec.errors import DeviceError, OpenCLError, OpenGLError
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def examine() -> Examination:
     faults = try_all(devices)
     casts_on = None
     try:
-        casts_on = opencl_devices.chosen_device()
+        casts_on = opencl_devices.choose_device()
     except OpenCLError as error:
         problems.append(str(error))
     blocked = bool(problems)
@@ -134,13 +134,13 @@ def examine() -> Examination:
     no_sharing: str | None = "no OpenCL device, or no OpenGL context"
     try:
         from volspec._gpu.opengl import describe, headless_context
-        from volspec._gpu.sharing import why_not
+        from volspec._gpu.sharing import sharing_fault
 
         context = headless_context()
         found = describe(context)
         gl = f"{found['device']}, OpenGL {found['version']}"
         if casts_on is not None:
-            no_sharing = why_not(opencl_devices.all_devices()[casts_on], context)
+            no_sharing = sharing_fault(opencl_devices.all_devices()[casts_on], context)
         context.release()
     except (OpenGLError, ImportError) as error:
         problems.append(str(error))

@@ -1,9 +1,9 @@
-"""The spine: cast once, relight for ever.
+"""Cast once, relight many times: the two stages that everything else is built on.
 
     image = raycast(volume, transfer, camera)        slow: when one of these changes
     frame = relighter.frame(light, spec)             fast: at every light change
 
-The demo, the command line, the exporters and the viewer all come through here.
+The demo, the command line, the exporters and the viewer all use these functions.
 """
 
 from __future__ import annotations
@@ -64,22 +64,21 @@ def raycast(
     device : str, optional
         Part of an OpenCL device's name.
     progress : callable, optional
-        Called with the finished share, 0…1.
+        Called with the finished fraction, 0…1.
     cancel : callable, optional
-        Asked every few milliseconds; true ends the cast.
+        Called every few milliseconds; True ends the cast.
     caster : Raycaster, optional
-        The volume already on a device, for several casts of it; ``device`` is then the
-        caster's.
+        A Raycaster of the volume, for several casts; ``device`` is then the caster's.
     into : Relighter, optional
-        Shows the picture as after its ``update``; the one before stays where a cast fails. A
-        caster made with the Relighter's ``context`` fills it on the device.
+        Updated with the picture, as by its ``update``; unchanged if the cast fails. A caster
+        made with the Relighter's ``context`` fills it on the device.
     notes : {str: str}, optional
-        Kept in the image beside what this function notes.
+        Added to the image's notes, next to those of this function.
 
     Returns
     -------
     CoefficientImage
-        (H, W, M) channels premultiplied by opacity, a layer of them a light group; alpha, depths.
+        (H, W, L·M) channels premultiplied by opacity, by light group; alpha and depths.
 
     Raises
     ------
@@ -91,7 +90,7 @@ def raycast(
     VolumeError, RaycastError
         If the volume or the picture's size cannot be cast, or the caster holds another volume.
     CastCancelled
-        If ``cancel`` ended it.
+        If ``cancel`` returned True.
 
     Examples
     --------
@@ -114,19 +113,20 @@ def raycast(
         caster = Raycaster(volume, device=device)
     elif caster.volume is not volume:
         raise RaycastError(
-            f"raycast: the caster holds {caster.volume!r}, the volume is {volume!r}; "
-            "give the caster's own"
+            f"raycast: the caster holds {caster.volume!r}, the volume is {volume!r}",
+            "give the caster's own",
+            code="conflict",
         )
-    table = caster.table_of(transfer)
-    place = None
+    table = caster.bake(transfer)
+    slot = None
     if into is not None:
         width, height = checked_size(size)
         shape = height, width, len(spec.groups) * table.size
-        place = into.place(shape, spec.groups, caster.sharing)
-    cast = caster.cast(table, camera, size, spec, progress, cancel, place)
+        slot = into.place(shape, spec.groups, caster.sharing)
+    cast = caster.cast(table, camera, size, spec, progress, cancel, slot)
     if not cast.alpha.any():
-        warnings.warn(_empty(volume, table), VolspecWarning, stacklevel=2)
-    kept = {
+        warnings.warn(_empty_picture_warning(volume, table), VolspecWarning, stacklevel=2)
+    notes = {
         "volume": volume.name,
         "camera": repr(camera),
         "raycast": repr(spec),
@@ -134,13 +134,17 @@ def raycast(
         **(notes or {}),
     }
     image = CoefficientImage(
-        *(cast.coefficients, cast.alpha, cast.depth_mm, transfer.basis, kept),
+        cast.coefficients,
+        cast.alpha,
+        cast.depth_mm,
+        transfer.basis,
+        notes,
         groups=spec.shares(),
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
     )
     if into is not None:
-        into.update(image, place)
+        into.update(image, slot)
     return image
 
 
@@ -159,21 +163,21 @@ def refine(
     into: Relighter | None = None,
     notes: Mapping[str, str] | None = None,
 ) -> Iterator[CoefficientImage]:
-    """Cast coarse first: pictures of a 1/4, a 1/2 and all of the size, each when it is done.
+    """Cast progressively: pictures of 1/4, 1/2 and all of the size, each when it is done.
 
-    A viewer shows each, enlarged, while the next is under way; ``cancel`` ends the one that is.
+    A viewer shows each, enlarged, while the next is cast; ``cancel`` ends the current one.
 
     Parameters
     ----------
     volume, transfer, camera, size, spec
-        As `raycast`.
+        See `raycast`.
     coarsest : int
         The first picture's sides are divided by this; halved until 1. Pictures of fewer than
         8 pixels across are left out.
     device, progress, cancel, caster, notes
-        As `raycast`.
+        See `raycast`.
     into : Relighter, optional
-        Takes the last picture, whose size it has.
+        Updated with the last picture, whose size it must have.
 
     Yields
     ------
@@ -183,17 +187,21 @@ def refine(
     Raises
     ------
     RaycastError
-        If ``size`` or ``coarsest`` are no such numbers; and as `raycast`.
+        If ``size`` or ``coarsest`` are out of range; and as `raycast`.
     """
     whole("refine: coarsest", coarsest, 1, MAX_SIDE)
-    whole_size = checked_size(size, "refine")
+    full_size = checked_size(size, "refine")
     volume = Volume.of(volume)
     if caster is None:
         caster = Raycaster(volume, device=device)
 
     def cast(size: tuple[int, int], into: Relighter | None = None) -> CoefficientImage:
         return raycast(
-            *(volume, transfer, camera, size, spec),
+            volume,
+            transfer,
+            camera,
+            size,
+            spec,
             progress=progress,
             cancel=cancel,
             caster=caster,
@@ -203,11 +211,11 @@ def refine(
 
     divisor = coarsest
     while divisor > 1:
-        width, height = (-(-side // divisor) for side in whole_size)
+        width, height = (-(-side // divisor) for side in full_size)
         if min(width, height) >= LEAST_SIDE:
             yield cast((width, height))
         divisor = -(-divisor // 2)
-    yield cast(whole_size, into)
+    yield cast(full_size, into)
 
 
 def absorption_error(
@@ -220,24 +228,24 @@ def absorption_error(
     size: tuple[int, int] = (96, 96),
     caster: Raycaster | None = None,
 ) -> ErrorMap:
-    """How far spectral absorption takes a basis' colours from those of full spectra.
+    """Measure the error of a basis under spectral absorption, against full spectra.
 
-    Light that passes filters is multiplied again and again, and every product has the basis'
-    error: the picture is cast small once more, with a channel for each band.
+    Light that passes filters is multiplied repeatedly, and every product has the basis' error: a
+    small picture is cast with the basis, and again with a channel for each band.
 
     Parameters
     ----------
     volume, transfer, camera, spec, caster
-        As `raycast`.
+        See `raycast`.
     light : Spectrum or LightRig
-        What lights both.
+        Light of both pictures.
     size : (width, height)
         Pixels of the two pictures.
 
     Returns
     -------
     ErrorMap
-        CIEDE2000; ``str`` of it says mean, 95 % and maximum.
+        CIEDE2000; its ``str`` has mean, 95 % and maximum.
 
     Raises
     ------
@@ -249,7 +257,9 @@ def absorption_error(
     if bands.size > MAX_CHANNELS:
         raise RaycastError(
             f"absorption error: the basis has {bands.size} bands, {MAX_CHANNELS} channels can be "
-            "cast; take one on the default grid"
+            "cast",
+            "take one on the default grid",
+            code="size",
         )
     images = [
         raycast(caster.volume, each, camera, size, spec, caster=caster)
@@ -259,9 +269,9 @@ def absorption_error(
 
 
 def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, notes: Any) -> None:
-    """Refuse arguments of another type, by the names that users know."""
+    """Check the types of the arguments."""
     transfers = "TransferFunction, TransferFunction2D, LabelFunction or Isosurfaces"
-    for what, given, kinds, wanted in (
+    for argument, given, kinds, wanted in (
         ("transfer", transfer, Transfer, f"a {transfers}"),
         ("camera", camera, Camera, "a Camera"),
         ("spec", spec, RaycastSpec, "a RaycastSpec, or leave it out"),
@@ -270,26 +280,30 @@ def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, 
         ("notes", notes, Mapping | None, "a dict of text, or leave it out"),
     ):
         if not isinstance(given, kinds):
-            raise RaycastError.refused(f"raycast: {what}", given, f"give {wanted}")
+            raise RaycastError.refused(f"raycast: {argument}", given, f"give {wanted}", "type")
     for name, note in (notes or {}).items():
         if not (isinstance(name, str) and isinstance(note, str)):
             raise RaycastError(
-                f"raycast: notes has {quoted(name)}: {quoted(note)}; both must be text"
+                f"has {quoted(name)}: {quoted(note)}",
+                "both must be text",
+                code="type",
+                field="raycast: notes",
+                given=notes,
             )
 
 
-def _empty(volume: Volume, table: TransferTable | SurfaceTable) -> str:
-    """Why a picture may show nothing."""
+def _empty_picture_warning(volume: Volume, table: TransferTable | SurfaceTable) -> str:
+    """Return the warning for an empty picture, with its likely causes."""
     if isinstance(table, SurfaceTable):
         levels = ", ".join(f"{value:g}" for value in table.values)
-        what = f"The isosurfaces lie at {levels}"
+        content = f"The isosurfaces lie at {levels}"
     else:
-        what = (
+        content = (
             f"The transfer function runs from {table.domain[0]:g} to {table.domain[1]:g} with "
             f"opacity up to {table.opacity.max():g}"
         )
     return (
-        f"{volume.name}: the picture is empty. {what}, the volume's values from "
+        f"{volume.name}: the picture is empty. {content}, the volume's values from "
         f"{volume.range[0]:g} to {volume.range[1]:g}; or the camera looks past it, or crop and "
         "clip planes leave nothing of it"
     )

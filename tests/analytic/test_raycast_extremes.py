@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.errors import CameraError, RaycastError
 from volspec.raycast import (
     Camera,
@@ -114,31 +115,25 @@ def test_a_lamp_very_far_away_is_a_light_far_away() -> None:
     assert np.abs(pictures[0] - pictures[1]).max() < 1e-5
 
 
-@pytest.mark.parametrize(
-    "cast",
-    [
-        by_kernel,
-        reference.cast,
-    ],
-)
+@BOTH
 def test_farther_than_squares_are_numbers_is_refused_by_name(cast: Cast) -> None:
     volume = phantom.ball(16)
     camera = Camera.orbit(volume)
-    for source, message in (
-        (Point((1e20, 0, 0)), "'lamp': its distance is 1e\\+20 mm and .*take Directional"),
-        (Point((0, 1e20, 0), frame="camera"), "'lamp': its distance is 1e\\+20 mm"),
-        (Point((9, 0, 0), falloff_mm=1e20), "'lamp': falloff_mm is 1e\\+20 mm and .*leave it out"),
-        (Point((9, 0, 0), falloff_mm=1e-20), "falloff_mm is 1e-20, .* give 2.6e-08 or more"),
+    for source, field in (
+        (Point((1e20, 0, 0)), "its distance"),
+        (Point((0, 1e20, 0), frame="camera"), "its distance"),
+        (Point((9, 0, 0), falloff_mm=1e20), "falloff_mm"),
+        (Point((9, 0, 0), falloff_mm=1e-20), "falloff_mm"),
     ):
         spec = RaycastSpec(groups=(LightGroup("lamp", (source,)),))
-        with pytest.raises(RaycastError, match=message):
+        with raises(RaycastError, "range", f"point light of 'lamp': {field}"):
             cast(volume, fog(0.1), camera, (4, 4), spec)
-    for far, message in (
-        (replace(camera, position_mm=(1e20, 0, 0)), "position_mm to target_mm is 1e\\+20 mm"),
-        (Camera((1e20, 9, 0), (1e20, 0, 0)), "target_mm to the volume is 1e\\+20 mm"),
-        (replace(camera, height_mm=1e20), "height_mm is 1e\\+20 mm"),
+    for far, field in (
+        (replace(camera, position_mm=(1e20, 0, 0)), "position_mm to target_mm"),
+        (Camera((1e20, 9, 0), (1e20, 0, 0)), "target_mm to the volume"),
+        (replace(camera, height_mm=1e20), "height_mm"),
     ):
-        with pytest.raises(CameraError, match=message):
+        with raises(CameraError, "range", f"camera: {field}"):
             cast(volume, fog(0.1), far, (4, 4), FLAT)
 
 

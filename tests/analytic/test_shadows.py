@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from tests.twins.test_light_volume import downloaded, lit, opened
-from volspec.raycast import Ambient, Camera, Directional, LightGroup, Point, RaycastSpec
+from volspec.raycast import Ambient, Camera, Directional, LightGroup, Point, RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
-from volspec.raycast.light_volume import LightGrid, reference
-from volspec.raycast.light_volume.spec import sphere_directions
+from volspec.raycast.light_volume import LightGrid, sphere_directions
 from volspec.raycast.lights import Source
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, phantom

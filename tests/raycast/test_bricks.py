@@ -10,7 +10,7 @@ import pytest
 from volspec.raycast.bricks import (
     BRICK,
     brick_ranges,
-    chessboard_leaps,
+    chessboard_distance,
     opacity_spread,
     straddled_bricks,
     visible_bricks,
@@ -123,12 +123,12 @@ def test_a_level_straddles_as_float32() -> None:
 
 def test_leaps_are_chessboard_distances_and_255_where_all_is_empty() -> None:
     visible = np.zeros((5, 6, 7), bool)
-    assert (chessboard_leaps(visible) == 255).all()
-    assert chessboard_leaps(~visible).flags.c_contiguous
+    assert (chessboard_distance(visible) == 255).all()
+    assert chessboard_distance(~visible).flags.c_contiguous
     seen = np.array([(0, 0, 0), (4, 3, 6)])
     visible[tuple(seen.T)] = True
     away = np.indices(visible.shape)[:, None] - seen.T[:, :, None, None, None]
-    assert np.array_equal(chessboard_leaps(visible), np.abs(away).max(axis=0).min(axis=0))
+    assert np.array_equal(chessboard_distance(visible), np.abs(away).max(axis=0).min(axis=0))
     long = np.zeros((2, 2, 300), bool)
     long[..., 0] = True
-    assert chessboard_leaps(long).max() == 255
+    assert chessboard_distance(long).max() == 255

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.support.errors import raises
 from tests.twins.test_raycast import TOLERANCE, assert_alike
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import Struct
 from volspec._gpu.sources import Source, asset
 from volspec.errors import OpenCLError
-from volspec.raycast import Camera, RaycastSpec, reference
+from volspec.raycast import Camera, RaycastSpec, light_volume, reference
 from volspec.raycast.gpu import Raycaster
-from volspec.raycast.light_volume import gpu as light_volume
 from volspec.raycast.packed import CAST
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
@@ -140,15 +140,13 @@ def test_lanes_are_numbered_row_by_row_in_their_tile() -> None:
 
 
 def test_an_empty_program_names_the_cache_it_came_from() -> None:
-    """A compiler that was killed leaves one there, and PoCL takes it for good."""
+    """A compiler that was killed leaves one there, and PoCL uses it."""
     source = Source("__kernel void f(__global int *x) { x[0] = 1; }\n", ("<prelude>", "f.cl"))
-    with pytest.raises(
-        OpenCLError, match=r"f\.cl: .* empty; delete the cache of compiled programs"
-    ):
+    with raises(OpenCLError, "damaged"):
         Compute.open().kernel(source, "raycast")
 
 
-def test_a_cached_program_of_another_cpu_is_built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cached_program_of_another_cpu_is_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Intel's runtime refuses it as an invalid binary, and pyopencl then asks for a variable."""
 
     def refuse(*args: object, **settings: object) -> None:

@@ -9,8 +9,7 @@ import pytest
 from PIL import Image
 
 from benchmarks.robot import Robot
-from volspec._gpu.devices import devices
-from volspec._gpu.trials import POCL
+from volspec._gpu.devices import POCL, devices
 
 pytestmark = pytest.mark.usefixtures("screen")
 

@@ -214,7 +214,7 @@ def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> 
     casts = []
     window = threading.Thread(
         target=lambda: casts.append(
-            caster.cast(caster.table_of(state.transfer), camera, (32, 24), state.shading)
+            caster.cast(caster.bake(state.transfer), camera, (32, 24), state.shading)
         ),
         daemon=True,
     )

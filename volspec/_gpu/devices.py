@@ -1,27 +1,40 @@
 """OpenCL devices of this machine, and the choice of one that works.
 
 Drivers are those of the system, PoCL from its wheel, which makes any CPU a device, and Intel's CPU
-runtime from ``volspec[intel]``. A device is taken if it has compiled and run a kernel
-(`volspec._gpu.trials`). The environment variable ``VOLSPEC_DEVICE`` chooses one for every run.
+runtime from ``volspec[intel]``. The environment variable ``VOLSPEC_DEVICE`` chooses one for every
+run.
+
+A device is chosen only after a trial: a one-line kernel, compiled and run once in a child process.
+Drivers list devices for which they cannot compile (PoCL 3.0 of PyPI knows no CPU younger than its
+LLVM 14), and some end the process when they try. The answer is cached in the user's cache folder by
+device, driver and version; a failure for a day, since what was missing may have been installed.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import secrets
 import shutil
+import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import astuple, dataclass
 from functools import cache
+from glob import glob
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from volspec._gpu import trials
-from volspec._gpu.trials import POCL, DeviceInfo
-from volspec.errors import OpenCLError, nearest, quoted
+from volspec import _cache
+from volspec._child import child_command, exit_cause
+from volspec._files import write_whole
+from volspec.errors import InputError, OpenCLError, nearest, one_line, quoted
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -32,43 +45,90 @@ _INTEL_WHEEL, _INTEL_LIBRARIES = "intel-opencl-rt", ("libintelocl.so", "intelocl
 _VENDOR_VARIABLES, _VENDORS = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"), "/etc/OpenCL/vendors"
 
 
+POCL = "Portable Computing Language"
+_TIMEOUT_S = 60.0
+_FAILURE_CACHED_S = 86400.0
+_MOST_CACHED, _LARGEST_CACHE = 50, 1 << 20
+_WRONG_NUMBER = "the kernel ran but did not write its number"
+# Prints the error and exits with 1; a driver may end it at any line.
+_TRIAL = f"""
+import os, warnings
+index, expected, number = int(sys.argv[2]), sys.argv[3], int(sys.argv[4])
+warnings.simplefilter("ignore")
+os.environ["PYOPENCL_NO_CACHE"] = "1"
+import numpy as np
+import pyopencl as cl
+from volspec._gpu.devices import all_devices, describe
+device = all_devices()[index]
+if repr(describe(device)) != expected:
+    sys.exit("error: the list of devices has changed; try again")
+text = "__kernel void f(__global int *x) {{ x[0] = %d; }}" % number
+written = np.zeros(1, np.int32)
+try:
+    context = cl.Context([device])
+    queue = cl.CommandQueue(context)
+    result = cl.Buffer(context, cl.mem_flags.READ_WRITE, 4)
+    cl.Program(context, text).build().f(queue, (1,), None, result)
+    cl.enqueue_copy(queue, written, result)
+except cl.Error as error:
+    log = str(error).partition(">:")[2].partition("(options:")[0].strip() or str(error)
+    lines = log.splitlines()
+    sys.exit("error: " + next((line for line in lines if "error" in line), lines[0]))
+sys.exit("error: {_WRONG_NUMBER}" if written[0] != number else 0)
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceInfo:
+    """One OpenCL device, as `volspec doctor` lists it."""
+
+    name: str
+    platform: str
+    version: str
+    driver: str
+    is_cpu: bool
+    compute_units: int
+    memory_bytes: int
+    max_allocation_bytes: int
+
+
 def cache_folder() -> Path:
-    """Folder in which PoCL keeps compiled programs."""
+    """Folder of PoCL's cache of compiled programs."""
     default = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pocl"
     return Path(os.environ.get("POCL_CACHE_DIR") or default)
 
 
-def no_device() -> str:
-    """Message for a machine without any device: nothing is installed, or PoCL gives up."""
-    folder = cache_folder()
-    there = next((path for path in (folder, *folder.parents) if path.exists()), folder)
-    if not (there.is_dir() and os.access(there, os.W_OK)):
-        return (
-            f"no OpenCL device found; PoCL cannot keep compiled programs in {folder}, set "
-            "POCL_CACHE_DIR to a folder that can be written"
+def no_device_error() -> OpenCLError:
+    """Return the error for a machine without any device: nothing installed, or PoCL gave up."""
+    folder, way = cache_folder(), remedy([])
+    existing = next((path for path in (folder, *folder.parents) if path.exists()), folder)
+    if not (existing.is_dir() and os.access(existing, os.W_OK)):
+        way = (
+            f"PoCL cannot write compiled programs to {folder}, set POCL_CACHE_DIR to a folder that "
+            "can be written"
         )
-    return f"no OpenCL device found; {trials.remedy([])}"
+    return OpenCLError("no OpenCL device found", way, code="missing")
 
 
 def devices() -> list[DeviceInfo]:
-    """Every device of every driver, in the order of preference; empty if OpenCL is missing."""
+    """Return every device of every driver, best first; empty if OpenCL is missing."""
     return [describe(device) for device in all_devices()]
 
 
-def chosen_device(name: str | None = None) -> int:
-    """Index in `devices` of the first device that works, of those that a name means.
+def choose_device(name: str | None = None) -> int:
+    """Return the index in `devices` of the first device that works and has the name.
 
     Parameters
     ----------
     name : str, optional
         Part of a device's, its platform's or its driver's name, in any case. A whole number is an
-        index. Default: what ``VOLSPEC_DEVICE`` holds, else any device.
+        index. Default: the value of ``VOLSPEC_DEVICE``, else any device.
 
     Raises
     ------
     OpenCLError
-        If it is no text, there is no device, none of that name, or none of them works; the message
-        lists those there are, or the fault.
+        If the name is no text, or there is no device, none of that name, or none that works; the
+        message lists the devices, or their faults.
     """
     if name is not None and not isinstance(name, str):
         raise OpenCLError.refused(
@@ -76,7 +136,7 @@ def chosen_device(name: str | None = None) -> int:
         )
     found = devices()
     if not found:
-        raise OpenCLError(no_device())
+        raise no_device_error()
     wanted, source = name, ""
     if name is None:
         wanted, source = os.environ.get(DEVICE_VARIABLE, "").strip(), f" ({DEVICE_VARIABLE})"
@@ -91,12 +151,12 @@ def chosen_device(name: str | None = None) -> int:
             f"is {there}",
             code="unknown",
         )
-    # Where none works, the cache may hold what is not so any more.
+    # If none works, the cache may be out of date.
     for again in (False, True):
         for i in meant:
-            if not trials.fault(i, found, again=again):
+            if not fault(i, found, again=again):
                 return i
-    raise OpenCLError(unusable(meant, found))
+    raise unusable_error(meant, found)
 
 
 def _is_meant(wanted: str, index: int, device: DeviceInfo) -> bool:
@@ -105,21 +165,24 @@ def _is_meant(wanted: str, index: int, device: DeviceInfo) -> bool:
     return wanted.lower() in f"{device.platform}\n{device.name}\n{device.driver}".lower()
 
 
-def unusable(meant: list[int], found: list[DeviceInfo]) -> str:
-    """Message for devices that cannot run kernels: each with its fault, and the remedy."""
+def unusable_error(meant: list[int], found: list[DeviceInfo]) -> OpenCLError:
+    """Return the error for devices that cannot run kernels: each one's fault, and the remedy."""
     faults = "; ".join(
-        f"{found[i].name} ({found[i].platform}, {found[i].driver}): {trials.fault(i, found)}"
+        f"{found[i].name} ({found[i].platform}, {found[i].driver}): {fault(i, found)}"
         for i in meant
     )
     if len(meant) < len(found):
-        return f"OpenCL: {faults}. Choose another device with {DEVICE_VARIABLE}; see volspec doctor"
-    return f"OpenCL: no device can run a kernel. {faults}. Remedy: {trials.remedy(found)}"
+        way = f"choose another device with {DEVICE_VARIABLE}; see volspec doctor"
+        return OpenCLError(f"OpenCL: {faults}", way, code="unsupported")
+    return OpenCLError(
+        f"OpenCL: no device can run a kernel. {faults}", remedy(found), code="unsupported"
+    )
 
 
 def all_devices() -> list[cl.Device]:
-    """Devices as pyopencl has them: GPUs, then CPUs, the newest driver first.
+    """Return pyopencl's devices: GPUs, then CPUs, the newest driver first.
 
-    The loader's own order is that of the files in a folder.
+    The loader itself orders them as the files in its folder.
     """
     try:
         import pyopencl as cl
@@ -128,13 +191,13 @@ def all_devices() -> list[cl.Device]:
             found = [device for platform in cl.get_platforms() for device in platform.get_devices()]
     except (ImportError, OSError):
         return []
-    except cl.Error:  # the loader's way of saying that no driver is registered
+    except cl.Error:  # raised if no driver is registered
         return []
 
     def preference(device: cl.Device) -> tuple[bool, bool, list[int], str]:
         numbers = [-int(n) for n in re.findall(r"\d+", device.driver_version)]
         is_gpu = bool(device.type & cl.device_type.GPU)
-        # PoCL last: another driver of the CPU is there because somebody wanted it.
+        # PoCL last: another driver of the CPU was installed on purpose.
         return not is_gpu, device.platform.name == POCL, numbers, device.driver_version
 
     return sorted(found, key=preference)
@@ -142,7 +205,7 @@ def all_devices() -> list[cl.Device]:
 
 @contextmanager
 def _intel_registered() -> Iterator[None]:
-    """Let the loader see Intel's CPU runtime if its wheel is installed, without a variable set.
+    """Let the loader find Intel's CPU runtime if its wheel is installed.
 
     The wheel registers a path of the machine that built it. The loader reads one folder of drivers,
     at the process's first call, so that the folder need not stay.
@@ -167,7 +230,7 @@ def _intel_registered() -> Iterator[None]:
 
 @contextmanager
 def _variable(name: str, value: str) -> Iterator[None]:
-    """Set an environment variable for a while."""
+    """Set an environment variable inside the context."""
     before = os.environ.get(name)
     os.environ[name] = value
     try:
@@ -191,7 +254,7 @@ def _intel_library() -> Path | None:
 
 
 def describe(device: cl.Device) -> DeviceInfo:
-    """A device's names, versions and sizes."""
+    """Return a device's names, versions and sizes."""
     import pyopencl as cl
 
     return DeviceInfo(
@@ -204,3 +267,119 @@ def describe(device: cl.Device) -> DeviceInfo:
         memory_bytes=device.global_mem_size,
         max_allocation_bytes=device.max_mem_alloc_size,
     )
+
+
+def fault(index: int, devices: Sequence[DeviceInfo], *, again: bool = False) -> str:
+    """Return why a device does not work; empty if it does.
+
+    Parameters
+    ----------
+    index : int
+    devices : sequence of DeviceInfo
+        All of them, in the order of `volspec._gpu.devices.all_devices`.
+    again : bool
+        Try the device now, whatever the cache says.
+    """
+    key = _key(index, devices)
+    if not again:
+        found, at_s = _cached_faults().get(key, ("never tried", 0.0))
+        if not found or abs(time.time() - at_s) < _FAILURE_CACHED_S:
+            return found
+    found = _try(index, devices[index])
+    _cache_faults({key: found})
+    return found
+
+
+def try_all(devices: Sequence[DeviceInfo]) -> tuple[str, ...]:
+    """Try every device now, all at once, and return each one's `fault`."""
+    with ThreadPoolExecutor() as threads:
+        found = tuple(threads.map(_try, range(len(devices)), devices))
+    _cache_faults({_key(index, devices): each for index, each in enumerate(found)})
+    return found
+
+
+def _key(index: int, devices: Sequence[DeviceInfo]) -> str:
+    """Return a device's key in the cache; the order distinguishes two drivers of one name."""
+    info = devices[index]
+    same = devices[:index].count(info)
+    words = [*map(str, astuple(info)[:4]), str(same)]
+    if info.platform == POCL:  # it links each kernel
+        words.append("no linker" if _missing_linker() else str(_linker()))
+    return " | ".join(words)
+
+
+def _try(index: int, info: DeviceInfo) -> str:
+    number = secrets.randbelow(2**31)  # compiled, not found in a driver's cache
+    try:
+        done = subprocess.run(
+            [*child_command(_TRIAL), str(index), repr(info), str(number)],
+            capture_output=True,
+            check=False,
+            timeout=_TIMEOUT_S,
+        )
+    except subprocess.TimeoutExpired:
+        return f"a one-line kernel is not done after {_TIMEOUT_S:.0f} s"
+    except (OSError, TypeError) as error:  # the latter if the interpreter's path is unknown
+        return f"no process can be started to try it ({one_line(error)})"
+    if done.returncode == 0:
+        return ""
+    if info.platform == POCL and _missing_linker():
+        return "it cannot link kernels: it needs ld, libgcc and libc.so"
+    output = (done.stdout + b"\n" + done.stderr).decode(errors="replace")
+    found = re.search(r"error: (?:.*error: )?(.*)", output)
+    lines = [line for line in output.splitlines() if line.strip()]
+    text = found[1] if found else lines[-1] if lines else ""
+    if done.returncode < 0 or not text:
+        text = f"it ends the process ({exit_cause(done.returncode)}) {text}".rstrip()
+    return one_line(text)[:200]
+
+
+def _missing_linker() -> bool:
+    """Return True if ``ld``, libc or libgcc, with which PoCL links, is not in its usual place."""
+    usual = (
+        _linker(),
+        glob("/usr/lib*/gcc*/*/*/libgcc.a"),
+        glob("/usr/lib*/libc.so") or glob("/usr/lib/*/libc.so"),
+    )
+    return sys.platform == "linux" and not all(usual)
+
+
+def _linker() -> str | None:
+    """Return the path of ``ld`` as a driver finds it; None without a PATH."""
+    return shutil.which("ld", path=os.environ.get("PATH", ""))
+
+
+def remedy(devices: Sequence[DeviceInfo]) -> str:
+    """Return how to get a device that works, the best way first."""
+    if any(info.platform == POCL for info in devices) and _missing_linker():
+        return "on Debian or Ubuntu: apt-get install gcc libc6-dev"
+    ways = ["install your GPU's driver"]
+    if sys.platform == "linux":
+        ways.append("apt-get install pocl-opencl-icd (or conda install -c conda-forge pocl)")
+    elif sys.platform == "darwin":
+        ways.append("conda install -c conda-forge pocl")
+    ways.append("pip install 'volspec[intel]' (x86-64, Linux and Windows)")
+    return ", or ".join(ways)
+
+
+def _file() -> Path:
+    return _cache.cache_folder() / "devices.json"
+
+
+def _cached_faults() -> dict[str, tuple[str, float]]:
+    """Return fault and time of each trial, by key; nothing if the file is damaged."""
+    try:
+        if not _file().is_file() or _file().stat().st_size > _LARGEST_CACHE:
+            return {}
+        rows = json.loads(_file().read_text(encoding="utf-8"))
+        return {str(key): (str(found), float(at)) for key, (found, at) in rows.items()}
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError, OverflowError):
+        return {}
+
+
+def _cache_faults(faults: dict[str, str]) -> None:
+    rows = {key: row for key, row in _cached_faults().items() if key not in faults}
+    rows |= {key: (found, time.time()) for key, found in faults.items()}
+    newest = dict(list(rows.items())[-_MOST_CACHED:])
+    with suppress(OSError, InputError), write_whole(_file()) as temporary:
+        temporary.write_text(json.dumps(newest, indent=1), encoding="utf-8")

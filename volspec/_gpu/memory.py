@@ -1,4 +1,4 @@
-"""How much memory the host can still give."""
+"""Free memory of the host."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def host_free_bytes(root: Path = Path("/")) -> int:
-    """Memory this process can still take: the machine's, or its container's where that is less."""
+    """Return the memory this process can still allocate: the machine's, or its container's."""
     import psutil
 
     try:
@@ -16,7 +16,7 @@ def host_free_bytes(root: Path = Path("/")) -> int:
         free = sys.maxsize
     group = root / "sys/fs/cgroup"
     try:
-        limit = int((group / "memory.max").read_text())  # ValueError where it says "max"
+        limit = int((group / "memory.max").read_text())  # ValueError if it is "max"
         used = int((group / "memory.current").read_text())
         stat = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
     except (OSError, ValueError):

@@ -1,7 +1,7 @@
 """OpenCL devices, programs and buffers; knows no stage.
 
 Compiled programs are cached by PoCL and the GPU drivers on disk, and here per context. Which device
-is taken: `volspec._gpu.devices`.
+is chosen: `volspec._gpu.devices`.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from weakref import WeakKeyDictionary
 
 from numpy.typing import NDArray
 
-from volspec._gpu.build_log import complaint
 from volspec._gpu.devices import (
     DEVICE_VARIABLE,
+    DeviceInfo,
     all_devices,
     cache_folder,
-    chosen_device,
+    choose_device,
     describe,
     devices,
-    unusable,
+    fault,
+    unusable_error,
 )
 from volspec._gpu.memory import host_free_bytes
 from volspec._gpu.sharing import Sharing
-from volspec._gpu.sources import Source
-from volspec._gpu.trials import DeviceInfo, fault
+from volspec._gpu.sources import Source, first_error
 from volspec.errors import OpenCLError, ShapeError, one_line
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
 
-# Kernels that a context keeps, the last used. PoCL takes 2 to 3 MB for each, and settings have more
-# variants than a day's work ends at; a cast needs at most 5, and one built again takes 0.1 s.
+# Kernels cached by a context, last used. PoCL takes 2 to 3 MB for each, and a day's work with
+# varied settings needs many; a cast needs at most 5, and building one again takes 0.1 s.
 MOST_KERNELS = 16
 # Sums may be fused, zeros lose their sign; infinities and NaN keep their meaning.
 OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
@@ -46,7 +46,7 @@ OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
 
 @dataclass(slots=True)
 class Compute:
-    """A context on one device, a queue for launches and one for transfers; the kernels built."""
+    """OpenCL context on one device: a queue for launches, one for transfers, a cache of kernels."""
 
     context: cl.Context
     queue: cl.CommandQueue
@@ -55,18 +55,18 @@ class Compute:
     sharing: Sharing | None = None
     # The last used comes last.
     _kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel] = field(default_factory=dict)
-    # Bytes of each buffer that still lives.
-    _held: WeakKeyDictionary[cl.Buffer, int] = field(default_factory=WeakKeyDictionary)
+    # Bytes of each live buffer.
+    _allocated: WeakKeyDictionary[cl.Buffer, int] = field(default_factory=WeakKeyDictionary)
 
     @classmethod
     def open(cls, name: str | None = None, gl: Any = None) -> Compute:
-        """Open the device that a name means (`chosen_device`).
+        """Open the device of a name (`choose_device`).
 
         Parameters
         ----------
         name : str, optional
         gl : moderngl.Context, optional
-            Whose buffers kernels shall be able to write (`Sharing`).
+            OpenGL context whose buffers kernels can write (`Sharing`).
 
         Raises
         ------
@@ -74,7 +74,7 @@ class Compute:
             If there is no device, none of that name, its driver refuses a context, or it does
             not share with ``gl``.
         """
-        index = chosen_device(name)
+        index = choose_device(name)
         device = all_devices()[index]
         import pyopencl as cl
 
@@ -87,8 +87,9 @@ class Compute:
             queue, transfers = cl.CommandQueue(context), cl.CommandQueue(context)
         except cl.Error as error:
             raise OpenCLError(
-                f"{device.name.strip()}: its driver makes no context ({one_line(error)}); choose "
-                f"another device with {DEVICE_VARIABLE}, `volspec doctor` lists them"
+                f"{device.name.strip()}: its driver makes no context ({one_line(error)})",
+                f"choose another device with {DEVICE_VARIABLE}, `volspec doctor` lists them",
+                code="unsupported",
             ) from error
         return cls(context, queue, transfers, describe(device), sharing)
 
@@ -98,63 +99,65 @@ class Compute:
         Raises
         ------
         OpenCLError
-            If it does not build; the message carries device, options, the compiler's first
-            complaint and the line of the source it is about.
+            If it does not build; the message holds device, options, the compiler's first error
+            and the line of the source that it is about.
         """
         key = (source.text, name, tuple(options))
-        kernel = self._kernels.pop(key, None) or self._built(source, name, options)
+        kernel = self._kernels.pop(key, None) or self._build(source, name, options)
         self._kernels[key] = kernel
         if len(self._kernels) > MOST_KERNELS:
             del self._kernels[next(iter(self._kernels))]
         return kernel
 
-    def _built(self, source: Source, name: str, options: Sequence[str]) -> cl.Kernel:
+    def _build(self, source: Source, name: str, options: Sequence[str]) -> cl.Kernel:
         import pyopencl as cl
 
         try:
             with warnings.catch_warnings():
-                # Build logs are shown when a build fails, not when it says "ok".
+                # Build logs are shown if the build fails.
                 warnings.simplefilter("ignore")
                 # A binary in pyopencl's cache may be of another CPU of the same name (Intel's
                 # runtime): pyopencl then builds again, but reads this without a default.
                 os.environ.setdefault("PYOPENCL_CACHE_FAILURE_FATAL", "")
                 program = cl.Program(self.context, source.text).build(options=list(options))
         except cl.RuntimeError as error:
-            self._try_again()
+            self._check_device()
             raise OpenCLError(
                 f"{source.files[1]} does not build on {self.info.name} with "
-                f"{' '.join(options) or 'no options'}: {complaint(str(error), source)}"
+                f"{' '.join(options) or 'no options'}: {first_error(str(error), source)}",
+                code="unsupported",
             ) from error
         try:
             return cl.Kernel(program, name)
         except cl.LogicError as error:
             # A compiler that died half-way leaves an empty program in PoCL's cache.
             raise OpenCLError(
-                f"{source.files[1]}: the program that {self.info.name} built is empty; "
-                f"delete the cache of compiled programs ({cache_folder()}) and try again"
+                f"{source.files[1]}: the program that {self.info.name} built is empty",
+                f"delete the cache of compiled programs ({cache_folder()}) and try again",
+                code="damaged",
             ) from error
 
-    def _try_again(self) -> None:
-        """Ask whether the device still works: its trial may be long ago.
+    def _check_device(self) -> None:
+        """Repeat the device's trial, which may be long ago.
 
         Raises
         ------
         OpenCLError
-            If it fails at a one-line kernel, too; the next run takes another device.
+            If it fails at a one-line kernel, too; the next run chooses another device.
         """
         found = devices()
         if self.info in found and fault(index := found.index(self.info), found, again=True):
-            raise OpenCLError(unusable([index], found))
+            raise unusable_error([index], found)
 
     def upload(self, array: NDArray[Any], *, share: bool = False) -> cl.Buffer:
-        """A buffer that kernels read, with an array's values.
+        """Make a buffer that kernels read, with an array's values.
 
         Parameters
         ----------
         array : C-contiguous array
         share : bool
-            On a CPU take the array's own memory instead of a copy. The buffer keeps the array
-            alive; do not write to it meanwhile.
+            On a CPU, use the array's own memory instead of a copy. The buffer keeps the array
+            alive; do not write to the array meanwhile.
 
         Raises
         ------
@@ -167,8 +170,9 @@ class Compute:
 
         if not array.flags.c_contiguous:
             raise ShapeError(
-                f"{self.info.name}: an array of shape {array.shape} is not C-contiguous; "
-                "pass numpy.ascontiguousarray(array)"
+                f"{self.info.name}: an array of shape {array.shape} is not C-contiguous",
+                "pass numpy.ascontiguousarray(array)",
+                code="shape",
             )
         shared = share and self.info.is_cpu
         source = cl.mem_flags.USE_HOST_PTR if shared else cl.mem_flags.COPY_HOST_PTR
@@ -177,13 +181,13 @@ class Compute:
         )
 
     def output(self, nbytes: int, into: NDArray[Any] | None = None) -> cl.Buffer:
-        """A device buffer that kernels write and the host reads.
+        """Make a buffer that kernels write and the host reads.
 
         Parameters
         ----------
         nbytes : int
         into : C-contiguous array, optional
-            What `download` will fill. On a CPU kernels then write there.
+            Destination of `download`. On a CPU kernels then write there.
 
         Raises
         ------
@@ -197,17 +201,17 @@ class Compute:
             return self._buffer(flags, nbytes, into, counted=False)
         return self._buffer(cl.mem_flags.READ_WRITE, nbytes)
 
-    def require(self, nbytes: int, what: str, remedy: str) -> None:
-        """Refuse what memory does not suffice for, before any of it is taken.
+    def require(self, nbytes: int, field: str, remedy: str) -> None:
+        """Check that memory suffices, before any of it is allocated.
 
         Parameters
         ----------
         nbytes : int
             All that is about to be allocated.
-        what : str
-            What needs it, as the message's subject: ``"engine.nrrd at 4096x4096"``.
+        field : str
+            Subject of the message: ``"engine.nrrd at 4096x4096"``.
         remedy : str
-            What the user can do.
+            Advice to the user.
 
         Raises
         ------
@@ -215,12 +219,14 @@ class Compute:
             If the device's memory, less what is allocated here, is smaller; on a CPU also if
             the host's is.
         """
-        free = max(self.info.memory_bytes - sum(self._held.values()), 0)
+        free = max(self.info.memory_bytes - sum(self._allocated.values()), 0)
         if self.info.is_cpu:
             free = min(free, host_free_bytes())
         if nbytes > free:
             raise OpenCLError(
-                f"{self.info.name}: {what} needs {_size(nbytes)}, {_size(free)} are free; {remedy}"
+                f"{self.info.name}: {field} needs {_size(nbytes)}, {_size(free)} are free",
+                remedy,
+                code="size",
             )
 
     def _buffer(
@@ -231,16 +237,16 @@ class Compute:
         *,
         counted: bool = True,
     ) -> cl.Buffer:
-        with self._told(nbytes):
+        with self._raising_opencl_error(nbytes):
             size = 0 if array is not None else nbytes
             buffer = _buffer_type()(self.context, flags, size, hostbuf=array)
         if counted:
-            self._held[buffer] = nbytes
+            self._allocated[buffer] = nbytes
         return buffer
 
     @contextmanager
-    def _told(self, nbytes: int) -> Iterator[None]:
-        """Say in one line that memory does not suffice."""
+    def _raising_opencl_error(self, nbytes: int) -> Iterator[None]:
+        """Turn a failed allocation into a volspec error."""
         import pyopencl as cl
 
         limit = self.info.max_allocation_bytes
@@ -251,13 +257,15 @@ class Compute:
         except cl.Error as error:
             raise OpenCLError(
                 f"{self.info.name} has no room for {_size(nbytes)} (its largest buffer is "
-                f"{_size(limit)}); cast a smaller picture or a down-sampled volume"
+                f"{_size(limit)})",
+                "cast a smaller picture or a down-sampled volume",
+                code="size",
             ) from error
 
     def download(
         self, buffer: cl.Buffer, into: NDArray[Any], after: cl.Event | None = None
     ) -> None:
-        """Have a buffer's content in a contiguous array, and wait for it.
+        """Copy a buffer into a contiguous array, and wait for it.
 
         Parameters
         ----------
@@ -265,8 +273,7 @@ class Compute:
             From `output`.
         into : C-contiguous array
         after : cl.Event, optional
-            The launch that fills it: those queued since then go on meanwhile. All launches when
-            left out.
+            Launch that fills it; later ones go on meanwhile. Default: all launches.
         """
         import pyopencl as cl
 
@@ -275,7 +282,12 @@ class Compute:
         events = after and [after]
         if buffer.hostbuf is not None:  # kernels write into the array itself
             view, _ = cl.enqueue_map_buffer(
-                *(self.transfers, buffer, cl.map_flags.READ, 0, into.shape, into.dtype),
+                self.transfers,
+                buffer,
+                cl.map_flags.READ,
+                0,
+                into.shape,
+                into.dtype,
                 wait_for=events,
             )
             view.base.release(self.transfers)
@@ -285,7 +297,7 @@ class Compute:
 
 @cache
 def _buffer_type() -> type[cl.Buffer]:
-    """A buffer that can be counted while it lives: pyopencl's own takes no weak references."""
+    """Return a buffer class with weak references, which pyopencl's own lacks."""
     import pyopencl as cl
 
     class CountedBuffer(cl.Buffer):

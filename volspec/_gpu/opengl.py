@@ -31,7 +31,7 @@ _REMEDIES = {
     "linux": "install EGL and a driver, on Debian or Ubuntu: "
     "apt-get install libegl1 libgl1 libgl1-mesa-dri",
 }
-# Contexts that `give_back_context` keeps.
+# Most contexts that `give_back_context` caches.
 _MOST_IDLE = 4
 
 
@@ -61,8 +61,9 @@ def headless_context() -> moderngl.Context:
             failures.append(error)
     raise OpenGLError(
         f"OpenGL: no headless context of version 3.3 "
-        f"({'; '.join(one_line(error) for error in failures)}); "
-        f"{_REMEDIES.get(sys.platform, _REMEDIES['linux'])}"
+        f"({'; '.join(one_line(error) for error in failures)})",
+        f"{_REMEDIES.get(sys.platform, _REMEDIES['linux'])}",
+        code="unsupported",
     ) from failures[0]
 
 
@@ -80,33 +81,34 @@ def _moderngl() -> Any:
     except ImportError as error:
         build = "apt-get install g++ python3-dev libx11-dev; " if sys.platform == "linux" else ""
         raise OpenGLError(
-            f"OpenGL: moderngl cannot be imported ({one_line(error)}); {build}pip install moderngl",
-            code="unsupported",
+            f"OpenGL: moderngl cannot be imported ({one_line(error)})",
+            f"{build}pip install moderngl",
+            code="missing",
         ) from error
     return moderngl
 
 
 @cache
 def _idle_contexts() -> list[tuple[moderngl.Context, int]]:
-    """Contexts to lend, each of 2.4 MB.
+    """Return the cache of contexts to lend, 2.4 MB each.
 
-    moderngl 5.13 keeps 40 kB of every context for the rest of the process: one serves pictures made
-    one after the other, four a page of them.
+    moderngl 5.13 leaks 40 kB per context. One is enough for pictures made one after the other,
+    four for a page of them.
     """
     return []
 
 
 def lend_context() -> tuple[moderngl.Context, int]:
-    """Return a headless context that nobody else draws in, and its `egl_handle`.
+    """Return a headless context for exclusive use, and its `egl_handle`.
 
     Raises
     ------
     OpenGLError
-        As `headless_context`.
+        See `headless_context`.
     """
     idle = _idle_contexts()
     while idle:
-        with suppress(IndexError, ContextLost):  # another thread's now, or gone
+        with suppress(IndexError, ContextLost):  # taken by another thread, or lost
             context, handle = idle.pop()
             with made_current(context, handle):
                 return context, handle
@@ -124,7 +126,7 @@ def give_back_context(context: moderngl.Context, handle: int) -> None:
 
 
 def window_context() -> moderngl.Context:
-    """Take over the context that a window has made current on this thread.
+    """Wrap the context that a window has made current on this thread.
 
     Raises
     ------
@@ -135,7 +137,9 @@ def window_context() -> moderngl.Context:
     try:
         return library.create_context(require=MINIMUM_VERSION)
     except Exception as error:  # as above
-        raise OpenGLError(f"OpenGL: {one_line(error)}; 3.3 is needed") from error
+        raise OpenGLError(
+            f"OpenGL: {one_line(error)}; 3.3 is needed", code="unsupported"
+        ) from error
 
 
 @cache
@@ -149,35 +153,36 @@ def _egl() -> ctypes.CDLL | None:
 
 
 def egl_handle() -> int:
-    """The EGL context current on this thread; 0 if there is none, or no EGL (macOS, Windows)."""
+    """Return the EGL context current on this thread; 0 without one or without EGL."""
     egl = _egl()
     return int(egl.eglGetCurrentContext() or 0) if egl else 0
 
 
 @contextmanager
 def made_current(context: moderngl.Context, handle: int) -> Iterator[None]:
-    """Draw in a context, and be sure that it is this one.
+    """Make a context current, and check that it is.
 
-    VTK ends the EGL display that it shares with everyone when it opens its first window; making
-    a context of before current then fails without an error, and every call would land in VTK's
-    own context.
+    VTK terminates the process's shared EGL display when it opens its first window. Making an older
+    context current then fails without an error, and every call would go to VTK's own context.
 
     Parameters
     ----------
     handle : int
-        `egl_handle` when the context was made.
+        `egl_handle` from when the context was made.
 
     Raises
     ------
     ContextLost
         If the context is gone.
     """
-    if handle and egl_handle() == handle:  # an owner's, or entered before: leaving would flush it
+    if handle and egl_handle() == handle:  # current already: leaving it would flush
         yield
         return
     with context:
         if egl_handle() != handle:
-            raise ContextLost("OpenGL: another library on this thread ended the context")
+            raise ContextLost(
+                "OpenGL: another library on this thread ended the context", code="state"
+            )
         yield
 
 
@@ -207,12 +212,13 @@ def compile_program(
         source = vertex if "vertex_shader" in log else fragment
         raise OpenGLError(
             f"OpenGL: {source.files[1]} does not compile on "
-            f"{describe(context)['device']}: {source.name_files(log).strip()}"
+            f"{describe(context)['device']}: {source.name_files(log).strip()}",
+            code="unsupported",
         ) from error
 
 
 def describe(context: moderngl.Context) -> dict[str, Any]:
-    """What draws: ``device``, ``vendor``, ``version``, ``max_layers``, ``max_size``."""
+    """Return device, vendor, version, max_layers and max_size of a context."""
     info = context.info
     return {
         "device": info["GL_RENDERER"],

@@ -50,7 +50,7 @@ def _define(name: str, value: ArrayLike, language: Language) -> str:
 
 
 def prelude(constants: Mapping[str, ArrayLike], language: Language) -> str:
-    """``#define`` lines for the constants, in the order given.
+    """Return ``#define`` lines for the constants, in their order.
 
     >>> print(prelude({"CHANNELS": 7, "Y_B": 20.0}, "glsl"), end="")
     #define CHANNELS 7

@@ -1,6 +1,6 @@
-"""Memory that OpenCL and OpenGL share (cl_khr_gl_sharing), where a device offers it.
+"""Memory shared by OpenCL and OpenGL (cl_khr_gl_sharing), if the device supports it.
 
-An option: pictures otherwise go from one to the other through the host, which works everywhere
+Optional: without it pictures go from one to the other through the host, which works everywhere
 (docs/decisions/0010).
 """
 
@@ -27,8 +27,8 @@ BUILD = (
     "--no-binary pyopencl pyopencl"
 )
 _HOST = "leave context out, and pictures go through the host"
-# Library, who is current and where, and the display's name among pyopencl's context properties.
-_WAYS = (
+# Library, functions for the current context and display, the display's context property.
+_APIS = (
     ("libEGL.so.1", "eglGetCurrentContext", "eglGetCurrentDisplay", "EGL_DISPLAY_KHR"),
     ("libGL.so.1", "glXGetCurrentContext", "glXGetCurrentDisplay", "GLX_DISPLAY_KHR"),
 )
@@ -44,7 +44,7 @@ class Current:
 
 
 @cache
-def _asker(library: str, function: str) -> Any:
+def _function(library: str, function: str) -> Any:
     try:
         found = getattr(ctypes.CDLL(library), function)
     except (OSError, AttributeError):
@@ -54,18 +54,18 @@ def _asker(library: str, function: str) -> Any:
 
 
 def current() -> Current | None:
-    """What is current on this thread; None where neither EGL nor GLX has a context."""
-    for library, context, display, name in _WAYS:
-        if handle := _asker(library, context)():
-            return Current(handle, _asker(library, display)() or 0, name)
+    """Return the OpenGL context current on this thread; None if EGL and GLX have none."""
+    for library, context, display, name in _APIS:
+        if handle := _function(library, context)():
+            return Current(handle, _function(library, display)() or 0, name)
     return None
 
 
 def refusal(device: cl.Device) -> str | None:
-    """Why a device cannot share, with the remedy; None where it says that it can.
+    """Return why a device cannot share, with the remedy; None if it has the extension.
 
-    The extension has to be asked for: PoCL 3.0 makes a shared context without a word, and ends
-    the process at the first buffer.
+    Only the extension's name is reliable: PoCL 3.0 makes a shared context without an error, and
+    ends the process at the first buffer.
     """
     import pyopencl as cl
 
@@ -91,13 +91,13 @@ class Sharing:
     Parameters
     ----------
     context : moderngl.Context
-        Its owner's.
+        Owned by the caller.
     handle : int
-        What EGL or GLX calls it.
+        Its handle in EGL or GLX.
     egl : int
-        `egl_handle` of it, for `made_current`.
+        Its `egl_handle`, for `made_current`.
     name : str
-        The renderer's, and the handle: for messages.
+        Renderer and handle, for messages.
     """
 
     context: Any
@@ -117,30 +117,33 @@ class Sharing:
         """
         import pyopencl as cl
 
-        if told := refusal(device):
-            raise OpenCLError(told)
+        if reason := refusal(device):
+            raise OpenCLError(reason, code="unsupported")
         with context:
             here = current()
             if here is None:
                 raise OpenCLError(
-                    "sharing with OpenGL: the context given is none of EGL or GLX, or has ended; "
-                    "give moderngl.create_standalone_context(backend='egl') or a window's"
+                    "sharing with OpenGL: the context given is none of EGL or GLX, or has ended",
+                    "give moderngl.create_standalone_context(backend='egl') or a window's",
+                    code="unsupported",
                 )
-            name = named(context, here)
+            name = context_name(context, here)
             try:
                 shared = cl.Context([device], properties=_properties(device, here))
             except cl.Error as error:
                 raise OpenCLError(
                     f"sharing with OpenGL: {device.name.strip()} does not share with {name} "
-                    f"({one_line(error)}); draw on the device that casts, or {_HOST}"
+                    f"({one_line(error)})",
+                    f"draw on the device that casts, or {_HOST}",
+                    code="unsupported",
                 ) from error
             return shared, cls(context, here.handle, egl_handle(), name)
 
     @contextmanager
     def acquired(self, queue: cl.CommandQueue, buffer: Any) -> Iterator[cl.GLBuffer]:
-        """A moderngl.Buffer as kernels write it; OpenGL must leave it alone meanwhile.
+        """Give kernels a moderngl.Buffer, which OpenGL must not use meanwhile.
 
-        Without events that both sides know, each must have finished before the other begins
+        Without events shared by both APIs, each must finish before the other begins
         (cl_khr_gl_sharing, "Synchronizing OpenCL and OpenGL access").
 
         Raises
@@ -150,20 +153,20 @@ class Sharing:
         """
         import pyopencl as cl
 
-        with self._told(), made_current(self.context, self.egl):
+        with self._raising_opencl_error(), made_current(self.context, self.egl):
             self.context.finish()
             memory = cl.GLBuffer(queue.context, cl.mem_flags.WRITE_ONLY, buffer.glo)
             cl.enqueue_acquire_gl_objects(queue, [memory])
         try:
             yield memory
         finally:
-            with self._told(), made_current(self.context, self.egl):
+            with self._raising_opencl_error(), made_current(self.context, self.egl):
                 cl.enqueue_release_gl_objects(queue, [memory])
                 queue.finish()
                 memory.release()
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _raising_opencl_error(self) -> Iterator[None]:
         import pyopencl as cl
 
         try:
@@ -171,12 +174,14 @@ class Sharing:
         except cl.Error as error:
             raise OpenCLError(
                 f"sharing with OpenGL: the driver does not share a buffer of {self.name} "
-                f"({one_line(error)}); {_HOST}"
+                f"({one_line(error)})",
+                f"{_HOST}",
+                code="unsupported",
             ) from error
 
 
-def named(context: Any, here: Current | None) -> str:
-    """An OpenGL context, in a message."""
+def context_name(context: Any, here: Current | None) -> str:
+    """Return the name of an OpenGL context for messages."""
     return f"{describe(context)['device']} (context {here.handle if here else 0:#x})"
 
 
@@ -191,8 +196,8 @@ def _properties(device: cl.Device, here: Current) -> list[tuple[Any, Any]]:
     ]
 
 
-def why_not(device: cl.Device, context: Any) -> str | None:
-    """Why a device does not share with a context, tried in earnest; None where it does."""
+def sharing_fault(device: cl.Device, context: Any) -> str | None:
+    """Try to share a context with a device, and return why it fails; None if it works."""
     try:
         Sharing.open(device, context)
     except VolspecError as error:

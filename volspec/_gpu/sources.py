@@ -1,7 +1,7 @@
-"""Find and assemble the sources and data that ship beside the Python code.
+"""Find and assemble the kernels, shaders and data that ship with the Python code.
 
 In a checkout they are ``kernels/``, ``shaders/`` and ``data/`` at the root; in a wheel the
-same folders sit in ``volspec/_assets/``. Callers ask for a path relative to either.
+same folders are in ``volspec/_assets/``. Paths are relative to either.
 
 ``#include "file"`` lines are expanded here for both languages, so that OpenCL C and GLSL
 share one mechanism and compiler messages name the real file and line: OpenCL by its
@@ -15,33 +15,33 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 
-from volspec.errors import VolspecError
+from volspec.errors import VolspecError, one_line
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 
 
 @cache
 def asset_root() -> Path:
-    """The folder that holds ``kernels``, ``shaders`` and ``data``."""
+    """Return the folder that holds ``kernels``, ``shaders`` and ``data``."""
     package = Path(__file__).resolve().parent.parent
     for root in (package / "_assets", package.parent):
         if (root / "kernels").is_dir() and (root / "shaders").is_dir():
             return root
     raise VolspecError(
-        f"volspec: kernels/ and shaders/ not found beside {package}; "
+        f"volspec: kernels/ and shaders/ not found next to {package}; "
         "the installation is incomplete, reinstall the package",
         code="damaged",
     )
 
 
 def asset(relative: str) -> Path:
-    """Path of a shipped file, such as ``data/engine.nrrd`` or ``kernels/raycast.cl``."""
+    """Return the path of a shipped file, such as ``data/engine.nrrd`` or ``kernels/raycast.cl``."""
     return asset_root() / relative
 
 
 @cache
 def _lines(file: Path) -> list[str]:
-    """A source's lines; every cast assembles its kernel anew to find it among the built ones."""
+    """Return a source's lines; cached, since every cast assembles its kernel to look it up."""
     return file.read_text(encoding="utf-8").splitlines()
 
 
@@ -65,13 +65,13 @@ class Source:
 
 @lru_cache(maxsize=64)
 def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
-    """Read a kernel or shader, put the prelude before it and expand its includes.
+    """Read a kernel or shader, prepend the prelude and expand its includes.
 
     Parameters
     ----------
     relative : str
         ``kernels/….cl`` or ``shaders/….frag``; includes are looked up in the ``include``
-        folder beside it, each at most once.
+        folder next to it, each at most once.
     prelude : str
         ``#define`` lines (`volspec._gpu.prelude`).
     glsl_version : str
@@ -84,7 +84,7 @@ def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
     """
     path = asset(relative)
     files: list[str] = ["<prelude>"]
-    seen: set[str] = set()
+    included: set[str] = set()
     out: list[str] = [f"#version {glsl_version}"] if glsl_version else []
     out.append(prelude.rstrip("\n"))
 
@@ -93,14 +93,16 @@ def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
 
     def append(file: Path) -> None:
         name = file.relative_to(asset_root()).as_posix()
-        if name in seen:
+        if name in included:
             return
-        seen.add(name)
+        included.add(name)
         files.append(name)
         try:
             lines = _lines(file)
         except OSError as error:
-            raise VolspecError(f"{relative}: cannot read {name}: {error.strerror}") from error
+            raise VolspecError(
+                f"{relative}: cannot read {name}: {error.strerror}", code="not-found"
+            ) from error
         out.append(mark(1, name))
         for number, line in enumerate(lines, start=1):
             if match := _INCLUDE.match(line):
@@ -111,3 +113,28 @@ def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
 
     append(path)
     return Source("\n".join(out) + "\n", tuple(files))
+
+
+# "FILE:12:5: error: …" is clang's form, "error: FILE:12:5: …" PoCL's.
+_ERROR = re.compile(
+    r"^(?:(?:fatal )?error: )?([^:\n]+):(\d+):(\d+): (?:(?:fatal )?error: )?(.*)$", re.MULTILINE
+)
+_MARK = re.compile(r'#line (\d+) "([^"]+)"')
+
+
+def first_error(log: str, source: Source) -> str:
+    """Return the OpenCL compiler's first error in one line, with the source line's text."""
+    found = next((m for m in _ERROR.finditer(log) if "error: " in m[0]), None)
+    if found is None:
+        return one_line(log)
+    # The compiler has its own name for the lines before the first mark.
+    file = found[1] if found[1] in source.files else source.files[0]
+    name, number = source.files[0], 0
+    for line in source.text.splitlines():
+        if mark := _MARK.match(line):
+            number, name = int(mark[1]) - 1, mark[2]
+            continue
+        number += 1
+        if (name, number) == (file, int(found[2])):
+            return f'{file}:{number}:{found[3]}: error: {found[4]}: "{line.strip()}"'
+    return one_line(found[0])

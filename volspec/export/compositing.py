@@ -33,7 +33,7 @@ from volspec.errors import ImageError, ViewingError, quoted
 from volspec.export.primaries import PRIMARIES
 from volspec.export.spectral import per_flat_white
 from volspec.raycast import CoefficientImage
-from volspec.raycast.groups import channel_names
+from volspec.raycast.image_file import channel_names
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.scene import NamedLight, Scene

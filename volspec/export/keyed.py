@@ -18,7 +18,7 @@ from volspec.errors import InputError, SceneError
 from volspec.export.motion import Way, between_keys, ratios_between_keys, rows_of, tracks_between
 from volspec.export.moved import at_each, moved_cameras, moved_transfers
 from volspec.raycast import Camera
-from volspec.raycast.reach import check_reach
+from volspec.raycast.packed import check_reach
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.export import KeyframeTable

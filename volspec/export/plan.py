@@ -18,7 +18,7 @@ from volspec.export.keyed import Moment, keyed, named, times_s
 from volspec.export.motion import between_keys
 from volspec.export.moved import turned
 from volspec.raycast import Camera
-from volspec.raycast.reach import check_reach
+from volspec.raycast.packed import check_reach
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import mixed_rig

@@ -29,7 +29,7 @@ from volspec.export.exr import ExrBands, ExrHeader, exr_file
 from volspec.export.primaries import PRIMARIES
 from volspec.export.tiles import row_strips
 from volspec.raycast import CoefficientImage
-from volspec.raycast.groups import ONE_GROUP
+from volspec.raycast.image_file import ONE_GROUP
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.spectra import SpectralGrid, Spectrum

@@ -1,9 +1,9 @@
-"""What a pyvista plotter shows of a volume, as what a cast needs.
+"""Convert a pyvista plotter's volume and view to the arguments of a cast.
 
     pyvista's plotter -> [adapt] -> volume, transfer function, camera, size, spec -> raycast
 
-Pixels of the cast lie where the plotter's do. Its lights stay behind: ours shine from where a
-`LightGroup` says, and get their spectra when the picture is relit.
+Pixels of the cast match the plotter's. Its lights are not converted: ours are placed by
+`LightGroup`, and get their spectra when the picture is relit.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 # vtkVolumeMapper::BlendModes, by pyvista's names for them.
 _BLENDING = ("composite", "maximum", "minimum", "average", "additive", "isosurface", "slice")
 _MODES: dict[str, Mode] = {"composite": "composite", "maximum": "maximum", "average": "average"}
-# Of a stretch along one axis against another.
+# Greatest relative difference of stretches along the axes that counts as even.
 _EVEN = 0.01
 
 
 class Plotted(NamedTuple):
-    """A plotter's volume and view, in the order in which `volspec.raycast` takes them."""
+    """A plotter's volume and view, in the order of `volspec.raycast`'s arguments."""
 
     volume: Volume
     transfer: TransferFunction
@@ -48,23 +48,23 @@ class Plotted(NamedTuple):
 def from_plotter(
     plotter: pyvista.Plotter, name: str | None = None, *, basis: Basis | None = None
 ) -> Plotted:
-    """Take over a pyvista plotter's volume, its look, and the view of the active subplot.
+    """Convert a pyvista plotter's volume, its look, and the view of the active subplot.
 
     Parameters
     ----------
     plotter : pyvista.Plotter
-        Before it is shown or while it is open. Before, it gets the view that it would open with.
+        Not shown yet, or open. If not shown, it gets the view that it would open with.
     name : str, optional
-        Which volume, where there are several: as `add_volume` was told, or a key of
-        ``plotter.actors``. Hidden ones count only when they are named.
+        Name of the volume, if there are several: from `add_volume`, or a key of
+        ``plotter.actors``. Hidden volumes count only by name.
     basis : SpectralBasis, optional
-        Of the transfer function; ``general-7`` when left out.
+        Basis of the transfer function; ``general-7`` when left out.
 
     Returns
     -------
     Plotted
-        The volume lies where the plotter puts it, with ``set_scale`` and the actor's matrix. The
-        transfer function has `add_volume`'s opacities, and materials of its colours, called
+        The volume is placed as by the plotter, with ``set_scale`` and the actor's matrix. The
+        transfer function has `add_volume`'s opacities, and materials of its colours, named
         ``"#rrggbb"``. The spec has the blending, the clip planes and the weights of the shading;
         without ``shade`` the plain reflectances show.
 
@@ -83,8 +83,8 @@ def from_plotter(
     Warns
     -----
     VolspecWarning
-        If something is left behind: gradient opacity, a crop, an uneven stretch of opacities, the
-        greys that VTK averages to, a colour no reflectance has.
+        If something cannot be converted: gradient opacity, a crop, an uneven stretch of opacities,
+        the greys that VTK averages to, a colour that no reflectance has.
 
     Examples
     --------
@@ -99,15 +99,16 @@ def from_plotter(
     import pyvista
 
     require_open(plotter)
-    actor, key = _chosen(plotter, name)
-    label = key.partition("(Addr=")[0]  # where pyvista was told no name it takes an address
+    actor, key = _find_volume(plotter, name)
+    label = key.partition("(Addr=")[0]  # without a name pyvista takes an address
     settings, mapper = actor.GetProperty(), actor.GetMapper()
     mapper.Update()
     blending = _BLENDING[mapper.GetBlendMode()]
     if blending not in _MODES:
         raise RaycastError(
-            f"{label}: blends {blending!r}, which has no counterpart here; add it with blending="
-            f"{' or '.join(map(repr, _MODES))}"
+            f"{label}: blends {blending!r}, which has no counterpart here",
+            f"add it with blending={' or '.join(map(repr, _MODES))}",
+            code="unsupported",
         )
     grid = volume_from_pyvista(pyvista.wrap(mapper.GetInputDataObject(0, 0)), name=label)
     world_from_grid = _matrix(actor.GetMatrix())
@@ -116,7 +117,7 @@ def from_plotter(
     # VTK counts unit distances before it stretches.
     stretch = abs(float(np.linalg.det(world_from_grid[:3, :3]))) ** (1 / 3)
     transfer = transfer_from_vtk(settings, stretch, basis, label)
-    _tell_what_stays_behind(label, settings, mapper, world_from_grid)
+    _warn_of_losses(label, settings, mapper, world_from_grid)
     width, height = plotter.renderer.GetSize()
     return Plotted(
         placed,
@@ -128,23 +129,25 @@ def from_plotter(
 
 
 def require_open(plotter: Any) -> None:
-    """Refuse what is no plotter, or was closed and holds nothing any more.
+    """Refuse anything but a plotter that is not closed.
 
     Raises
     ------
     RaycastError
+        If it is closed, or no plotter.
     """
     if not (hasattr(plotter, "renderer") and hasattr(plotter, "render_window")):
-        raise RaycastError(f"plotter: got {quoted(plotter)}; give a pyvista Plotter")
+        raise RaycastError(f"plotter: got {quoted(plotter)}", "give a pyvista Plotter", code="type")
     if plotter.render_window is None:
         raise RaycastError(
-            "plotter: it is closed; go on before show(), or after show(auto_close=False)",
+            "plotter: it is closed",
+            "go on before show(), or after show(auto_close=False)",
             code="state",
         )
 
 
 def plotter_camera(plotter: Any) -> Camera:
-    """The camera of a plotter's active subplot.
+    """Return the camera of a plotter's active subplot.
 
     Raises
     ------
@@ -153,16 +156,18 @@ def plotter_camera(plotter: Any) -> Camera:
     """
     renderer = plotter.renderer
     if not renderer.camera.is_set:
-        # As pyvista does before the first picture; it keeps the view for the next one.
+        # As pyvista does before the first picture; the view stays for the next one.
         renderer.camera_position = renderer.get_default_cam_pos()
         renderer.ResetCamera()
     camera = renderer.GetActiveCamera()
-    moved = _matrix(camera.GetModelTransformMatrix())
+    model = _matrix(camera.GetModelTransformMatrix())
     sheared = camera.GetViewShear() != (0.0, 0.0, 1.0) or camera.GetUseOffAxisProjection()
-    if sheared or camera.GetWindowCenter() != (0.0, 0.0) or (moved != np.eye(4)).any():
+    if sheared or camera.GetWindowCenter() != (0.0, 0.0) or (model != np.eye(4)).any():
         raise CameraError(
             "plotter: its camera shears, shifts or moves the picture (ViewShear, WindowCenter, "
-            "ModelTransformMatrix); take these back, then set position and focal point"
+            "ModelTransformMatrix)",
+            "take these back, then set position and focal point",
+            code="unsupported",
         )
     angle = camera.GetViewAngle()
     if camera.GetUseHorizontalViewAngle():
@@ -170,14 +175,16 @@ def plotter_camera(plotter: Any) -> Camera:
         half = math.tan(math.radians(angle) / 2) * height / width
         angle = 2 * math.degrees(math.atan(half))
     return Camera(
-        *(camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp()),
+        camera.GetPosition(),
+        camera.GetFocalPoint(),
+        camera.GetViewUp(),
         fov_deg=angle,
         height_mm=2 * camera.GetParallelScale() if camera.GetParallelProjection() else None,
     )
 
 
-def _chosen(plotter: Any, name: str | None) -> tuple[Any, str]:
-    """A plotter's volume, and its key."""
+def _find_volume(plotter: Any, name: str | None) -> tuple[Any, str]:
+    """Return a plotter's volume, and its key."""
     volumes = {k: actor for k, actor in plotter.renderer.actors.items() if actor.IsA("vtkVolume")}
     if name is not None:
         if not isinstance(name, str) or name not in volumes:
@@ -190,19 +197,22 @@ def _chosen(plotter: Any, name: str | None) -> tuple[Any, str]:
     shown = {key: actor for key, actor in volumes.items() if actor.GetVisibility()}
     if not shown:
         raise RaycastError(
-            "plotter: shows no volume in the active subplot; call add_volume first, or subplot()"
+            "plotter: shows no volume in the active subplot",
+            "call add_volume first, or subplot()",
+            code="missing",
         )
     if len(shown) > 1:
         names = [repr(key) for key in shown]
         raise RaycastError(
-            f"plotter: shows {len(shown)} volumes, {', '.join(names)}; say which: "
-            f"from_plotter(plotter, {names[0]})"
+            f"plotter: shows {len(shown)} volumes, {', '.join(names)}",
+            f"name one: from_plotter(plotter, {names[0]})",
+            code="missing",
         )
     return next(iter(shown.values())), next(iter(shown))
 
 
 def _spec(settings: Any, mapper: Any, mode: Mode) -> RaycastSpec:
-    """Blending, cuts and weights of the shading."""
+    """Return blending, cuts and weights of the shading."""
     found = mapper.GetClippingPlanes()
     planes = [found.GetItem(i) for i in range(found.GetNumberOfItems())] if found else []
     spec = RaycastSpec(
@@ -222,7 +232,7 @@ def _spec(settings: Any, mapper: Any, mode: Mode) -> RaycastSpec:
     )
 
 
-def _tell_what_stays_behind(
+def _warn_of_losses(
     label: str, settings: Any, mapper: Any, world_from_grid: NDArray[np.float64]
 ) -> None:
     stretches = np.linalg.svd(world_from_grid[:3, :3], compute_uv=False)
@@ -237,7 +247,7 @@ def _tell_what_stays_behind(
     }
     if left := [fault for fault, there in faults.items() if there]:
         warnings.warn(
-            f"{label}: {' and '.join(left)} cannot be taken over; the cast goes without",
+            f"{label}: {' and '.join(left)} cannot be converted; the cast is made without",
             VolspecWarning,
             stacklevel=3,
         )

@@ -30,18 +30,18 @@ _LARGEST_HALF = float(np.finfo(np.float16).max)
 
 
 class Receiver(Protocol):
-    """Where the bands of a cast also go, from the device's memory to the device's memory."""
+    """A second destination of a cast's bands, in the device's own memory."""
 
     def receiving(self, compute: Compute, half: bool) -> AbstractContextManager[Pack]:
-        """What takes each band, for as long as the cast runs."""
+        """Return the function that receives each band, valid while the cast runs."""
 
 
 class Result(NamedTuple):
-    """What a cast gathers.
+    """Buffers of a cast picture.
 
     ``coefficients`` (H, W, L·M) premultiplied by opacity, layer after layer; ``alpha`` (H, W);
-    ``depth_mm`` (H, W) expected distance from the camera of what is seen, and ``first_mm`` (H, W)
-    where it is first hit; both inf where nothing is.
+    ``depth_mm`` (H, W) expected distance from the camera, and ``first_mm`` (H, W) distance of the
+    first hit; both inf in empty pixels.
     """
 
     coefficients: NDArray[np.floating]
@@ -52,7 +52,7 @@ class Result(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Rows of work-groups first…last under way, which are lines of the picture."""
+    """Rows of work-groups first…last in progress, which are lines of the picture."""
 
     first: int
     last: int
@@ -62,9 +62,9 @@ class Band:
 
 
 class Bands:
-    """A picture cast band by band: no launch takes long, and none waits for the host.
+    """Caster of a picture band by band: no launch takes long, and none waits for the host.
 
-    Two bands are under way at any time; each one's height follows from how long the last took.
+    Two bands are in progress at any time; each one's height follows from the time of the last.
     """
 
     def __init__(
@@ -82,11 +82,11 @@ class Bands:
         self._group = group
         self._tile_ms = tile_ms
         self._pack = pack
-        self._beyond = False
+        self._clipped = False
         height, width = result.alpha.shape
         self._columns = -(-width // (tile[0] * group[0])) * group[0]
         self._group_rows = -(-height // (tile[1] * group[1]))
-        self._costs: deque[float] = deque(maxlen=3)  # ms a row of work-groups
+        self._costs: deque[float] = deque(maxlen=3)  # ms per row of work-groups
 
     def run(
         self,
@@ -96,18 +96,18 @@ class Bands:
         cancel: Cancel | None,
     ) -> None:
         """Launch and fetch every band; see `volspec.raycast.gpu.Raycaster.cast`."""
-        under_way: deque[Band] = deque()
+        in_progress: deque[Band] = deque()
         row, rows = 0, 1
         began = time.perf_counter()
         try:
-            while row < self._group_rows or under_way:
+            while row < self._group_rows or in_progress:
                 if cancel is not None and cancel():
-                    raise CastCancelled("raycast: cancelled")
-                while row < self._group_rows and len(under_way) < 2:
+                    raise CastCancelled("raycast: cancelled", code="state")
+                while row < self._group_rows and len(in_progress) < 2:
                     last = min(row + rows, self._group_rows)
-                    under_way.append(self._launch(kernel, arguments, row, last))
+                    in_progress.append(self._launch(kernel, arguments, row, last))
                     row = last
-                band = under_way.popleft()
+                band = in_progress.popleft()
                 band.done.wait()
                 now = time.perf_counter()
                 rows = self._next_rows(rows, band, 1e3 * (now - began))
@@ -116,8 +116,8 @@ class Bands:
                 if progress is not None:
                     progress(band.last / self._group_rows)
         finally:
-            self._compute.queue.finish()  # what is under way writes into the result
-        if self._beyond:
+            self._compute.queue.finish()  # bands in progress write into the result
+        if self._clipped:
             warnings.warn(
                 f"raycast: channels beyond {_LARGEST_HALF:g} do not fit half-float and were cut; "
                 "lower the lights' intensity, or give half=False",
@@ -126,7 +126,7 @@ class Bands:
             )
 
     def _next_rows(self, rows: int, band: Band, took_ms: float) -> int:
-        """As many as the costliest of the last bands allows; at most twice as many as before."""
+        """Return the rows that the costliest of the last bands allows, at most twice as many."""
         self._costs.append(took_ms / (band.last - band.first))
         wanted = self._tile_ms / max(*self._costs, 1e-3)
         return int(np.clip(wanted, 1, 2 * rows))
@@ -136,8 +136,8 @@ class Bands:
         lines = slice(first * height, min(last * height, len(self._result.alpha)))
         outputs = []
         for array in self._result:
-            part = array[lines]
-            into = part if part.dtype == np.float32 else np.empty(part.shape, np.float32)
+            rows = array[lines]
+            into = rows if rows.dtype == np.float32 else np.empty(rows.shape, np.float32)
             outputs.append((self._compute.output(into.nbytes, into), into))
         done = kernel(
             self._compute.queue,
@@ -156,6 +156,6 @@ class Bands:
         for (buffer, into), array in zip(band.outputs, self._result, strict=True):
             self._compute.download(buffer, into, band.done)
             if array.dtype != np.float32:
-                self._beyond |= bool(into.max(initial=0.0) > _LARGEST_HALF)
+                self._clipped |= bool(into.max(initial=0.0) > _LARGEST_HALF)
                 np.clip(into, -_LARGEST_HALF, _LARGEST_HALF, out=into)
                 array[band.lines] = into

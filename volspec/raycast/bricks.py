@@ -1,9 +1,9 @@
-"""Minimum and maximum of every brick of a volume, and what is empty under a transfer function.
+"""Range of every brick of a volume, and the codes by which kernels skip bricks.
 
 A brick covers n³ cells, n = `BRICK`: positions [nb, nb + n) along each axis, so its bounds include
-the first voxel of the next brick and no trilinear sample inside can leave them. Which bricks are
-empty changes with the transfer function only and is rebuilt in milliseconds; the kernel leaps
-by the chessboard distance to the nearest brick that is not [1].
+the first voxel of the next brick and no trilinear sample inside can leave them. Codes depend
+on the transfer function only and are rebuilt in milliseconds; the kernel skips by the chessboard
+distance to the nearest visible brick [1].
 
 References
 ----------
@@ -18,11 +18,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.raycast.spec import RaycastSpec
+from volspec.transfer import SurfaceTable, TransferTable
+
 BRICK = 4
+# Codes from here on are strides (rays.clh).
+STRIDES = 248
 
 
 def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Least and greatest value each brick can yield.
+    """Return the least and greatest value of each brick.
 
     Parameters
     ----------
@@ -38,24 +43,24 @@ def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     >>> (low.ravel() / BRICK).tolist(), (high.ravel() - BRICK).tolist() == [0, BRICK - 1]
     ([0.0, 1.0], True)
     """
-    return _reduced(values, np.minimum), _reduced(values, np.maximum)
+    return _reduce(values, np.minimum), _reduce(values, np.maximum)
 
 
-def _reduced(values: NDArray[Any], least: np.ufunc) -> NDArray[Any]:
+def _reduce(values: NDArray[Any], extreme: np.ufunc) -> NDArray[Any]:
     bricks = np.empty([-(-n // BRICK) for n in values.shape], values.dtype)
-    # One layer of bricks at a time, z first and x last: whole slices are reduced into one that
-    # stays in the cache, and only the little that is left is turned to reduce along x.
+    # One layer of bricks at a time, z first and x last: whole slices are reduced to one that fits
+    # the CPU's cache, and only the small rest is transposed to reduce along x.
     for k, layer in enumerate(bricks):
-        plane = least.reduce(values[k * BRICK : (k + 1) * BRICK + 1], axis=0)
-        rows = _first_axis_reduced(plane, least)
-        layer.T[:] = _first_axis_reduced(np.ascontiguousarray(rows.T), least)
+        plane = extreme.reduce(values[k * BRICK : (k + 1) * BRICK + 1], axis=0)
+        rows = _reduce_first_axis(plane, extreme)
+        layer.T[:] = _reduce_first_axis(np.ascontiguousarray(rows.T), extreme)
     return bricks
 
 
-def _first_axis_reduced(plane: NDArray[Any], least: np.ufunc) -> NDArray[Any]:
+def _reduce_first_axis(plane: NDArray[Any], extreme: np.ufunc) -> NDArray[Any]:
     starts = np.arange(0, len(plane), BRICK)
-    reduced = least.reduceat(plane, starts, axis=0)
-    least(reduced[:-1], plane[starts[1:]], out=reduced[:-1])
+    reduced = extreme.reduceat(plane, starts, axis=0)
+    extreme(reduced[:-1], plane[starts[1:]], out=reduced[:-1])
     return reduced
 
 
@@ -66,7 +71,7 @@ def visible_bricks(
     opacity: NDArray[np.floating],
     labels: bool = False,
 ) -> NDArray[np.bool_]:
-    """Bricks in which a table's opacity can be above 0.
+    """Return the bricks in which a table's opacity can be above 0.
 
     Parameters
     ----------
@@ -75,10 +80,10 @@ def visible_bricks(
     domain : (float, float)
         Values of the table's first and last entry.
     opacity : (N,) or (G, N)
-        The table's opacities; of rows for several gradients any counts.
+        The table's opacities; of rows by gradient the greatest counts.
     labels : bool
         Entries are for labels: any visible one between the least and the greatest of a brick
-        counts, and values beyond the table are nothing. Else they take its nearest end.
+        counts, and values beyond the table are transparent. Else they take its nearest end.
 
     Returns
     -------
@@ -91,16 +96,16 @@ def visible_bricks(
     [[[False, True]]]
     """
     domain, rows = _rows(domain, opacity, labels)
-    seen = rows.max(axis=0) > 0
-    first, last = _entries(low, high, domain, len(seen))
-    count = np.concatenate([[0], np.cumsum(seen)])
+    visible = rows.max(axis=0) > 0
+    first, last = _entries(low, high, domain, len(visible))
+    count = np.concatenate([[0], np.cumsum(visible)])
     return count[last + 1] > count[first]
 
 
 def straddled_bricks(
     low: NDArray[Any], high: NDArray[Any], levels: NDArray[np.floating]
 ) -> NDArray[np.bool_]:
-    """Bricks that a surface of one of the levels can pass.
+    """Return the bricks that an isosurface of one of the levels can cross.
 
     Parameters
     ----------
@@ -112,7 +117,7 @@ def straddled_bricks(
     Returns
     -------
     (z, y, x) bool
-        Whether a level lies in low … high, both included.
+        True if a level lies in low … high, both included.
 
     Examples
     --------
@@ -132,17 +137,17 @@ def opacity_spread(
     opacity: NDArray[np.floating],
     labels: bool = False,
 ) -> NDArray[np.float32]:
-    """How far a table's opacity can vary inside each brick: greatest less least.
+    """Return how much a table's opacity can vary inside each brick: greatest less least.
 
     Parameters
     ----------
     low, high, domain, opacity, labels
-        As in `visible_bricks`.
+        See `visible_bricks`.
 
     Returns
     -------
     (z, y, x) float32
-        From 0, where a brick is homogeneous.
+        0 if the brick is homogeneous.
 
     Examples
     --------
@@ -153,46 +158,46 @@ def opacity_spread(
     domain, rows = _rows(domain, opacity, labels)
     rows = rows.astype(np.float32)
     first, last = _entries(low, high, domain, rows.shape[1])
-    greatest = _range_reduced(rows.max(axis=0), first, last, np.maximum)
-    return greatest - _range_reduced(rows.min(axis=0), first, last, np.minimum)
+    greatest = _reduce_ranges(rows.max(axis=0), first, last, np.maximum)
+    return greatest - _reduce_ranges(rows.min(axis=0), first, last, np.minimum)
 
 
 def _rows(
     domain: tuple[float, float], opacity: NDArray[np.floating], labels: bool
 ) -> tuple[tuple[float, float], NDArray[np.floating]]:
-    """The domain and (G, N) opacities; of labels with one of nothing at each end, for the rest."""
+    """Return the domain and (G, N) opacities; for labels with a transparent entry at each end."""
     rows = np.atleast_2d(opacity)
     if not labels:
         return domain, rows
     return (domain[0] - 1, domain[1] + 1), np.pad(rows, ((0, 0), (1, 1)))
 
 
-def _range_reduced(
-    table: NDArray[np.float32], first: NDArray[Any], last: NDArray[Any], least: np.ufunc
+def _reduce_ranges(
+    table: NDArray[np.float32], first: NDArray[Any], last: NDArray[Any], extreme: np.ufunc
 ) -> NDArray[np.float32]:
-    """The least of table[first … last] for each pair, by runs of 2^k entries: two cover any."""
+    """Reduce table[first … last] for each pair, by runs of 2^k entries: two cover any range."""
     power = np.frexp(last - first + 1)[1] - 1
     result = np.empty(first.shape, np.float32)
     run = table
     for k in range(int(power.max()) + 1):
         here = power == k
-        result[here] = least(run[first[here]], run[last[here] + 1 - 2**k])
-        run = least(run[: -(2**k)], run[2**k :])
+        result[here] = extreme(run[first[here]], run[last[here] + 1 - 2**k])
+        run = extreme(run[: -(2**k)], run[2**k :])
     return result
 
 
 def _entries(
     low: NDArray[Any], high: NDArray[Any], domain: tuple[float, float], size: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and last table entry that values from low to high can read, neighbours included."""
+    """Return the first and last table entry that values from low to high can read."""
     scale = (size - 1) / (domain[1] - domain[0])
     first = np.floor((low.astype(np.float64) - domain[0]) * scale)
     last = np.ceil((high.astype(np.float64) - domain[0]) * scale)
     return np.clip(first, 0, size - 1).astype(np.intp), np.clip(last, 0, size - 1).astype(np.intp)
 
 
-def chessboard_leaps(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Chessboard distance, in bricks, to the nearest one that is visible.
+def chessboard_distance(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return the chessboard distance, in bricks, to the nearest visible brick.
 
     Parameters
     ----------
@@ -201,28 +206,28 @@ def chessboard_leaps(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
     Returns
     -------
     (z, y, x) uint8
-        0 where something may be seen; d where all bricks nearer than d are empty.
+        0 if the brick is visible; d if all bricks nearer than d are empty.
 
     Examples
     --------
-    >>> chessboard_leaps(np.array([[[True, False, False, False]]])).tolist()
+    >>> chessboard_distance(np.array([[[True, False, False, False]]])).tolist()
     [[[0, 1, 2, 3]]]
     """
     # scipy.ndimage has this too, about as quick, and takes a quarter of a second to import.
-    leaps = np.where(visible, 0, 255).astype(np.uint8)
+    distances = np.where(visible, 0, 255).astype(np.uint8)
     reached = visible
     for distance in range(1, 255):
         grown = _grown(reached)
         new = grown > reached
         if not new.any():
             break
-        leaps[new] = distance
+        distances[new] = distance
         reached = grown
-    return leaps
+    return distances
 
 
 def _grown(bricks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The bricks and all that touch them, by a face, an edge or a corner."""
+    """Return the bricks and all that touch them, by a face, an edge or a corner."""
     for axis in range(bricks.ndim):
         before = np.moveaxis(bricks, axis, 0)
         bricks = bricks.copy()
@@ -230,3 +235,36 @@ def _grown(bricks: NDArray[np.bool_]) -> NDArray[np.bool_]:
         after[1:] |= before[:-1]
         after[:-1] |= before[1:]
     return bricks
+
+
+def brick_codes(
+    low: NDArray[Any],
+    high: NDArray[Any],
+    table: TransferTable | SurfaceTable,
+    spec: RaycastSpec,
+    step_mm: float,
+) -> NDArray[Any]:
+    """Return the code of each brick for the kernels: see rays.clh; for projections its maximum.
+
+    Parameters
+    ----------
+    low, high : (z, y, x) arrays
+        From `brick_ranges`.
+    table : TransferTable or SurfaceTable
+    spec : RaycastSpec
+    step_mm : float
+        Length of a step, in which opacity may vary by less than ``spec.adaptive``.
+    """
+    if spec.mode != "composite":
+        return high
+    if isinstance(table, SurfaceTable):
+        visible = straddled_bricks(low, high, table.values)
+        return np.minimum(chessboard_distance(visible), STRIDES - 1)
+    visible = visible_bricks(low, high, table.domain, table.opacity, table.labels)
+    codes = np.minimum(chessboard_distance(visible), STRIDES - 1)
+    if spec.adaptive > 0:
+        opacity = table.step_opacity(step_mm)
+        spread = opacity_spread(low, high, table.domain, opacity, table.labels)
+        codes[visible & (spread < spec.adaptive)] = STRIDES
+        codes[visible & (spread < spec.adaptive / 4)] = STRIDES + 1
+    return codes

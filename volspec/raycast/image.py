@@ -1,8 +1,8 @@
-"""The coefficient image: what a cast leaves, and its OpenEXR file.
+"""The coefficient image: the result of a cast.
 
     volume -> transfer -> [raycast] -> relight -> appearance
 
-What the file looks like: `volspec.raycast.image_file`.
+Its OpenEXR file: `volspec.raycast.image_file`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
 from volspec.raycast.checks import number
-from volspec.raycast.groups import ONE_GROUP, checked_groups
-from volspec.raycast.image_file import read_image, write_image
+from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, write_image
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 
-# What a camera's noise may bring below 0, and highlights above 1, in a spectral picture.
+# Reflectances in a spectral picture: camera noise goes below 0, highlights above 1.
 _NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
 
 
@@ -39,27 +38,27 @@ class CoefficientImage:
     alpha : (H, W) float32
         Opacity, 0…1.
     depth_mm : (H, W) float32
-        Expected distance of what is seen; inf where nothing is.
+        Expected distance from the camera; inf in empty pixels.
     basis : SpectralBasis or MaterialBasis
         With M channels.
     notes : {str: str}
-        Free text kept in the file's header (scene, camera, software).
+        Free text for the file's header (scene, camera, software).
     groups : {str: float}
-        The L light groups in the order of their channels, and each one's share of the light on a
-        surface that faces every source (`RaycastSpec.shares`): 0 or more, together 1.
+        The L light groups in the order of their channels, and each one's fraction of the light on
+        a surface that faces every source (`RaycastSpec.shares`): 0 or more, together 1.
     first_mm : (H, W) float32, optional
-        Distance of the first hit, where the opacity passes a threshold; inf where nothing is.
+        Distance at which the opacity passes a threshold, the first hit; inf in empty pixels.
     fov_deg : float, optional
-        The picture's height as an angle, `Camera.fov_deg`; None where it was cast without
-        perspective or nobody knows.
+        The picture's height as an angle, `Camera.fov_deg`; None if it was cast without
+        perspective or the angle is unknown.
 
     Raises
     ------
     ShapeError
         If the arrays do not belong together.
     ImageError
-        If the coefficients are of another type, the groups have no names or wrong shares, or the
-        field of view is no angle above 0 and below 180.
+        If the coefficients are of another type, the groups have no names or wrong fractions, or
+        the field of view is no angle above 0 and below 180.
 
     Examples
     --------
@@ -83,31 +82,35 @@ class CoefficientImage:
 
     def __repr__(self) -> str:
         width, height = self.size
-        where = f" in each of {', '.join(self.groups)}" if len(self.groups) > 1 else ""
-        return f"CoefficientImage({width}x{height}, {self.basis.size} channels{where})"
+        each = f" in each of {', '.join(self.groups)}" if len(self.groups) > 1 else ""
+        return f"CoefficientImage({width}x{height}, {self.basis.size} channels{each})"
 
     def __post_init__(self) -> None:
         groups = checked_groups(self.groups)
         object.__setattr__(self, "groups", groups)
         shape, size = np.shape(self.coefficients), self.basis.size
         if len(shape) != 3 or shape[2] != len(groups) * size:
-            many = f" for each of {len(groups)} light groups" if len(groups) > 1 else ""
+            per_group = f" for each of {len(groups)} light groups" if len(groups) > 1 else ""
             raise ShapeError(
-                f"coefficient image: coefficients have shape {shape}, the basis "
-                f"{self.basis.name!r} has {size} channels{many}; expected "
-                f"(H, W, {len(groups) * size})"
+                f"shape {shape}, the basis {self.basis.name!r} has {size} channels{per_group}",
+                f"expected (H, W, {len(groups) * size})",
+                field="coefficient image: coefficients",
             )
         kind = getattr(self.coefficients, "dtype", type(self.coefficients).__name__)
         if kind not in (np.float32, np.float16):
             raise ImageError(
-                f"coefficient image: coefficients are {kind}; give float32 or float16, such as "
-                "coefficients.astype('float32')"
+                f"type {kind}",
+                "give float32 or float16, such as coefficients.astype('float32')",
+                code="type",
+                field="coefficient image: coefficients",
             )
         for name in ("alpha", "depth_mm", "first_mm"):
             array = getattr(self, name)
             if np.shape(array) != shape[:2] and not (name == "first_mm" and array is None):
                 raise ShapeError(
-                    f"coefficient image: {name} has shape {np.shape(array)}; expected {shape[:2]}"
+                    f"shape {np.shape(array)}",
+                    f"expected {shape[:2]}",
+                    field=f"coefficient image: {name}",
                 )
         if self.fov_deg is not None:
             fov_deg = number("coefficient image: fov_deg", self.fov_deg, ImageError)
@@ -115,12 +118,12 @@ class CoefficientImage:
                 raise ImageError.refused(
                     "coefficient image: fov_deg",
                     fov_deg,
-                    "expected degrees above 0 and below 180, or None where it has no perspective",
+                    "expected degrees above 0 and below 180, or None without perspective",
                     "range",
                 )
 
     def layer(self, group: str) -> NDArray[Any]:
-        """(H, W, M) the channels of one light group: a view.
+        """Return (H, W, M) the channels of one light group: a view.
 
         Raises
         ------
@@ -138,29 +141,31 @@ class CoefficientImage:
         return self.coefficients[..., first : first + size]
 
     def with_reflectances(self, reflectances: Mapping[str, Spectrum]) -> CoefficientImage:
-        """The same cast of materials with other reflectances.
+        """Return the same cast with other reflectances of its materials.
 
         Parameters
         ----------
         reflectances : {material: Spectrum}
-            Those that change.
+            Materials that change.
 
         Raises
         ------
         ImageError
             If the image was not cast with a `MaterialBasis`.
         BasisError
-            If a name is unknown or a reflectance is none.
+            If a name is unknown or a value is no reflectance.
         """
         if not isinstance(self.basis, MaterialBasis):
             raise ImageError(
                 f"coefficient image: reflectances cannot be edited in basis {self.basis.name!r}, "
-                f"whose channels are {self.basis.method}; cast with MaterialBasis(materials)"
+                f"whose channels are {self.basis.method}",
+                "cast with MaterialBasis(materials)",
+                code="unsupported",
             )
         return replace(self, basis=self.basis.with_reflectances(reflectances))
 
     def _ipython_display_(self) -> None:
-        """What a notebook's cell shows: `volspec.notebook`, or the text where that is missing."""
+        """Display as `volspec.notebook` in a notebook's cell, or as text if that is missing."""
         from IPython.display import display
 
         import volspec
@@ -168,11 +173,11 @@ class CoefficientImage:
         try:
             display(volspec.notebook(self))
         except DeviceError:
-            raise NotImplementedError from None  # IPython's word for taking the text
+            raise NotImplementedError from None  # lets IPython display the text
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) in pixels."""
+        """Size as (width, height) in pixels."""
         height, width = self.alpha.shape
         return width, height
 
@@ -180,7 +185,7 @@ class CoefficientImage:
     def from_spectral_image(
         cls, image: SpectralImage, basis: SpectralBasis, taken_under: Spectrum | None = None
     ) -> CoefficientImage:
-        """A measured or rendered spectral picture, ready for other lights.
+        """Make a coefficient image of a measured or rendered spectral picture, to be relit.
 
         Parameters
         ----------
@@ -188,8 +193,8 @@ class CoefficientImage:
             Reflectances; or radiances, which are divided by the light they were taken under.
         basis : SpectralBasis
         taken_under : Spectrum, optional
-            The light of radiances. Their scale is unknown, so that the brightest surface, 99.9 %
-            of the picture's mean reflectances, is taken for white.
+            The light of radiances. Their scale is unknown: the 99.9th percentile of the pixels'
+            mean reflectances counts as white.
 
         Raises
         ------
@@ -201,16 +206,18 @@ class CoefficientImage:
         """
         if not (isinstance(image, SpectralImage) and isinstance(basis, SpectralBasis)):
             raise ImageError(
-                f"from_spectral_image: got {quoted(image)} and {quoted(basis)}; expected a "
-                "SpectralImage and a SpectralBasis"
+                f"from_spectral_image: got {quoted(image)} and {quoted(basis)}",
+                "expected a SpectralImage and a SpectralBasis",
+                code="type",
             )
         grid = basis.grid
         spectra = image.on(grid).values.astype(np.float64)
         if (image.kind == "emissive") != (taken_under is not None):
             raise ImageError(
-                "the spectral picture holds radiances: say which light it was taken under"
+                "the spectral picture holds radiances: give the light that it was taken under"
                 if taken_under is None
-                else "the spectral picture holds reflectances: leave out its light"
+                else "the spectral picture holds reflectances: leave out its light",
+                code="conflict",
             )
         if taken_under is None:
             _check_range(spectra, grid)
@@ -219,7 +226,8 @@ class CoefficientImage:
             if E.min() < 1e-3 * E.max():
                 raise ImageError(
                     f"light {taken_under.name!r} has next to nothing at "
-                    f"{grid.wavelengths_nm[int(E.argmin())]:g} nm: no reflectance can be told there"
+                    f"{grid.wavelengths_nm[int(E.argmin())]:g} nm: reflectances there are unknown",
+                    code="impossible",
                 )
             spectra /= E
             spectra /= max(float(np.percentile(spectra.mean(axis=-1), 99.9)), 1e-12)
@@ -240,16 +248,15 @@ class CoefficientImage:
         path : path
             Ends in ``.exr``.
         preview : (H, W, 3) array, optional
-            What a picture viewer shall show: linear Rec. 709, premultiplied by `alpha`. Not read
-            again.
+            Picture for image viewers: linear Rec. 709, premultiplied by `alpha`. Not read back.
         texts : {str: str}, optional
-            Kept in the header for other programs, as ``volspec:name``. Not read again.
+            Attributes of the header for other programs, ``volspec:name``. Not read back.
 
         Raises
         ------
         ImageError
-            If the name does not end in ``.exr``, a text has a name that the image keeps for
-            itself, or the file cannot be written.
+            If the name does not end in ``.exr``, a text has a reserved name, or the file cannot be
+            written.
         ShapeError
             If the preview has another size.
         """
@@ -262,18 +269,18 @@ class CoefficientImage:
         Raises
         ------
         ImageError
-            If the file is missing, damaged, no coefficient image, made with a format or basis
-            version this volspec does not know, or holds what no cast leaves.
+            If the file is missing, damaged, no coefficient image, of a format or basis version that
+            this volspec does not know, or holds values that no cast makes.
         """
         fields = read_image(path)
         try:
             return cls(**fields)
         except (ImageError, ShapeError, ValueError, TypeError) as error:
-            raise ImageError(f"{os.fspath(path)}: {error}") from error
+            raise ImageError(str(error), code="damaged", field=os.fspath(path)) from error
 
 
 def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:
-    """Refuse what cannot be reflectances: a wrong unit, or another quantity."""
+    """Refuse values that cannot be reflectances: a wrong unit, or another quantity."""
     for at, wrong in (
         (spectra.argmin(), spectra.min() < -_NOISE),
         (spectra.argmax(), spectra.max() > _LARGEST_REFLECTANCE),
@@ -282,5 +289,7 @@ def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:
             y, x, k = np.unravel_index(int(at), spectra.shape)
             raise ImageError(
                 f"spectral picture: pixel ({x}, {y}) reflects {spectra[y, x, k]:g} at "
-                f"{grid.wavelengths_nm[k]:g} nm, expected 0…1; per cent? divide by 100"
+                f"{grid.wavelengths_nm[k]:g} nm, expected 0…1",
+                "per cent? divide by 100",
+                code="range",
             )

@@ -1,25 +1,31 @@
-"""The OpenEXR file of a coefficient image: as the raycaster left it, and as compositors read it.
+"""The OpenEXR file of a coefficient image, readable by compositors, and its light groups.
 
     CoefficientImage -> [image_file] -> CoefficientImage | Blender, Nuke, …
 
 Every channel of the basis is one float or half channel, ``key.c00.V``, ``key.c01.V``, …: the light
 group is the layer. ``A`` is the opacity, ``Z`` the depth and ``first.Z`` the first hit, both in
-millimetres from the camera and infinite where nothing is. ``R``, ``G``, ``B`` are a picture to look
-at. The header's ``volspec:groups`` holds the groups' shares and ``volspec:basis`` the whole basis
-(JSON), so that an image can be relit without the scene that made it, and one of another basis
-version is refused; ``volspec:fov_deg`` the camera's vertical field of view, where it has one.
+millimetres from the camera and infinite in empty pixels. ``R``, ``G``, ``B`` are a preview for
+viewers. The header's ``volspec:groups`` holds each group's fraction of the light and
+``volspec:basis`` the whole basis (JSON), so that an image can be relit without the scene that made
+it, and one of another basis version is refused; ``volspec:fov_deg`` the camera's vertical field of
+view, if it has one.
 
-Up to format 2 a channel was called ``key.coefficients.00``, of one group ``coefficients.00``, and
-the first hit ``ZFirst``.
+Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
+and the first hit ``ZFirst``.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
+import re
+import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,16 +35,100 @@ from volspec._parse import parse_json
 from volspec.appearance.spaces import SPACES
 from volspec.basis import basis_from_dict
 from volspec.errors import BasisError, ImageError, ShapeError
-from volspec.raycast.groups import ONE_GROUP, channel_names, checked_groups, old_channel_names
 
 if TYPE_CHECKING:
     from volspec.raycast.image import CoefficientImage
+
+ONE_GROUP: Mapping[str, float] = MappingProxyType({"light": 1.0})
+"""The light groups of an image whose lights are not controlled separately."""
+_SUM_ERROR = 1e-6
+# Blender truncates names longer than 63, the channel's included.
+_LONGEST_NAME = 40
+
+
+def checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
+    """Return a copy of light groups, {name: fraction of the light}, checked.
+
+    Raises
+    ------
+    ImageError
+        If there is none, one has no name or no fraction of 0…1, or they do not sum to 1.
+    """
+    if not (isinstance(groups, Mapping) and groups):
+        raise ImageError.refused(
+            "coefficient image: groups", groups, "give {name: fraction}, at least one", "missing"
+        )
+    fractions = {}
+    for name, fraction in groups.items():
+        if not (isinstance(name, str) and name.strip()):
+            raise ImageError.refused(
+                "coefficient image: name of a group", name, "give a word", "type"
+            )
+        if isinstance(fraction, bool) or not isinstance(fraction, int | float | np.number):
+            fraction = math.nan
+        if not 0 <= fraction <= 1 + _SUM_ERROR:
+            raise ImageError.refused(
+                f"coefficient image: groups[{name!r}]",
+                groups[name],
+                "give a fraction of the light, 0…1",
+                "range",
+            )
+        fractions[name] = float(fraction)
+    if abs(sum(fractions.values()) - 1) > _SUM_ERROR:
+        raise ImageError(
+            f"light groups {', '.join(fractions)} sum to {sum(fractions.values()):g}",
+            "they must sum to 1, as RaycastSpec.shares() does",
+            code="range",
+            field="coefficient image: groups",
+            given=groups,
+        )
+    return fractions
+
+
+def channel_names(groups: Mapping[str, float], size: int) -> list[str]:
+    """Return names in the file, in the order of the channels: ``key.c00.V``, ``key.c01.V``, ….
+
+    Nuke reads them as ``key_c00.V``; to Blender ``key`` is a layer, ``c00`` a pass of it and ``V``
+    means one number per pixel.
+
+    >>> channel_names({"light": 1.0}, 2), channel_names({"3 é.": 0.5, "3_e": 0.5}, 1)
+    (['light.c00.V', 'light.c01.V'], ['g3_e.c00.V', 'g3_e_2.c00.V'])
+    """
+    layers: list[str] = []
+    taken: set[str] = set()
+    for group in groups:
+        plain, number = _plain_name(group), 2
+        layer = plain
+        while layer.casefold() in taken:
+            layer, number = f"{plain}_{number}", number + 1
+        taken.add(layer.casefold())
+        layers.append(layer)
+    return [f"{layer}.c{k:02d}.V" for layer in layers for k in range(size)]
+
+
+def old_channel_names(groups: Mapping[str, float], size: int) -> list[str]:
+    """Return the names in files of format 1 and 2."""
+    layers = [f"{_encoded_name(group)}." for group in groups] if len(groups) > 1 else [""]
+    return [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(size)]
+
+
+def _plain_name(group: str) -> str:
+    """Return a name that no compositor changes: letters, digits and _, no digit first."""
+    letters = unicodedata.normalize("NFKD", group).encode("ascii", "ignore").decode()
+    plain = re.sub(r"[^A-Za-z0-9]+", "_", letters).strip("_")[:_LONGEST_NAME]
+    return plain if plain[:1].isalpha() else f"g{plain}"
+
+
+def _encoded_name(group: str) -> str:
+    """Return a name percent-encoded except letters, digits, _ and -: a dot would split it."""
+    return quote(group, safe="", errors="surrogatepass").replace(".", "%2E").replace("~", "%7E")
+
 
 FORMAT = 3
 _READ = (1, 2, FORMAT)  # images of format 1 have one light group
 # Attributes of the header, after "volspec:".
 _OWN = ("format", "basis", "groups", "notes", "fov_deg")
-_ALPHA_ERROR = 1e-3  # what a compositor's rounding may add to an opacity
+_ALPHA_ERROR = 1e-3  # rounding of alpha by a compositor
 
 
 def write_image(
@@ -50,7 +140,9 @@ def write_image(
     """Write an image; as `CoefficientImage.save`."""
     name = os.fspath(path)
     if Path(path).suffix.lower() != ".exr":
-        raise ImageError(f"{name}: coefficient images are OpenEXR; name it .exr")
+        raise ImageError(
+            f"{name}: coefficient images are OpenEXR", "name it .exr", code="unsupported"
+        )
     header: dict[str, Any] = {
         "volspec:format": FORMAT,
         "volspec:basis": json.dumps(image.basis.to_dict()),
@@ -61,8 +153,9 @@ def write_image(
         header["volspec:fov_deg"] = json.dumps(float(image.fov_deg))
     if own := [key for key in texts if key in _OWN]:
         raise ImageError(
-            f"{name}: a text is named {own[0]!r}, as what the image keeps of its own; name it "
-            "otherwise"
+            f"{name}: a text is named {own[0]!r}, which is reserved for the image",
+            "use another name",
+            code="duplicate",
         )
     header |= {f"volspec:{key}": text for key, text in texts.items()}
     names = channel_names(image.groups, image.basis.size)
@@ -76,10 +169,11 @@ def write_image(
         colours = np.asarray(preview)
         if colours.shape != (*image.alpha.shape, 3):
             raise ShapeError(
-                f"{name}: the preview has shape {colours.shape}; expected {image.alpha.shape} and "
-                "3 colours"
+                f"{name}: the preview has shape {colours.shape}",
+                f"expected {image.alpha.shape} and 3 colours",
+                code="shape",
             )
-        # Of one type with A: OpenEXR joins the four, and refuses to where they differ.
+        # float32 as A: OpenEXR joins the four, which must be of one type.
         finite = np.nan_to_num(colours.astype(np.float32), nan=0.0)
         channels |= {key: finite[..., k] for k, key in enumerate("RGB")}
         rec709 = SPACES["Rec. 709"]
@@ -88,34 +182,35 @@ def write_image(
 
 
 def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The fields of `CoefficientImage` in a file; errors are those of `CoefficientImage.load`."""
+    """Read the fields of a `CoefficientImage`; errors are those of `CoefficientImage.load`."""
     name = os.fspath(path)
     missing = f"no such file; `volspec render SCENE -o {name}` makes one"
     header, pixels = read_exr(path, ImageError, missing=missing, again="render the scene again")
     if "volspec:basis" not in header:
         raise ImageError(
-            f"{name}: not a coefficient image; `volspec render` makes them, and a spectral "
-            "picture needs --basis"
+            f"{name}: not a coefficient image",
+            "`volspec render` makes them, and a spectral picture needs --basis",
+            code="unsupported",
         )
     if (version := header.get("volspec:format")) not in _READ:
         raise ImageError(
-            f"{name}: format {version}, this volspec reads {', '.join(map(str, _READ))}; "
+            f"{name}: format {version}, this volspec reads {', '.join(map(str, _READ))}",
             "render the scene again",
-            code="damaged",
+            code="unsupported",
         )
     try:
         basis = basis_from_dict(parse_json(header["volspec:basis"]))
         notes = dict(parse_json(header.get("volspec:notes", "{}")))
     except (BasisError, ValueError, KeyError, TypeError) as error:
         raise ImageError(
-            f"{name}: its basis is refused ({error}); render again", code="damaged"
+            f"{name}: its basis is refused ({error})", "render again", code="damaged"
         ) from error
     try:
         stored = ONE_GROUP if version == 1 else parse_json(header["volspec:groups"])
         groups = checked_groups(stored)
     except (ImageError, ValueError, KeyError, TypeError) as error:
         raise ImageError(
-            f"{name}: its light groups are refused ({error}); render again", code="damaged"
+            f"{name}: its light groups are refused ({error})", "render again", code="damaged"
         ) from error
     names = channel_names if version == FORMAT else old_channel_names
     coefficients, alpha = _checked_pixels(name, pixels, names(groups, basis.size))
@@ -139,18 +234,23 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _checked_pixels(name: str, pixels: Channels, wanted: list[str]) -> tuple[Any, Any]:
-    """(H, W, L·M) coefficients and (H, W) opacity of a file, where it holds what a cast leaves."""
+    """Return a file's (H, W, L·M) coefficients and (H, W) alpha, checked."""
     for key in (*wanted, "A", "Z"):
         if key not in pixels:
-            raise ImageError(f"{name}: channel {key!r} is missing; render the scene again")
+            raise ImageError(
+                f"{name}: channel {key!r} is missing", "render the scene again", code="damaged"
+            )
     coefficients = np.stack([pixels[key] for key in wanted], axis=-1)
     if not (np.isfinite(coefficients).all() and np.isfinite(pixels["A"]).all()):
-        raise ImageError(f"{name}: holds NaN or infinite values; render the scene again")
+        raise ImageError(
+            f"{name}: holds NaN or infinite values", "render the scene again", code="damaged"
+        )
     alpha = pixels["A"].astype(np.float32)
     low, high = float(alpha.min()), float(alpha.max())
     if low < -_ALPHA_ERROR or high > 1 + _ALPHA_ERROR:
         raise ImageError(
-            f"{name}: channel 'A' runs from {low:g} to {high:g}; an opacity is 0…1, render "
-            "the scene again"
+            f"{name}: channel 'A' runs from {low:g} to {high:g}",
+            "an opacity is 0…1, render the scene again",
+            code="damaged",
         )
     return coefficients, alpha.clip(0, 1)

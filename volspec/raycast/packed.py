@@ -1,22 +1,26 @@
-"""Specs and tables as the kernels read them: arrays of plain numbers, no device needed.
+"""Arguments and constants of the casting kernels: arrays of plain numbers, no device needed.
 
-The struct, the rows and their padding are those that ``kernels/include`` documents.
+    volume, table, camera, spec -> [packed] -> gpu
+
+Layouts and padding are documented in the headers of ``kernels/``.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.prelude import Struct
-from volspec.errors import RaycastError
+from volspec.errors import CameraError, InputError, RaycastError
 from volspec.raycast.camera import Camera
 from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Headlight, Point, Source
-from volspec.raycast.spec import MAX_PLANES, RaycastSpec
+from volspec.raycast.spec import MAX_PLANES, RaycastSpec, diagonal_mm
 from volspec.transfer import NEAREST_POSITIONS, SurfaceTable, TransferTable, integral_rows
 from volspec.volume import Volume
 
@@ -62,11 +66,11 @@ CAST = Struct(
         ("int", "seed", "of the jitter"),
     ),
 )
-# Bits of the exponents that a program takes: one for all to 63, one to 1024.
+# Bits of the exponent: one program for exponents to 63, one for those to 1024.
 SHININESS_BITS = 6, 11
-# Numbers of the sources' kinds, which shade.clh knows by the names in capitals.
+# Kinds of sources; shade.clh has them by these names in capitals.
 KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
-# The log of what an opaque step lets through, finite so that a chord of no length stays clear.
+# Log of an opaque step's transmittance; finite, so that a step of no length is transparent.
 LOG_OPAQUE = -1e30
 # Iterations of false position that place an isosurface within its step.
 ITERATIONS = 2
@@ -79,12 +83,12 @@ def cast_struct(
     size: tuple[int, int],
     spec: RaycastSpec,
 ) -> NDArray[np.void]:
-    """The numbers of a cast but those of the buffers (rows, bricks, light volume).
+    """Return the struct `CAST`, except members about buffers (rows, bricks, light volume).
 
     Raises
     ------
     RaycastError
-        If what is kept is empty.
+        If the crop leaves nothing of the volume.
     TransferError
         If the transfer function's span is too small for float32.
     """
@@ -104,8 +108,7 @@ def cast_struct(
     nearest = round(field.distance / step)
     cast["start"] = -nearest * step / unit
     cast["phase"] = (nearest * step - field.distance) / unit
-    low, high = spec.kept(volume)
-    cast["low"][:3], cast["high"][:3] = low, high
+    cast["low"][:3], cast["high"][:3] = spec.kept(volume)
     cast["last"][:3] = np.array(volume.shape_xyz) - 1
     cast["shade"] = spec.ambient, spec.diffuse, spec.specular, 0
     planes = spec.index_planes(volume)
@@ -136,13 +139,13 @@ def _set_table(
     if table.gradient_top is not None:
         rows = len(table.opacity) - 1
         cast["last_row"] = rows
-        # From a share of the range per smallest spacing, which the kernel has, to rows.
-        share_per_mm = spec.gradient_scale(volume) * min(volume.spacing_mm)
-        cast["row_scale"] = rows / (table.gradient_top * share_per_mm) if share_per_mm else 0.0
+        # The kernel's gradients are fractions of the range per smallest spacing.
+        per_mm = spec.gradient_scale(volume) * min(volume.spacing_mm)
+        cast["row_scale"] = rows / (table.gradient_top * per_mm) if per_mm else 0.0
 
 
 def gradient_scale(table: TransferTable | SurfaceTable, volume: Volume, spec: RaycastSpec) -> float:
-    """Value (or, with labels, opacity of a step) per smallest spacing -> share of the range."""
+    """Return the factor from value (labels: opacity of a step) to fraction of the range."""
     if isinstance(table, TransferTable) and table.labels:
         most = table.step_opacity(spec.step_of(volume)).max()
         return 1 / float(most) if most > 0 else 0.0
@@ -151,7 +154,7 @@ def gradient_scale(table: TransferTable | SurfaceTable, volume: Volume, spec: Ra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """Which kernel casts a table, what it is compiled with, and its tables.
+    """The kernel that casts a table, its compile-time constants and its tables.
 
     Parameters
     ----------
@@ -169,14 +172,14 @@ class Program:
 
     @classmethod
     def of(cls, table: TransferTable | SurfaceTable, spec: RaycastSpec, step_mm: float) -> Program:
-        """The program for a table and settings.
+        """Return the program for a table and settings.
 
         Raises
         ------
         RaycastError
-            If the two do not go together.
+            If the settings do not apply to the table.
         """
-        _check_together(table, spec)
+        _check_compatible(table, spec)
         count, channels = table.channels.shape
         extra: dict[str, float] = {}
         name, rows = "raycast", 1
@@ -195,7 +198,8 @@ class Program:
             mixed = np.insert(mixed, len(mixed) - 1, 0.0, axis=0)
         else:
             if spec.mode == "composite":
-                entries = np.stack([_rising(table.step_opacity(step_mm)), _logs(table, step_mm)])
+                step_opacity = _rising(table.step_opacity(step_mm))
+                entries = np.stack([step_opacity, _log_transmittances(table, step_mm)])
             else:
                 name, extra = "projection", {"MAXIMUM": int(spec.mode == "maximum")}
                 entries = _rising(table.opacity)
@@ -229,7 +233,7 @@ class Program:
         return cls(name, constants, tables)
 
 
-def _check_together(table: TransferTable | SurfaceTable, spec: RaycastSpec) -> None:
+def _check_compatible(table: TransferTable | SurfaceTable, spec: RaycastSpec) -> None:
     if isinstance(table, SurfaceTable):
         kind = "isosurfaces"
     elif table.labels:
@@ -246,14 +250,16 @@ def _check_together(table: TransferTable | SurfaceTable, spec: RaycastSpec) -> N
         )
     if spec.preintegrated:
         raise RaycastError(
-            f"raycast: preintegrated cannot be had with {kind}; leave it out", code="conflict"
+            f"raycast: preintegrated cannot be had with {kind}", "leave it out", code="conflict"
         )
     if spec.adaptive > 0 and kind in ("isosurfaces", "spectral absorption"):
-        raise RaycastError(f"raycast: adaptive steps cannot be had with {kind}; give adaptive=0")
+        raise RaycastError(
+            f"raycast: adaptive steps cannot be had with {kind}", "give adaptive=0", code="conflict"
+        )
 
 
 def with_rises(entries: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(…, N, K) -> (…, N + 1, 2, K): each entry and its difference to the next; then nothing."""
+    """Return (…, N + 1, 2, K) entries and differences to the next, of (…, N, K); then zeros."""
     *others, count, width = entries.shape
     rows = np.zeros((*others, count + 1, 2, width))
     rows[..., :-1, 0, :] = entries
@@ -262,12 +268,12 @@ def with_rises(entries: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _rising(entries: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(…, N) -> (…, N + 1, 2): `with_rises` of entries that are one number each."""
+    """Return (…, N + 1, 2) entries and differences of (…, N), as `with_rises`."""
     return with_rises(entries[..., None])[..., 0]
 
 
-def _logs(table: TransferTable, step_mm: float) -> NDArray[np.float64]:
-    """(…, N + 1, 2) log of what a step lets through, by entry and by the next; then nothing."""
+def _log_transmittances(table: TransferTable, step_mm: float) -> NDArray[np.float64]:
+    """Return (…, N + 1, 2) log of a step's transmittance, of an entry and the next; then zeros."""
     with np.errstate(divide="ignore"):
         logs = np.log1p(-table.opacity) * (step_mm / table.reference_step_mm)
     logs = np.maximum(logs, LOG_OPAQUE)
@@ -277,12 +283,12 @@ def _logs(table: TransferTable, step_mm: float) -> NDArray[np.float64]:
 
 
 def vector_width(count: int) -> int:
-    """Floats in a vector of weights. Never 16: PoCL 3.0 cannot compile float16 for AVX-512."""
+    """Return the floats per vector of weights, 4 or 8: PoCL 3.0 fails at float16 on AVX-512."""
     return 4 if count <= 4 else 8
 
 
 def _padded(rows: NDArray[Any]) -> NDArray[np.float32]:
-    """Rows lengthened with zeros to whole vectors."""
+    """Return rows padded with zeros to whole vectors."""
     count = rows.shape[-1]
     width = vector_width(count)
     result = np.zeros((*rows.shape[:-1], -(-count // width) * width), np.float32)
@@ -290,17 +296,17 @@ def _padded(rows: NDArray[Any]) -> NDArray[np.float32]:
     return result
 
 
-def sources_of(spec: RaycastSpec) -> list[tuple[int, Source]]:
-    """(group, source) in the kernel's order."""
+def numbered_sources(spec: RaycastSpec) -> list[tuple[int, Source]]:
+    """Return (group number, source) in the kernel's order."""
     return [(i, source) for i, group in enumerate(spec.groups) for source in group.sources]
 
 
 def source_rows(volume: Volume, camera: Camera, spec: RaycastSpec) -> NDArray[np.float32]:
-    """(3 + 2 · sources, 4): world rows, then each source's place and falloff (shade.clh)."""
+    """Return (3 + 2 · sources, 4): world rows, each source's position and falloff (shade.clh)."""
     unit = min(volume.spacing_mm)
-    sources = sources_of(spec)
+    sources = numbered_sources(spec)
     rows = np.zeros((3 + 2 * len(sources), 4))
-    # Positions are counted from the camera's target, to keep them small.
+    # Positions are relative to the camera's target, so that they are small.
     world = volume.world_from_index[:3].copy()
     world[:, 3] -= camera.target_mm
     rows[:3] = world / unit
@@ -315,22 +321,22 @@ def source_rows(volume: Volume, camera: Camera, spec: RaycastSpec) -> NDArray[np
     return rows.astype(np.float32)
 
 
-def braces(numbers: list[int]) -> str:
-    """A C initialiser."""
+def _initialiser(numbers: list[int]) -> str:
+    """Return an array initialiser of C."""
     return "{" + ", ".join(map(str, numbers)) + "}"
 
 
-def definitions(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
-    """What lights and cuts are compiled with; ``layers`` is the light volume's, by source."""
-    sources = sources_of(spec)
+def light_constants(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
+    """Return the constants for lights and cuts; ``layers`` is each source's in the light volume."""
+    sources = numbered_sources(spec)
     kinds = [KINDS[type(source)] for _, source in sources]
     shaded, lit = spec.shaded and spec.mode == "composite", max(layers) >= 0
     return {
         "GROUPS": len(spec.groups),
         "SOURCES": len(sources),
-        "SOURCE_KIND": braces(kinds),
-        "SOURCE_GROUP": braces([group for group, _ in sources]),
-        "SOURCE_LAYER": braces(layers),
+        "SOURCE_KIND": _initialiser(kinds),
+        "SOURCE_GROUP": _initialiser([group for group, _ in sources]),
+        "SOURCE_LAYER": _initialiser(layers),
         "SHADED": int(shaded),
         "SPECULAR": int(shaded and spec.specular > 0),
         "SHININESS_BITS": next(n for n in SHININESS_BITS if spec.shininess < 1 << n),
@@ -341,3 +347,59 @@ def definitions(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
         "NEAR_LAMP": NEAR_LAMP,
         **{kind.__name__.upper(): number for kind, number in KINDS.items()},
     }
+
+
+# In diagonals of the volume: squares of much longer distances overflow float32.
+MAX_REACH = 1e9
+
+
+def check_reach(volume: Volume, camera: Camera, spec: RaycastSpec) -> None:
+    """Check that camera and lights are within `MAX_REACH` diagonals of the volume.
+
+    Raises
+    ------
+    CameraError
+        If the camera, its target or its picture is not.
+    RaycastError
+        If a point light or its falloff is not, or the falloff is as much too short.
+    """
+    middle = volume.corners_mm.mean(axis=0)
+    check = partial(_check_length, volume)
+    from_target = math.dist(camera.target_mm, middle)
+    check("camera: position_mm to target_mm", camera.distance_mm, "come nearer", CameraError)
+    check("camera: target_mm to the volume", from_target, "look at the volume", CameraError)
+    check("camera: height_mm", camera.height_mm or 0.0, "give less", CameraError)
+    for group in spec.groups:
+        for source in group.sources:
+            if not isinstance(source, Point):
+                continue
+            origin = middle if source.frame == "world" else (0.0, 0.0, 0.0)
+            light, falloff = f"point light of {group.name!r}", source.falloff_mm
+            distance = math.dist(source.position_mm, origin)
+            check(f"{light}: its distance", distance, "take Directional")
+            if falloff is None:
+                continue
+            check(f"{light}: falloff_mm", falloff, "leave it out")
+            if falloff < diagonal_mm(volume) / MAX_REACH:
+                raise RaycastError(
+                    f"{falloff:g} is too short, {volume.name} is {diagonal_mm(volume):g} mm across",
+                    f"give {diagonal_mm(volume) / MAX_REACH:.2g} or more",
+                    code="range",
+                    field=f"{light}: falloff_mm",
+                    given=falloff,
+                )
+
+
+def _check_length(
+    volume: Volume, field: str, mm: float, remedy: str, error: type[InputError] = RaycastError
+) -> None:
+    across = diagonal_mm(volume)
+    if mm > MAX_REACH * across:
+        raise error(
+            f"{mm:g} mm is more than {MAX_REACH:g} times as far as {volume.name} is across, "
+            f"{across:g} mm",
+            remedy,
+            code="range",
+            field=field,
+            given=mm,
+        )

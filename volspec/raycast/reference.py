@@ -1,38 +1,57 @@
-"""The raycaster's truth: NumPy, float64, every sample, no skipping.
+"""The reference raycaster and light volume: NumPy, float64, every sample, no skipping.
 
     volume -> transfer -> [raycast] -> relight -> appearance
 
-The ray of a pixel is cut into steps kΔ…(k+1)Δ measured from the camera, clipped to what is kept
-of the volume; each is sampled at its middle and weighs as much as its clipped length. A
-homogeneous body therefore has exactly Beer-Lambert's transmittance along any ray. Front to back
+A pixel's ray is divided into steps kΔ…(k+1)Δ measured from the camera and clipped to the visible
+part of the volume; each is sampled at its middle and weighted by its clipped length. A homogeneous
+body therefore has exactly Beer-Lambert's transmittance along any ray. Front to back
 
     α = 1 − (1 − opacity(v))^(length / reference step)
     C += T α (g s(v) + k_s),   T ← T (1 − α) (docs/method.md §3)
 
-The twins are ``kernels/raycast.cl`` and, by name below, those beside it.
+The light volume holds transmittances T towards a light from the nodes of a coarse grid:
+
+    σ(node) = mean of −log(1 − opacity(v)) / reference step over the voxels nearest to it
+    T(node) = exp(−∫ σ ds) towards the light
+    open(node) = min(1, 2 · mean of T over the sphere)
+
+σ is trilinear between nodes and falls to 0 within a cell beyond the outermost ones. The integral
+is sampled at the middles of steps of a cell.
+
+Twins: ``kernels/raycast.cl``, those named below, and ``kernels/light_volume.cl``.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
-from volspec.raycast.light_volume.reference import arrivals
-from volspec.raycast.light_volume.spec import LightGrid
-from volspec.raycast.packed import ITERATIONS
-from volspec.raycast.reach import check_reach
+from volspec.raycast.light_volume import (
+    CUT_TOLERANCE,
+    OCCLUSION_GAIN,
+    SHADOW_BIAS,
+    LightGrid,
+    extinction_per_mm,
+    light_layers,
+    sphere_directions,
+)
+from volspec.raycast.packed import ITERATIONS, check_reach
 from volspec.raycast.sampling import (
     Array,
+    Arrives,
     Index,
     Rays,
     Sampler,
-    between,
-    classified,
-    entry_of,
-    rays_of,
-    shading,
+    classify,
+    find_entry,
+    interpolate,
+    make_rays,
+    shade,
+    trilinear,
 )
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable, segment_means
@@ -60,8 +79,7 @@ def cast(
         Premultiplied by opacity.
     alpha : (H, W)
     depth_mm, first_mm : (H, W)
-        Expected distance from the camera of what is seen, and where it is first hit; inf where
-        nothing is.
+        Expected distance from the camera, and distance of the first hit; inf in empty pixels.
 
     Raises
     ------
@@ -81,18 +99,18 @@ def cast(
         kind = _Preintegrated
     elif table.filters is not None:
         kind = _Filtered
-    march = kind(volume, table, camera, spec, rays_of(volume, camera, size, spec))
-    march.run()
+    cast = kind(volume, table, camera, spec, make_rays(volume, camera, size, spec))
+    cast.march()
     shape = (height, width)
     with np.errstate(divide="ignore", invalid="ignore"):
-        expected = np.where(march.covered > 0, march.depth / march.covered, np.inf)
-    colour = march.colour.reshape(*shape, -1)
-    parts = march.covered, expected, march.first
+        expected = np.where(cast.alpha > 0, cast.depth / cast.alpha, np.inf)
+    colour = cast.colour.reshape(*shape, -1)
+    parts = cast.alpha, expected, cast.first
     return (colour, *(part.reshape(shape) for part in parts))  # type: ignore[return-value]
 
 
 class _March:
-    """Rays under way, compositing; the other ways to cast replace a part of it."""
+    """Compositing of all rays, step by step; other casts override parts of it."""
 
     def __init__(
         self,
@@ -110,136 +128,143 @@ class _March:
         self.normals = spec.shaded or bool(self.arrives)
         self.step = spec.step_of(volume)
         count = len(rays.near)
-        self.covered, self.depth = np.zeros(count), np.zeros(count)
-        self.first, self.through = np.full(count, np.inf), np.ones(count)
+        self.alpha, self.depth = np.zeros(count), np.zeros(count)
+        self.first, self.transmittance = np.full(count, np.inf), np.ones(count)
         self.colour = np.zeros((count, len(spec.groups), table.size))
 
-    def run(self) -> None:
-        """Front to back, all rays a step at a time."""
+    def march(self) -> None:
+        """March all rays front to back, one step at a time."""
         rays, step = self.rays, self.step
         k = np.floor((rays.near - rays.shift) / step)
         while True:
             begin = np.maximum(k * step + rays.shift, rays.near)
             end = np.minimum((k + 1) * step + rays.shift, rays.far)
-            live = np.flatnonzero((end > begin) & (self.through > 1 - self.spec.alpha_stop))
+            live = np.flatnonzero((end > begin) & (self.transmittance > 1 - self.spec.alpha_stop))
             if not live.size:
                 break
-            self.take(live, begin[live], end[live])
+            self.step_rays(live, begin[live], end[live])
             k[live] += 1
 
     def point(self, rays: Index, along: Array) -> Array:
-        """(R, 3) index positions at ``along`` mm."""
+        """Return (R, 3) index positions at ``along`` mm."""
         return self.rays.start[rays] + along[:, None] * self.rays.along[rays]
 
-    def take(self, live: Index, begin: Array, end: Array) -> None:
-        """One step of each live ray."""
+    def step_rays(self, live: Index, begin: Array, end: Array) -> None:
+        """Take one step of each live ray."""
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
         shaded = self.normals or self.table.gradient_top is not None
         gradient = self.sampler.gradient(point) if shaded else None
-        share, seen = classified(self.table, self.sampler, point, gradient, self.step)
-        alpha = 1 - (1 - share) ** ((end - begin) / self.step)
-        self.reflect(live, middle, point, gradient, alpha, seen)
+        opacity, reflectance = classify(self.table, self.sampler, point, gradient, self.step)
+        alpha = 1 - (1 - opacity) ** ((end - begin) / self.step)
+        self.composite(live, middle, point, gradient, alpha, reflectance)
 
-    def reflect(
+    def composite(
         self,
         live: Index,
         along: Array,
         point: Array,
         gradient: Array | None,
         alpha: Array,
-        seen: Array,
+        reflectance: Array,
     ) -> None:
-        """Samples of opacity alpha reflect what is seen, and cover what lies behind."""
-        light = self.light(live, point, gradient, seen)
-        weight = self.through[live] * alpha
+        """Composite samples of opacity alpha."""
+        light = self.light(live, point, gradient, reflectance)
+        weight = self.transmittance[live] * alpha
         self.colour[live] += weight[:, None, None] * light
-        self.cover(live, along, weight)
-        self.through[live] -= weight
+        self.add_alpha(live, along, weight)
+        self.transmittance[live] -= weight
 
-    def light(self, live: Index, point: Array, gradient: Array | None, seen: Array) -> Array:
-        """(R, L, M) what samples reflect of each group's light."""
-        factor, gloss = shading(
-            *(self.volume, self.camera, self.spec, self.arrives, self.lift_mm, point),
+    def light(self, live: Index, point: Array, gradient: Array | None, reflectance: Array) -> Array:
+        """Return (R, L, M) the light that samples reflect, by group."""
+        factor, highlight = shade(
+            self.volume,
+            self.camera,
+            self.spec,
+            self.arrives,
+            self.lift_mm,
+            point,
             self.rays.direction[live],
             gradient if self.normals else None,
         )
-        return factor[:, :, None] * seen[:, None, :] + gloss[:, :, None] * self.table.white
+        material = factor[:, :, None] * reflectance[:, None, :]
+        return material + highlight[:, :, None] * self.table.white
 
-    def cover(self, live: Index, along: Array, weight: Array) -> None:
-        """Count opacity and where it is."""
-        self.covered[live] += weight
-        hit = np.isinf(self.first[live]) & (self.covered[live] >= self.spec.first_opacity)
+    def add_alpha(self, live: Index, along: Array, alpha: Array) -> None:
+        """Sum alpha and depth, and find the first hit."""
+        self.alpha[live] += alpha
+        hit = np.isinf(self.first[live]) & (self.alpha[live] >= self.spec.first_opacity)
         self.first[live[hit]] = along[hit]
-        self.depth[live] += weight * along
+        self.depth[live] += alpha * along
 
 
 class _Filtered(_March):
-    """Spectral absorption: one transmittance a channel; twin: raycast.cl with FILTERED.
+    """Spectral absorption: one transmittance per channel; twin: raycast.cl with FILTERED.
 
     C_k += T_k (1 − t_k^length) (g s_k(v) + k_s white_k),   T_k ← T_k t_k^length
 
-    so that a channel reflects as much as it loses, and the opacity is what all lose in the mean.
+    so that a channel reflects as much as it loses, and alpha is the mean loss of all channels.
     """
 
     def __init__(self, *given: Any) -> None:
         super().__init__(*given)
-        self.passing = np.ones((len(self.through), self.table.size))
+        self.channel_transmittance = np.ones((len(self.transmittance), self.table.size))
 
-    def take(self, live: Index, begin: Array, end: Array) -> None:
+    def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
         gradient = self.sampler.gradient(point) if self.normals else None
-        _, seen = classified(self.table, self.sampler, point, gradient, self.step)
+        _, reflectance = classify(self.table, self.sampler, point, gradient, self.step)
         entries = self.table.step_transmittance(self.step)
-        j, f = entry_of(self.table, self.sampler.value(point))
-        passed = between(entries, j, f) ** ((end - begin) / self.step)[:, None]
-        taken = self.passing[live] * (1 - passed)
-        self.colour[live] += taken[:, None, :] * self.light(live, point, gradient, seen)
-        self.passing[live] *= passed
-        left = self.passing[live].mean(axis=1)
-        self.cover(live, middle, self.through[live] - left)
-        self.through[live] = left
+        j, f = find_entry(self.table, self.sampler.value(point))
+        passed = interpolate(entries, j, f) ** ((end - begin) / self.step)[:, None]
+        lost = self.channel_transmittance[live] * (1 - passed)
+        self.colour[live] += lost[:, None, :] * self.light(live, point, gradient, reflectance)
+        self.channel_transmittance[live] *= passed
+        left = self.channel_transmittance[live].mean(axis=1)
+        self.add_alpha(live, middle, self.transmittance[live] - left)
+        self.transmittance[live] = left
 
 
 class _Preintegrated(_March):
     """The transfer function integrated between a step's ends; twin: preintegrated.cl."""
 
-    def take(self, live: Index, begin: Array, end: Array) -> None:
+    def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         front, back = (self.sampler.value(self.point(live, at)) for at in (begin, end))
         means = segment_means(self.table, self.step, front, back)
         alpha = -np.expm1(-means[:, 0] * (end - begin) / self.step)
-        seen = means[:, 1:] / np.maximum(means[:, :1], 1e-30) @ self.table.channels
+        reflectance = means[:, 1:] / np.maximum(means[:, :1], 1e-30) @ self.table.channels
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
         gradient = self.sampler.gradient(point) if self.normals else None
-        self.reflect(live, middle, point, gradient, alpha, seen)
+        self.composite(live, middle, point, gradient, alpha, reflectance)
 
 
 class _Surfaces(_March):
     """Isosurfaces between a step's ends; twin: surfaces.cl."""
 
-    def take(self, live: Index, begin: Array, end: Array) -> None:
+    def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         table, stop = self.table, 1 - self.spec.alpha_stop
         front, back = (self.sampler.value(self.point(live, at)) for at in (begin, end))
         rising = back > front
         for s in range(len(table.values)):
             which = np.where(rising, s, len(table.values) - 1 - s)
             level = table.values[which]
-            met = ((front < level) != (back < level)) & (self.through[live] > stop)
+            met = ((front < level) != (back < level)) & (self.transmittance[live] > stop)
             if not met.any():
                 continue
             rays, which = live[met], which[met]
-            along = self._place(rays, begin[met], end[met], front[met], back[met], level[met])
+            ends = begin[met], end[met], front[met], back[met]
+            along = self._find_crossing(rays, *ends, level[met])
             point = self.point(rays, along)
             gradient = self.sampler.gradient(point) if self.normals else None
-            seen = (table.material_weights @ table.channels)[which]
-            self.reflect(rays, along, point, gradient, table.opacity[which], seen)
+            reflectance = (table.material_weights @ table.channels)[which]
+            self.composite(rays, along, point, gradient, table.opacity[which], reflectance)
 
-    def _place(
+    def _find_crossing(
         self, rays: Index, near: Array, far: Array, front: Array, back: Array, level: Array
     ) -> Array:
-        """Where the value is the level, by `ITERATIONS` of false position."""
+        """Find where the value is the level, by `ITERATIONS` of false position."""
         along = near + (level - front) / (back - front) * (far - near)
         for _ in range(ITERATIONS):
             value = self.sampler.value(self.point(rays, along))
@@ -247,33 +272,33 @@ class _Surfaces(_March):
             near, front = np.where(before, along, near), np.where(before, value, front)
             far, back = np.where(before, far, along), np.where(before, back, value)
             rise = back - front
-            share = (level - front) / np.where(rise == 0, 1, rise)
-            along = np.where(rise == 0, near, near + share * (far - near))
+            fraction = (level - front) / np.where(rise == 0, 1, rise)
+            along = np.where(rise == 0, near, near + fraction * (far - near))
         return along
 
 
 class _Projection(_March):
     """The greatest or the mean value of a ray; twin: projection.cl."""
 
-    def run(self) -> None:
+    def march(self) -> None:
         count = len(self.rays.near)
         self.best, self.place = np.full(count, -np.inf), np.zeros(count)
         self.sum, self.length = np.zeros(count), np.zeros(count)
-        super().run()
+        super().march()
         rays = np.flatnonzero(self.rays.near < self.rays.far)
         value, place = self.best[rays], self.place[rays]
         if self.spec.mode == "average":
             value = self.sum[rays] / self.length[rays]
             place = 0.5 * (self.rays.near + self.rays.far)[rays]
-        j, f = entry_of(self.table, value)
-        alpha = between(self.table.opacity, j, f)
-        seen = between(self.table.coefficients, j, f)
+        j, f = find_entry(self.table, value)
+        alpha = interpolate(self.table.opacity, j, f)
+        reflectance = interpolate(self.table.coefficients, j, f)
         unshaded = np.array(list(self.spec.strengths().values()))
-        light = unshaded[:, None] * seen[:, None, :]
+        light = unshaded[:, None] * reflectance[:, None, :]
         self.colour[rays] = alpha[:, None, None] * light
-        self.cover(rays, place, alpha)
+        self.add_alpha(rays, place, alpha)
 
-    def take(self, live: Index, begin: Array, end: Array) -> None:
+    def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         middle = 0.5 * (begin + end)
         value = self.sampler.value(self.point(live, middle))
         more = live[value > self.best[live]]
@@ -281,3 +306,173 @@ class _Projection(_March):
         self.best[more] = value[value > self.best[live]]
         self.sum[live] += (end - begin) * value
         self.length[live] += end - begin
+
+
+def layers(
+    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
+) -> Array:
+    """Return (L, nz, ny, nx) the part of light that arrives, 0…1, for each of `light_layers`."""
+    grid = LightGrid.of(volume, spec.light_cells)
+    sigma = extinction(volume, table, spec, grid)
+    found = []
+    for layer in light_layers(spec, volume, camera):
+        if layer.kind == "directional":
+            found.append(_along(sigma, grid, np.array(layer.vector), *layer.steps(grid)))
+        elif layer.kind == "point":
+            found.append(_towards(sigma, grid, np.array(layer.vector)))
+        else:
+            steps = layer.steps(grid)
+            rays = [_along(sigma, grid, d, *steps) for d in sphere_directions()]
+            found.append(np.minimum(OCCLUSION_GAIN * np.mean(rays, axis=0), 1))
+    return np.reshape(found, (-1, *sigma.shape))
+
+
+def arrivals(
+    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
+) -> dict[int, Arrives]:
+    """Return functions for shadows and occlusion, by index in `numbered_sources`."""
+    wanted = light_layers(spec, volume, camera)
+    if not wanted:
+        return {}
+    grid = LightGrid.of(volume, spec.light_cells)
+    return {
+        layer.source: partial(light_at, values, grid)
+        for layer, values in zip(wanted, layers(volume, table, spec, camera), strict=True)
+    }
+
+
+def light_at(layer: Array, grid: LightGrid, index: Array) -> Array:
+    """Interpolate a layer (nz, ny, nx) at voxel indices (P, 3) x, y, z."""
+    return trilinear(layer, index * np.array(grid.per_index))
+
+
+def extinction(
+    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, grid: LightGrid
+) -> Array:
+    """Return (nz, ny, nx) σ of each node, 1/mm."""
+    if isinstance(table, SurfaceTable):
+        sigma = _surface_extinction(volume, table)
+    else:
+        sigma = _table_extinction(volume, table)
+    sigma = np.where(_visible_mask(volume, spec), sigma, 0.0)
+    x, y, z = (_weights(n, c) for n, c in zip(volume.shape_xyz, grid.shape_xyz, strict=True))
+    return np.einsum("zk,kji,yj,xi->zyx", z, sigma, y, x, optimize=True)
+
+
+def _table_extinction(volume: Volume, table: TransferTable) -> Array:
+    """Return (Z, Y, X) σ of voxels: linear between the table's entries, not between labels."""
+    entries = extinction_per_mm(table.opacity, table.reference_step_mm)
+    values = volume.values.astype(np.float64)
+    last = entries.shape[-1] - 1
+    if table.labels:
+        known = (values >= 0) & (values < last + 1)
+        return np.where(known, entries[np.where(known, values, 0).astype(int)], 0.0)
+    low, high = table.domain
+    at = np.clip((values - low) / (high - low) * last, 0, last)
+    j = np.minimum(at.astype(int), last - 1)
+    f = at - j
+    if table.gradient_top is None:
+        return entries[j] + f * (entries[j + 1] - entries[j])
+    rows = np.clip(_gradient(volume) / table.gradient_top, 0, 1) * (len(entries) - 1)
+    r = np.minimum(rows.astype(int), len(entries) - 2)
+    g = rows - r
+    below = entries[r, j] + f * (entries[r, j + 1] - entries[r, j])
+    above = entries[r + 1, j] + f * (entries[r + 1, j + 1] - entries[r + 1, j])
+    return below + g * (above - below)
+
+
+def _gradient(volume: Volume) -> Array:
+    """Return (Z, Y, X) gradient magnitudes at voxels, value per mm, equal to those of rays."""
+    padded = np.pad(volume.values.astype(np.float64), 1, mode="edge")
+    inner = slice(1, -1)
+    z = (padded[2:, inner, inner] - padded[:-2, inner, inner]) / 2
+    y = (padded[inner, 2:, inner] - padded[inner, :-2, inner]) / 2
+    x = (padded[inner, inner, 2:] - padded[inner, inner, :-2]) / 2
+    world = np.stack([x, y, z], axis=-1) @ volume.index_from_world[:3, :3]
+    return np.linalg.norm(world, axis=-1)
+
+
+def _surface_extinction(volume: Volume, table: SurfaceTable) -> Array:
+    """Return (Z, Y, X) σ of voxels: −log(1 − opacity) times surface area per volume.
+
+    If a level lies between a voxel and the next along an axis, a surface crosses the edge, and
+    counts by the axis' component of its normal: the sum over all edges is its area.
+    """
+    values = volume.values.astype(np.float64)
+    sigma = np.zeros(values.shape)
+    rises = []
+    for axis, spacing in zip((2, 1, 0), volume.spacing_mm, strict=True):
+        rises.append(np.diff(values, axis=axis, append=values.take([-1], axis)) / spacing)
+    steepness = np.sqrt(sum(rise**2 for rise in rises))
+    for level, opacity in zip(table.values.astype(np.float32), table.opacity, strict=True):
+        below = values < level
+        for axis, spacing, rise in zip((2, 1, 0), volume.spacing_mm, rises, strict=True):
+            crossed = np.diff(below, axis=axis, append=below.take([-1], axis))
+            area = np.abs(rise[crossed]) / steepness[crossed]
+            sigma[crossed] += area * extinction_per_mm(opacity, spacing)
+    return sigma
+
+
+def _visible_mask(volume: Volume, spec: RaycastSpec) -> NDArray[np.bool_]:
+    """Return (Z, Y, X) True for voxels inside the crop and the clip planes."""
+    mask = np.ones(volume.values.shape, bool)
+    axes = [np.arange(n) for n in volume.shape_xyz]
+    if spec.crop_voxels is not None:
+        for axis, (low, high) in enumerate(spec.crop_voxels):
+            inside = (axes[axis] >= low - CUT_TOLERANCE) & (axes[axis] <= high + CUT_TOLERANCE)
+            mask &= inside.reshape([-1 if a == 2 - axis else 1 for a in range(3)])
+    z, y, x = np.meshgrid(*axes[::-1], indexing="ij", sparse=True)
+    for plane in spec.clip_planes:
+        normal = np.array(plane.normal)
+        i, j, k, offset = normal @ volume.world_from_index[:3]
+        inside_mm = i * x + j * y + k * z + offset - normal @ plane.point_mm
+        mask &= inside_mm >= -CUT_TOLERANCE * min(volume.spacing_mm)
+    return mask
+
+
+def _weights(voxels: int, nodes: int) -> Array:
+    """Return (nodes, voxels) the weight of each voxel along an axis for each node."""
+    nearest = np.floor(np.arange(voxels) * (nodes - 1) / (voxels - 1) + 0.5).astype(int)
+    weights = np.zeros((nodes, voxels))
+    weights[nearest, np.arange(voxels)] = 1 / np.bincount(nearest)[nearest]
+    # A node that is nearest to no voxel lies between two.
+    for node in np.flatnonzero(~weights.any(axis=1)):
+        at = node * (voxels - 1) / (nodes - 1)
+        j = min(int(at), voxels - 2)
+        weights[node, j], weights[node, j + 1] = 1 - (at - j), at - j
+    return weights
+
+
+def _along(
+    sigma: Array, grid: LightGrid, direction: Array, middles: Array, lengths: Array
+) -> Array:
+    """Return (nz, ny, nx) transmittance from every node along one direction."""
+    nodes, padded = _positions(grid), np.pad(sigma, 1)
+    step = grid.per_step(direction)
+    depth = np.zeros(len(nodes))
+    for middle, length in zip(middles, lengths, strict=True):
+        depth += length * grid.cell_mm * trilinear(padded, nodes + 1 + middle * step)
+    return np.exp(-depth).reshape(sigma.shape)
+
+
+def _towards(sigma: Array, grid: LightGrid, light_mm: Array) -> Array:
+    """Return (nz, ny, nx) transmittance from every node to a point."""
+    nodes, padded = _positions(grid), np.pad(sigma, 1)
+    offset = grid.grid_from_world[:3, :3] @ light_mm + grid.grid_from_world[:3, 3] - nodes
+    world = offset @ np.linalg.inv(grid.grid_from_world[:3, :3]).T
+    cells = np.linalg.norm(world, axis=1, keepdims=True) / grid.cell_mm
+    step = offset / np.maximum(cells, 1e-30)
+    depth = np.zeros(len(nodes))
+    for k in range(grid.diagonal_steps):
+        begin = SHADOW_BIAS + k
+        length = np.clip(cells - begin, 0, 1)
+        at = nodes + 1 + (begin + length / 2) * step
+        depth += length[:, 0] * grid.cell_mm * trilinear(padded, at)
+    return np.exp(-depth).reshape(sigma.shape)
+
+
+def _positions(grid: LightGrid) -> Array:
+    """Return (nodes, 3) grid positions x, y, z of all nodes, x fastest."""
+    x, y, z = grid.shape_xyz
+    k, j, i = np.mgrid[0:z, 0:y, 0:x].reshape(3, -1).astype(np.float64)
+    return np.stack([i, j, k], axis=1)

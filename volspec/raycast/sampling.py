@@ -1,4 +1,4 @@
-"""Rays, samples and shading in NumPy, float64: what the reference is made of.
+"""Rays, samples and shading of the reference raycaster: NumPy, float64.
 
 Twins: ``kernels/include/rays.clh``, ``field.clh`` and ``shade.clh``.
 """
@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
 from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Point, Source
-from volspec.raycast.packed import gradient_scale, sources_of
+from volspec.raycast.packed import gradient_scale, numbered_sources
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-# (R, 3) index -> (R,) share of a source's light that arrives there.
+# (R, 3) index -> (R,) part of a source's light that arrives there.
 Arrives = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rays:
-    """R rays of a picture, row by row: world and index space, clipped to what is kept.
+    """R rays of a picture, row by row: world and index space, clipped to the visible part.
 
     ``start`` (R, 3) index at the camera, ``along`` (R, 3) index per mm, ``direction`` (R, 3) unit
     vectors of the world, ``near`` and ``far`` (R,) mm from the camera, ``shift`` (R,) mm by
@@ -41,8 +41,8 @@ class Rays:
     shift: Array
 
 
-def rays_of(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> Rays:
-    """Every ray of a picture."""
+def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> Rays:
+    """Return the rays of a picture."""
     width, height = size
     origin, direction = world_rays(camera, width, height)
     matrix = volume.index_from_world
@@ -64,7 +64,7 @@ def rays_of(volume: Volume, camera: Camera, size: tuple[int, int], spec: Raycast
 
 
 def world_rays(camera: Camera, width: int, height: int) -> tuple[Array, Array]:
-    """(R, 3) origins in mm and unit directions, row by row."""
+    """Return (R, 3) origins in mm and unit directions, row by row."""
     field = camera.ray_field(width, height)
     y, x = (grid.ravel()[:, None] for grid in np.mgrid[0:height, 0:width].astype(np.float64))
     offset = (x - field.middle[0]) * field.across + (y - field.middle[1]) * field.down
@@ -79,19 +79,19 @@ def world_rays(camera: Camera, width: int, height: int) -> tuple[Array, Array]:
 
 
 def _clip(start: Array, along: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """Where rays enter and leave the box low…high (index space); empty where near ≥ far."""
+    """Clip rays to the box low…high (index space); a ray misses it if near ≥ far."""
     parallel = along == 0
     between = (start >= low) & (start <= high)
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = (low - start) / along, (high - start) / along
-    # A ray parallel to two faces lies between them for ever or never.
+    # A ray parallel to two faces lies between them entirely or not at all.
     enter = np.where(parallel, np.where(between, -np.inf, np.inf), np.minimum(a, b)).max(axis=1)
     leave = np.where(parallel, np.where(between, np.inf, -np.inf), np.maximum(a, b)).min(axis=1)
     return np.maximum(enter, 0.0), np.maximum(leave, 0.0)
 
 
 def _hash(x: NDArray[np.int64], y: NDArray[np.int64], seed: int) -> Array:
-    """0…1 by pixel and seed, bit by bit what rays.clh computes."""
+    """Return a hash of pixel and seed, 0…1; bit for bit that of rays.clh."""
     with np.errstate(over="ignore"):
         h = x.astype(np.uint32) * np.uint32(0x8DA6B343) ^ y.astype(np.uint32) * np.uint32(
             0xD8163841
@@ -104,7 +104,7 @@ def _hash(x: NDArray[np.int64], y: NDArray[np.int64], seed: int) -> Array:
 
 
 class Sampler:
-    """A volume's trilinear field; of opacities where its values are labels.
+    """Trilinear field of a volume's values, or of opacities if the values are labels.
 
     Parameters
     ----------
@@ -119,24 +119,24 @@ class Sampler:
         values = volume.values.astype(np.float64)
         self.labels: NDArray[np.int64] | None = None
         if isinstance(table, TransferTable) and table.labels:
-            # One entry more, of nothing: what the table has no label for.
+            # One entry more, transparent, for labels that the table lacks.
             opacity = np.append(table.step_opacity(spec.step_of(volume)), 0.0)
-            nothing = len(opacity) - 1
-            known = (values >= 0) & (values < nothing)
-            self.labels = np.where(known, values, nothing).astype(np.int64)
+            unknown = len(opacity) - 1
+            known = (values >= 0) & (values < unknown)
+            self.labels = np.where(known, values, unknown).astype(np.int64)
             values = opacity[self.labels]
         self._padded = np.pad(values, 1, mode="edge")
         self._scale = gradient_scale(table, volume, spec)
         self._world = volume.index_from_world[:3, :3] * min(volume.spacing_mm)
-        # Value per mm -> the share of the range per smallest spacing that gradients are.
-        self.shares_per_mm = max(spec.gradient_scale(volume) * min(volume.spacing_mm), 1e-30)
+        # Value per mm -> fraction of the range per smallest spacing, the unit of gradients.
+        self.fraction_per_mm = max(spec.gradient_scale(volume) * min(volume.spacing_mm), 1e-30)
 
     def value(self, point: Array) -> Array:
-        """(R,) at (R, 3) index positions."""
+        """Return (R,) values at (R, 3) index positions."""
         return trilinear(self._padded, point + 1)
 
     def gradient(self, point: Array) -> Array:
-        """(R, 3) in the world, as share of the volume's range per smallest spacing.
+        """Return (R, 3) gradients in the world, fraction of the range per smallest spacing.
 
         Central differences of the trilinear field, ± 1 voxel.
         """
@@ -148,7 +148,7 @@ class Sampler:
         return self._scale * gradient @ self._world
 
     def label(self, point: Array) -> NDArray[np.int64]:
-        """(R,) the label around that covers most, by trilinear weight and opacity."""
+        """Return (R,) labels with the greatest sum of trilinear weight times opacity."""
         assert self.labels is not None
         base, f = cell(self.labels.shape, point)
         labels, covers = [], []
@@ -172,7 +172,7 @@ class Sampler:
 
 
 def cell(shape: tuple[int, ...], point: Array) -> tuple[NDArray[np.int64], Array]:
-    """(R, 3) first voxel of the cell around a point (x, y, z), and the place within it."""
+    """Return (R, 3) first voxels of the cells around points (x, y, z), and positions within."""
     top = np.array(shape[::-1]) - 1.0
     inside = np.clip(point, 0, top)
     base = np.minimum(inside.astype(int), np.maximum(top.astype(int) - 1, 0))
@@ -180,22 +180,22 @@ def cell(shape: tuple[int, ...], point: Array) -> tuple[NDArray[np.int64], Array
 
 
 def trilinear(values: Array, point: Array) -> Array:
-    """(R,) values[z, y, x] between nodes, at (R, 3) index positions held inside."""
+    """Interpolate values[z, y, x] at (R, 3) index positions, clamped to the grid."""
     base, f = cell(values.shape, point)
     x, y, z = base.T
     fx, fy, fz = f.T
     near, far = (
-        mixed(
-            mixed(values[k, y, x], values[k, y, x + 1], fx),
-            mixed(values[k, y + 1, x], values[k, y + 1, x + 1], fx),
+        lerp(
+            lerp(values[k, y, x], values[k, y, x + 1], fx),
+            lerp(values[k, y + 1, x], values[k, y + 1, x + 1], fx),
             fy,
         )
         for k in (z, z + 1)
     )
-    return mixed(near, far, fz)
+    return lerp(near, far, fz)
 
 
-def shading(
+def shade(
     volume: Volume,
     camera: Camera,
     spec: RaycastSpec,
@@ -205,35 +205,35 @@ def shading(
     direction: Array,
     gradient: Array | None,
 ) -> tuple[Array, Array]:
-    """What each group sheds on samples: factor of the reflectance, and addition of white.
+    """Shade samples by each group: factor of the reflectance, and highlight added to white.
 
     Parameters
     ----------
     arrives : {source number: function}
-        Shadows and occlusion of the sources that have them, in the order of `sources_of`.
+        Shadows and occlusion of sources that have them, numbered as by `numbered_sources`.
     lift_mm : float
-        How far in front of surfaces they are read.
+        Distance in front of surfaces at which they are read.
     point, direction : (R, 3)
         Index position; the ray's unit vector in the world.
     gradient : (R, 3) or None
-        None where nothing is shaded or shadowed.
+        None if nothing is shaded or shadowed.
 
     Returns
     -------
-    factor, gloss : (R, L)
+    factor, highlight : (R, L)
     """
     factor = np.zeros((len(point), len(spec.groups)))
-    gloss = np.zeros_like(factor)
+    highlight = np.zeros_like(factor)
     if gradient is not None:
         square = (gradient**2).sum(axis=1)
-        trust = square / (square + spec.gradient_floor_squared)
+        confidence = square / (square + spec.gradient_floor_squared)
         normal = gradient / np.sqrt(np.maximum(square, 1e-30))[:, None]
-    for number, (group, source) in enumerate(sources_of(spec)):
+    for number, (group, source) in enumerate(numbered_sources(spec)):
         towards, light = _source(volume, camera, source, point, direction)
         if gradient is not None:
-            facing = (normal * towards).sum(axis=1)
+            n_dot_l = (normal * towards).sum(axis=1)
         if number in arrives:
-            side = np.where(facing < 0, -1.0, 1.0) * trust * lift_mm
+            side = np.where(n_dot_l < 0, -1.0, 1.0) * confidence * lift_mm
             in_front = point + side[:, None] * normal @ volume.index_from_world[:3, :3].T
             light = light * arrives[number](in_front)
         if isinstance(source, Ambient):
@@ -243,16 +243,16 @@ def shading(
         else:
             half = towards - direction
             half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
-            middling = np.minimum(np.abs((normal * half).sum(axis=1)), 1.0)
-            factor[:, group] += light * spec.diffuse * (1 + trust * (np.abs(facing) - 1))
-            gloss[:, group] += light * spec.specular * trust * middling**spec.shininess
-    return factor, gloss
+            n_dot_h = np.minimum(np.abs((normal * half).sum(axis=1)), 1.0)
+            factor[:, group] += light * spec.diffuse * (1 + confidence * (np.abs(n_dot_l) - 1))
+            highlight[:, group] += light * spec.specular * confidence * n_dot_h**spec.shininess
+    return factor, highlight
 
 
 def _source(
     volume: Volume, camera: Camera, source: Source, point: Array, direction: Array
 ) -> tuple[Array, Array]:
-    """(R, 3) unit vectors towards a source, ambient light as the eye's; (R,) its intensity."""
+    """Return (R, 3) unit vectors towards a source, for ambient light the eye; (R,) intensities."""
     light = np.full(len(point), source.intensity)
     if isinstance(source, Directional):
         towards = camera.to_world(source.towards, source.frame)
@@ -268,32 +268,34 @@ def _source(
     return towards / np.maximum(away, 1e-12)[:, None], light
 
 
-def classified(
+def classify(
     table: TransferTable, sampler: Sampler, point: Array, gradient: Array | None, step_mm: float
 ) -> tuple[Array, Array]:
-    """(R,) opacity of a step and (R, M) reflectance of samples."""
+    """Return (R,) opacity of a step and (R, M) reflectance of samples."""
     value = sampler.value(point)
     if table.labels:
         channels = np.vstack([table.coefficients, np.zeros(table.size)])
         return value, channels[sampler.label(point)]
     opacity, coefficients = table.step_opacity(step_mm), table.coefficients
-    j, f = entry_of(table, value)
+    j, f = find_entry(table, value)
     if table.gradient_top is None:
-        return between(opacity, j, f), between(coefficients, j, f)
+        return interpolate(opacity, j, f), interpolate(coefficients, j, f)
     assert gradient is not None
     rows = len(opacity) - 1
-    steepness = np.linalg.norm(gradient, axis=1) / sampler.shares_per_mm
+    steepness = np.linalg.norm(gradient, axis=1) / sampler.fraction_per_mm
     height = np.clip(steepness / table.gradient_top * rows, 0, rows)
     row = np.minimum(height.astype(int), rows - 1)
     g = height - row
     flat = [each.reshape(-1, *each.shape[2:]) for each in (opacity, coefficients)]
     low, high = row * opacity.shape[1] + j, (row + 1) * opacity.shape[1] + j
-    alpha, seen = (mixed(between(each, low, f), between(each, high, f), g) for each in flat)
-    return alpha, seen
+    step_opacity, reflectance = (
+        lerp(interpolate(each, low, f), interpolate(each, high, f), g) for each in flat
+    )
+    return step_opacity, reflectance
 
 
-def entry_of(table: TransferTable, value: Array) -> tuple[Index, Array]:
-    """The entry before each value, and how far to the next."""
+def find_entry(table: TransferTable, value: Array) -> tuple[Index, Array]:
+    """Return the entry before each value, and the position between it and the next, 0…1."""
     low, high = table.domain
     last = table.opacity.shape[-1] - 1
     at = np.clip((value - low) / (high - low) * last, 0, last)
@@ -301,12 +303,12 @@ def entry_of(table: TransferTable, value: Array) -> tuple[Index, Array]:
     return j, at - j
 
 
-def between(entries: Array, j: Index, f: Array) -> Array:
-    """(R, …) entries at j + f."""
-    return mixed(entries[j], entries[j + 1], f)
+def interpolate(entries: Array, j: Index, f: Array) -> Array:
+    """Interpolate entries at j + f."""
+    return lerp(entries[j], entries[j + 1], f)
 
 
-def mixed(a: Array, b: Array, f: Array) -> Array:
-    """(R, …) from a to b, and exactly that where they are equal; of 0…1 never beyond."""
+def lerp(a: Array, b: Array, f: Array) -> Array:
+    """Interpolate (R, …) from a to b: exact if they are equal, within 0…1 if both are."""
     f = f.reshape(-1, *(1,) * (a.ndim - 1))
     return a + f * (b - a)

@@ -213,8 +213,8 @@ class RaycastSpec:
             if diagonal / half_a_voxel > MAX_STEPS:
                 raise _at_cast(
                     "step_mm",
-                    f"left out, half of {volume.name}'s smallest spacing is {half_a_voxel:g} and it "
-                    f"is {diagonal:g} mm across: {diagonal / half_a_voxel:g} steps",
+                    f"left out, half of {volume.name}'s smallest spacing is {half_a_voxel:g} and "
+                    f"it is {diagonal:g} mm across: {diagonal / half_a_voxel:g} steps",
                     f"give step_mm, {diagonal / MAX_STEPS:.2g} or more",
                 )
             return half_a_voxel

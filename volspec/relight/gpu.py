@@ -22,7 +22,7 @@ from volspec._gpu.opengl import (
     lend_context,
     made_current,
 )
-from volspec._gpu.sharing import Sharing, current, named
+from volspec._gpu.sharing import Sharing, context_name, current
 from volspec.appearance.field import PassageField
 from volspec.appearance.live import passage_of
 from volspec.appearance.models.conditions import CamPassage
@@ -188,7 +188,7 @@ class GLEngine:
             if here is None or here.handle != sharing.handle:
                 raise OpenCLError(
                     f"raycast: the Raycaster shares {sharing.name}, the Relighter draws in "
-                    f"{named(self._context, here)}; give both the same context"
+                    f"{context_name(self._context, here)}; give both the same context"
                 )
             if self._shared is None:
                 size = 16 * layer_count(self._channels) * self._height * self._width

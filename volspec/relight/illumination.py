@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.spec import Viewing
 from volspec.errors import ShapeError, ViewingError
-from volspec.raycast.groups import ONE_GROUP
+from volspec.raycast.image_file import ONE_GROUP
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ

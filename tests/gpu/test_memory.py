@@ -98,7 +98,7 @@ def test_transfer_functions_views_and_settings_that_changed_take_no_memory(
     assert blocks_left_by(cast, 12) < 5
     assert len(caster._compute._kernels) < MOST_KERNELS
     # The bricks' codes, the light volume's place where there is none.
-    assert len(caster._compute._held) == 2
+    assert len(caster._compute._allocated) == 2
 
 
 def test_scenes_that_were_loaded_cast_and_relit_take_no_memory(backend: str) -> None:

@@ -14,13 +14,12 @@ import psutil
 import pyopencl as cl
 import pytest
 
+from tests.support.errors import raises
 from volspec import doctor
-from volspec._gpu import devices, memory, opencl, trials
-from volspec._gpu.build_log import complaint
-from volspec._gpu.devices import chosen_device
+from volspec._gpu import devices, memory, opencl
+from volspec._gpu.devices import DeviceInfo, choose_device
 from volspec._gpu.opencl import Compute
-from volspec._gpu.sources import Source
-from volspec._gpu.trials import DeviceInfo
+from volspec._gpu.sources import Source, first_error
 from volspec.errors import OpenCLError, ShapeError
 
 FIRST = "__kernel void f(__global const uchar *x, __global int *y) { y[0] = x[0] + x[%d]; }\n"
@@ -38,11 +37,11 @@ def two_devices(monkeypatch: pytest.MonkeyPatch) -> None:
         DeviceInfo(name, platform, "OpenCL 3.0", driver, is_cpu, 8, 2**34, 2**32)
         for name, platform, driver, is_cpu in [
             ("NVIDIA H200", "NVIDIA CUDA", "590.1", False),
-            ("pthread-AMD EPYC", trials.POCL, "3.1+debian", True),
+            ("pthread-AMD EPYC", devices.POCL, "3.1+debian", True),
         ]
     ]
     monkeypatch.setattr(devices, "devices", lambda: known)
-    monkeypatch.setattr(trials, "_try", lambda index, info: "")
+    monkeypatch.setattr(devices, "_try", lambda index, info: "")
 
 
 def resident_bytes() -> int:
@@ -90,7 +89,7 @@ def test_a_shared_array_lives_as_long_as_its_buffer(compute: Compute) -> None:
     assert alive() is None
 
 
-def test_of_kernels_those_used_last_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_kernels_used_last_are_cached(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(opencl, "MOST_KERNELS", 3)
     compute = Compute.open()
 
@@ -100,15 +99,15 @@ def test_of_kernels_those_used_last_are_kept(monkeypatch: pytest.MonkeyPatch) ->
     first = kernel(0)
     for number in range(1, 5):
         kernel(number)
-        assert kernel(0) is first  # asked for again and again
+        assert kernel(0) is first  # used again and again
     assert len(compute._kernels) == 3
-    # One that was given up is built again.
+    # One that was dropped is built again.
     assert sum_of_ends(compute, compute.upload(np.arange(4, dtype=np.uint8)), 1) == 1
 
 
 @pytest.mark.parametrize("share", [False, True])
 def test_arrays_in_another_order_are_refused(compute: Compute, share: bool) -> None:
-    with pytest.raises(ShapeError, match=r"shape \(3, 2\) is not C-contiguous"):
+    with raises(ShapeError, "shape"):
         compute.upload(np.zeros((2, 3), np.float32).T, share=share)
 
 
@@ -120,15 +119,14 @@ def test_what_memory_does_not_suffice_for_is_refused_before_it_is_taken(
     compute.require(3 << 20, "a picture", "cast a smaller one")
     buffer = compute.output(1 << 20)
     compute.require(2 << 20, "a picture", "cast a smaller one")
-    with pytest.raises(OpenCLError) as caught:
+    with raises(OpenCLError, "size") as caught:
         compute.require(3 << 20, "a picture", "cast a smaller one")
-    expected = "tiny: a picture needs 3.0 MiB, 2.0 MiB are free; cast a smaller one"
-    assert str(caught.value) == expected
+    assert "a picture needs 3.0 MiB, 2.0 MiB are free" in str(caught.value)
     del buffer
     compute.require(3 << 20, "a picture", "cast a smaller one")
     compute.info = DeviceInfo("cpu", "test", "1", "1", True, 1, 9 << 30, 2 << 30)
     monkeypatch.setattr(opencl, "host_free_bytes", lambda: 1 << 30)
-    with pytest.raises(OpenCLError, match=r"needs 3\.2 GiB, 1\.0 GiB are free"):
+    with raises(OpenCLError, "size"):
         compute.require(int(3.2 * 2**30), "a picture", "cast a smaller one")
 
 
@@ -137,7 +135,7 @@ def test_a_shared_array_takes_nothing_of_the_device() -> None:
     if not compute.info.is_cpu:
         pytest.skip("only CPUs share")
     shared = compute.upload(np.zeros(8, np.uint8), share=True)
-    assert sum(compute._held.values()) == 0 and shared.size == 8
+    assert sum(compute._allocated.values()) == 0 and shared.size == 8
 
 
 def test_a_container_s_limit_counts_as_the_host_s_memory(
@@ -193,22 +191,21 @@ def test_a_kernel_that_does_not_build_quotes_the_line(
     compute: Compute, text: str, message: str
 ) -> None:
     source = Source(text, ("<prelude>", "kernels/broken.cl", "kernels/include/part.clh"))
-    with pytest.raises(OpenCLError) as caught:
+    with raises(OpenCLError, "unsupported") as caught:
         compute.kernel(source, "f", ["-w"])
     start = f"kernels/broken.cl does not build on {compute.info.name} with -w: "
-    assert str(caught.value).startswith(start) and "\n" not in str(caught.value)
-    assert message in str(caught.value)
+    assert str(caught.value).startswith(start) and message in str(caught.value)
 
 
 @pytest.mark.parametrize("form", ["error: {}: {}", "{}: error: {}", "{}: fatal error: {}"])
-def test_complaints_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
+def test_errors_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
     source = Source(BROKEN % ("1", "foo"), ("<prelude>", "kernels/broken.cl"))
     log = "said by a driver\nkernels/broken.cl:1:1: warning: hm\n" + form.format(
         "kernels/broken.cl:3:12", "no 'foo'"
     )
     expected = "kernels/broken.cl:3:12: error: no 'foo': \"x[0] = foo;\""
-    assert complaint(log, source) == expected
-    assert complaint("the linker\n  gave up", source) == "the linker gave up"
+    assert first_error(log, source) == expected
+    assert first_error("the linker\n  gave up", source) == "the linker gave up"
 
 
 @pytest.mark.usefixtures("two_devices")
@@ -217,23 +214,24 @@ def test_devices_are_chosen_by_name_platform_number_or_variable(
 ) -> None:
     monkeypatch.delenv("VOLSPEC_DEVICE", raising=False)
     names = (None, "h200", "epyc", "cuda", "portable", "1", "3.1+deb")
-    assert [chosen_device(name) for name in names] == [0, 0, 1, 0, 1, 1, 1]
+    assert [choose_device(name) for name in names] == [0, 0, 1, 0, 1, 1, 1]
     monkeypatch.setenv("VOLSPEC_DEVICE", "EPYC")
-    assert chosen_device() == 1 and chosen_device("nvidia") == 0
+    assert choose_device() == 1 and choose_device("nvidia") == 0
     monkeypatch.setenv("VOLSPEC_DEVICE", "")
-    assert chosen_device() == 0
+    assert choose_device() == 0
 
 
 @pytest.mark.usefixtures("two_devices")
 def test_an_unknown_device_lists_those_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    listed = r"there is 0: NVIDIA H200 \(NVIDIA CUDA\), 1: pthread-AMD EPYC \(Portable Comp"
-    with pytest.raises(OpenCLError, match=rf"no OpenCL device named 'radeon'; {listed}"):
-        chosen_device("radeon")
-    with pytest.raises(OpenCLError, match="named '2'"):
-        chosen_device("2")
+    with raises(OpenCLError, "unknown") as caught:
+        choose_device("radeon")
+    assert "0: NVIDIA H200 (NVIDIA CUDA), 1: pthread-AMD EPYC (Portable Comp" in str(caught.value)
+    with raises(OpenCLError, "unknown"):
+        choose_device("2")
     monkeypatch.setenv("VOLSPEC_DEVICE", "nvidia h20x")
-    with pytest.raises(OpenCLError, match=r"\(VOLSPEC_DEVICE\); did you mean 'NVIDIA H200'"):
-        chosen_device()
+    with raises(OpenCLError, "unknown") as caught:
+        choose_device()
+    assert "(VOLSPEC_DEVICE); did you mean 'NVIDIA H200'" in str(caught.value)
 
 
 def test_a_driver_that_makes_no_context_is_named_in_one_line(
@@ -243,12 +241,12 @@ def test_a_driver_that_makes_no_context_is_named_in_one_line(
         raise cl.RuntimeError("Context failed:\n OUT_OF_HOST_MEMORY")
 
     monkeypatch.setattr(cl, "Context", refuse)
-    with pytest.raises(OpenCLError, match=r"makes no context.*OUT_OF_HOST") as caught:
+    with raises(OpenCLError, "unsupported") as caught:
         Compute.open()
-    assert "VOLSPEC_DEVICE" in str(caught.value) and "\n" not in str(caught.value)
+    assert "OUT_OF_HOST" in caught.value.problem and "VOLSPEC_DEVICE" in caught.value.remedy
 
 
-def test_doctor_tells_the_device_of_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_shows_the_device_of_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:
     from rich.console import Console
 
     monkeypatch.setenv("VOLSPEC_DEVICE", "0")

@@ -11,6 +11,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from tests.support.errors import raises
 from volspec._exr import write_exr
 from volspec._files import write_whole
 from volspec.basis import SpectralBasis
@@ -65,38 +66,37 @@ def other_basis_version(header: dict, channels: dict) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "part"),
     [
-        (other_basis_version, "basis is refused.*version.*render again"),
-        (lambda h, c: h.update({"volspec:format": 4}), "format 4, this volspec reads 1, 2, 3"),
-        (lambda h, c: h.pop("volspec:basis"), "not a coefficient image"),
-        (lambda h, c: h.update({"volspec:basis": "{"}), "basis is refused"),
-        (lambda h, c: c.pop("light.c03.V"), r"'light\.c03\.V' is missing"),
-        (lambda h, c: h.update({"volspec:fov_deg": "wide"}), "fov_deg cannot be read"),
-        (lambda h, c: h.pop("volspec:groups"), "light groups are refused.*render again"),
-        (lambda h, c: h.update({"volspec:groups": '{"key": 2}'}), "'key' has share 2"),
-        (lambda h, c: h.update({"volspec:groups": '["key"]'}), "light groups are refused"),
-        (
-            lambda h, c: h.update({"volspec:groups": '{"key": 0.5, "fill": 0.5}'}),
-            r"'key\.c00\.V' is missing",
-        ),
-        (lambda h, c: c["A"].__isub__(0.5), "'A' runs from -0.4.* an opacity is 0…1"),
-        (lambda h, c: c["A"].__imul__(3), "'A' runs from 0.* an opacity is 0…1"),
+        (other_basis_version, "basis"),
+        (lambda h, c: h.update({"volspec:format": 4}), "format 4"),
+        (lambda h, c: h.pop("volspec:basis"), "--basis"),
+        (lambda h, c: h.update({"volspec:basis": "{"}), "basis"),
+        (lambda h, c: c.pop("light.c03.V"), "'light.c03.V'"),
+        (lambda h, c: h.update({"volspec:fov_deg": "wide"}), "fov_deg"),
+        (lambda h, c: h.update({"volspec:notes": "5"}), "basis"),
+        (lambda h, c: h.pop("volspec:groups"), "light groups"),
+        (lambda h, c: h.update({"volspec:groups": '{"key": 2}'}), "groups['key']"),
+        (lambda h, c: h.update({"volspec:groups": '["key"]'}), "light groups"),
+        (lambda h, c: h.update({"volspec:groups": '{"key": 0.5, "fill": 0.5}'}), "'key.c00.V'"),
+        (lambda h, c: c["A"].__isub__(0.5), "'A' runs from -0.4"),
+        (lambda h, c: c["A"].__imul__(3), "'A' runs from 0"),
         (
             lambda h, c: c.update({k: v.astype(np.uint32) for k, v in c.items() if "." in k}),
-            "coefficients are uint32",
+            "uint32",
         ),
     ],
 )
 def test_images_of_another_making_are_refused(
-    image: CoefficientImage, tmp_path: Path, change: object, message: str
+    image: CoefficientImage, tmp_path: Path, change: object, part: str
 ) -> None:
     path = tmp_path / "image.exr"
     image.save(path)
     edited(path, change)
-    with pytest.raises(ImageError, match=message) as caught:
+    code = "unsupported" if part in ("format 4", "--basis") else "damaged"
+    with raises(ImageError, code) as caught:
         CoefficientImage.load(path)
-    assert "image.exr" in str(caught.value) and "\n" not in str(caught.value)
+    assert "image.exr" in str(caught.value) and part in str(caught.value)
 
 
 ODD = {
@@ -194,11 +194,11 @@ def test_a_preview_and_texts_are_kept_for_others(image: CoefficientImage, tmp_pa
     assert np.array_equal(
         CoefficientImage.load(tmp_path / "image.exr").coefficients, image.coefficients
     )
-    with pytest.raises(ShapeError, match=r"image\.exr: the preview has shape \(9, 12, 3\)"):
+    with raises(ShapeError, "shape"):
         image.save(tmp_path / "image.exr", preview.swapaxes(0, 1))
     before = (tmp_path / "image.exr").read_bytes()
     for own in ("basis", "fov_deg"):  # which would no longer be read, or be another's
-        with pytest.raises(ImageError, match=rf"image\.exr: a text is named '{own}'.*otherwise"):
+        with raises(ImageError, "duplicate"):
             image.save(tmp_path / "image.exr", texts={own: "mine"})
     assert (tmp_path / "image.exr").read_bytes() == before
 
@@ -222,35 +222,37 @@ def test_a_layer_is_a_view_of_its_group_s_channels(image: CoefficientImage) -> N
         assert np.array_equal(layer, made.coefficients[..., 7 * k : 7 * k + 7])
     assert repr(made) == f"CoefficientImage(9x12, 7 channels in each of {', '.join(ODD)})"
     assert repr(image) == "CoefficientImage(9x12, 7 channels)"
-    with pytest.raises(ImageError, match=r"no light group 'key'; .*it has key\.left, fill"):
+    with raises(ImageError, "unknown"):
         made.layer("key")
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "code", "field"),
     [
-        ({"groups": {"key": 0.5, "fill": 0.4}}, "key, fill sum to 0.9; they must sum to 1"),
-        ({"groups": {"key": 1.5, "fill": -0.5}}, "'key' has share 1.5"),
-        ({"groups": {"fill": -0.5, "key": 1.5}}, "'fill' has share -0.5; give a number of 0…1"),
-        ({"groups": {"key": float("nan")}}, "'key' has share nan"),
-        ({"groups": {"key": "much"}}, "'key' has share 'much'"),
-        ({"groups": {"key": True}}, "'key' has share True"),
-        ({"groups": {}}, "groups is {}; give {name: share}"),
-        ({"groups": ("key",)}, r"groups is \('key',\)"),
-        ({"groups": {" ": 1.0}}, "a light group is named ' '"),
-        ({"groups": {3: 1.0}}, "a light group is named 3"),
-        ({"groups": {"a": 0.5, "b": 0.5}}, r"7 channels for each of 2 .* expected \(H, W, 14\)"),
-        ({"coefficients": np.zeros((12, 9, 7))}, "are float64; give float32 or float16"),
-        ({"coefficients": np.zeros((12, 9, 7)).tolist()}, "are list; give float32"),
-        ({"first_mm": np.zeros((9, 12), np.float32)}, r"first_mm has shape \(9, 12\); expected"),
+        ({"groups": {"key": 0.5, "fill": 0.4}}, "range", "groups"),
+        ({"groups": {"key": 1.5, "fill": -0.5}}, "range", "groups['key']"),
+        ({"groups": {"fill": -0.5, "key": 1.5}}, "range", "groups['fill']"),
+        ({"groups": {"key": float("nan")}}, "range", "groups['key']"),
+        ({"groups": {"key": "much"}}, "range", "groups['key']"),
+        ({"groups": {"key": True}}, "range", "groups['key']"),
+        ({"groups": {}}, "missing", "groups"),
+        ({"groups": ("key",)}, "missing", "groups"),
+        ({"groups": {" ": 1.0}}, "type", "name of a group"),
+        ({"groups": {3: 1.0}}, "type", "name of a group"),
+        ({"groups": {"a": 0.5, "b": 0.5}}, "shape", "coefficients"),
+        ({"coefficients": np.zeros((12, 9, 5), np.float32)}, "shape", "coefficients"),
+        ({"coefficients": np.zeros((12, 9, 7))}, "type", "coefficients"),
+        ({"coefficients": np.zeros((12, 9, 7)).tolist()}, "type", "coefficients"),
+        ({"first_mm": np.zeros((9, 12), np.float32)}, "shape", "first_mm"),
+        ({"alpha": np.zeros((3, 9), np.float32)}, "shape", "alpha"),
     ],
 )
 def test_groups_and_arrays_that_no_cast_leaves_are_refused(
-    image: CoefficientImage, change: dict, message: str
+    image: CoefficientImage, change: dict, code: str, field: str
 ) -> None:
-    with pytest.raises((ImageError, ShapeError), match=message) as caught:
+    expected = ShapeError if code == "shape" else ImageError
+    with raises(expected, code, f"coefficient image: {field}"):
         dataclasses.replace(image, **change)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("note", ["garbage", '{"model": 3}', '{"newkey": 3}', "[1]"])
@@ -258,38 +260,24 @@ def test_a_viewing_note_that_cannot_be_read_is_told_in_one_line(
     image: CoefficientImage, note: str
 ) -> None:
     noted = dataclasses.replace(image, notes={"viewing": note})
-    with pytest.raises(ImageError, match="viewing note cannot be read") as caught:
+    with raises(ImageError):
         viewing_of(noted)
-    assert "\n" not in str(caught.value)
-
-
-def test_notes_that_are_no_table_are_refused(image: CoefficientImage, tmp_path: Path) -> None:
-    image.save(tmp_path / "image.exr")
-    edited(tmp_path / "image.exr", lambda h, c: h.update({"volspec:notes": "5"}))
-    with pytest.raises(ImageError, match=r"image\.exr"):
-        CoefficientImage.load(tmp_path / "image.exr")
 
 
 def test_missing_truncated_and_foreign_files_are_refused(
     image: CoefficientImage, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "image.exr"
-    with pytest.raises(ImageError, match="no such file"):
+    with raises(ImageError):
         CoefficientImage.load(path)
     image.save(path)
     content = path.read_bytes()
     for broken in (b"", b"hello" * 50, content[:200], content[: len(content) * 3 // 4]):
         path.write_bytes(broken)
-        with pytest.raises(ImageError, match=r"image\.exr"):
+        with raises(ImageError) as caught:
             CoefficientImage.load(path)
+        assert "image.exr" in str(caught.value)
     assert capfd.readouterr().err == ""
-
-
-def test_arrays_must_belong_together(image: CoefficientImage) -> None:
-    with pytest.raises(ShapeError, match="7 channels; expected"):
-        CoefficientImage(image.coefficients[..., :5], image.alpha, image.depth_mm, image.basis)
-    with pytest.raises(ShapeError, match="alpha has shape"):
-        CoefficientImage(image.coefficients, image.alpha[:3], image.depth_mm, image.basis)
 
 
 def test_a_failed_write_leaves_what_was_there(image: CoefficientImage, tmp_path: Path) -> None:
@@ -299,7 +287,7 @@ def test_a_failed_write_leaves_what_was_there(image: CoefficientImage, tmp_path:
         temporary.write_text("half")
         raise RuntimeError("disk full")
     assert path.read_text() == "precious" and [p.name for p in tmp_path.iterdir()] == ["image.exr"]
-    with pytest.raises(ImageError, match=r"name it \.exr"):
+    with raises(ImageError, "unsupported"):
         image.save(tmp_path / "image.tif")
     (tmp_path / "folder.exr").mkdir()
     with pytest.raises(InputError, match="is a folder"):

@@ -26,7 +26,7 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
 from volspec.spectra import light
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
