@@ -205,7 +205,7 @@ def sessions(folder: Path, state: ViewState) -> None:
 def cache(folder: Path, arrays: dict[str, np.ndarray]) -> None:
     """Have something made and kept in a cache of its own."""
     os.environ["XDG_CACHE_HOME"] = str(folder)
-    _cache.kept("kills/arrays", "maker", lambda: arrays)
+    _cache.cached_arrays("kills/arrays", "maker", lambda: arrays)
 
 
 def start(job: Job, folder: Path) -> BaseProcess:

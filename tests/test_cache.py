@@ -1,4 +1,4 @@
-"""The user's cache folder: what is read from it is what was made, and it is never in the way."""
+"""The cache of arrays: cached ones equal computed ones, and a fault of its files does no harm."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def never() -> dict[str, np.ndarray]:
-    raise AssertionError("made anew, though it was kept")
+    raise AssertionError("computed although it was cached")
 
 
 def same(found: _cache.Arrays) -> bool:
-    """To the last bit, type and shape, and read-only."""
+    """Return True if arrays equal `ARRAYS` to the last bit, type and shape, and are read-only."""
     return list(found) == list(ARRAYS) and all(
         (array.dtype, array.shape, array.tobytes(), array.flags.writeable)
         == (ARRAYS[key].dtype, ARRAYS[key].shape, ARRAYS[key].tobytes(), False)
@@ -40,20 +40,20 @@ def same(found: _cache.Arrays) -> bool:
     )
 
 
-def test_what_is_read_is_what_was_made_to_the_last_bit(folder: Path) -> None:
-    assert same(_cache.kept("group/name", "maker 1", lambda: ARRAYS))
+def test_cached_arrays_equal_computed_ones_to_the_last_bit(folder: Path) -> None:
+    assert same(_cache.cached_arrays("group/name", "maker 1", lambda: ARRAYS))
     assert [path.name for path in folder.rglob("*.*")] == ["name.npz"]
-    assert same(_cache.kept("group/name", "maker 1", never))
+    assert same(_cache.cached_arrays("group/name", "maker 1", never))
 
 
-def test_what_another_maker_wrote_is_made_anew(folder: Path) -> None:
-    _cache.kept("group/name", "maker 1", lambda: {"values": np.zeros(2)})
-    assert same(_cache.kept("group/name", "maker 2", lambda: ARRAYS))
-    assert same(_cache.kept("group/name", "maker 2", never))
+def test_arrays_of_another_maker_are_computed_again(folder: Path) -> None:
+    _cache.cached_arrays("group/name", "maker 1", lambda: {"values": np.zeros(2)})
+    assert same(_cache.cached_arrays("group/name", "maker 2", lambda: ARRAYS))
+    assert same(_cache.cached_arrays("group/name", "maker 2", never))
 
 
-def test_a_damaged_file_is_made_anew(folder: Path) -> None:
-    _cache.kept("group/name", "maker", lambda: ARRAYS)
+def test_a_damaged_file_is_replaced(folder: Path) -> None:
+    _cache.cached_arrays("group/name", "maker", lambda: ARRAYS)
     file = folder / "group" / "name.npz"
     whole = file.read_bytes()
     # Every 3rd byte is flipped in turn: names, headers, sizes, numbers and checksums are all hit.
@@ -64,74 +64,70 @@ def test_a_damaged_file_is_made_anew(folder: Path) -> None:
     for content in (*damaged, *cut, b"not an archive", b""):
         file.write_bytes(content)
         # What hits only a date within the archive does no harm.
-        assert same(_cache.kept("group/name", "maker", lambda: ARRAYS))
+        assert same(_cache.cached_arrays("group/name", "maker", lambda: ARRAYS))
     file.write_bytes(whole[: len(whole) // 2])
-    _cache.kept("group/name", "maker", lambda: ARRAYS)
-    assert same(_cache.kept("group/name", "maker", never)), "and is whole again after that"
+    _cache.cached_arrays("group/name", "maker", lambda: ARRAYS)
+    assert same(_cache.cached_arrays("group/name", "maker", never)), "and is whole again after that"
 
 
 def test_a_folder_that_cannot_be_made_costs_only_time(folder: Path) -> None:
-    folder.write_text("a file stands where the folder would")
+    folder.write_text("a file instead of the folder")
     for _ in range(2):
-        assert same(_cache.kept("group/name", "maker", lambda: ARRAYS))
+        assert same(_cache.cached_arrays("group/name", "maker", lambda: ARRAYS))
 
 
+@pytest.mark.parametrize(
+    ("function", "error"),
+    [
+        ("volspec._files._make_lock", PermissionError(13, "Permission denied")),
+        ("numpy.savez", OSError(28, "No space left on device")),
+    ],
+)
 def test_a_folder_that_cannot_be_written_costs_only_time(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch, function: str, error: OSError
 ) -> None:
-    def refused(*_: object, **__: object) -> None:
-        raise PermissionError(13, "Permission denied")
+    def fails(*_: object, **__: object) -> None:
+        raise error
 
-    monkeypatch.setattr("volspec._files._make_lock", refused)  # as root may write everywhere
+    monkeypatch.setattr(function, fails)  # as root may write everywhere
     for _ in range(2):
-        assert same(_cache.kept("group/name", "maker", lambda: ARRAYS))
+        assert same(_cache.cached_arrays("group/name", "maker", lambda: ARRAYS))
     assert list((folder / "group").iterdir()) == []
 
 
-def test_a_full_disk_costs_only_time_and_leaves_nothing(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(np, "savez", full)
-    assert same(_cache.kept("group/name", "maker", lambda: ARRAYS))
-    assert list((folder / "group").iterdir()) == []
-
-
-def test_what_cannot_be_made_is_not_kept(folder: Path) -> None:
+def test_a_failed_computation_is_not_cached(folder: Path) -> None:
     def fails() -> dict[str, np.ndarray]:
         raise ValueError("no such spectrum")
 
     with pytest.raises(ValueError, match="no such spectrum"):
-        _cache.kept("group/name", "maker", fails)
+        _cache.cached_arrays("group/name", "maker", fails)
     assert not folder.exists()
 
 
 def test_a_folder_keeps_its_newest_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_cache, "_MOST_FILES", 3)
     for number in range(5):
-        _cache.kept(f"group/{number}", "maker", lambda: ARRAYS)
+        _cache.cached_arrays(f"group/{number}", "maker", lambda: ARRAYS)
         os.utime(folder / "group" / f"{number}.npz", (number, number))
-    _cache.kept("group/5", "maker", lambda: ARRAYS)
+    _cache.cached_arrays("group/5", "maker", lambda: ARRAYS)
     assert sorted(path.stem for path in (folder / "group").iterdir()) == ["3", "4", "5"]
 
 
-def test_a_file_just_written_is_kept_though_all_others_come_from_the_future(
+def test_a_file_just_written_stays_though_all_others_come_from_the_future(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_cache, "_MOST_FILES", 3)
     for number in range(3):
-        _cache.kept(f"group/{number}", "maker", lambda: ARRAYS)
+        _cache.cached_arrays(f"group/{number}", "maker", lambda: ARRAYS)
         later = time.time() + 1e8 + number
         os.utime(folder / "group" / f"{number}.npz", (later, later))
     for number in (3, 4):
-        _cache.kept(f"group/{number}", "maker", lambda: ARRAYS)
+        _cache.cached_arrays(f"group/{number}", "maker", lambda: ARRAYS)
     assert sorted(path.stem for path in (folder / "group").iterdir()) == ["2", "3", "4"]
 
 
-def test_what_a_killed_run_left_is_cleared_by_one_that_only_reads(folder: Path) -> None:
-    _cache.kept("group/name", "maker", lambda: ARRAYS)
+def test_leftovers_of_a_killed_run_are_cleared_by_one_that_only_reads(folder: Path) -> None:
+    _cache.cached_arrays("group/name", "maker", lambda: ARRAYS)
     left_by_a_kill(folder / "group" / "other.npz")
-    assert same(_cache.kept("group/name", "maker", never))
+    assert same(_cache.cached_arrays("group/name", "maker", never))
     assert [path.name for path in (folder / "group").iterdir()] == ["name.npz"]

@@ -60,7 +60,7 @@ def noted_fits(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
 
     monkeypatch.setattr(SpectralBasis, "fit", fit)
     # What it gives is for no other test.
-    monkeypatch.setattr("volspec.basis.fit_cache.kept", lambda name, maker, make: make())
+    monkeypatch.setattr("volspec.basis.fit_cache.cached_arrays", lambda name, maker, make: make())
     return asked
 
 

@@ -1,7 +1,7 @@
-"""The user's cache folder: arrays that are slow to make are made once, and read after that.
+"""Cache of arrays in the user's cache folder.
 
-What callers get is the same to the last bit, whether it was read or made. A file that is not
-there, that another version wrote, that is damaged or cannot be written is no fault.
+Cached arrays equal computed ones to the last bit. A file that is missing, damaged, from another
+version or not writable is no error: the arrays are computed.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from volspec._files import clear_unfinished, keep_newest, write_whole
 from volspec.errors import InputError
 
 Arrays = dict[str, NDArray[Any]]
-# In one folder; of more the oldest go.
+# Files in one folder; the oldest of more are deleted.
 _MOST_FILES = 100
 
 
 def cache_folder() -> Path:
-    """Where the files are; it need not exist."""
+    """Return the cache folder, which need not exist."""
     return user_cache_path("volspec", appauthor=False)
 
 
-def kept(name: str, maker: str, make: Callable[[], Mapping[str, NDArray[Any]]]) -> Arrays:
-    """Arrays from the cache folder; where they are not there they are made, and kept.
+def cached_arrays(name: str, maker: str, make: Callable[[], Mapping[str, NDArray[Any]]]) -> Arrays:
+    """Read arrays from the cache folder, or compute and cache them.
 
     Parameters
     ----------
     name : str
         The file, as ``FOLDER/NAME``.
     maker : str
-        All that the arrays depend on: what another maker wrote is made anew.
+        Version of everything the arrays depend on; a file of another maker is replaced.
     make : callable
-        Gives the arrays by name; what it raises is passed on, and nothing is kept.
+        Computes the arrays by name. Its exceptions are passed on, and nothing is cached.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def kept(name: str, maker: str, make: Callable[[], Mapping[str, NDArray[Any]]]) 
         Read-only.
     """
     file = cache_folder() / f"{name}.npz"
-    clear_unfinished(file.parent)  # of a run that was killed; this one may only read
+    clear_unfinished(file.parent)  # from a run that was killed; this one may only read
     arrays = _read(file, maker)
     if arrays is None:
         arrays = {key: np.array(array) for key, array in make().items()}
@@ -59,16 +59,16 @@ def kept(name: str, maker: str, make: Callable[[], Mapping[str, NDArray[Any]]]) 
 
 
 def _read(file: Path, maker: str) -> Arrays | None:
-    """What that maker wrote; None where there is no such file, or it is damaged."""
+    """Return a maker's arrays; None if there is no such file, or it is damaged."""
     try:
         data = file.read_bytes()
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            # As it was written nothing is packed; what says so may be larger than any memory.
+            # Members are written uncompressed; a compressed one may be larger than any memory.
             packed = sum(member.file_size for member in archive.zip.infolist()) > len(data)
             if packed or archive.zip.testzip() is not None or archive["maker"] != maker:
                 return None
             return {str(key): archive[key] for key in archive["keys"]}
-    # A damaged file ends in whatever zipfile, its decompressors and NumPy raise.
+    # zipfile, its decompressors and NumPy raise anything on a damaged file.
     except Exception:
         return None
 

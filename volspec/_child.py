@@ -1,4 +1,4 @@
-"""Child processes that run a few lines of Python with this one's modules."""
+"""Command lines of child processes that import this process's modules."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ _PATHS = "import json, sys; sys.path[:] = json.loads(sys.argv[1])\n"
 
 
 def child_command(code: str) -> list[str]:
-    """Return the command that runs ``code``, to which arguments ``sys.argv[2:]`` may be added.
+    """Return the command that runs ``code``; appended arguments become ``sys.argv[2:]``.
 
-    Modules are found where this process finds them, and neither the working folder nor variables
-    of the environment change that. Without an interpreter's path ``subprocess`` raises a TypeError.
+    The child has this process's module path, whatever its working folder and environment. Without
+    an interpreter's path ``subprocess`` raises a TypeError.
     """
     searched = [entry for entry in sys.path if isinstance(entry, str)]
     return [sys.executable, "-I", "-c", _PATHS + code, json.dumps(searched)]
 
 
 def exit_cause(returncode: int) -> str:
-    """Return how a process ended: ``SIGSEGV``, or ``exit code 0xc0000005``."""
+    """Return a process's signal or exit code: ``SIGSEGV``, or ``exit code 0xc0000005``."""
     with suppress(ValueError):
         return signal.Signals(-returncode).name
     return f"exit code {returncode:#x}"

@@ -1,4 +1,4 @@
-"""Files: outputs appear whole or not at all, and readers complain in one line."""
+"""Atomic writes of files, their locks, and capture of native libraries' output."""
 
 from __future__ import annotations
 
@@ -20,27 +20,26 @@ from typing import IO
 
 from volspec.errors import InputError
 
-# An unfinished file stands next to its target, and next to a file that is locked while its writer
-# lives: .volspec-MACHINE-BOOT-RANDOM.part.SUFFIX and .lock. They start with the same digits.
+# An unfinished file lies next to its target, and next to a file that is locked while its writer
+# runs: .volspec-MACHINE-BOOT-RANDOM.part.SUFFIX and .lock. They start with the same digits.
 _UNFINISHED = re.compile(r"(\.volspec-[0-9a-f]{8}-[0-9a-f]{8}-[0-9a-f]{8})\.(lock|part.*)")
 _TRIES = 9
-# Unchanged for so long, a file is of a dead writer, if no lock can tell.
+# Without locks, the writer of a file unchanged for this time counts as dead.
 _DEAD_S = 86400.0
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
-# Between two dates that are mended.
+# Step between corrected dates.
 _STEP_NS = 1_000_000
 
 
 @contextmanager
 def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary path in the same folder; rename it to ``path`` on success.
+    """Write a file atomically: yield a temporary path, renamed to ``path`` on success.
 
-    What was written is on the disk before it has its name, so that a power cut leaves no half file.
-    The temporary name keeps the suffix, since writers choose their format by it. Parent
-    folders are made. When the body raises, the temporary file is removed and whatever stood
-    at ``path`` before is untouched. What a killed process left in the same folder is removed, too.
-    A link stays one; what it points to is written. Permissions are those that a plain ``open``
-    gives.
+    The data are on the disk before the file has its name, so that a power cut leaves no half file.
+    The temporary name has the same suffix, since writers choose their format by it. Parent
+    folders are made. If the body raises, the temporary file is removed and an existing file at
+    ``path`` is untouched. Leftovers of killed processes in the same folder are removed as well.
+    A link stays one; its target is written. Permissions are those of a plain ``open``.
 
     Raises
     ------
@@ -64,7 +63,7 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         _to_disk(temporary)
         temporary.replace(target)
     except OSError as error:
-        # Of another file, or no word of the system's: what the body reads, not what it writes.
+        # Of another file, or without an errno: from reading in the body, not from writing.
         if error.errno is None or error.filename not in (None, str(temporary)):
             raise
         raise InputError(
@@ -78,18 +77,18 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def clear_unfinished(folder: Path) -> None:
-    """Delete the files in a folder that their writers, killed or cut off, left unfinished.
+    """Delete unfinished files in a folder whose writers were killed.
 
-    Those of living writers stay: they hold a lock, which the system frees when they die. It says
-    nothing about pids, which come again and are equal in two containers. Where another machine
-    wrote, or the file system has no locks, a file must also be unchanged for a day.
+    Files of running writers stay: they hold a lock, which the system frees when they end. Process
+    ids are no use, since they are reused and equal in two containers. If another machine wrote, or
+    the file system has no locks, a file must also be unchanged for a day.
     """
     try:
         with os.scandir(folder) as entries:
             found = {
                 match[1]
                 for entry in entries
-                # By the name first: a folder may hold 100 000 files.
+                # The name first: a folder may hold 100 000 files.
                 if (match := _UNFINISHED.fullmatch(entry.name))
                 and entry.is_file(follow_symlinks=False)
             }
@@ -100,15 +99,15 @@ def clear_unfinished(folder: Path) -> None:
             _clear(folder / f"{name}.lock")
 
 
-# Once in a process: an export writes thousands of files into one folder.
+# Once per process: an export writes thousands of files into one folder.
 _clear_once = cache(clear_unfinished)
 
 
 def _clear(lock_file: Path) -> None:
-    """Delete an unfinished file whose writer is dead; as far as this process may."""
-    # Made where it is gone, so that who deletes the file holds a lock; links are somebody's own.
+    """Delete an unfinished file if its writer is dead and this process may."""
+    # Created if it is gone, so that the deleter holds a lock; links are not ours.
     handle = os.open(lock_file, os.O_CREAT | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0), 0o666)
-    held = lock(handle)
+    held = lock_file_handle(handle)
     files = list(lock_file.parent.glob(f"{lock_file.stem}.part*"))
     if (held and _made_here(lock_file)) or (held is not False and _is_old([lock_file, *files])):
         _remove(files, lock_file, handle)
@@ -117,15 +116,15 @@ def _clear(lock_file: Path) -> None:
 
 
 def _made_here(lock_file: Path) -> bool:
-    """Return True if a lock can tell: not all network folders share locks between machines."""
+    """Return True if this machine wrote it: not all network folders share locks with others."""
     _, name, boot, _ = lock_file.name.split("-")
-    # One of the two is enough: containers differ in name, a machine that restarted in its boot.
+    # Either is enough: containers differ in name, a restarted machine in its boot.
     return name == _machine()[0] or boot == _machine()[1]
 
 
 @cache
 def _machine() -> tuple[str, str]:
-    """This machine's name and its last start, as eight digits each."""
+    """Return this machine's name and its last boot, hashed to eight digits each."""
     name = platform.node()
     try:
         boot = _BOOT_ID.read_text(encoding="ascii")
@@ -142,18 +141,18 @@ def _is_old(files: list[Path]) -> bool:
 
 
 def _make_lock(folder: Path) -> tuple[Path, int]:
-    """Make and lock the file that says that its writer lives.
+    """Create and lock the file that shows that its writer runs.
 
-    Made by the kernel's own rules (umask, the folder's ACL): what `tempfile` makes is private, and
-    a process can read its umask only by changing it, which files of other threads would get.
+    It is created by the kernel's own rules (umask, the folder's ACL): files of `tempfile` are
+    private, and a process can read its umask only by changing it, also for other threads' files.
     """
     tries_left = _TRIES
     while True:
         lock_file = folder / f"{'-'.join(('.volspec', *_machine(), token_hex(4)))}.lock"
         handle = os.open(lock_file, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         tries_left -= 1
-        # Until it was locked another process may have taken it for a dead one's.
-        if (lock(handle) is not False and lock_file.exists()) or not tries_left:
+        # Before it was locked another process may have deleted it as a dead one's.
+        if (lock_file_handle(handle) is not False and lock_file.exists()) or not tries_left:
             return lock_file, handle
         os.close(handle)
 
@@ -163,15 +162,15 @@ def _remove(files: list[Path], lock_file: Path, handle: int) -> None:
     try:
         for file in files:
             file.unlink(missing_ok=True)
-        if sys.platform != "win32":  # while it is held, so that nobody else takes it
+        if sys.platform != "win32":  # while it is locked, so that no other process locks it
             lock_file.unlink(missing_ok=True)
     finally:
         os.close(handle)
     lock_file.unlink(missing_ok=True)  # Windows deletes no open file
 
 
-def lock(handle: int) -> bool | None:
-    """Lock an open file until it is closed, or its process dies.
+def lock_file_handle(handle: int) -> bool | None:
+    """Lock an open file until it is closed, or its process ends.
 
     Returns
     -------
@@ -195,16 +194,16 @@ def lock(handle: int) -> bool | None:
 def keep_newest(written: Path, pattern: str, most: int) -> None:
     """Delete the oldest files of a folder, but never the one that was just written.
 
-    The dates of others that lie after its own, from a clock that was wrong, are set to just before:
-    nothing was written later. Faults are left to the next call.
+    Dates of others after its own, from a wrong clock, are set to just before it, since nothing was
+    written later. Errors are ignored until the next call.
 
     Parameters
     ----------
     written : Path
     pattern : str
-        Of the names that count; not those that start with a dot, which others are writing.
+        Pattern of the names that count; those that start with a dot are unfinished and do not.
     most : int
-        Files that stay.
+        Number of files that stay.
     """
     with suppress(OSError):
         now = written.stat().st_mtime_ns
@@ -231,12 +230,12 @@ def _to_disk(path: Path) -> None:
 
 
 def line_end(path: str | os.PathLike[str]) -> str:
-    """How a text file ends its lines, for what is written in its place."""
+    """Return a text file's line ending."""
     return "\r\n" if b"\r\n" in Path(path).read_bytes() else "\n"
 
 
 class _Capture:
-    """The process's stdout and stderr, redirected while at least one thread captures them."""
+    """Redirection of the process's stdout and stderr while at least one thread captures them."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -245,7 +244,7 @@ class _Capture:
         self._sink: IO[bytes]
 
     def begin(self) -> int:
-        """Redirect them, unless another thread has; return where this thread's part begins."""
+        """Redirect them, unless another thread has; return the offset of this thread's part."""
         with self._lock:
             if not self._threads:
                 with ExitStack() as stack:
@@ -260,7 +259,7 @@ class _Capture:
             return os.fstat(self._sink.fileno()).st_size
 
     def end(self, start: int) -> list[str]:
-        """Put them back, if no other thread captures; return lines printed since ``start``."""
+        """Restore them, if no other thread captures; return lines printed since ``start``."""
         with self._lock:
             text = self._since(start)
             self._threads -= 1
@@ -270,7 +269,7 @@ class _Capture:
 
     def _since(self, start: int) -> bytes:
         handle = self._sink.fileno()
-        if hasattr(os, "pread"):  # others may be writing, and share the place where that goes on
+        if hasattr(os, "pread"):  # other threads may be writing, and share the file position
             return os.pread(handle, os.fstat(handle).st_size - start, start)
         self._sink.seek(start)
         return self._sink.read()
@@ -281,10 +280,10 @@ _capture = cache(_Capture)
 
 @contextmanager
 def captured_output(lines: list[str]) -> Iterator[None]:
-    """Collect what C++ readers print to the process's stdout and stderr, so that one line is left.
+    """Collect the output of C++ libraries to stdout and stderr into ``lines``.
 
-    It redirects the file descriptors of the whole process while the body runs. Threads may do so
-    at once: each gets what was printed meanwhile, by whichever of them.
+    It redirects the file descriptors of the whole process while the body runs. Several threads may
+    do so: each collects everything printed meanwhile, by any of them.
     """
     start = _capture().begin()
     try:
@@ -294,7 +293,7 @@ def captured_output(lines: list[str]) -> Iterator[None]:
 
 
 def require_writable(path: str | os.PathLike[str]) -> None:
-    """Refuse an output that cannot be written, before the work for it is done.
+    """Refuse an output that cannot be written, before it is computed.
 
     Raises
     ------
@@ -305,7 +304,7 @@ def require_writable(path: str | os.PathLike[str]) -> None:
 
 
 def require_writable_folder(path: str | os.PathLike[str]) -> None:
-    """The same for a folder of outputs, which may be there or not.
+    """Refuse a folder of outputs, existing or not, that cannot be written to.
 
     Raises
     ------
@@ -329,19 +328,19 @@ def _require_room(folder: Path, path: str | os.PathLike[str]) -> None:
 
 
 def _output(path: str | os.PathLike[str]) -> Path:
-    """Where an output goes: links followed; neither a folder nor a device."""
+    """Return an output's target, with links followed; refuse folders and devices."""
     try:
         named = Path(path)
         target = Path(os.path.realpath(named))
         is_folder, is_other = target.is_dir(), target.exists() and not target.is_file()
     except (TypeError, ValueError):
-        raise InputError(f"{path!r} is no path; give a file name") from None
+        raise InputError(f"{path!r} is no path; give a file name", code="type") from None
     except OSError as error:
         raise InputError(
             f"{named}: cannot write there: {error.strerror}", code="unwritable"
         ) from error
     if is_folder:
-        raise InputError(f"{named}: is a folder; give a file name")
+        raise InputError(f"{named}: is a folder; give a file name", code="unwritable")
     if is_other:
-        raise InputError(f"{named}: is not a file; give the name of one")
+        raise InputError(f"{named}: is not a file; give the name of one", code="unwritable")
     return target

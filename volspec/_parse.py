@@ -1,10 +1,10 @@
-"""Text of files as values: JSON and TOML that anyone may have written.
+"""Parse JSON and TOML from untrusted files.
 
     errors -> [_parse] -> spectra, basis, palette, scene, export, viewer
 
-Python's parsers go as deep as a text is nested and make integers of any length; both end in errors
-far from the file: RecursionError in whatever walks the value, OverflowError in NumPy. Here they are
-refused where the text is read. What callers catch is a `ValueError` in one line.
+Python's parsers recurse as deeply as a text is nested and make integers of any length; both cause
+errors far from the file: RecursionError in code that walks the value, OverflowError in NumPy. Both
+are refused here with a one-line `ValueError`.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from typing import Any
 from volspec.errors import InputError, quoted
 
 MOST_LEVELS = 64
-"""Levels of lists and tables in a file; ours have up to ten."""
+"""Greatest nesting of lists and tables in a file; ours have up to ten."""
 _INTEGERS = range(-(2**63), 2**63)  # TOML's, and what NumPy holds
 _TOO_DEEP = f"it is nested too deeply, more than {MOST_LEVELS} levels"
 
 
 def parse_json(text: Any) -> Any:
-    """Return what a JSON text says.
+    """Parse a JSON text.
 
     Raises
     ------
@@ -46,32 +46,32 @@ def parse_json(text: Any) -> Any:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the tables of a TOML text.
+    """Parse a TOML text.
 
     Raises
     ------
     ValueError
-        As `parse_json`.
+        If it is no TOML, nested too deeply, or holds an integer beyond 64 bits.
     """
     tables: dict[str, Any] = _checked(tomllib.loads, text)
     return tables
 
 
 def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) -> str:
-    """Return the text of a file; a mark of byte order is none of it.
+    """Read a text file without its byte order mark.
 
     Parameters
     ----------
     path : path
     error : type
-        What to raise.
+        Class of errors to raise.
     what : str
-        What to give instead of another file, as ``"a scene file (.toml)"``.
+        Expected kind of file for messages, as ``"a scene file (.toml)"``.
 
     Raises
     ------
     InputError
-        Of the given class, if the file is missing, unreadable or no UTF-8.
+        An ``error``, if the file is missing, unreadable or no UTF-8.
     """
     name = os.fspath(path)
     try:
@@ -79,13 +79,14 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
     except FileNotFoundError:
         raise error(f"{name}: no such file; check the path", code="not-found") from None
     except IsADirectoryError:
-        raise error(f"{name}: is a folder; give {what}") from None
+        raise error(f"{name}: is a folder; give {what}", code="type") from None
     except UnicodeDecodeError as fault:
         if 0 in fault.object:
-            raise error(f"{name}: is no text; give {what}") from None
+            raise error(f"{name}: is no text; give {what}", code="type") from None
         raise error(
             f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start}); give {what}, and "
-            "save it as UTF-8"
+            "save it as UTF-8",
+            code="syntax",
         ) from None
     except OSError as fault:
         raise error(
@@ -94,7 +95,7 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
             code="damaged",
         ) from fault
     except ValueError:  # a NUL character
-        raise error(f"{name!r} is no path; give {what}") from None
+        raise error(f"{name!r} is no path; give {what}", code="syntax") from None
 
 
 def _checked(parse: Callable[[str], Any], text: str) -> Any:
@@ -104,21 +105,21 @@ def _checked(parse: Callable[[str], Any], text: str) -> Any:
         raise ValueError(_TOO_DEEP) from None
     level: list[Any] = [[value]]
     for _ in range(MOST_LEVELS + 1):
-        level = [each for holder in level for each in _held(holder)]
+        level = [each for container in level for each in _children(container)]
         if not level:
             return value
     raise ValueError(_TOO_DEEP)
 
 
-def _held(holder: Any) -> list[Any]:
-    """Return the lists and tables in one; refuse integers that no number of ours can be."""
-    if not isinstance(holder, dict | list):
+def _children(container: Any) -> list[Any]:
+    """Return the lists and tables in one; refuse integers beyond 64 bits."""
+    if not isinstance(container, dict | list):
         return []
-    values = holder.values() if isinstance(holder, dict) else holder
-    held = []
+    values = container.values() if isinstance(container, dict) else container
+    children = []
     for value in values:
         if isinstance(value, dict | list):
-            held.append(value)
+            children.append(value)
         elif isinstance(value, int) and value not in _INTEGERS:
             raise ValueError(f"{quoted(value)} is beyond 64 bits; write it as 1e30, say")
-    return held
+    return children

@@ -1,10 +1,9 @@
-"""TOML as people write it: values as text, and keys put where a reader looks for them.
+"""Layout of TOML that is added to a document.
 
 [_toml] -> palettes, scenes
 
-tomlkit keeps what stands in a document. What is added to one is laid out here: a row of a list to
-a line, many numbers in lines of eight, keys below the last key and not below the comments that
-lead the next table.
+tomlkit preserves a document's text. Additions are laid out here: a row of a list to a line, many
+numbers in lines of eight, keys below the last key instead of below the next table's comments.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ _A_LINE = 8
 
 
 def toml_text(value: Any) -> str:
-    """A value in TOML: text, number, list or inline table.
+    """Write a value in TOML: text, number, list or inline table.
 
     Examples
     --------
@@ -43,24 +42,24 @@ def toml_text(value: Any) -> str:
 
 
 def key_text(key: str) -> str:
-    """A key as it stands before ``=``: quoted where it must be."""
+    """Write a key in TOML, quoted if it must be."""
     import tomlkit
 
     return tomlkit.key(key).as_string()
 
 
 def toml_item(value: Any) -> Item:
-    """A value for a document of tomlkit, laid out as `toml_text` has it."""
+    """Make a tomlkit item of a value, laid out by `toml_text`."""
     import tomlkit
 
     parsed: Any = tomlkit.parse(f"x = {toml_text(value)}\n")["x"]
     return parsed
 
 
-def put(table: Any, key: str, value: Any) -> None:
-    """Set a key of a document's table; a new one goes below the last.
+def set_key(table: Any, key: str, value: Any) -> None:
+    """Set a key of a document's table; a new one goes below the last key.
 
-    Added as tomlkit does it, it would go below the comments that lead the next table.
+    tomlkit itself would put it below the comments that lead the next table.
     """
     item = toml_item(value)
     if key in table:
@@ -74,10 +73,10 @@ def put(table: Any, key: str, value: Any) -> None:
         table.value._insert_after(plain[-1], key, item)
 
 
-def lead_with_comments(document: Any) -> None:
-    """Bind the comments above each header to it, so that they move and go with their table.
+def bind_comments(document: Any) -> None:
+    """Attach the comments above each header to it, so that they move with their table.
 
-    tomlkit counts them to the table before, whose last lines they are.
+    tomlkit attaches them to the table before, as its last lines.
     """
     from tomlkit.items import Comment, Null, Whitespace
 
@@ -89,18 +88,18 @@ def lead_with_comments(document: Any) -> None:
             run = [*run, (body, index)] if blank else []
             first = first and blank
             continue
-        # What begins the file is about the file.
+        # The first comments of a file are about the file.
         if not first:
-            led = _led(run)
-            above = "".join(b[i][1].as_string() for b, i in led)
+            leading = _leading(run)
+            above = "".join(b[i][1].as_string() for b, i in leading)
             header.trivia.indent = above + header.trivia.indent
-            for b, i in led:
+            for b, i in leading:
                 b[i] = (None, Null())
         run, first = [], False
 
 
-def _led(run: Sequence[tuple[list[Any], int]]) -> list[tuple[list[Any], int]]:
-    """The comments that touch what follows, and the blank lines before them."""
+def _leading(run: Sequence[tuple[list[Any], int]]) -> list[tuple[list[Any], int]]:
+    """Return the comments directly above a header, and the blank lines before them."""
     from tomlkit.items import Comment
 
     at = len(run)
@@ -112,7 +111,7 @@ def _led(run: Sequence[tuple[list[Any], int]]) -> list[tuple[list[Any], int]]:
 
 
 def _walk(container: Any) -> Iterator[tuple[list[Any], int, Any]]:
-    """What a document renders, in order: (body, index, None), or a table's header as third."""
+    """Yield a document's items in order: (body, index, None), or a table's header as third."""
     from tomlkit.items import AoT, Table
 
     body = container.body

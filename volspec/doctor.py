@@ -1,4 +1,4 @@
-"""Examine this machine: OpenCL and GL devices, versions, and how to mend what is missing.
+"""Diagnose this machine: OpenCL and GL devices, versions, and remedies for missing ones.
 
 Every OpenCL device is tried. Casts run on the first that works; the environment variable
 ``VOLSPEC_DEVICE`` (part of a device's, platform's or driver's name, or the number shown here)
@@ -26,7 +26,7 @@ _PACKAGES = (
     *("SimpleITK", "colour-science", "OpenEXR", "imageio"),
 )
 _NOT_HERE = "not here"
-# What an extra of the package adds: its name, and the distributions that it needs.
+# Features of the package's extras: the extra's name, and the distributions that it needs.
 _EXTRAS = {
     "notebooks": ("notebook", ("anywidget",)),
     "several machines": ("distributed", ("dask", "zarr")),
@@ -36,27 +36,26 @@ _EXTRAS = {
 
 @dataclass(frozen=True, slots=True)
 class Examination:
-    """What was found.
+    """Result of `examine`.
 
     Parameters
     ----------
     opencl : tuple of DeviceInfo
     faults : tuple of str
-        Why each of them cannot run a kernel; empty for those that can.
+        Reason why a device cannot run a kernel; empty for those that can.
     casts_on : int or None
-        Which of them casts run on; None if there is none that works, or none that
-        ``VOLSPEC_DEVICE`` names.
+        Index of the device for casts; None if none works, or none that ``VOLSPEC_DEVICE`` names.
     gl : str or None
-        Renderer and version of the headless context relighting draws in.
+        Renderer and version of the headless context for relighting.
     no_sharing : str or None
-        Why casts cannot hand pictures to it on the device (``Raycaster(context=…)``), which is an
-        option only; None where they can.
+        Reason why casts cannot pass pictures to GL on the device (``Raycaster(context=…)``), which
+        is optional; None if they can.
     extras : {str: str}
-        What can be had besides, films first: versions, or the command that brings it.
+        Optional features, films first: versions, or the command that installs them.
     problems : tuple of str
-        Each names what is missing and the command that mends it.
+        Missing parts, each with the command that installs it.
     healthy : bool
-        Whether pictures can be made: without GL they can, more slowly; without OpenCL not.
+        True if pictures can be made: without GL they can, more slowly; without OpenCL not.
     """
 
     python: str
@@ -71,11 +70,11 @@ class Examination:
     healthy: bool
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
+        """Convert to JSON types."""
         return {"volspec": __version__, **asdict(self)}
 
     def print(self, console: Console) -> None:
-        """Write it for a person."""
+        """Print it as a table."""
         from rich.markup import escape
         from rich.table import Table
 
@@ -112,14 +111,14 @@ class Examination:
 
 
 def examine() -> Examination:
-    """Look for devices and versions; never raises."""
+    """Find devices and versions; never raises."""
     problems = []
     versions = {}
     for package in _PACKAGES:
         try:
             versions[package] = version(package)
         except PackageNotFoundError:
-            # Not every system has wheels of these; what lacks without them has rows of its own.
+            # Not every system has wheels of these; missing devices have rows of their own.
             if package not in ("pocl-binary-distribution", "moderngl"):
                 problems.append(f"{package}: pip install {package}")
     devices = opencl_devices.devices()
@@ -159,7 +158,7 @@ def examine() -> Examination:
 
 
 def _extras() -> dict[str, str]:
-    """What may be left out, and is no problem: what is here, or how to get it."""
+    """Return optional features: their versions, or the command that installs them."""
     found = {"films": _ffmpeg() or _remedy("video")}
     for what, (extra, packages) in _EXTRAS.items():
         try:
@@ -170,7 +169,7 @@ def _extras() -> dict[str, str]:
 
 
 def _ffmpeg() -> str | None:
-    """The ffmpeg that films are encoded with, or why it is none; None where there is none."""
+    """Return the version of ffmpeg for films, or why it is unusable; None without ffmpeg."""
     try:
         from imageio_ffmpeg import get_ffmpeg_version
 

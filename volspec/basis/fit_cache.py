@@ -1,6 +1,6 @@
 """A basis that was fitted before, to the same spectra by the same code, is read, not fitted again.
 
-lights, reflectances -> [kept] -> scene
+lights, reflectances -> [fit_cache] -> scene
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec import __version__
-from volspec._cache import kept
+from volspec._cache import cached_arrays
 from volspec.basis.model import SpectralBasis
 from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
 
@@ -68,7 +68,7 @@ def fit_cached(
     for array in (*arrays, np.asarray(light_weights), np.asarray(reflectance_weights)):
         digest.update(f"{array.dtype} {array.shape} ".encode() + array.tobytes())
     maker = digest.hexdigest()
-    matrices = kept(f"bases/{maker[:20]}", maker, fit)
+    matrices = cached_arrays(f"bases/{maker[:20]}", maker, fit)
     return SpectralBasis(
         name=name,
         method=method,

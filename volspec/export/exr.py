@@ -28,7 +28,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._exr import chromaticities, halves
+from volspec._exr import chromaticities, to_half
 from volspec._files import write_whole
 from volspec.appearance.spaces import ColourSpace
 from volspec.export.encoders import workers
@@ -171,7 +171,7 @@ class ExrWriter:
         at = 0
         while at < len(pixels):
             count = min(_LINES - self._filled, len(pixels) - at)
-            lines = halves(pixels[at : at + count])[..., self._order]
+            lines = to_half(pixels[at : at + count])[..., self._order]
             self._block[self._filled : self._filled + count] = lines.transpose(0, 2, 1)
             at, self._filled = at + count, self._filled + count
             if self._filled == _LINES:

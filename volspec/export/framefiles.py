@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from volspec import __version__
-from volspec._exr import halves
+from volspec._exr import to_half
 from volspec.appearance.spaces import space_of
 from volspec.export.compositing import save_for_compositors, scene_recipe
 from volspec.export.encoders import Encoders
@@ -72,7 +72,7 @@ class FrameFiles:
         """
         text = self._text(shot, cast)
         if self.table.format == "exr":
-            encode = partial(exr_bytes, halves(pixels), self._header(shot, text))
+            encode = partial(exr_bytes, to_half(pixels), self._header(shot, text))
         else:
             colours = space_of(shot.spec.viewing.display.space)
             encode = partial(png_bytes, pixels, text, colours)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from volspec import __version__
-from volspec._files import clear_unfinished, lock, write_whole
+from volspec._files import clear_unfinished, lock_file_handle, write_whole
 from volspec._parse import parse_json
 from volspec._tables.written import plain
 from volspec.errors import InputError
@@ -225,7 +225,7 @@ def alone_in(path: Path) -> Iterator[None]:
         place, flags = place.with_name(f".{place.name}.lock"), os.O_RDWR | os.O_CREAT
     handle = os.open(place, flags)
     try:
-        if lock(handle) is False:
+        if lock_file_handle(handle) is False:
             raise InputError(
                 f"{path}: another export writes there; wait for it, or choose another folder"
             )

@@ -22,7 +22,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec._exr import halves
+from volspec._exr import to_half
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import ImageError
 from volspec.export.exr import ExrBands, ExrHeader, exr_file
@@ -116,7 +116,7 @@ class SpectralIllumination:
     def strips(self, image: CoefficientImage) -> Iterator[NDArray[np.float16]]:
         """`pixels` of an image as half floats, in strips of rows: few are float64 at a time."""
         for rows in row_strips(image.size, 3 + self.grid.size):
-            yield halves(self.pixels(image.coefficients[rows], image.alpha[rows]))
+            yield to_half(self.pixels(image.coefficients[rows], image.alpha[rows]))
 
     @property
     def bands(self) -> ExrBands:

@@ -16,7 +16,7 @@ import numpy as np
 from volspec._files import line_end, write_whole
 from volspec._tables import DisplayTable
 from volspec._tables.written import plain
-from volspec._toml import put
+from volspec._toml import set_key
 from volspec.basis.storage import shipped_names
 from volspec.errors import PaletteError, SpectrumError, visible
 from volspec.palette.file import palette_table, palette_text
@@ -106,9 +106,9 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
                 entry["mixture"] = [rebase_light(str(lamp), *folders) for lamp in entry["mixture"]]
             if member.free:
                 if "design" not in entry:
-                    put(entry, "design", True)
+                    set_key(entry, "design", True)
                 if member.spectrum is not None:
-                    put(entry, "values", _values(member, palette))
+                    set_key(entry, "values", _values(member, palette))
     if elsewhere and (profile := table.viewing.display.profile):
         document["viewing"]["display"]["space"] = rebase_path(profile, *folders)
     if table.viewing.exposure == "auto":
@@ -140,7 +140,7 @@ def _new_document(palette: Palette, comment: str) -> TOMLDocument:
     for kind in ("light", "reflectance"):
         for entry in document[kind]:
             if "values" in entry:
-                put(entry, "values", entry["values"])
+                set_key(entry, "values", entry["values"])
     return document
 
 

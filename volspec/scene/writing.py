@@ -20,7 +20,7 @@ from volspec._files import line_end, write_whole
 from volspec._parse import parse_toml
 from volspec._tables import DisplayTable, Table, explained
 from volspec._tables.written import all_keys, is_written, plain, written_keys
-from volspec._toml import lead_with_comments, put, toml_item
+from volspec._toml import bind_comments, set_key, toml_item
 from volspec.errors import SceneError
 from volspec.scene.file import SceneFile
 from volspec.scene.moving import moved_scene
@@ -137,7 +137,7 @@ def _edited(file: SceneFile, source: Path, target: Path) -> str | None:
         document = tomlkit.parse(said if said.endswith("\n") else f"{said}\n")
         migrate(document)
         before = SceneFile.model_validate(document.unwrap())
-        lead_with_comments(document)
+        bind_comments(document)
         _update(document, before, file)
         text = _led_to_schema(tomlkit.dumps(document), source, target)
         # Layouts that no one writes, as tables in pieces, may be beyond an editor.
@@ -199,7 +199,7 @@ def _update_rows(node: Any, key: str, before: Sequence[Table], after: Sequence[T
         return
     stay = [index for index in kept if index is not None]
     if stay != sorted(stay):
-        put(node, key, plain(after))
+        set_key(node, key, plain(after))
         return
     for index in sorted(set(range(len(before))) - set(stay), reverse=True):
         del rows[index]
@@ -248,7 +248,7 @@ def _set(node: Any, key: str, value: Any) -> None:
     elif whole and _are_rows(value):
         item = AoT([_table(row) for row in value], key, parsed=True)
     else:
-        put(node, key, plain(value))
+        set_key(node, key, plain(value))
         return
     if key in node:
         del node[key]

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._cache import kept
+from volspec._cache import cached_arrays
 from volspec.errors import SpectrumError
 from volspec.spectra.grid import SpectralGrid
 
@@ -99,7 +99,7 @@ def _cached(group: str, read: Callable[[], Mapping[str, Table]]) -> dict[str, Ta
     """Tables from the cache, or as read from colour-science."""
     reader = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
     maker = f"colour-science {version('colour-science')}, reader {reader}"
-    return _unpack(kept(f"spectra/{group}", maker, lambda: _pack(read())))
+    return _unpack(cached_arrays(f"spectra/{group}", maker, lambda: _pack(read())))
 
 
 def _pack(tables: Mapping[str, Table]) -> dict[str, NDArray[Any]]:

@@ -15,7 +15,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from volspec._files import clear_unfinished, keep_newest, lock, newest_first, write_whole
+from volspec._files import (
+    clear_unfinished,
+    keep_newest,
+    lock_file_handle,
+    newest_first,
+    write_whole,
+)
 from volspec._parse import parse_json
 from volspec.errors import InputError
 from volspec.export.frames import file_stem
@@ -240,7 +246,7 @@ class Running:
         except OSError:
             return
         self._mark, self._handle = path, handle
-        lock(handle)
+        lock_file_handle(handle)
 
     def end(self) -> None:
         """Remove the mark."""
@@ -267,7 +273,7 @@ def _is_left(path: Path) -> bool:
     except OSError:
         return False
     try:
-        left = lock(handle) is True
+        left = lock_file_handle(handle) is True
     finally:
         os.close(handle)
     if left:
