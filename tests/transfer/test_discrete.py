@@ -89,41 +89,41 @@ def test_they_say_what_they_are() -> None:
 @pytest.mark.parametrize(
     ("bad", "code", "field"),
     [
-        ({}, "type", "LabelFunction.labels"),
-        ([(1, "gold")], "type", "LabelFunction.labels"),
-        ({70000: (1, "gold")}, "range", "LabelFunction.labels"),
-        ({-1: (1, "gold")}, "range", "LabelFunction.labels"),
-        ({1.5: (1, "gold")}, "type", "LabelFunction.labels"),
-        ({"1": (1, "gold")}, "type", "LabelFunction.labels"),
-        ({True: (1, "gold")}, "type", "LabelFunction.labels"),
-        ({1: (2, "gold")}, "range", "LabelFunction.labels[1].opacity"),
-        ({1: (math.nan, "gold")}, "range", "LabelFunction.labels[1].opacity"),
-        ({1: (1, "glod")}, "unknown", "LabelFunction.labels[1].material"),
-        ({1: "gold"}, "type", "LabelFunction.labels[1]"),
-        ({1: 0.5}, "type", "LabelFunction.labels[1]"),
+        ({}, "type", "labels"),
+        ([(1, "gold")], "type", "labels"),
+        ({70000: (1, "gold")}, "range", "labels"),
+        ({-1: (1, "gold")}, "range", "labels"),
+        ({1.5: (1, "gold")}, "type", "labels"),
+        ({"1": (1, "gold")}, "type", "labels"),
+        ({True: (1, "gold")}, "type", "labels"),
+        ({1: (2, "gold")}, "range", "labels[1].opacity"),
+        ({1: (math.nan, "gold")}, "range", "labels[1].opacity"),
+        ({1: (1, "glod")}, "unknown", "labels[1].material"),
+        ({1: "gold"}, "type", "labels[1]"),
+        ({1: 0.5}, "type", "labels[1]"),
     ],
 )
 def test_bad_labels_are_named_in_one_line(bad: object, code: str, field: str) -> None:
-    with raises(TransferError, code, field):
+    with raises(TransferError, code, f"LabelFunction.{field}"):
         labels(bad)
 
 
 @pytest.mark.parametrize(
     ("bad", "code", "field"),
     [
-        ((), "missing", "Isosurfaces.surfaces"),
-        (((1, 1, "gold"), (1, 0.5, "steel")), "duplicate", "Isosurfaces.surfaces"),
-        (tuple((i, 1, "gold") for i in range(9)), "size", "Isosurfaces.surfaces"),
-        (((1, 2, "gold"),), "range", "Isosurfaces.surfaces[0].opacity"),
-        (((math.nan, 1, "gold"),), "range", "Isosurfaces.surfaces[0].value"),
-        (((1, math.nan, "gold"),), "range", "Isosurfaces.surfaces[0].opacity"),
-        (((1, 1, "glod"),), "unknown", "Isosurfaces.surfaces[0].material"),
-        (((1, "gold"),), "type", "Isosurfaces.surfaces[0]"),
-        ((5,), "type", "Isosurfaces.surfaces[0]"),
+        ((), "missing", "surfaces"),
+        (((1, 1, "gold"), (1, 0.5, "steel")), "duplicate", "surfaces"),
+        (tuple((i, 1, "gold") for i in range(9)), "size", "surfaces"),
+        (((1, 2, "gold"),), "range", "surfaces[0].opacity"),
+        (((math.nan, 1, "gold"),), "range", "surfaces[0].value"),
+        (((1, math.nan, "gold"),), "range", "surfaces[0].opacity"),
+        (((1, 1, "glod"),), "unknown", "surfaces[0].material"),
+        (((1, "gold"),), "type", "surfaces[0]"),
+        ((5,), "type", "surfaces[0]"),
     ],
 )
 def test_bad_surfaces_are_named_in_one_line(bad: tuple, code: str, field: str) -> None:
-    with raises(TransferError, code, field):
+    with raises(TransferError, code, f"Isosurfaces.{field}"):
         surfaces(*bad)
 
 

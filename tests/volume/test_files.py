@@ -1,45 +1,23 @@
-"""Volumes from files: what is kept, and one clear line for what cannot be read."""
+"""Volumes from files: values and geometry, and one clear line for a file that cannot be read."""
 
 from __future__ import annotations
 
-import struct
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
+from tests.support.volumes import NRRD, VALUES, WORLD, nifti
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import Volume, load_volume
 from volspec.volume.summary import summarise
 
-VALUES = np.arange(24, dtype=np.int16).reshape(2, 3, 4) * 100 - 700
-# x runs along +y with 2 mm, y along −x with 1 mm, z along +z with 3 mm.
-WORLD = np.array([[0, -1, 0, 5], [2, 0, 0, 6], [0, 0, 3, 7], [0, 0, 0, 1]], float)
-NRRD = (
-    "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 4 3 2\n"
-    "space directions: (0,2,0) (-1,0,0) (0,0,3)\nspace origin: (5,6,7)\n"
-    "kinds: domain domain domain\nendian: little\nencoding: raw\n\n"
-)
-
-
-def nifti(values: np.ndarray, ras_from_index: np.ndarray) -> bytes:
-    """A NIfTI-1 file with an sform; its world is RAS, ITK's is LPS."""
-    header = bytearray(352)
-    struct.pack_into("<i", header, 0, 348)
-    struct.pack_into("<8h", header, 40, 3, *values.shape[::-1], 1, 1, 1, 1)
-    struct.pack_into("<2h", header, 70, 4, 16)
-    struct.pack_into("<8f", header, 76, 1, 2, 1, 3, 1, 1, 1, 1)
-    struct.pack_into("<2f", header, 108, 352, 1)
-    struct.pack_into("<2h", header, 252, 0, 1)
-    struct.pack_into("<12f", header, 280, *ras_from_index[:3].ravel())
-    header[344:348] = b"n+1\0"
-    return bytes(header) + values.tobytes()
-
 
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
-    """The same 4 x 3 x 2 volume in every format."""
+    """One volume of 4 x 3 x 2 voxels in every format."""
     raw = VALUES.tobytes()
     (tmp_path / "v.nrrd").write_bytes(NRRD.encode() + raw)
     (tmp_path / "v.raw").write_bytes(raw)
@@ -99,26 +77,26 @@ def npy(dtype: str, length: str) -> bytes:
 
 
 BAD_FILES = {
-    "missing.nrrd": (None, "no such file"),
-    "empty.nrrd": (b"", "is empty"),
-    "junk.nrrd": (b"hello" * 99, "cannot be read"),
-    "junk.nii.gz": (b"hello" * 99, "cannot be read"),
-    "junk.mhd": (b"hello" * 99, "line 1 of its header, .* is not written as Name = value"),
-    "junk.vti": (b"hello" * 99, "not readable"),
-    "junk.npy": (b"hello" * 99, "not a readable .npy"),
-    "empty.npy": (npy("|S0", "5" * 40), r"values of type \|S0 are not real numbers"),
-    "subarray.npy": (npy("<0f8", "2"), "values of type .* are not real numbers"),
-    "notes.txt": (b"hello", "unknown format; known are NRRD"),
-    "short.nrrd": (NRRD.encode() + VALUES.tobytes()[:30], "30 bytes .* asks for 48"),
+    "missing.nrrd": (None, "not-found"),
+    "empty.nrrd": (b"", "damaged"),
+    "junk.nrrd": (b"hello" * 99, "damaged"),
+    "junk.nii.gz": (b"hello" * 99, "damaged"),
+    "junk.mhd": (b"hello" * 99, "syntax"),
+    "junk.vti": (b"hello" * 99, "damaged"),
+    "junk.npy": (b"hello" * 99, "damaged"),
+    "empty.npy": (npy("|S0", "5" * 40), "type"),
+    "subarray.npy": (npy("<0f8", "2"), "type"),
+    "notes.txt": (b"hello", "unknown"),
+    "short.nrrd": (NRRD.encode() + VALUES.tobytes()[:30], "damaged"),
     "flat.nrrd": (
         b"NRRD0004\ntype: short\ndimension: 2\nsizes: 4 6\nendian: little\nencoding: raw\n\n"
         + VALUES.tobytes(),
-        "2-D",
+        "shape",
     ),
     "zero.nrrd": (
         b"NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\nspacings: 1 0 1\n"
         b"endian: little\nencoding: raw\n\n" + VALUES.tobytes(),
-        "spacing",
+        "range",
     ),
 }
 
@@ -127,49 +105,46 @@ BAD_FILES = {
 def test_unreadable_files_are_named_in_one_line(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str
 ) -> None:
-    content, message = BAD_FILES[name]
+    content, code = BAD_FILES[name]
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(VolumeError, match=message) as caught:
+    with raises(VolumeError, code) as caught:
         load_volume(tmp_path / name)
-    assert name in str(caught.value) and "\n" not in str(caught.value)
+    assert name in str(caught.value)
     assert capfd.readouterr().err == "", "a reader printed to stderr"
 
 
 @pytest.mark.parametrize(
-    ("query", "message"),
+    ("query", "code"),
     [
-        ("", "shape is missing"),
-        ("?shape=4x3x2", "dtype is missing"),
-        ("?shape=4x3&dtype=uint8", "not XxYxZ"),
-        ("?shape=4x3x20&dtype=int16", "needs 480"),
-        ("?shape=4x3x2&dtype=nonsense", "dtype=nonsense cannot be read"),
-        ("?shape=axb&dtype=uint8", "shape=axb cannot be read"),
-        ("?shape=4x3x2&dtype=int16&order=odd", "order=odd"),
-        ("?shape=4x3x2&dtype=int16&spacing=1,-1,1", "must be positive"),
-        ("?shape=4x3x2&dtype=int16&spacing=1,0,1", "must be positive"),
-        ("?shape=4x3x2&colour=red", "unknown option 'colour'"),
+        ("", "missing"),
+        ("?shape=4x3x2", "missing"),
+        ("?shape=4x3&dtype=uint8", "shape"),
+        ("?shape=4x3x20&dtype=int16", "damaged"),
+        ("?shape=4x3x2&dtype=nonsense", "syntax"),
+        ("?shape=axb&dtype=uint8", "syntax"),
+        ("?shape=4x3x2&dtype=int16&order=odd", "unknown"),
+        ("?shape=4x3x2&dtype=int16&spacing=1,-1,1", "range"),
+        ("?shape=4x3x2&dtype=int16&spacing=1,0,1", "range"),
+        ("?shape=4x3x2&colour=red", "unknown"),
     ],
 )
-def test_raw_layouts_that_do_not_fit_are_refused(files: Path, query: str, message: str) -> None:
-    with pytest.raises(VolumeError, match=message):
+def test_raw_layouts_that_do_not_fit_are_refused(files: Path, query: str, code: str) -> None:
+    with raises(VolumeError, code):
         load_volume(f"{files}/v.raw{query}")
 
 
 def test_constant_and_wrongly_shaped_arrays_are_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "grey.npy", np.full((3, 3, 3), 5.0))
-    with pytest.raises(VolumeError, match="every voxel is 5"):
+    with raises(VolumeError, "range"):
         load_volume(tmp_path / "grey.npy")
-    for values, message in [
-        (np.zeros((3, 3)), "3-D"),
-        (np.zeros((3, 3, 3, 2)), "3-D"),
-        (np.zeros((0, 3, 3)), "two voxels"),
-        (np.zeros((1, 3, 3)), "single slice"),
-        (np.zeros((3, 3, 3), complex), "not real numbers"),
-        (np.full((3, 3, 3), np.nan), "none of the 27 voxels is a finite"),
-    ]:
-        with pytest.raises(VolumeError, match=message):
-            Volume(values)
+    for shape in ((3, 3), (3, 3, 3, 2), (0, 3, 3), (1, 3, 3)):
+        with raises(VolumeError, "shape"):
+            Volume(np.zeros(shape))
+    with raises(VolumeError, "type"):
+        Volume(np.zeros((3, 3, 3), complex))
+    with raises(VolumeError, "range"):
+        Volume(np.full((3, 3, 3), np.nan))
 
 
 @pytest.mark.parametrize("spacing", ["-1 1 1", "1 0 1", "1 1 nan"])
@@ -181,7 +156,7 @@ def test_spacings_that_are_not_positive_are_refused(files: Path, spacing: str) -
     mhd = (files / "v.mhd").read_text().replace("= 2 1 3", f"= {spacing}")
     (files / "s.mhd").write_text(mhd)
     for name in ("s.nrrd", "s.mhd"):
-        with pytest.raises(VolumeError, match=f"spacing {spacing}; each of x, y, z"):
+        with raises(VolumeError, "range"):
             load_volume(files / name)
 
 
@@ -195,12 +170,12 @@ def test_summary_counts_every_voxel() -> None:
 
 
 def test_what_is_no_path_is_refused() -> None:
-    with pytest.raises(VolumeError, match="volume: 3 is no path; give text"):
+    with raises(VolumeError, "type"):
         load_volume(3)
 
 
 def test_an_empty_name_is_not_the_folder_that_one_is_in() -> None:
-    with pytest.raises(VolumeError, match="the name is empty; give a file or a folder"):
+    with raises(VolumeError, "missing"):
         load_volume("")
 
 

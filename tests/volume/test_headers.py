@@ -1,4 +1,4 @@
-"""Files whose size is not what their header promises, and label files of wide integers."""
+"""Headers of files: those that differ from the voxels, that ITK misreads, and wide integers."""
 
 from __future__ import annotations
 
@@ -13,15 +13,10 @@ import numpy as np
 import pytest
 import pyvista
 
-from tests.volume.test_files import NRRD, VALUES, nifti
+from tests.support.errors import raises
+from tests.support.volumes import META, NRRD, VALUES, load_silently, nifti
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import load_volume
-
-
-def load_silently(path: Path) -> np.ndarray:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        return load_volume(path).values
 
 
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
@@ -33,12 +28,10 @@ def test_truncated_nifti_is_refused(tmp_path: Path, suffix: str) -> None:
     assert load_volume(path).shape_xyz == (4, 3, 2)
     cut = whole[:-9]
     path.write_bytes(cut if suffix == ".nii" else gzip.compress(cut))
-    with pytest.raises(
-        VolumeError, match=r"39 bytes of voxels, .* asks for 48 \(4x3x2\); truncated"
-    ):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
     path.write_bytes((whole if suffix == ".nii" else gzip.compress(whole))[:-12])
-    with pytest.raises(VolumeError, match=path.name):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
@@ -50,25 +43,25 @@ def test_truncated_nifti_whose_values_are_rescaled_is_refused(tmp_path: Path, su
     path.write_bytes(bytes(data) if suffix == ".nii" else gzip.compress(data))
     assert np.array_equal(load_volume(path).values, VALUES * 2.0 + 5)
     path.write_bytes(bytes(data[:-9]) if suffix == ".nii" else gzip.compress(data[:-9]))
-    with pytest.raises(VolumeError, match=r"39 bytes of voxels, .* asks for 48"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
 @pytest.mark.parametrize(
-    ("offset", "form", "number", "message"),
+    ("offset", "form", "number", "code"),
     [
-        (344, "<i", 0, "holds no NIfTI-1 image"),  # ITK takes it for Analyze, and makes voxels up
-        (0, "<i", 540, "holds no NIfTI-1 image"),
-        (70, "<h", 1536, "numbers are of NIfTI's type 1536"),
+        (344, "<i", 0, "damaged", ""),  # ITK takes it for Analyze, and makes voxels up
+        (0, "<i", 540, "damaged"),
+        (70, "<h", 1536, "unsupported"),
     ],
 )
 def test_a_nifti_header_of_another_kind_is_refused(
-    tmp_path: Path, offset: int, form: str, number: int, message: str
+    tmp_path: Path, offset: int, form: str, number: int, code: str
 ) -> None:
     data = bytearray(nifti(VALUES, np.eye(4)))
     struct.pack_into(form, data, offset, number)
     (tmp_path / "v.nii").write_bytes(data)
-    with pytest.raises(VolumeError, match=message):
+    with raises(VolumeError, code):
         load_volume(tmp_path / "v.nii")
 
 
@@ -140,7 +133,7 @@ def loaded_as_itk_does(path: Path) -> None:
 def test_a_metaimage_line_that_is_no_field_is_refused(tmp_path: Path) -> None:
     """MetaIO takes the next line, here the voxels' place, for its value."""
     (tmp_path / "v.mha").write_text(f"{META}hello\nElementDataFile = ../voxels.raw\n")
-    with pytest.raises(VolumeError, match="line 5 of its header, 'hello', is not written as Name"):
+    with raises(VolumeError, "syntax"):
         load_volume(tmp_path / "v.mha")
 
 
@@ -149,12 +142,13 @@ def test_a_metaimage_line_that_is_no_field_is_refused(tmp_path: Path) -> None:
     [
         *("ElementDataFile: ../v.raw", "ElementDataFile = ../v.raw", " ElementDataFile =: /v.raw"),
         *("datafile = LOCAL\nElementDataFile = ../v.raw", "ElementDataFile = LIST\na\n../v.raw"),
-        *("ElementDataFile = %s%n.raw 1 2 1", "ElementDataFile = LIST 2D\n/v.raw"),
+        *("ElementDataFile = LIST 2D\n/v.raw", "ElementDataFile = /etc/hostname"),
+        *("ElementDataFile = %s%n.raw 1 2 1", "ElementDataFile = v%d%d.raw 1 2 1"),
     ],
 )
 def test_metaimage_voxels_lie_in_the_header_s_folder(tmp_path: Path, field: str) -> None:
     (tmp_path / "v.mha").write_text(f"{META}{field}\n")
-    with pytest.raises(VolumeError, match=r"v\.mha: its voxels are said to be in '.*v?\.raw"):
+    with raises(VolumeError, "syntax" if "%" in field else "unsupported"):
         load_volume(tmp_path / "v.mha")
 
 
@@ -173,7 +167,7 @@ def test_metaimage_voxels_lie_in_the_header_s_folder(tmp_path: Path, field: str)
 def test_nrrd_voxels_lie_in_the_header_s_folder(tmp_path: Path, field: str) -> None:
     head = NRRD.replace("encoding: raw", "encoding: raw\n" + field)
     (tmp_path / "v.nhdr").write_text(head)
-    with pytest.raises(VolumeError, match=r"v\.nhdr: its voxels are said to be in '.*\.raw"):
+    with raises(VolumeError, "syntax" if "%" in field else "unsupported"):
         load_volume(tmp_path / "v.nhdr")
 
 
@@ -184,7 +178,7 @@ def test_dimensions_that_cannot_be_are_refused_before_itk_counts_them(
     (tmp_path / "v.mha").write_text(META.replace("NDims = 3", f"NDims = {count}"))
     (tmp_path / "v.nrrd").write_text(NRRD.replace("dimension: 3", f"dimension: {count}"))
     for name in ("v.mha", "v.nrrd"):
-        with pytest.raises(VolumeError, match=f"{name}: '{count}' dimensions; expected 3"):
+        with raises(VolumeError, "shape"):
             load_volume(tmp_path / name)
 
 
@@ -228,7 +222,7 @@ RAMP = (np.arange(1200) * 10 + 7).astype(np.int16)
 GRIDS: dict[str, Callable[[], pyvista.ImageData]] = {
     "scalars": lambda: grid(a=RAMP),
     "a second array": lambda: grid(a=RAMP, b=RAMP.astype(np.float64)),
-    "vectors beside": lambda: grid(a=RAMP, v=np.ones((1200, 3))),
+    "vectors, too": lambda: grid(a=RAMP, v=np.ones((1200, 3))),
     "labels": lambda: grid(a=RAMP.astype(np.int64)),
 }
 
@@ -239,28 +233,28 @@ def test_a_truncated_legacy_vtk_file_is_refused(tmp_path: Path, name: str) -> No
     path = tmp_path / "v.vtk"
     GRIDS[name]().save(path)
     whole = path.read_bytes()
-    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    assert np.array_equal(load_silently(path).values.ravel(), RAMP)
     path.write_bytes(whole + b"\n")
-    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    assert np.array_equal(load_silently(path).values.ravel(), RAMP)
     for cut in (40, 200, 1300, 2300):
         path.write_bytes(whole[:-cut])
-        with pytest.raises(VolumeError, match=r"v\.vtk: (holds .* bytes.*or more|not readable)"):
+        with raises(VolumeError, "damaged"):
             load_volume(path)
 
 
 def test_a_truncated_ascii_vtk_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "v.vtk"
     grid(a=RAMP).save(path, binary=False)
-    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    assert np.array_equal(load_silently(path).values.ravel(), RAMP)
     path.write_bytes(path.read_bytes()[:-200])
-    with pytest.raises(VolumeError, match="not readable"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
 @pytest.mark.parametrize("compressed", [False, True])
 @pytest.mark.parametrize("appended", [False, True])
 def test_a_truncated_vti_file_is_refused(tmp_path: Path, compressed: bool, appended: bool) -> None:
-    """VTK reads uncompressed appended data past the file's end without complaint."""
+    """VTK reads uncompressed appended data past the file's end without an error."""
     from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
 
     path = tmp_path / "v.vti"
@@ -274,10 +268,10 @@ def test_a_truncated_vti_file_is_refused(tmp_path: Path, compressed: bool, appen
         writer.SetCompressorTypeToNone()
     writer.Write()
     whole = path.read_bytes()
-    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    assert np.array_equal(load_silently(path).values.ravel(), RAMP)
     for cut in (30, 400, 1200):
         path.write_bytes(whole[:-cut])
-        with pytest.raises(VolumeError, match="</VTKFile> is missing; truncated"):
+        with raises(VolumeError, "damaged"):
             load_volume(path)
 
 
@@ -299,9 +293,9 @@ def test_a_vti_file_whose_array_is_short_is_refused(
     if not packed:
         writer.SetCompressorTypeToNone()
     writer.Write()
-    assert np.array_equal(load_silently(path).ravel(), RAMP)
+    assert np.array_equal(load_silently(path).values.ravel(), RAMP)
     path.write_bytes(path.read_bytes().replace(b"0 5 0 4 0 39", b"0 5 0 4 0 99"))
-    with pytest.raises(VolumeError, match=r"v\.vti: holds \d+ bytes of voxels, .* 6000; truncated"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
@@ -320,9 +314,9 @@ def test_a_vti_file_of_digits_with_other_arrays_is_read(tmp_path: Path, mode: st
     writer.SetDataMode(getattr(writer, mode))
     writer.Write()
     assert (b"InformationKey" in path.read_bytes()) == (mode != "Appended")
-    assert np.array_equal(load_silently(path).ravel(), RAMP % 7)
+    assert np.array_equal(load_silently(path).values.ravel(), RAMP % 7)
     path.write_bytes(path.read_bytes().replace(b"0 5 0 4 0 39", b"0 5 0 4 0 49"))
-    with pytest.raises(VolumeError, match=r"v\.vti: holds \d+ bytes of voxels, .* 1500; truncated"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
@@ -330,7 +324,7 @@ def test_a_vti_file_of_digits_with_other_arrays_is_read(tmp_path: Path, mode: st
 def test_a_vti_file_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "v.vti"
     path.write_text(f"{text}</VTKFile>")
-    with pytest.raises(VolumeError, match=r"v\.vti: not readable as VTK image data"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
@@ -344,7 +338,7 @@ def test_a_vti_file_without_all_of_its_pieces_is_refused(tmp_path: Path) -> None
         '<DataArray type="UInt8" Name="a" format="ascii">1 2 1 2 1 2 1 2</DataArray>'
         "</PointData></Piece></ImageData></VTKFile>"
     )
-    with pytest.raises(VolumeError, match=r"v\.vti: its pieces cover 1 of 27 cells"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
@@ -352,7 +346,7 @@ def test_a_vti_file_nested_deeply_is_refused(tmp_path: Path) -> None:
     """VTK's parser recurses until the process ends."""
     path = tmp_path / "v.vti"
     path.write_bytes(b'<VTKFile type="ImageData">' + b"<a>" * 200_000 + b"</a></VTKFile>")
-    with pytest.raises(VolumeError, match=r"v\.vti: not readable as VTK image data"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
@@ -364,7 +358,7 @@ def test_a_vti_file_with_damaged_data_is_refused_in_one_line(tmp_path: Path) -> 
     path.write_bytes(whole[: start + 200] + whole[start + 400 :])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(VolumeError, match="not readable as VTK image data"):
+        with raises(VolumeError, "damaged"):
             load_volume(path)
 
 
@@ -380,9 +374,6 @@ def write_gzipped_nrrd(path: Path, surplus: bytes) -> None:
 def write_detached_nrrd(path: Path, surplus: bytes) -> None:
     path.write_text(NRRD.replace("encoding: raw", "encoding: raw\ndata file: voxels.bin"))
     (path.parent / "voxels.bin").write_bytes(VALUES.tobytes() + surplus)
-
-
-META = "ObjectType = Image\nNDims = 3\nDimSize = 4 3 2\nElementType = MET_SHORT\n"
 
 
 def write_mhd(path: Path, surplus: bytes) -> None:
@@ -415,7 +406,7 @@ def test_files_longer_than_their_header_says_are_warned_about(
 ) -> None:
     path = tmp_path / name
     write(path, b"")
-    assert np.array_equal(load_silently(path), VALUES)
+    assert np.array_equal(load_silently(path).values, VALUES)
     write(path, b"more")
     with pytest.warns(VolspecWarning, match=r"52 bytes of voxels.* describes 48") as caught:
         assert np.array_equal(load_volume(path).values, VALUES)
@@ -423,11 +414,11 @@ def test_files_longer_than_their_header_says_are_warned_about(
 
 
 def test_a_gzip_file_in_two_members_is_not_longer(tmp_path: Path) -> None:
-    """Only the last member's length stands at the end."""
+    """Only the last member's length is stored at the end."""
     header = NRRD.replace("encoding: raw", "encoding: gzip").encode()
     raw = VALUES.tobytes()
     (tmp_path / "v.nrrd").write_bytes(header + gzip.compress(raw[:40]) + gzip.compress(raw[40:]))
-    assert np.array_equal(load_silently(tmp_path / "v.nrrd"), VALUES)
+    assert np.array_equal(load_silently(tmp_path / "v.nrrd").values, VALUES)
 
 
 def wide_nifti(values: np.ndarray) -> bytes:
@@ -436,9 +427,9 @@ def wide_nifti(values: np.ndarray) -> bytes:
     return bytes(data)
 
 
-@pytest.mark.parametrize(("most", "kept"), [(29, np.uint8), (29000, np.uint16)])
+@pytest.mark.parametrize(("most", "narrow"), [(29, np.uint8), (29000, np.uint16)])
 def test_label_files_of_wide_integers_stay_whole_numbers(
-    tmp_path: Path, most: int, kept: type
+    tmp_path: Path, most: int, narrow: type
 ) -> None:
     labels = (np.arange(24, dtype=np.int64).reshape(2, 3, 4) * most) // 23
     image = pyvista.ImageData(dimensions=(4, 3, 2))
@@ -451,8 +442,8 @@ def test_label_files_of_wide_integers_stay_whole_numbers(
     header = NRRD.replace("type: short", "type: int64").encode()
     (tmp_path / "v.nrrd").write_bytes(header + labels.tobytes())
     for name in ("points.vti", "cells.vti", "v.nii", "v.nrrd"):
-        values = load_silently(tmp_path / name)
-        assert values.dtype == kept and np.array_equal(values, labels), name
+        values = load_silently(tmp_path / name).values
+        assert values.dtype == narrow and np.array_equal(values, labels), name
 
 
 def test_pyvista_s_frog_is_read_as_labels() -> None:

@@ -1,4 +1,4 @@
-"""Volumes are read in a child process: what happens to it is one line here, and nothing else."""
+"""Volumes are read in a child process: any fault of the child is a one-line error here."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ import numpy as np
 import pytest
 import SimpleITK
 
-from tests.volume.test_files import NRRD, VALUES
+from tests.support.errors import raises
+from tests.support.volumes import META, NRRD, VALUES
 from volspec.errors import DeviceError, VolspecWarning, VolumeError
 from volspec.volume import load_volume, reader_process
 from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.load import read_here
-
-META = "ObjectType = Image\nNDims = 3\nDimSize = 4 3 2\nElementType = MET_SHORT\n"
 
 
 def child_with(tmp_path: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -45,15 +44,16 @@ def test_a_crash_of_the_reader_is_one_line(
 ) -> None:
     body = f"os.kill(os.getpid(), __import__('signal').{signal})"
     path = child_with(tmp_path, body, monkeypatch)
-    with pytest.raises(VolumeError, match=rf"v\.nrrd: ends the library .* \({signal}\)"):
+    with raises(VolumeError, "damaged") as caught:
         load_volume(path)
+    assert f"({signal})" in str(caught.value)
 
 
 def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader_process, "_TIMEOUT_S", 0.5)
     path = child_with(tmp_path, "time.sleep(60)", monkeypatch)
     begun = time.monotonic()
-    with pytest.raises(VolumeError, match=r"v\.nrrd: takes longer than 1 s to read"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
     assert time.monotonic() - begun < 30
 
@@ -63,7 +63,7 @@ def test_a_reader_that_takes_more_memory_than_declared_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = child_with(tmp_path, "query.declare(48); bytearray(1 << 30)", monkeypatch)
-    with pytest.raises(VolumeError, match="takes more memory to read than its header accounts"):
+    with raises(VolumeError, "size"):
         load_volume(path)
 
 
@@ -72,7 +72,7 @@ def test_a_small_file_that_declares_much_gets_no_more_time(
 ) -> None:
     monkeypatch.setattr(reader_process, "_TIMEOUT_S", 0.5)
     path = child_with(tmp_path, "query.declare(1 << 40); time.sleep(60)", monkeypatch)
-    with pytest.raises(VolumeError, match=r"v\.nrrd: takes longer than 1 s to read"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
@@ -80,7 +80,7 @@ def test_an_error_that_no_reader_expects_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = child_with(tmp_path, "raise KeyError('a\\nb')", monkeypatch)
-    with pytest.raises(VolumeError, match=r"cannot be read \(KeyError: .*is it damaged"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
@@ -98,7 +98,7 @@ def test_many_threads_read_at_once_and_leave_the_output_alone(tmp_path: Path) ->
         for _ in range(10):
             if not np.array_equal(load_volume(tmp_path / f"{k}.nrrd").values, VALUES + k):
                 failures.append(k)
-            with pytest.raises(VolumeError, match="bad"):
+            with raises(VolumeError, "damaged"):
                 load_volume(tmp_path / "bad.nrrd")
             if (os.fstat(1), os.fstat(2)) != (out, err):
                 failures.append("redirected")
@@ -194,8 +194,10 @@ def test_nan_is_told_the_same_way_in_every_format(tmp_path: Path, name: str) -> 
         grid.save(path)
     else:
         SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(path))
-    told = r"3 of 24 voxels are NaN or infinite; 2 \(NaN, -inf\) became the minimum, 6, 1 \(\+inf"
-    with pytest.warns(VolspecWarning, match=told):
+    message = (
+        r"3 of 24 voxels are NaN or infinite; 2 \(NaN, -inf\) became the minimum, 6, 1 \(\+inf"
+    )
+    with pytest.warns(VolspecWarning, match=message):
         read = load_volume(path).values
     assert (read[1, 2, 3], read[0, 1, 1], read[0, 0, 0]) == (6, 27, 6)
 
@@ -210,29 +212,8 @@ def test_half_a_compressed_metaimage_is_refused(tmp_path: Path) -> None:
     start = whole.index(b"LOCAL\n") + 6
     half = start + (len(whole) - start) // 2
     path.write_bytes(whole[:half] + bytes(len(whole) - half))
-    with pytest.raises(VolumeError, match=r"v\.mha: cannot be read"):
+    with raises(VolumeError, "damaged"):
         load_volume(path)
-
-
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("/etc/hostname", "'/etc/hostname'; a data file lies in the header's folder"),
-        ("../v.raw", r"'\.\./v\.raw'; a data file lies"),
-        ("%s%s%s%n", "a pattern of names holds one number"),
-        ("v%d%d.raw 1 2 1", "a pattern of names holds one number"),
-        ("LIST\n../v.raw", r"'\.\./v\.raw'; a data file lies"),
-    ],
-)
-def test_metaimage_s_data_files_are_plain_names_below_the_header(
-    tmp_path: Path, name: str, said: str
-) -> None:
-    (tmp_path / "v.raw").write_bytes(VALUES.tobytes())
-    folder = tmp_path / "below"
-    folder.mkdir()
-    (folder / "v.mhd").write_text(f"{META}ElementDataFile = {name}\n")
-    with pytest.raises(VolumeError, match=said):
-        load_volume(folder / "v.mhd")
 
 
 def test_metaimage_s_slices_by_a_pattern_are_read(tmp_path: Path) -> None:
@@ -248,15 +229,16 @@ def test_sizes_that_are_no_sizes_are_refused(tmp_path: Path, sizes: str) -> None
         text = header.replace("4 3 2", sizes)
         tail = "ElementDataFile = LOCAL\n" if name == "v.mha" else ""
         (tmp_path / name).write_bytes(f"{text}{tail}".encode() + VALUES.tobytes())
-        with pytest.raises(VolumeError, match=name):
+        with raises(VolumeError) as caught:
             load_volume(tmp_path / name)
+        assert name in str(caught.value)
 
 
 def test_sizes_beyond_memory_are_refused_before_anything_is_allocated(tmp_path: Path) -> None:
     path = tmp_path / "v.nrrd"
     header = NRRD.replace("4 3 2", "99999 99999 999").replace("raw", "gzip")
     path.write_bytes(header.encode() + gzip.compress(VALUES.tobytes()))
-    with pytest.raises(VolumeError, match=r"holds 48 bytes of voxels|GiB of memory are free"):
+    with raises(VolumeError, "size"):
         load_volume(path)
 
 
@@ -275,9 +257,8 @@ def test_sizes_beyond_memory_are_refused_before_anything_is_allocated(tmp_path: 
 def test_a_hostile_npy_header_is_one_line(tmp_path: Path, header: bytes) -> None:
     path = tmp_path / "v.npy"
     path.write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header)
-    with pytest.raises(VolumeError, match=r"v\.npy: ") as caught:
+    with raises(VolumeError):
         load_volume(path)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path: Path) -> None:
@@ -318,9 +299,9 @@ def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> No
         text=True,
         check=False,
     )
-    said = done.stdout.splitlines()
-    assert said[:2] == ["welcome", "(4, 3, 2)"], done.stderr
-    assert said[2].startswith("v.nrrd: no process can be started to read it with ('': ")
+    lines = done.stdout.splitlines()
+    assert lines[:2] == ["welcome", "(4, 3, 2)"], done.stderr
+    assert lines[2].startswith("v.nrrd: no process can be started to read it with ('': ")
 
 
 def test_voxels_that_cannot_be_mapped_leave_no_child(
@@ -336,7 +317,7 @@ def test_voxels_that_cannot_be_mapped_leave_no_child(
         raise OSError(12, "Cannot allocate memory")
 
     monkeypatch.setattr(reader_process._ReaderProcess, "take", refuse)
-    with pytest.raises(DeviceError, match=r"v\.nrrd: no memory for its voxels"):
+    with raises(DeviceError, "size"):
         load_volume(path)
     assert child.poll() is not None and child not in [each._process for each in idle]
 
@@ -344,9 +325,9 @@ def test_voxels_that_cannot_be_mapped_leave_no_child(
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_what_is_no_file_and_names_that_libraries_cannot_open_are_told(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.nrrd")
-    with pytest.raises(VolumeError, match=r"pipe\.nrrd: is a pipe or a device"):
+    with raises(VolumeError, "type"):
         load_volume(tmp_path / "pipe.nrrd")
     name = os.fsdecode(b"bad\xff.nrrd")
     (tmp_path / name).write_bytes(NRRD.encode() + VALUES.tobytes())
-    with pytest.raises(VolumeError, match="its name is not UTF-8"):
+    with raises(VolumeError, "unsupported"):
         load_volume(tmp_path / name)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import locale
 import re
-import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,10 @@ import numpy as np
 import pytest
 import SimpleITK as sitk
 
+from tests.support.errors import raises
+from tests.support.volumes import load_silently
 from volspec.errors import VolspecWarning, VolumeError
-from volspec.volume import Volume, load_volume
+from volspec.volume import load_volume
 
 VALUES = (np.arange(4 * 3 * 5, dtype=np.int16).reshape(4, 3, 5) * 7).astype(np.int16)
 SPACING = (0.5, 0.75)
@@ -65,12 +66,6 @@ def write_series(folder: Path, values: np.ndarray = VALUES, **more: Any) -> Path
         name = f"{k * 7 % 11}{more.get('series', 3)}.dcm"
         write_slice(folder / name, slice_, **plane(k * STEP, len(values) - k, **more))
     return folder
-
-
-def load_silently(path: Path | str) -> Volume:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        return load_volume(path)
 
 
 def test_slices_are_put_where_they_lie_in_the_patient(tmp_path: Path) -> None:
@@ -153,7 +148,7 @@ def test_of_several_series_one_is_named(tmp_path: Path) -> None:
     )
     for name in ("?series=12", "?series=1.2.12", "/012.dcm"):
         assert np.array_equal(load_silently(f"{tmp_path}{name}").values, VALUES[:3] + 1)
-    with pytest.raises(VolumeError, match="series=7 names none of them; name one as"):
+    with raises(VolumeError, "unknown"):
         load_volume(f"{tmp_path}?series=7")
 
 
@@ -162,11 +157,11 @@ def test_a_folder_without_slices_stands_for_those_below(tmp_path: Path) -> None:
     (tmp_path / "viewer.exe").write_bytes(b"as on a CD")
     assert np.array_equal(load_silently(tmp_path).values, VALUES)
     write_series(tmp_path / "patient" / "study" / "other", series=4)
-    with pytest.raises(VolumeError, match="holds 2 series"):
+    with raises(VolumeError, "missing"):
         load_volume(tmp_path / "patient")
     assert np.array_equal(load_silently(series).values, VALUES)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(VolumeError, match=r"a folder without slices .*; give the folder"):
+    with raises(VolumeError, "not-found"):
         load_volume(tmp_path / "empty")
 
 
@@ -181,7 +176,7 @@ def test_files_without_a_picture_are_left_out_and_damaged_ones_named(tmp_path: P
     assert np.array_equal(load_silently(folder).values, VALUES)
     for cut in (1, 40, len(whole) - 200):
         (folder / "73.dcm").write_bytes(whole[:-cut])
-        with pytest.raises(VolumeError, match=r"73\.dcm: cannot be read as a DICOM picture; dam"):
+        with raises(VolumeError, "damaged"):
             load_volume(folder)
 
 
@@ -189,7 +184,7 @@ def test_missing_slices_are_refused_unless_a_spacing_is_given(tmp_path: Path) ->
     folder = write_series(tmp_path / "head", np.concatenate([VALUES, VALUES + 1]))
     missing = next(p for p in folder.iterdir() if "\\7.5 " in p.read_bytes().decode("latin-1"))
     missing.unlink()
-    with pytest.raises(VolumeError, match=r"lie 5 mm apart, others 2\.5 mm: slices are missing"):
+    with raises(VolumeError, "missing"):
         load_volume(folder)
     taken = load_silently(f"{folder}?spacing=1,1,2")
     assert taken.spacing_mm == (1, 1, 2) and taken.shape_xyz == (5, 3, 7)
@@ -206,11 +201,11 @@ def test_slices_off_their_places_are_told(tmp_path: Path) -> None:
 def test_of_several_times_at_every_place_one_is_chosen(tmp_path: Path) -> None:
     for k in range(8):
         write_slice(tmp_path / f"{k}.dcm", VALUES[k // 2] + k % 2, **plane(k // 2, k))
-    with pytest.raises(VolumeError, match=r"holds 2 time steps.*\?time=0 … 1"):
+    with raises(VolumeError, "missing"):
         load_volume(tmp_path)
     assert np.array_equal(load_silently(f"{tmp_path}?time=1").values, VALUES + 1)
     (tmp_path / "5.dcm").unlink()
-    with pytest.raises(VolumeError, match=r"0\.dcm and 1\.dcm lie at the same place"):
+    with raises(VolumeError, "duplicate"):
         load_volume(tmp_path)
 
 
@@ -227,7 +222,7 @@ def test_a_scout_is_left_out_and_two_stacks_are_refused(tmp_path: Path) -> None:
     with pytest.warns(VolspecWarning, match=r"1 of 5 files left out, .*such as scout\.dcm"):
         assert load_volume(folder).shape_xyz == (5, 3, 4)
     write_slice(folder / "second.dcm", VALUES[0], **(plane(1, 9) | sagittal))
-    with pytest.raises(VolumeError, match="slices of 2 sizes or orientations in one series"):
+    with raises(VolumeError, "conflict"):
         load_volume(folder)
 
 
@@ -250,7 +245,7 @@ def test_a_file_of_many_frames_is_a_volume(tmp_path: Path) -> None:
     with pytest.warns(VolspecWarning, match="its 4 frames are taken for slices"):
         assert np.array_equal(load_volume(tmp_path).values, VALUES // 2)
     assert load_volume(f"{tmp_path}/film.dcm?spacing=1,1,4").spacing_mm == (1, 1, 4)
-    with pytest.raises(VolumeError, match="time=1, but there is one only"):
+    with raises(VolumeError, "conflict"):
         load_volume(f"{tmp_path}/film.dcm?time=1")
 
 
@@ -273,38 +268,37 @@ def without_pixels(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "message"),
+    ("make", "code"),
     [
-        (single, r"a single slice \(5x3\) is no volume; give the folder"),
-        (coloured, r"0\.dcm: holds 3 components a pixel \(colour\)"),
-        (all_at_one_place, "all 2 slices lie at the same place"),
-        (without_pixels, r"junk\.dcm: cannot be read as a DICOM picture"),
+        (single, "shape"),
+        (coloured, "shape"),
+        (all_at_one_place, "duplicate"),
+        (without_pixels, "damaged"),
     ],
 )
 def test_folders_that_are_no_volume_are_refused_in_one_line(
     tmp_path: Path,
     capfd: pytest.CaptureFixture[str],
     make: Callable[[Path], None],
-    message: str,
+    code: str,
 ) -> None:
     make(tmp_path)
-    with pytest.raises(VolumeError, match=message) as caught:
+    with raises(VolumeError, code):
         load_volume(tmp_path)
-    assert "\n" not in str(caught.value)
     assert capfd.readouterr().err == "", "a reader printed to stderr"
 
 
 @pytest.mark.parametrize(
-    ("query", "message"),
+    ("query", "code"),
     [
-        ("?slices=3", "unknown option 'slices'; known are series, time, spacing"),
-        ("?spacing=1,2", r"spacing=1,2 cannot be read; write millimetres"),
-        ("?spacing=1,1,-1", "must be positive"),
-        ("?spacing=1,1,1&spacing=2,2,2", "spacing= is given twice; give it once"),
-        ("?time=1", "time=1, but there is one only; leave it out"),
+        ("?slices=3", "unknown"),
+        ("?spacing=1,2", "syntax"),
+        ("?spacing=1,1,-1", "range"),
+        ("?spacing=1,1,1&spacing=2,2,2", "duplicate"),
+        ("?time=1", "conflict"),
     ],
 )
-def test_options_that_do_not_fit_are_refused(tmp_path: Path, query: str, message: str) -> None:
+def test_options_that_do_not_fit_are_refused(tmp_path: Path, query: str, code: str) -> None:
     write_series(tmp_path)
-    with pytest.raises(VolumeError, match=message):
+    with raises(VolumeError, code):
         load_volume(f"{tmp_path}{query}")

@@ -1,4 +1,4 @@
-"""Volumes from arrays: what is kept, narrowed, replaced or refused, and down-sampling."""
+"""Volumes from arrays: types, geometry, named axes, refusals, and down-sampling."""
 
 from __future__ import annotations
 
@@ -7,47 +7,42 @@ from typing import Any
 
 import numpy as np
 import pytest
+import pyvista
 
+from tests.support.errors import raises
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import Volume
 
 
 def test_geometry_must_be_regular() -> None:
     values = np.zeros((2, 2, 2), np.uint8)
-    with pytest.raises(VolumeError, match="singular"):
+    with raises(VolumeError, "range"):
         Volume(values, world_from_index=np.ones((4, 4)))
-    with pytest.raises(VolumeError, match="disagree"):
+    with raises(VolumeError, "conflict"):
         Volume(values, spacing_mm=(1, 1, 2), world_from_index=np.eye(4))
 
 
 @pytest.mark.parametrize("spacing", [(1, 1), "abc", ((1, 2), 3, 4), {}, (1j, 1, 1)])
 def test_spacings_that_are_not_three_numbers_are_refused(spacing: Any) -> None:
-    with pytest.raises(VolumeError, match=r"scan: spacing_mm is .*; give three numbers"):
+    with raises(VolumeError, "type", "scan: spacing_mm"):
         Volume(np.zeros((2, 2, 2)), spacing_mm=spacing, name="scan")
-    with pytest.raises(VolumeError, match="give three numbers"):
+    with raises(VolumeError, "type", "volume: spacing_mm"):
         Volume(np.zeros((2, 2, 2))).with_spacing(spacing)
 
 
 @pytest.mark.parametrize("world", ["abc", [[1, 2], [3]], np.eye(3), np.full((4, 4), np.inf)])
 def test_worlds_that_are_no_matrix_are_refused(world: Any) -> None:
-    with pytest.raises(VolumeError, match=r"must be a finite \(4, 4\) matrix"):
+    with raises(VolumeError, "shape"):
         Volume(np.zeros((2, 2, 2)), world_from_index=world)
 
 
 @pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ([[1, 2], [3]], "list is no array"),
-        ("abc", "read a file with volspec.load_volume"),
-        (None, "type object are not real numbers"),
-        (5, r"shape \(\); a volume is 3-D"),
-    ],
+    ("values", "code"), [([[1, 2], [3]], "type"), ("abc", "type"), (None, "type"), (5, "shape")]
 )
-def test_what_is_no_array_is_refused(values: Any, message: str) -> None:
+def test_what_is_no_array_is_refused(values: Any, code: str) -> None:
     for make in (Volume, Volume.of):
-        with pytest.raises(VolumeError, match=message) as caught:
+        with raises(VolumeError, code):
             make(values)
-        assert "\n" not in str(caught.value)
 
 
 def test_arrays_of_other_libraries_are_read_through_numpy() -> None:
@@ -118,7 +113,7 @@ def test_minus_infinity_and_nan_become_the_minimum_and_infinity_the_maximum() ->
 def test_doubles_beyond_float32_are_refused() -> None:
     values = np.ones((2, 2, 2))
     values[0, 0, 0] = 1e300
-    with pytest.raises(VolumeError, match=r"1e\+300 exceed float32; rescale"):
+    with raises(VolumeError, "range"):
         Volume(values)
 
 
@@ -186,12 +181,90 @@ def test_down_sampled_labels_are_the_most_frequent() -> None:
 
 @pytest.mark.parametrize("factor", [0, -2, 1.5, "2", None])
 def test_factors_that_are_not_whole_numbers_from_1_are_refused(factor: Any) -> None:
-    with pytest.raises(VolumeError, match=r"scan: down-sampled by .*; give a whole number from 1"):
+    with raises(VolumeError, "range"):
         Volume(np.zeros((4, 4, 4)), name="scan").downsampled(factor)
 
 
 def test_a_volume_is_not_down_sampled_to_one_voxel() -> None:
     volume = Volume(np.zeros((5, 9, 9)))
     assert volume.downsampled(4).shape_xyz == (3, 3, 2)
-    with pytest.raises(VolumeError, match=r"by 5, 5 voxels leave one; .*give a factor below 5"):
+    with raises(VolumeError, "range"):
         volume.downsampled(5)
+
+
+class DataArray:
+    """Stand-in with the attributes of xarray's that are used; xarray 2026.9 was tried as well."""
+
+    def __init__(self, values: np.ndarray, dims: str, **coords: Any) -> None:
+        self.values, self.dims, self.coords = values, tuple(dims), coords
+        self.dtype = values.dtype
+
+    def transpose(self, *dims: str) -> DataArray:
+        order = [self.dims.index(dim) for dim in dims]
+        return DataArray(self.values.transpose(order), "".join(dims), **self.coords)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return self.values
+
+
+VALUES = np.arange(24, dtype=np.float32).reshape(2, 3, 4)
+
+
+@pytest.mark.parametrize("take", [Volume, Volume.of])
+@pytest.mark.parametrize(
+    ("dims", "order"), [("zyx", (0, 1, 2)), ("xyz", (2, 1, 0)), ("YXZ", (2, 0, 1))]
+)
+def test_axes_called_x_y_z_may_come_in_any_order(take: Any, dims: str, order: Any) -> None:
+    volume = take(DataArray(VALUES, dims))
+    assert np.array_equal(volume.values, VALUES.transpose(order))
+    assert volume.spacing_mm == (1, 1, 1)
+
+
+def test_axes_of_other_names_stay_in_their_order() -> None:
+    volume = Volume.of(DataArray(VALUES, "lij", l=[0.0, 2.5]))
+    assert volume.shape_xyz == (4, 3, 2) and volume.spacing_mm == (1, 1, 2.5)
+
+
+def test_coordinates_give_the_geometry_by_default() -> None:
+    """Rising or falling, whole numbers or not quite even float32."""
+    given = DataArray(
+        VALUES, "zyx", z=[7, 9], y=[3.0, 2.5, 2.0], x=np.float32([0.1, 0.2, 0.3, 0.4])
+    )
+    volume = Volume(given)
+    index, world = [[0, 0, 0, 1], [3, 2, 1, 1]], [[0.1, 3, 7], [0.4, 2, 9]]
+    assert np.allclose((np.array(index) @ volume.world_from_index.T)[:, :3], world)
+    assert np.allclose(volume.spacing_mm, (0.1, 0.5, 2))
+    assert Volume(given, spacing_mm=(1, 2, 3)).world_from_index[:3, 3].tolist() == [0, 0, 0]
+    assert Volume(given, world_from_index=np.diag([4.0, 5, 6, 1])).spacing_mm == (4, 5, 6)
+
+
+@pytest.mark.parametrize(
+    "at", [[0, 1, 3], [1, 1, 1], ["a", "b", "c"], [0, np.nan, 2], [0, 1, np.inf]]
+)
+def test_uneven_coordinates_are_refused(at: Any) -> None:
+    given = DataArray(VALUES, "zyx", y=np.array(at))
+    with raises(VolumeError, "range"):
+        Volume(given, name="scan")
+
+
+def test_one_slice_and_four_axes_are_refused_by_their_shape() -> None:
+    with raises(VolumeError, "shape"):
+        Volume(DataArray(VALUES[:1], "zyx", z=[5]))
+    with raises(VolumeError, "shape"):
+        Volume(DataArray(VALUES[None], "tzyx", t=[5]))
+
+
+def test_collections_name_what_they_hold() -> None:
+    """A Zarr group, an xarray Dataset, a dictionary."""
+    with raises(VolumeError, "type"):
+        Volume({"ct": VALUES, "labels": VALUES}, name="scan")
+    with raises(VolumeError, "type"):
+        Volume.of({})
+
+
+def test_pyvistas_grids_and_blocks_are_refused() -> None:
+    grid = pyvista.ImageData(dimensions=(3, 3, 3))
+    with raises(VolumeError, "type"):
+        Volume(grid)
+    with raises(VolumeError, "type"):
+        Volume.of(pyvista.MultiBlock([grid, grid]))

@@ -1,0 +1,42 @@
+"""Small volumes and the files that hold them."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from volspec.volume import Volume, load_volume
+
+VALUES = np.arange(24, dtype=np.int16).reshape(2, 3, 4) * 100 - 700
+# x runs along +y with 2 mm, y along −x with 1 mm, z along +z with 3 mm.
+WORLD = np.array([[0, -1, 0, 5], [2, 0, 0, 6], [0, 0, 3, 7], [0, 0, 0, 1]], float)
+NRRD = (
+    "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 4 3 2\n"
+    "space directions: (0,2,0) (-1,0,0) (0,0,3)\nspace origin: (5,6,7)\n"
+    "kinds: domain domain domain\nendian: little\nencoding: raw\n\n"
+)
+META = "ObjectType = Image\nNDims = 3\nDimSize = 4 3 2\nElementType = MET_SHORT\n"
+
+
+def nifti(values: np.ndarray, ras_from_index: np.ndarray) -> bytes:
+    """A NIfTI-1 file with an sform; its world is RAS, ITK's is LPS."""
+    header = bytearray(352)
+    struct.pack_into("<i", header, 0, 348)
+    struct.pack_into("<8h", header, 40, 3, *values.shape[::-1], 1, 1, 1, 1)
+    struct.pack_into("<2h", header, 70, 4, 16)
+    struct.pack_into("<8f", header, 76, 1, 2, 1, 3, 1, 1, 1, 1)
+    struct.pack_into("<2f", header, 108, 352, 1)
+    struct.pack_into("<2h", header, 252, 0, 1)
+    struct.pack_into("<12f", header, 280, *ras_from_index[:3].ravel())
+    header[344:348] = b"n+1\0"
+    return bytes(header) + values.tobytes()
+
+
+def load_silently(path: Path | str) -> Volume:
+    """Load a volume; any warning is an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return load_volume(path)
