@@ -108,7 +108,7 @@ def test_tables_of_gradients_are_64_rows_or_more_for_close_points() -> None:
         assert rows((0, 0), (400, 0), (401, 1)) == 256
 
 
-def test_filters_are_mixed_by_shares_and_free_of_opacity() -> None:
+def test_filters_are_mixed_by_weights_and_free_of_opacity() -> None:
     table = function(
         (0, 0.1, "steel"), (1, 0.9, {"copper": 0.25, "steel": 0.25}), filters={"copper": AMBER}
     ).bake(1.0, size=3)
@@ -124,7 +124,7 @@ def test_a_table_without_a_filter_in_use_has_none() -> None:
         assert function((0, 0.5, "steel"), filters=filters).bake(1.0).filters is None
 
 
-def test_filters_beyond_the_basis_are_clipped_and_told() -> None:
+def test_filters_beyond_the_basis_are_clipped_with_a_warning() -> None:
     narrow = Spectrum([390, 549, 550, 560, 561, 710], [0, 0, 1, 1, 0, 0])
     signed = function((0, 0.5, "copper"), filters={"copper": narrow})
     assert BASIS.analyse(narrow).min() < -0.02

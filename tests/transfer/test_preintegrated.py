@@ -121,7 +121,7 @@ def test_near_ends_take_the_values_in_their_middle() -> None:
 
 
 def test_at_the_smallest_distance_both_ways_agree() -> None:
-    """Between two entries c is linear, where the mean is the value in the middle."""
+    """The mean of c, linear between two entries, is the value in the middle."""
     table = curve(121)
     gap = 1 / 64
     means = segment_means(table, STEP, [5.3, 5.3], [5.3 + 1.01 * gap, 5.3 + 0.99 * gap])

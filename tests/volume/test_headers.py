@@ -50,7 +50,7 @@ def test_truncated_nifti_whose_values_are_rescaled_is_refused(tmp_path: Path, su
 @pytest.mark.parametrize(
     ("offset", "form", "number", "code"),
     [
-        (344, "<i", 0, "damaged", ""),  # ITK takes it for Analyze, and makes voxels up
+        (344, "<i", 0, "damaged"),  # ITK takes it for Analyze, and makes voxels up
         (0, "<i", 540, "damaged"),
         (70, "<h", 1536, "unsupported"),
     ],

@@ -79,7 +79,7 @@ def projected(camera: Camera, size: tuple[int, int], points: np.ndarray) -> np.n
 
 
 def displayed(renderer: Any, size: tuple[int, int], points: np.ndarray) -> np.ndarray:
-    """The same by VTK, which counts from the window's lower left edge."""
+    """Pixels by VTK, which counts from the window's lower left edge."""
     left, low, *_ = renderer.GetViewport()
     window = np.array(renderer.GetRenderWindow().GetSize())
     found = []
@@ -114,7 +114,7 @@ def rolled(plotter: pyvista.Plotter) -> None:
 
 
 def untouched(_: pyvista.Plotter) -> None:
-    """As it would open."""
+    """Leave the view with which the plotter opens."""
 
 
 @pytest.mark.parametrize("view", [untouched, perspective, parallel, horizontal, rolled])
@@ -347,7 +347,7 @@ def test_what_has_no_counterpart_is_refused(
         vs.from_plotter(plotter)
 
 
-def test_what_stays_behind_is_told(plot: Plots) -> None:
+def test_unsupported_settings_cause_a_warning(plot: Plots) -> None:
     plotter = plot()
     actor = plotter.add_volume(block(), name="ct")
     slope = vtkPiecewiseFunction()
@@ -366,7 +366,7 @@ def test_what_stays_behind_is_told(plot: Plots) -> None:
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])
 def test_a_frame_comes_back_pixel_on_pixel(plot: Plots, dtype: Any) -> None:
-    """In a stretched, tilted view; a ball nearer than the frame stays in front of it."""
+    """The view is stretched and tilted; a ball nearer than the frame stays in front of it."""
     plotter = plot()
     plotter.set_scale(1, 1, 2)
     plotter.disable_anti_aliasing()
@@ -425,7 +425,7 @@ def test_the_guides_example_shows_what_it_says(
     names = ("vtk", "D65", "HP1")
     vtk, day, lamp = (iio.imread(f"{name}.png")[..., :3].astype(int) for name in names)
     theirs, ours = (vtk < 200).any(axis=-1), found["image"].alpha > 0.5
-    # Told by colour on white, VTK's edges are a pixel wider.
+    # VTK's edges, found by colour on white, are a pixel wider.
     assert (theirs & ours).sum() / (theirs | ours).sum() > 0.95
     green, blue = (picture[ours].mean(axis=0) for picture in (day, lamp))
     assert green[1] > green[2] + 10 and blue[1] < blue[2] - 5

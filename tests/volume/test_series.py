@@ -47,7 +47,7 @@ def write_slice(path: Path, values: np.ndarray, **tags: str) -> None:
 def plane(
     z: float, number: int, series: int = 3, across: float = 0.0, name: str = "Head"
 ) -> dict[str, str]:
-    """What places a slice: axial, the patient's x and y along its rows and columns."""
+    """Tags of an axial slice's position: the patient's x and y along its rows and columns."""
     return {
         "x0008_0060": "CT",
         "x0008_103e": name,
@@ -60,7 +60,7 @@ def plane(
 
 
 def write_series(folder: Path, values: np.ndarray = VALUES, **more: Any) -> Path:
-    """A series whose files, numbers and places run in three different orders."""
+    """Write a series with files, numbers and positions in three different orders."""
     folder.mkdir(parents=True, exist_ok=True)
     for k, slice_ in enumerate(values):
         name = f"{k * 7 % 11}{more.get('series', 3)}.dcm"
@@ -114,7 +114,7 @@ def test_a_tilted_gantry_s_slices_stay_where_they_were_taken(tmp_path: Path) -> 
 
 
 def test_rescale_slope_and_intercept_are_applied_slice_by_slice(tmp_path: Path) -> None:
-    """As PET has them. They are changed in the file: ITK's writer would divide by them."""
+    """PET has one each. They are changed in the file: ITK's writer would divide by them."""
     for k, values in enumerate(VALUES):
         path = tmp_path / f"{k}.dcm"
         write_slice(path, values, **plane(k, k), x0028_1052="0", x0028_1053="1")

@@ -50,7 +50,7 @@ def write_imagej(path: Path, values: np.ndarray, axes: str) -> None:
 def test_spacing_is_what_imagej_and_ome_state(
     tmp_path: Path, name: str, write: Callable[[Path], None]
 ) -> None:
-    """In micrometres, where OME-XML names no unit."""
+    """Sizes are micrometres if OME-XML names no unit."""
     write(tmp_path / name)
     volume = load_silently(tmp_path / name)
     assert volume.values.dtype == np.uint16 and np.array_equal(volume.values, VALUES)
@@ -59,8 +59,8 @@ def test_spacing_is_what_imagej_and_ome_state(
     assert given.spacing_mm == (1, 2, 3)
 
 
-def test_pages_that_state_nothing_are_1_mm_apart_which_is_told(tmp_path: Path) -> None:
-    """Of 300 dots an inch nothing is believed: it is said of all kinds of pictures."""
+def test_pages_without_a_spacing_are_1_mm_apart_with_a_warning(tmp_path: Path) -> None:
+    """300 dots an inch are ignored: many programs write them by default."""
     for name, dots in (("a.tif", 1), ("b.tif", 300)):
         resolution = {"resolution": (dots, dots), "resolutionunit": "INCH"}
         imwrite(tmp_path / name, VALUES, photometric="minisblack", **resolution)
@@ -78,7 +78,7 @@ def test_of_a_resolution_in_the_plane_the_distance_of_slices_is_taken(tmp_path: 
 
 @pytest.mark.parametrize("values", [VALUES.astype(np.float32), VALUES.astype(np.uint8), VALUES])
 def test_lzw_pages_are_read(tmp_path: Path, values: np.ndarray) -> None:
-    """As many programs write; tifffile alone cannot read them."""
+    """Many programs write them; tifffile alone cannot read them."""
     pages = [Image.fromarray(page) for page in values]
     pages[0].save(
         tmp_path / "v.tif", save_all=True, append_images=pages[1:], compression="tiff_lzw"
@@ -116,7 +116,7 @@ def write_any_lzw(path: Path, values: np.ndarray, **how: Any) -> None:
 def test_lzw_pages_that_pillow_would_change_are_refused(
     tmp_path: Path, values: np.ndarray, how: dict[str, str]
 ) -> None:
-    """It reads them without a word: bytes swapped, signs lost, 16-bit colours cut to 8."""
+    """Pillow reads them silently: bytes swapped, signs lost, 16-bit colours cut to 8."""
     write_any_lzw(tmp_path / "v.tif", values, **how)
     with raises(VolumeError, "unsupported"):
         load_volume(f"{tmp_path}/v.tif?spacing=1,1,1&channel=0")

@@ -47,7 +47,7 @@ def test_what_is_no_array_is_refused(values: Any, code: str) -> None:
 
 def test_arrays_of_other_libraries_are_read_through_numpy() -> None:
     class Lazy:
-        """What xarray and Zarr offer."""
+        """Stand-in for arrays of xarray and Zarr."""
 
         def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
             return np.arange(8, dtype=np.uint8).reshape(2, 2, 2)
@@ -57,14 +57,14 @@ def test_arrays_of_other_libraries_are_read_through_numpy() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "kept"),
+    ("given", "native"),
     [
         *[(name, name) for name in ("u1", "u2", "i2", "f4")],
         *[("i1", "i2"), ("?", "u1"), ("f2", "f4"), ("f8", "f4"), (">i2", "i2"), (">f4", "f4")],
     ],
 )
-def test_types_that_kernels_read_are_kept_and_others_widened(given: str, kept: str) -> None:
-    assert Volume(np.ones((2, 2, 2), given)).values.dtype == np.dtype(kept)
+def test_types_that_kernels_read_stay_and_others_are_widened(given: str, native: str) -> None:
+    assert Volume(np.ones((2, 2, 2), given)).values.dtype == np.dtype(native)
 
 
 @pytest.mark.parametrize(
@@ -102,8 +102,8 @@ def test_an_array_that_is_kept_is_shared_and_read_only_here() -> None:
 def test_minus_infinity_and_nan_become_the_minimum_and_infinity_the_maximum() -> None:
     values = np.linspace(2, 9, 27, dtype=np.float32).reshape(3, 3, 3)
     values[0, 0, 1], values[0, 1, 1], values[1, 1, 1] = np.nan, -np.inf, np.inf
-    said = r"3 of 27 .*; 2 \(NaN, -inf\) became the minimum, 2, 1 \(\+inf\) the maximum, 9"
-    with pytest.warns(VolspecWarning, match=said) as caught:
+    message = r"3 of 27 .*; 2 \(NaN, -inf\) became the minimum, 2, 1 \(\+inf\) the maximum, 9"
+    with pytest.warns(VolspecWarning, match=message) as caught:
         volume = Volume(values)
     assert len(caught) == 1 and caught[0].filename == __file__
     assert volume.values[0, 0, 1] == volume.values[0, 1, 1] == volume.range[0] == 2

@@ -118,7 +118,7 @@ def test_what_is_no_picture_is_refused_in_one_line(tmp_path: Path) -> None:
         load_volume(odd)
 
 
-def test_damage_is_told_in_one_line(tmp_path: Path) -> None:
+def test_damage_is_a_one_line_error(tmp_path: Path) -> None:
     path = write(tmp_path / "v.zarr")
     chunk = path / "0" / "c" / "0" / "0" / "0"
     chunk.write_bytes(chunk.read_bytes()[:-20])
