@@ -1,4 +1,4 @@
-"""What the palette figures rest on: draws that repeat, and errors that behave as the paper says."""
+"""Figures of palettes: draws repeat, and errors behave as in the paper."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The palette's picture: its squares have the colours they stand for, its names are whole."""
+"""The palette's picture: its squares have the report's colours, its names are whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Palettes on disk: what is read, what is written back, and what is refused in one line."""
+"""Palettes on disk: read, written back with their comments, and refused in one line."""
 
 from __future__ import annotations
 

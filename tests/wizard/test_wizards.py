@@ -1,4 +1,4 @@
-"""Wizards do what they say in the frames: hidden is alike, revealed is apart, kept is constant."""
+"""Wizards work in the frames: hidden is alike, revealed is distinct, kept is constant."""
 
 from __future__ import annotations
 

@@ -279,7 +279,7 @@ def _triple(values: Array) -> Triple:
 def _metamers(
     palette: Palette, targets: Mapping[Place, Cell], Lab: Array
 ) -> Iterator[MetamerReport]:
-    """Yield every pair of reflectances whose cells have one target, light by light."""
+    """Yield every pair of reflectances with one target colour, light by light."""
     rows, columns = palette.names
     for j, column in enumerate(columns):
         for (i, one), (k, other) in combinations(enumerate(rows), 2):

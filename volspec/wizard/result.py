@@ -340,7 +340,7 @@ def _write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Pa
     palette = require_output(scene, path)
     if not scene.path.is_file():
         raise SceneError(
-            f"{scene.path}: cannot be read again; load the scene from a file, whose comments stay",
+            f"{scene.path}: cannot be read again; load it from a file",
             code="not-found",
         )
     # Relative to the original scene's folder, as all names in the scene are.

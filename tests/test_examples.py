@@ -1,0 +1,89 @@
+"""Every example runs, and writes the pictures that it says you should see."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(number: int) -> None:
+    runpy.run_path(str(EXAMPLES[number]))
+
+
+def mean_colour(path: Path) -> np.ndarray:
+    """Return the mean of the middle of a picture."""
+    frame = iio.imread(path)[..., :3].astype(float)
+    high, wide = (size // 3 for size in frame.shape[:2])
+    return np.asarray(frame[high : 2 * high, wide : 2 * wide].mean(axis=(0, 1)))
+
+
+def test_examples_are_numbered_in_reading_order_and_short() -> None:
+    assert [path.name[:2] for path in EXAMPLES] == [f"{n:02}" for n in range(10)]
+    assert max(len(path.read_text(encoding="utf-8").splitlines()) for path in EXAMPLES) <= 40
+
+
+@pytest.mark.parametrize("number", [0, 9])
+def test_one_picture(number: int, folder: Path) -> None:
+    run(number)
+    (picture,) = folder.glob("*.png")
+    assert iio.imread(picture).std() > 20
+
+
+def test_another_light_and_other_viewings_change_the_colour(folder: Path) -> None:
+    run(1)
+    assert len(list(folder.glob("01-*.png"))) == 5
+    run(5)
+    warmth = {}
+    for name in ("none", "CAT02", "CIECAM02", "dim"):
+        red, _, blue = mean_colour(folder / f"05-{name}.png")
+        warmth[name] = red - blue
+    assert warmth["none"] > 100 > 30 > warmth["dim"] > warmth["CAT02"]
+
+
+def test_materials_and_light_groups(folder: Path) -> None:
+    run(2)
+    gold, jade = (mean_colour(folder / f"02-{name}.png") for name in ("gold", "jade"))
+    assert gold[0] > jade[0] + 10
+    run(3)
+    assert mean_colour(folder / "03-sky.png").sum() > mean_colour(folder / "03-key.png").sum()
+
+
+def test_more_channels_come_nearer_to_the_exact_picture(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(4)
+    printed = capsys.readouterr().out
+    means = [float(number) for number in re.findall(r"mean ΔE ([\d.]+)", printed)]
+    assert means[0] > 1 > means[1] > means[2] < 0.1
+
+
+def test_reflectances_and_palettes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(6)
+    words = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert all(colour == daylight != sodium for colour, daylight, *_, sodium in words)
+    run(7)
+    assert "alike under D65: left and right, ΔE 0.0" in capsys.readouterr().out
+    assert {path.name for path in folder.glob("*.png")} == {"06-swatches.png", "07-palette.png"}
+
+
+def test_an_export_is_complete_and_is_not_made_twice(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(8)
+    assert len(list((folder / "08-frames").rglob("0*.png"))) == 20
+    assert "made=0" in capsys.readouterr().out.splitlines()[-1]
