@@ -1,4 +1,4 @@
-"""What a short chord through dense matter lets through: Beer-Lambert, however opaque a step is."""
+"""Transmittance of a short chord through dense matter: Beer-Lambert, however opaque a step is."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ KINDS = pytest.mark.parametrize("kind", ["values", "rows", "labels"])
 
 
 def volume_of(kind: str, values: NDArray[Any]) -> Volume:
-    """Of the type that other tests have a kernel for: each takes seconds to compile."""
+    """uint8, for which other tests have compiled the kernel: each takes seconds."""
     return Volume(values.astype(np.float32 if kind == "values" else np.int16))
 
 
@@ -67,7 +67,7 @@ def through() -> Camera:
 def test_a_short_chord_takes_what_its_length_takes(
     kind: str, opacity: float, reference_step_mm: float, step_mm: float, lanes: int
 ) -> None:
-    """Of a step down to 1e-40 may pass, far below what 1 − opacity can tell.
+    """Transmittances of a step down to 1e-40, far below the resolution of 1 − opacity.
 
     Ends of the chord rounded to 1e-6 of 14 mm, at 46 nepers a mm, bound the error near 2e-4.
     """

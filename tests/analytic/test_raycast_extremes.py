@@ -1,6 +1,6 @@
-"""Known answers at the ends of what is allowed: constant volumes, clear matter, far lights.
+"""Known answers at the limits: constant volumes, clear matter, far lights.
 
-Those marked are not met yet; each mark says where the fault lies and goes with it.
+Marked ones fail still; each mark names the fault and goes with it.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def test_a_light_shines_whatever_the_length_of_its_direction(length: float) -> N
 
 
 def test_a_lamp_very_far_away_is_a_light_far_away() -> None:
-    """As far as lamps may be; ways of 1e8 diagonals are parallel to 1e-8."""
+    """At the greatest distance allowed; rays of 1e8 diagonals are parallel to 1e-8."""
     volume = phantom.ball(16)
     pictures = []
     for source in (Directional((1, 0, 0)), Point((0.9e9 * 26, 0, 0), falloff_mm=0.9e9 * 26)):
@@ -144,7 +144,7 @@ def test_farther_than_squares_are_numbers_is_refused_by_name(cast: Cast) -> None
 def test_filtered_fog_reflects_the_same_at_any_step(
     cast: Cast, opacity: float, filtered: float
 ) -> None:
-    """A homogeneous body shows what it takes, s (1 − t^depth), and no more than all light."""
+    """A homogeneous body reflects its loss, s (1 − t^depth), and no more than all light."""
     volume = Volume(np.ones((17, 17, 17), np.float32))
     table = fog(opacity, filters=np.full((8, 4), filtered))
     taken = 1 - (1 - opacity * (1 - filtered)) ** 16
@@ -158,7 +158,7 @@ def test_filtered_fog_reflects_the_same_at_any_step(
 
 @BOTH
 def test_every_channel_of_a_filtered_slab_takes_its_own_share(cast: Cast) -> None:
-    """T_k = t_k^depth, and what channel k reflects is what it lost: highlights too."""
+    """T_k = t_k^depth, and channel k reflects its loss: highlights too."""
     volume = Volume(np.ones((17, 17, 17), np.float32))
     filters = np.tile([0.0, 0.3, 0.9, 1.0], (8, 1))
     table = TransferTable((0.0, 2.0), np.full(8, 0.2), np.ones((8, 4)), 1.0, filters=filters)
@@ -231,7 +231,7 @@ def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated: bool) -> No
 
 
 def test_a_caster_of_many_pictures_remembers_none() -> None:
-    """In any order of tables, lights and cuts each gives what it gave, and what the twin gives."""
+    """Every order of tables, lights and cuts gives the same pictures, equal to the twin's."""
     rng = np.random.default_rng(2)
     volume = Volume(rng.uniform(0, 2, (12, 13, 14)).astype(np.float32))
     camera, caster, tables = Camera.orbit(volume), Raycaster(volume), (fog(0.2), fog(0.6))

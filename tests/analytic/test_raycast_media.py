@@ -1,4 +1,4 @@
-"""Pictures whose answers follow from the scene alone: rays, chords, lights, levels."""
+"""Pictures with closed-form answers: rays, chords, lights, levels."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def in_world(volume: Volume) -> Array:
 
 
 def chord(origin: Array, way: Array, sides: list[tuple[Array, float]]) -> tuple[Array, Array]:
-    """Where rays enter and leave what has normal · x >= w for all (normal, w)."""
+    """Return where rays enter and leave the body normal · x >= w for all (normal, w)."""
     near, far = np.zeros(len(way)), np.full(len(way), np.inf)
     for normal, w in sides:
         toward = way @ normal
@@ -168,7 +168,7 @@ def test_projections_of_a_linear_field_are_known(mode: Literal["average", "maxim
 
 
 def test_a_table_of_gradients_reads_the_gradient_of_the_world() -> None:
-    """Of a linear field it is the same everywhere, on any lattice: a body of one opacity.
+    """A linear field has one gradient, on any lattice: a body of one opacity.
 
     One voxel within the faces, where central differences have both neighbours.
     """
@@ -200,7 +200,7 @@ def distances(size: int, world: Array) -> tuple[Volume, Array]:
 
 
 def test_nested_shells_cover_each_other_in_the_order_of_the_ray() -> None:
-    """In: outer a, inner b; out: inner b, outer a. Every shell has a channel of its own."""
+    """The ray meets outer a, inner b, then inner b, outer a; every shell has its own channel."""
     volume, centre = distances(49, lattice())
     a, b = 0.3, 0.6
     table = SurfaceTable(np.array([8.0, 14.0]), np.array([b, a]), np.eye(2))
@@ -284,7 +284,7 @@ def test_the_colour_of_labels_changes_half_way_and_is_never_mixed() -> None:
 
 
 def test_the_border_of_a_label_is_as_smooth_as_its_opacity() -> None:
-    """Across a cell from nothing to a label opacity rises linearly: a ray beside it sees it all."""
+    """Across a cell from nothing to a label opacity is linear: a ray next to it sees it all."""
     values = np.zeros((9, 9, 16), np.uint8)
     values[..., 8:] = 2
     table = TransferTable((0.0, 2.0), np.array([0, 0, 0.5]), np.eye(3), 1.0, labels=True)

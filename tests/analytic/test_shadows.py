@@ -1,4 +1,4 @@
-"""Light volumes whose answers are known."""
+"""Light volumes with known answers."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_straight_light_through_a_slab_matches_beer_lambert() -> None:
 def test_slanting_light_through_a_slab_matches_beer_lambert(
     towards: tuple[float, float, float], cells: int
 ) -> None:
-    """Within σ h: the way's first cell is left out, what lies beyond the face adds at most one.
+    """Exact to σ h: the ray's first cell is left out, matter beyond the face adds at most one.
 
     Beyond a face met at the angle θ there is h / (2 cos θ), at most h here. Where steps straddle
     a kink of σ, once on either side of the face, their middles are wrong by up to h/8.
@@ -86,7 +86,7 @@ def test_light_from_within_a_slab_matches_beer_lambert() -> None:
 
 
 def test_occlusion_in_even_fog_is_twice_its_transmittance() -> None:
-    """open = 2 exp(−σ (r − h/2)) where the whole sphere lies within."""
+    """open = 2 exp(−σ (r − h/2)) if the whole sphere lies within."""
     fog_volume = phantom.slab(32, 32)
     layer = layer_of(fog_volume, fog(0.3), Ambient(occlusion=True, radius_mm=7.25), 33)
     expected = 2 * math.exp(-0.3 * 6.75)
@@ -125,7 +125,7 @@ def test_a_plate_casts_its_shadow_exactly_behind_it() -> None:
 
 
 def test_a_point_lights_shadow_widens_with_distance() -> None:
-    """By similar triangles, to a cell: the plate's edge is a slope of a cell to each side."""
+    """Similar triangles, to a cell: the plate's edge is a slope of a cell to each side."""
     layer = layer_of(plate(), solid(), Point((16.0, 16.0, 60.0), shadows=True), 33)
     from_middle = np.abs(np.arange(33) - 16)
     for z in (2, 8, 14):

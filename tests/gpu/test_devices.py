@@ -129,7 +129,7 @@ def test_a_damaged_cache_repeats_the_trial(
 def test_another_linker_repeats_the_trial(
     put_devices: Callable, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """PoCL ends the process where it cannot link: an old answer must not hide that."""
+    """PoCL ends the process if it cannot link: an old answer must not hide that."""
     tries = put_devices(NEW, faults={})
     choose_device()
     (tmp_path / "ld").write_text("#!/bin/sh\nexit 1\n")
@@ -228,7 +228,7 @@ def test_doctor_lists_devices_that_fail_next_to_the_one_that_works(put_devices: 
 def test_intel_s_wheel_is_registered_while_the_loader_looks(
     system: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """A stand-in for the wheel: which variable holds what, and that nothing stays."""
+    """With a fake of the wheel: the variables' values, and that nothing stays."""
     library = tmp_path / "libintelocl.so"
     (tmp_path / "vendors").mkdir()
     (tmp_path / "vendors" / "gpu.icd").write_text("libgpu.so\n")

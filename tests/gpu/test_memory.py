@@ -1,4 +1,4 @@
-"""Memory of what is no longer in use: lights, pictures, casts, scenes take none.
+"""Memory is released: lights, pictures, casts and scenes no longer in use take none.
 
 Counted are the blocks of Python's allocator, which depend neither on the machine nor on what else
 it does; `make trust` holds resident memory to the same (``benchmarks/drift.py``).
@@ -97,7 +97,7 @@ def test_transfer_functions_views_and_settings_that_changed_take_no_memory(
 
     assert blocks_left_by(cast, 12) < 5
     assert len(caster._compute._kernels) < MOST_KERNELS
-    # The bricks' codes, the light volume's place where there is none.
+    # The bricks' codes, and the empty light volume's buffer.
     assert len(caster._compute._allocated) == 2
 
 

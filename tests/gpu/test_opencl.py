@@ -56,7 +56,7 @@ def sum_of_ends(compute: Compute, buffer: cl.Buffer, last: int) -> int:
     return int(answer[0])
 
 
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="Linux tells what is resident")
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="only Linux reports it")
 def test_a_shared_array_is_not_copied_on_a_cpu(compute: Compute) -> None:
     if not compute.info.is_cpu:
         pytest.skip("only CPUs share")
@@ -200,7 +200,7 @@ def test_a_kernel_that_does_not_build_quotes_the_line(
 @pytest.mark.parametrize("form", ["error: {}: {}", "{}: error: {}", "{}: fatal error: {}"])
 def test_errors_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
     source = Source(BROKEN % ("1", "foo"), ("<prelude>", "kernels/broken.cl"))
-    log = "said by a driver\nkernels/broken.cl:1:1: warning: hm\n" + form.format(
+    log = "output of a driver\nkernels/broken.cl:1:1: warning: hm\n" + form.format(
         "kernels/broken.cl:3:12", "no 'foo'"
     )
     expected = "kernels/broken.cl:3:12: error: no 'foo': \"x[0] = foo;\""

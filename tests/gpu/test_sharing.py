@@ -72,7 +72,7 @@ def test_sharing_is_for_egl_and_glx(system: str, monkeypatch: pytest.MonkeyPatch
 
 @dataclass
 class Driver:
-    """What a driver that shares would do: OpenCL's copy of a buffer, which OpenGL gets back.
+    """A fake of a driver that shares: OpenCL's copy of a buffer, which OpenGL gets back.
 
     The content goes back when OpenCL has finished after the release, no sooner; ``calls`` holds
     the requests, in order.
@@ -113,7 +113,7 @@ class Driver:
 
 
 class Copy(cl.Buffer):
-    """A buffer that knows OpenGL's name of what it stands for."""
+    """A buffer with the OpenGL name of its original."""
 
     name: int
 
@@ -278,7 +278,7 @@ def test_doctor_tells_whether_memory_is_shared_and_why_not(
 
 
 def test_a_device_shares_on_this_hardware(context: Any) -> None:
-    """The same frame as through the host, after a cast that is cancelled as before it."""
+    """Frames equal those through the host, before and after a cancelled cast."""
     if message := sharing.sharing_fault(device(), context):
         pytest.skip(message)
     assert Compute.open(gl=context).sharing

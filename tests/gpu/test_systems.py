@@ -1,4 +1,4 @@
-"""Other systems, mostly by stand-ins: how OpenGL is opened, how files are locked, what installs."""
+"""Other systems, mostly faked: opening OpenGL, locking files, installing."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_without_moderngl_relighting_uses_numpy_and_says_how_to_get_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "moderngl", None)
-    monkeypatch.setattr(opengl, "_idle_contexts", list)  # none is left of another test
+    monkeypatch.setattr(opengl, "_idle_contexts", list)  # none left by another test
     with pytest.warns(VolspecWarning, match=r"moderngl cannot be imported .*pip install moderngl"):
         Relighter(grey_image()).close()
     with pytest.raises(OpenGLError, match=r"g\+\+ python3-dev libx11-dev; pip install moderngl"):

@@ -109,7 +109,7 @@ ODD = {
     "光": 0.0078125,
     "3": 0.0078125,
 }
-# Letters, digits and _ are what Nuke leaves of a name; Blender cuts what is longer than 63.
+# Nuke keeps letters, digits and _ of a name; Blender truncates it to 63.
 LAYERS = (
     *("key_left", "fill_light_50", "g2E", "Lucke", "a_b_c" * 8),
     *("KEY_LEFT_2", "g", "g3"),
@@ -150,7 +150,7 @@ def test_light_groups_are_layers_of_the_file(image: CoefficientImage, tmp_path: 
 
 
 def old_file(image: CoefficientImage, path: Path, header: dict, layers: list[str]) -> None:
-    """As images were written before format 3."""
+    """Write an image as before format 3."""
     names = [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(7)]
     channels = {name: image.coefficients[..., k] for k, name in enumerate(names)}
     channels |= {"A": image.alpha, "Z": image.depth_mm}
@@ -189,7 +189,7 @@ def test_a_preview_and_texts_are_kept_for_others(image: CoefficientImage, tmp_pa
     with OpenEXR.File(str(tmp_path / "image.exr")) as file:
         seen = file.channels()["RGBA"].pixels
         assert file.header()["volspec:hint"] == "paste me" and "chromaticities" in file.header()
-    assert seen[0, 0, :3].tolist() == [0.25, -0.5, 0], "what is no number is black"
+    assert seen[0, 0, :3].tolist() == [0.25, -0.5, 0], "NaN is black"
     assert np.array_equal(seen[..., 3], image.alpha)
     assert np.array_equal(
         CoefficientImage.load(tmp_path / "image.exr").coefficients, image.coefficients

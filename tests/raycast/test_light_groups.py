@@ -1,4 +1,4 @@
-"""Light groups: each has its own light, and what is switched off never darkens the picture."""
+"""Light groups: each has its own light, and switching one off never darkens the picture."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ def test_a_name_of_64_characters_is_taken() -> None:
 
 @pytest.mark.parametrize("length", [5e-324, 1e-200, 1.0, 1e200, 1e308])
 def test_directions_are_unit_vectors_and_stay_what_they_are(length: float) -> None:
-    """What is written and read again is equal, to the last bit."""
+    """Written and read again it is equal, to the last bit."""
     rng = np.random.default_rng(8)
     for way in [(1, 0, 0), (0, -1, 1), *rng.normal(size=(50, 3)).clip(-1, 1)]:
         x, y, z = (float(v) for v in np.multiply(way, length))
