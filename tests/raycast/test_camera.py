@@ -46,7 +46,7 @@ BASIS = SpectralBasis.load("general-7")
         (lambda: Camera.orbit(phantom.ball(8), azimuth_deg=np.inf), "range Orbit.azimuth_deg"),
         (lambda: Camera.orbit(phantom.ball(8), target_mm=(1, 2)), "shape Orbit.target_mm"),
         (lambda: Camera.orbit(phantom.ball(8), up=(0, 0, 0)), "range Orbit.up"),
-        (lambda: Raycaster(phantom.ball(8), lanes=3), "missing Raycaster: lanes"),
+        (lambda: Raycaster(phantom.ball(8), lanes=3), "range Raycaster: lanes"),
     ],
 )
 def test_nonsense_is_named(make: Callable[[], object], message: str) -> None:
