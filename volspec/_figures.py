@@ -1,15 +1,21 @@
-"""What the parts of a basis' figure share: inks, axes in inches, texts that fit.
+"""Shared style of matplotlib figures: inks, axes in inches, texts that fit, files.
 
-[style] -> spectra, errors, swatches -> draw
+    [_figures] -> basis.figure, basis.reflectance_figure, palette.figure
+
+matplotlib is imported late and draws on a canvas of its own: no window, no global state.
 """
 
 from __future__ import annotations
 
+import os
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from volspec._files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,16 +25,35 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 PAPER, INK, FAINT, HAIR = "white", "#1d1d1f", "#6b6b70", "#d5d5d8"
+DPI = 160
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Return an empty figure on an Agg canvas."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure in the format of the file's suffix; whole or not at all."""
+    kind = Path(path).suffix.lstrip(".").lower()
+    metadata = {"Date": None} if kind == "svg" else {}  # the same file tomorrow
+    with write_whole(path) as temporary:
+        figure.savefig(temporary, format=kind, dpi=DPI, metadata=metadata)
 
 
 def inch_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """Axes placed in inches from the figure's lower left."""
+    """Add axes placed in inches from the figure's lower left."""
     w, h = figure.get_size_inches()
     return figure.add_axes((left / w, bottom / h, width / w, height / h))
 
 
 def write(on: Axes | Figure, x: float, y: float, words: str, **style: Any) -> Text:
-    """A text in one line just as it is spelt: no mathtext, a box for what the font lacks."""
+    """Add a text in one literal line: no mathtext, a box for characters the font lacks."""
     drawn = "".join(c if _in_font(c) else "\N{WHITE SQUARE}" for c in " ".join(words.split()))
     return on.text(x, y, drawn, parse_math=False, **style)
 
@@ -42,7 +67,7 @@ def _in_font(character: str) -> bool:
 
 
 def shorten(text: Text, width_in: float) -> None:
-    """Cut a text's end until it is no wider than that, an ellipsis in its place."""
+    """Cut a text to a width, with an ellipsis."""
     figure = text.get_figure()
     assert figure is not None
     words = text.get_text()
@@ -52,7 +77,7 @@ def shorten(text: Text, width_in: float) -> None:
 
 
 def style_axes(axes: Axes) -> None:
-    """A plot without a frame: a thin line below, quiet numbers."""
+    """Style a plot without a frame: a thin line below, small grey numbers."""
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     axes.spines["bottom"].set(color=FAINT, linewidth=0.6)
@@ -61,7 +86,7 @@ def style_axes(axes: Axes) -> None:
 
 
 def spread_apart(wanted: Array, gap: float, low: float, high: float) -> Array:
-    """Positions at least ``gap`` apart within ``low`` to ``high``, near where they are wanted."""
+    """Return positions near the wanted ones, at least ``gap`` apart within ``low``…``high``."""
     order = np.argsort(wanted, kind="stable")
     gap = min(gap, (high - low) / max(len(wanted) - 1, 1))
     y = np.clip(np.asarray(wanted, dtype=np.float64)[order], low, high)

@@ -98,6 +98,16 @@ class VolspecError(Exception):
         """Return the same error about another field: the name that the user knows it by."""
         return type(self)(self.problem, self.remedy, code=self.code, field=field, given=self.given)
 
+    def within(self, place: str, kind: type[VolspecError] | None = None) -> VolspecError:
+        """Return the same error with a place before its field, of this or another class.
+
+        >>> str(InputError.refused("D", 3.0, "give 0 to 1", "range").within("a.toml", SceneError))
+        'a.toml: D is 3.0; give 0 to 1'
+        """
+        field = ": ".join(part for part in (place, self.field) if part)
+        kind = kind or type(self)
+        return kind(self.problem, self.remedy, code=self.code, field=field, given=self.given)
+
 
 class VolspecWarning(UserWarning):
     """Base category of every warning issued by this package."""
@@ -119,6 +129,8 @@ class VolumeError(InputError):
 
 class SpectrumError(InputError):
     """A light or a reflectance is unknown, malformed or does not cover the grid."""
+
+    code = "range"
 
 
 class BasisError(InputError):

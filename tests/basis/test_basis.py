@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.appearance.models.cielab import cielab
 from volspec.basis import SpectralBasis
 from volspec.errors import BasisError, SpectrumError
@@ -183,43 +184,43 @@ def test_fingerprint_changes_with_the_numbers(general: SpectralBasis) -> None:
 def test_another_format_version_is_refused(general: SpectralBasis, tmp_path: Path) -> None:
     path = tmp_path / "new.json"
     path.write_text(json.dumps(general.to_dict() | {"version": 99}))
-    with pytest.raises(BasisError, match=r"new\.json.*version 99; this volspec reads version 1"):
+    with raises(BasisError, "unsupported"):
         SpectralBasis.load(path)
 
 
 @pytest.mark.parametrize(
-    ("change", "part"),
+    ("change", "code"),
     [
-        ({"format": "x"}, "field 'format'"),
-        ({"analysis": [[1, 2]]}, "analysis has shape"),
-        ({"analysis": "abc"}, "analysis is not an array"),
-        ({"grid_nm": [400]}, r"expected \[start, stop, step\]"),
-        ({"grid_nm": 7}, r"expected \[start, stop, step\]"),
-        ({"grid_nm": [700, 400, 10]}, "start < stop"),
-        ({"observer_deg": 5}, "observer_deg 5 is unknown"),
+        ({"format": "x"}, "type"),
+        ({"analysis": [[1, 2]]}, "shape"),
+        ({"analysis": "abc"}, "type"),
+        ({"grid_nm": [400]}, "type"),
+        ({"grid_nm": 7}, "type"),
+        ({"grid_nm": [700, 400, 10]}, "range"),
+        ({"observer_deg": 5}, "unknown"),
     ],
 )
 def test_damaged_bases_name_the_field(
-    general: SpectralBasis, change: dict[str, object], part: str
+    general: SpectralBasis, change: dict[str, object], code: str
 ) -> None:
-    with pytest.raises(BasisError, match=part):
+    with raises(BasisError, code):
         SpectralBasis.from_dict(general.to_dict() | change)
 
 
 def test_a_missing_field_is_named(general: SpectralBasis) -> None:
     data = general.to_dict()
     del data["synthesis"]
-    with pytest.raises(BasisError, match="'synthesis' is missing"):
+    with raises(BasisError, "missing"):
         SpectralBasis.from_dict(data)
 
 
 def test_unknown_names_list_the_shipped_bases(tmp_path: Path) -> None:
-    with pytest.raises(BasisError, match=r"shipped: .*general-7"):
+    with raises(BasisError, "unknown"):
         SpectralBasis.load("general-8")
-    with pytest.raises(BasisError, match="no such file"):
+    with raises(BasisError, "not-found"):
         SpectralBasis.load(tmp_path / "absent.json")
     (tmp_path / "text.json").write_text("not json")
-    with pytest.raises(BasisError, match="cannot be read as JSON"):
+    with raises(BasisError, "damaged"):
         SpectralBasis.load(tmp_path / "text.json")
 
 
@@ -228,12 +229,12 @@ def test_edited_numbers_are_refused(general: SpectralBasis, tmp_path: Path) -> N
     data["synthesis"][12][3] += 0.01
     path = tmp_path / "edited.json"
     path.write_text(json.dumps(data))
-    with pytest.raises(BasisError, match=r"edited\.json.*do not belong together .A B differs"):
+    with raises(BasisError, "damaged"):
         SpectralBasis.load(path)
 
 
 def test_a_basis_that_loses_white_is_refused(general: SpectralBasis) -> None:
-    with pytest.raises(BasisError, match="flat white"):
+    with raises(BasisError, "damaged"):
         dataclasses.replace(general, analysis=general.analysis * 1.01)
 
 
@@ -249,62 +250,62 @@ def test_matrices_are_read_only(general: SpectralBasis) -> None:
 
 
 def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis) -> None:
-    with pytest.raises(BasisError, match="made with another basis"):
+    with raises(BasisError, "shape"):
         general.xyz(np.ones(5), LIGHTS[0])
     dark = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark")
     minus = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - 1.01 * np.eye(31)[3], "minus")
     for matrix in (general.display_matrix, general.light_matrix, white_XYZ):
-        with pytest.raises(SpectrumError, match="'dark' has no luminous energy"):
+        with raises(SpectrumError, "conflict"):
             matrix(dark)
-        with pytest.raises(SpectrumError, match=r"'minus' has negative power, -0\.01 at 430 nm"):
+        with raises(SpectrumError, "range"):
             matrix(minus)
-    with pytest.raises(SpectrumError, match=r"shape \(2, 31\); give one light"):
+    with raises(SpectrumError, "shape"):
         general.light_matrix(np.ones((2, 31)))
-    with pytest.raises(SpectrumError, match="another grid"):
+    with raises(SpectrumError, "shape"):
         general.analyse(np.ones(30))
 
 
 @pytest.mark.parametrize(
-    ("options", "part"),
+    ("options", "code"),
     [
-        ({"method": "magic"}, "choose virtual-sensors, reduced-rank, pca-sharpened, pca"),
-        ({"method": "reduced-rnk"}, "did you mean 'reduced-rank'"),
-        ({"method": "materials"}, r"use volspec\.MaterialBasis\(materials\)"),
-        ({"size": 32}, "3 to 31"),
-        ({"size": 2}, "3 to 31"),
-        ({"size": 5.5}, "whole number"),
-        ({"smoothness": -1.0}, "smoothness"),
-        ({"restarts": -1}, "restarts"),
-        ({"light_weights": [1.0]}, r"light_weights have shape \(1,\); expected \(3,\)"),
-        ({"light_weights": [1, 0, 1]}, "light_weights: number 2 is 0.0; weights are above 0"),
-        ({"light_weights": "heavy"}, "light_weights are not a list of numbers"),
-        ({"reflectance_weights": np.ones(5)}, r"reflectance_weights have shape .5,.; .*\(4,\)"),
-        ({"reflectance_weights": [1, 1, 1, np.nan]}, "reflectance_weights: number 4 is nan"),
-        ({"observer_deg": 4}, r"observer_deg 4 is unknown; use 2 \(CIE 1931\) or 10 \(CIE 1964\)"),
-        ({"method": "pca-sharpened", "positive": True}, "cannot keep its analysis positive"),
-        ({"method": "reduced-rank", "positive": True}, "cannot keep its analysis positive"),
-        ({"method": "pca-sharpened", "size": 20}, "exceeds the 15 dimensions that 3 lights x 4"),
-        ({"method": "pca", "size": 20}, "use a size of 15 or less, or more spectra"),
-        ({"method": "reduced-rank"}, "size 7 exceeds the 5 dimensions that 4 reflectances and wh"),
+        ({"method": "magic"}, "unknown"),
+        ({"method": "reduced-rnk"}, "unknown"),
+        ({"method": "materials"}, "conflict"),
+        ({"size": 32}, "range"),
+        ({"size": 2}, "range"),
+        ({"size": 5.5}, "range"),
+        ({"smoothness": -1.0}, "range"),
+        ({"restarts": -1}, "range"),
+        ({"light_weights": [1.0]}, "shape"),
+        ({"light_weights": [1, 0, 1]}, "range"),
+        ({"light_weights": "heavy"}, "type"),
+        ({"reflectance_weights": np.ones(5)}, "shape"),
+        ({"reflectance_weights": [1, 1, 1, np.nan]}, "range"),
+        ({"observer_deg": 4}, "unknown"),
+        ({"method": "pca-sharpened", "positive": True}, "conflict"),
+        ({"method": "reduced-rank", "positive": True}, "conflict"),
+        ({"method": "pca-sharpened", "size": 20}, "impossible"),
+        ({"method": "pca", "size": 20}, "impossible"),
+        ({"method": "reduced-rank"}, "impossible"),
     ],
 )
-def test_bad_fits_name_the_remedy(options: dict[str, object], part: str) -> None:
-    with pytest.raises(BasisError, match=part):
+def test_bad_fits_name_the_remedy(options: dict[str, object], code: str) -> None:
+    with raises(BasisError, code):
         SpectralBasis.fit(LIGHTS, REFLECTANCES, **options)
 
 
 def test_fits_refuse_dark_lights_and_empty_lists() -> None:
     dark = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark")
-    with pytest.raises(BasisError, match=r"light 2 \(dark\) has no luminous energy"):
+    with raises(BasisError, "conflict"):
         SpectralBasis.fit([LIGHTS[0], dark], REFLECTANCES)
-    with pytest.raises(BasisError, match="list is empty"):
+    with raises(BasisError, "missing"):
         SpectralBasis.fit([], REFLECTANCES)
-    with pytest.raises(BasisError, match="all black"):
+    with raises(BasisError, "impossible"):
         SpectralBasis.fit(LIGHTS, np.zeros((2, 31)))
     short = Spectrum(np.array([450.0, 600.0]), np.ones(2), "short")
-    with pytest.raises(BasisError, match=r"reflectances: 'short'.*400-450 nm and 600-700 nm miss"):
+    with raises(BasisError, "range", "reflectances: 'short'"):
         SpectralBasis.fit(LIGHTS, [short])
-    with pytest.raises(BasisError, match=r"lights: 'short'.*400-450 nm and 600-700 nm missing"):
+    with raises(BasisError, "range", "lights: 'short'"):
         SpectralBasis.fit([short], REFLECTANCES)
-    with pytest.raises(BasisError, match=r"reflectances: spectra have shape .2, 30.*another grid"):
+    with raises(BasisError, "shape", "reflectances"):
         SpectralBasis.fit(LIGHTS, np.ones((2, 30)))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.basis import SpectralBasis
 from volspec.basis.make import NAMES, fit_shipped
 from volspec.errors import BasisError
@@ -139,7 +140,7 @@ def test_shipped_basis_is_what_the_command_fits(name: str) -> None:
 
 def test_all_that_the_command_makes_ships() -> None:
     assert [SpectralBasis.load(n).name for n in NAMES] == list(NAMES)
-    with pytest.raises(BasisError, match="did you mean 'general-7'"):
+    with raises(BasisError, "unknown"):
         fit_shipped("general7")
 
 
@@ -196,5 +197,5 @@ def test_report_names_the_worst_pair(general: SpectralBasis) -> None:
 
 
 def test_empty_reports_are_refused(general: SpectralBasis) -> None:
-    with pytest.raises(BasisError, match="nothing to compare"):
+    with raises(BasisError, "missing"):
         general.report([], PALETTE_REFLECTANCES)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict, load_basis
 from volspec.basis.display import white_exact
 from volspec.basis.make import fit_library
@@ -31,18 +32,18 @@ def test_reflectances_are_between_black_and_fluorescent() -> None:
     S[1, 2] = -4e-7
     assert reflectance_values(S, DEFAULT_GRID, "paints")[1, 2] == 0
     S[2, 3] = -0.25
-    with pytest.raises(SpectrumError, match=r"paints: number 3 reflects -0\.25 at 430 nm"):
+    with raises(SpectrumError, "range"):
         reflectance_values(S, DEFAULT_GRID, "paints")
-    with pytest.raises(SpectrumError, match=r"paint reflects 98 at 700 nm; .*per cent by 100"):
+    with raises(SpectrumError, "range"):
         reflectance_values(GOLD * 100, DEFAULT_GRID, "paint")
     with pytest.warns(VolspecWarning, match=r"\(gold\) reflects 1\.176 at 700 nm.*fluorescent"):
         reflectance_values([COPPER, GOLD * 1.2], DEFAULT_GRID, "paints")
 
 
 def test_lights_and_negative_spectra_are_no_reflectances() -> None:
-    with pytest.raises(BasisError, match=r"reflectances: number 2 \(gold\) reflects -0\.98"):
+    with raises(BasisError, "range"):
         SpectralBasis.fit(LIGHTS, [COPPER, GOLD * -1], size=3)
-    with pytest.raises(BasisError, match=r"'gold' reflects .* give no light"):
+    with raises(BasisError, "range"):
         PAINTS.with_reflectances({"gold": light("A") * 10})
 
 
@@ -64,50 +65,50 @@ def test_more_sensors_than_the_spectra_determine_are_refused(
 
 
 @pytest.mark.parametrize(
-    ("options", "part"),
+    ("options", "code"),
     [
-        ({"method": "reduced-rank"}, "1 reflectance and white span; 3 is the least size"),
-        ({"method": "pca", "smoothness": 1e-6}, "pca takes no smoothness"),
-        ({"method": "reduced-rank", "restarts": 2}, "reduced-rank takes no restarts"),
-        ({"smoothness": "a"}, "smoothness 'a' is not a number"),
-        ({"smoothness": 1e300}, "smoothness 1e.300 is not a number from 0 to 1"),
-        ({"restarts": float("inf")}, "restarts inf is not a whole number"),
-        ({"restarts": "a"}, "restarts 'a' is not a whole number"),
-        ({"light_weights": {}}, "light_weights are not a list of numbers"),
-        ({"grid": None}, "grid is None; expected a SpectralGrid"),
-        ({"grid": (400, 700, 10)}, "expected a SpectralGrid"),
-        ({"name": 5}, "name is 5; expected text"),
-        ({"trained_on": "a\0"}, "control characters"),
+        ({"method": "reduced-rank"}, "impossible"),
+        ({"method": "pca", "smoothness": 1e-6}, "conflict"),
+        ({"method": "reduced-rank", "restarts": 2}, "conflict"),
+        ({"smoothness": "a"}, "range"),
+        ({"smoothness": 1e300}, "range"),
+        ({"restarts": float("inf")}, "range"),
+        ({"restarts": "a"}, "range"),
+        ({"light_weights": {}}, "type"),
+        ({"grid": None}, "type"),
+        ({"grid": (400, 700, 10)}, "type"),
+        ({"name": 5}, "type"),
+        ({"trained_on": "a\0"}, "syntax"),
     ],
 )
-def test_options_of_the_wrong_kind_are_named(options: dict[str, Any], part: str) -> None:
-    with pytest.raises(BasisError, match=part):
+def test_options_of_the_wrong_kind_are_named(options: dict[str, Any], code: str) -> None:
+    with raises(BasisError, code):
         SpectralBasis.fit(LIGHTS, [GOLD], **{"size": 3, **options})
 
 
 @pytest.mark.parametrize(
-    ("lights", "part"),
+    ("lights", "code"),
     [
-        (None, "lights: None is neither"),
-        ((lamp for lamp in LIGHTS), "lights: <generator"),
-        ([LIGHTS[0], np.ones((2, 31))], r"spectrum number 2 is an array of shape \(2, 31\)"),
-        ([LIGHTS[0], np.full(31, np.nan)], "lights: number 2: .* not finite"),
-        (np.array([np.ones(31), np.full(31, np.nan)]), "spectrum number 2 holds"),
-        ([LIGHTS[0] * 1e-320], "no luminous energy"),
+        (None, "type"),
+        ((lamp for lamp in LIGHTS), "type"),
+        ([LIGHTS[0], np.ones((2, 31))], "shape"),
+        ([LIGHTS[0], np.full(31, np.nan)], "range"),
+        (np.array([np.ones(31), np.full(31, np.nan)]), "range"),
+        ([LIGHTS[0] * 1e-320], "conflict"),
     ],
 )
-def test_lights_of_the_wrong_kind_are_named(lights: Any, part: str) -> None:
-    with pytest.raises(BasisError, match=part):
+def test_lights_of_the_wrong_kind_are_named(lights: Any, code: str) -> None:
+    with raises(BasisError, code):
         SpectralBasis.fit(lights, [GOLD], size=3)
 
 
 def test_a_scale_out_of_reach_is_named() -> None:
-    with pytest.raises(BasisError, match="all black"):
+    with raises(BasisError, "impossible"):
         SpectralBasis.fit(LIGHTS, [GOLD * 1e-200], size=3)
-    with pytest.raises(BasisError, match="a grid of 2 bands is too coarse"):
+    with raises(BasisError, "shape"):
         grid = SpectralGrid(500, 600, 100)
         SpectralBasis.fit(np.ones((1, 2)), np.ones((1, 2)), size=3, grid=grid)
-    with pytest.raises(BasisError, match=r"from 3 to 4, the grid's bands$"):
+    with raises(BasisError, "range"):
         grid = SpectralGrid(400, 700, 100)
         SpectralBasis.fit(np.ones((1, 4)), np.ones((1, 4)), size=5, grid=grid)
 
@@ -126,14 +127,14 @@ def test_a_basis_of_materials_is_valid_at_birth(change: dict[str, Any]) -> None:
 @pytest.mark.parametrize("wrong", ["abc", ["1"] * 7, [[1, 2], [3]], [np.nan] * 7, None])
 def test_coefficients_are_finite_numbers(basis: Any, wrong: Any) -> None:
     for use in (basis.synthesise, lambda c: basis.xyz(c, LIGHTS[0])):
-        with pytest.raises(BasisError, match="coefficients"):
+        with raises(BasisError):
             use(wrong[: basis.size] if isinstance(wrong, list) else wrong)
 
 
 @BOTH
 @pytest.mark.parametrize("wrong", [None, [], {}])
 def test_channels_are_of_named_materials(basis: Any, wrong: Any) -> None:
-    with pytest.raises(BasisError, match=r"give {name: reflectance}"):
+    with raises(BasisError, "missing"):
         basis.channels_for_materials(wrong)
 
 
@@ -141,9 +142,9 @@ def test_channels_are_of_named_materials(basis: Any, wrong: Any) -> None:
 @pytest.mark.parametrize("change", [{"observer_deg": 10}, {"grid_nm": [390, 690, 10]}])
 def test_a_file_is_refused_where_its_fingerprint_is_another(basis: Any, change: Any) -> None:
     data = basis.to_dict()
-    with pytest.raises(BasisError, match="were the numbers edited"):
+    with raises(BasisError, "damaged"):
         basis_from_dict(data | change)
-    with pytest.raises(BasisError, match="version True"):
+    with raises(BasisError, "unsupported"):
         basis_from_dict(data | {"version": True})
     early = {key: value for key, value in data.items() if key != "fingerprint"}
     assert basis_from_dict(early).fingerprint == basis.fingerprint
@@ -153,24 +154,24 @@ def test_a_file_is_refused_where_its_fingerprint_is_another(basis: Any, change: 
 @pytest.mark.parametrize("factor", [0, 100, -1])
 def test_an_edited_display_matrix_is_refused(factor: float) -> None:
     edited = (GENERAL.XYZ_from_channels * factor).tolist()
-    with pytest.raises(BasisError, match="were the numbers edited"):
+    with raises(BasisError, "damaged"):
         SpectralBasis.from_dict(GENERAL.to_dict() | {"XYZ_from_channels": edited})
 
 
 @pytest.mark.parametrize(
-    ("text", "part"),
+    ("text", "code"),
     [
-        (b"[" * 100_000, "nested too deeply"),
-        (b"1" * 5000, "cannot be read as JSON"),
-        (b"\xff\xfe\0", "not UTF-8"),
-        (json.dumps(GENERAL.to_dict() | {"analysis": [[10**400]]}).encode(), "beyond 64 bits"),
-        (json.dumps(GENERAL.to_dict() | {"grid_nm": [10**400, 1, 1]}).encode(), "beyond 64 bits"),
+        (b"[" * 100_000, "damaged"),
+        (b"1" * 5000, "damaged"),
+        (b"\xff\xfe\0", "damaged"),
+        (json.dumps(GENERAL.to_dict() | {"analysis": [[10**400]]}).encode(), "damaged"),
+        (json.dumps(GENERAL.to_dict() | {"grid_nm": [10**400, 1, 1]}).encode(), "damaged"),
     ],
 )
-def test_hostile_files_are_refused_in_one_line(tmp_path: Path, text: bytes, part: str) -> None:
+def test_hostile_files_are_refused_in_one_line(tmp_path: Path, text: bytes, code: str) -> None:
     path = tmp_path / "hostile.json"
     path.write_bytes(text)
-    with pytest.raises(BasisError, match=rf"hostile\.json: .*{part}") as error:
+    with raises(BasisError, code) as error:
         load_basis(path)
     assert len(str(error.value)) < 400 and "\n" not in str(error.value)
 
@@ -183,24 +184,24 @@ def test_what_is_no_path_is_refused(load: Callable[[Any], Any], path: Any) -> No
 
 
 def test_paths_are_quoted_as_they_were_written(tmp_path: Path) -> None:
-    with pytest.raises(BasisError, match="basis 'nope' is unknown"):
+    with raises(BasisError, "unknown"):
         load_basis("nope")
-    with pytest.raises(BasisError, match="no path"):
+    with raises(BasisError, "syntax"):
         load_basis("a\0.json")
     (tmp_path / "folder.json").mkdir()
-    with pytest.raises(BasisError, match="is a folder"):
+    with raises(BasisError, "type"):
         load_basis(tmp_path / "folder.json")
     for basis in (GENERAL, PAINTS):
-        with pytest.raises(BasisError, match=r"name the file \.json"):
+        with raises(BasisError, "unsupported"):
             basis.save(tmp_path / "plain")
 
 
 def test_either_kind_of_file_names_the_other_s_reader(tmp_path: Path) -> None:
     PAINTS.save(tmp_path / "paints.json")
     assert MaterialBasis.load(tmp_path / "paints.json").fingerprint == PAINTS.fingerprint
-    with pytest.raises(BasisError, match=r"use volspec\.load_basis or volspec\.MaterialBasis"):
+    with raises(BasisError, "type"):
         SpectralBasis.load(tmp_path / "paints.json")
-    with pytest.raises(BasisError, match=r"use volspec\.load_basis or volspec\.SpectralBasis"):
+    with raises(BasisError, "type"):
         MaterialBasis.load("general-7")
 
 
@@ -216,7 +217,7 @@ def test_the_library_s_recipe_is_that_of_the_shipped_bases() -> None:
     assert again.analysis == pytest.approx(shipped.analysis, abs=1e-2)
     assert again.trained_on == shipped.trained_on
     assert "spiky" not in fit_library(5, "pca").trained_on
-    with pytest.raises(BasisError, match="choose smooth or all"):
+    with raises(BasisError, "unknown"):
         fit_library(5, lights="bright")
 
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.errors import raises
 from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict, load_basis
 from volspec.errors import BasisError, ImageError, TransferError
 from volspec.pipeline import Relighter, raycast
@@ -113,21 +114,21 @@ def test_only_a_cast_of_materials_can_be_edited() -> None:
 
 
 def test_unknown_materials_are_named_with_the_nearest() -> None:
-    with pytest.raises(BasisError, match=r"no material 'goldd'.*gold"):
+    with raises(BasisError, "unknown"):
         BASIS.with_reflectances({"goldd": reflectance("gold")})
-    with pytest.raises(BasisError, match=r"'nickel' is not in the basis.*it holds copper"):
+    with raises(BasisError, "unknown"):
         BASIS.channels_for_materials({"nickel": reflectance("nickel")})
-    with pytest.raises(BasisError, match="'gold' has another reflectance"):
+    with raises(BasisError, "conflict"):
         BASIS.channels_for_materials({"gold": reflectance("silver")})
-    with pytest.raises(BasisError, match=r"no materials"):
+    with raises(BasisError, "missing"):
         MaterialBasis({})
-    with pytest.raises(BasisError, match="expected a Spectrum"):
+    with raises(BasisError, "type", "material 'gold'"):
         MaterialBasis({"gold": np.ones(31)})
-    with pytest.raises(BasisError, match=r"'dye' reflects -0.5 at 400 nm"):
+    with raises(BasisError, "range"):
         MaterialBasis({"dye": Spectrum([380, 450, 720], [-0.5, -0.5, 1])})
-    with pytest.raises(BasisError, match=r"'dye'.*600-700 nm missing"):
+    with raises(BasisError, "range", "material 'dye'"):
         MaterialBasis({"dye": Spectrum([380, 600], [0.5, 1])})
-    with pytest.raises(TransferError, match="expected a SpectralBasis"):
+    with raises(TransferError, "type", "transfer function: basis"):
         TransferFunction(POINTS, MATERIALS, "general-7")
 
 
@@ -144,9 +145,9 @@ def test_material_bases_and_their_images_survive_their_files(
     assert list(loaded.basis.materials) == list(MATERIALS)
     BASIS.save(f"{tmp_path}/ball.json")
     assert load_basis(f"{tmp_path}/ball.json").fingerprint == BASIS.fingerprint
-    with pytest.raises(BasisError, match="version 99"):
+    with raises(BasisError, "unsupported"):
         basis_from_dict(BASIS.to_dict() | {"version": 99})
-    with pytest.raises(BasisError, match="'materials' is missing"):
+    with raises(BasisError, "missing"):
         basis_from_dict({k: v for k, v in BASIS.to_dict().items() if k != "materials"})
 
 

@@ -13,11 +13,18 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec._figures import spread_apart
 from volspec.basis import MaterialBasis, SpectralBasis, figure, load_basis
 from volspec.basis.figure import basis_figure, save_figure, worst_pairs
 from volspec.basis.report import ErrorSummary, WorstPair, basis_report, product_rows, sRGB_codes
-from volspec.basis.report_table import ErrorTable, error_table, number, terminal_table, worst_line
+from volspec.basis.report_table import (
+    ErrorTable,
+    error_table,
+    format_delta_e,
+    terminal_table,
+    worst_line,
+)
 from volspec.errors import BasisError
 from volspec.spectra import (
     DEFAULT_GRID,
@@ -192,7 +199,7 @@ def test_materials_have_no_error_and_no_products(materials: MaterialBasis) -> No
 
 
 def test_materials_refuse_what_they_do_not_hold(materials: MaterialBasis) -> None:
-    with pytest.raises(BasisError, match=r"gold is none of the materials .* rotor, case"):
+    with raises(BasisError, "unknown"):
         basis_report(materials, None, [reflectance("gold")])
 
 
@@ -210,12 +217,12 @@ def test_worst_pairs_are_of_different_lights_and_samples(table: ErrorTable) -> N
 
 
 def test_no_lights_are_refused(general: SpectralBasis) -> None:
-    with pytest.raises(BasisError, match="nothing to compare"):
+    with raises(BasisError, "missing"):
         error_table(general, {})
 
 
 def test_numbers_keep_three_figures() -> None:
-    shown = [number(v) for v in (1e-12, 2e-4, 0.0214, 0.9999, 3.049, 45.23, 140.4)]
+    shown = [format_delta_e(v) for v in (1e-12, 2e-4, 0.0214, 0.9999, 3.049, 45.23, 140.4)]
     assert shown == ["0", "< .001", "0.021", "1.000", "3.05", "45.2", "140"]
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.errors import raises
 from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.errors import InputError, SpectrumError, VolspecWarning
+from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra import (
     DEFAULT_GRID,
     BaseSpectra,
@@ -298,54 +299,53 @@ def test_white_is_white_under_every_light() -> None:
 
 
 @pytest.mark.parametrize(
-    ("colour", "said"),
+    ("colour", "code"),
     [
-        ("tomatoe", "colour 'tomatoe' is unknown; did you mean 'tomato'"),
-        ("#12345", "colour '#12345': expected #rrggbb or #rgb"),
-        ("1 2", "colour '1 2': 2 numbers; give three, X Y Z"),
-        ("", "colour '': 0 numbers; give three, X Y Z"),
-        ([20, -1, 3], "colour X Y Z 20 -1 3 is negative, which no surface is"),
-        ([20, np.nan, 3], "colour X Y Z 20 nan 3 is not finite"),
-        ([255, 128, 0], "has X 255, over twice the 95 of white under this light; Y = 100"),
-        ([1, 2], "colours have shape (2,); expected (..., 3)"),
+        ("tomatoe", "unknown"),
+        ("#12345", "syntax"),
+        ("1 2", "shape"),
+        ("", "shape"),
+        ([20, -1, 3], "range"),
+        ([20, np.nan, 3], "range"),
+        ([255, 128, 0], "range"),
+        ([1, 2], "shape"),
         (
             [[1, 2, 3]] * 2,
-            "colour: an array of shape (2, 3); give X Y Z, or use reflectances_from_colours",
+            "shape",
         ),
-        ([1, "a", 3], "colours are not a regular array of numbers"),
+        ([1, "a", 3], "type"),
     ],
 )
-def test_what_is_no_colour_is_refused_in_one_line(colour: object, said: str) -> None:
-    with pytest.raises(SpectrumError) as refused:
+def test_what_is_no_colour_is_refused_in_one_line(colour: object, code: str) -> None:
+    with raises(SpectrumError, code):
         reflectance_from_colour(colour)
-    assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_the_channel_that_exceeds_white_is_named() -> None:
     """A sodium lamp has no blue, so that Z is too much where Y is not."""
-    with pytest.raises(SpectrumError, match=r"X Y Z 41 35 12 has Z 12, over twice the 0\.\d+ of"):
+    with raises(SpectrumError, "range"):
         reflectance_from_colour([41, 35, 12], light="LPS")
 
 
 def test_other_faults_are_named() -> None:
-    with pytest.raises(InputError, match="method 'delauny' is unknown; did you mean 'delaunay'"):
+    with raises(SpectrumError, "unknown"):
         reflectance_from_colour("red", "delauny")
-    with pytest.raises(InputError, match="light 'D56' is unknown"):
+    with raises(SpectrumError, "unknown"):
         reflectance_from_colour("red", light="D56")
-    with pytest.raises(InputError, match=r"colour number 2: X Y Z 1 2 -3 is negative"):
+    with raises(SpectrumError, "range"):
         reflectances_from_colours([[1, 2, 3], [1, 2, -3]])
-    with pytest.raises(InputError, match="base spectra are on"):
+    with raises(SpectrumError, "conflict"):
         reflectances_from_colours([1, 2, 3], grid=SpectralGrid(400, 700, 5), base=base_spectra())
-    with pytest.raises(InputError, match="Bouguer's law: length 0"):
+    with raises(SpectrumError, "range", "length"):
         base_spectra(powers=(0,))
-    with pytest.raises(InputError, match="outside 0 to 1"):
+    with raises(SpectrumError, "range"):
         bouguer([1.5], 2)
-    with pytest.raises(InputError, match="2 names, values of shape"):
+    with raises(SpectrumError, "shape"):
         BaseSpectra(("a", "b"), np.zeros((3, 31)))
-    with pytest.raises(InputError, match=r"'d' reflects 1[.]0000005; expected 0 to 1"):
+    with raises(SpectrumError, "range"):
         BaseSpectra(tuple("abcd"), np.full((4, 31), 1) + np.array([[0, 0, 0, 5e-7]]).T)
     made = reflectances_from_colours([20, 20, 20])
-    with pytest.raises(InputError, match="made reflectances: values"):
+    with raises(SpectrumError, "shape"):
         MadeReflectances(made.values, made.route, made.vertices, np.zeros(3), made.base)
 
 
@@ -356,5 +356,5 @@ def test_a_written_spectrum_is_read_as_a_material(tmp_path: Path) -> None:
     np.testing.assert_allclose(back.values, paint.values, atol=1e-9)
     assert back.notes["mixed from"] == paint.notes["mixed from"]
     assert "extended from" in reflectance_from_colour("red").notes
-    with pytest.raises(SpectrumError, match=r"name it \.csv"):
+    with raises(SpectrumError, "unsupported"):
         write_spectrum(paint, tmp_path / "paint.txt")

@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec._exr import read_exr, write_exr
 from volspec.errors import ImageError, SpectrumError
 from volspec.spectra import (
@@ -38,44 +39,43 @@ def lamp(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("call", "part"),
+    ("call", "code", "field"),
     [
-        (lambda p: light("D65", None), "grid None is no SpectralGrid; give one"),
-        (lambda p: light("D65", (400, 700, 10)), r"grid \(400, 700, 10\) is no SpectralGrid"),
-        (lambda p: light_set("smooth", None), "grid None is no"),
-        (lambda p: reflectance("white", None), "grid None is no"),
-        (lambda p: FLAT.on(None), "grid None is no"),
-        (lambda p: IMAGE.on((400, 700, 10)), "is no SpectralGrid"),
-        (lambda p: SpectralGrid("a", 700, 10), "start_nm is 'a'; give a number"),
-        (lambda p: SpectralGrid(400, 700, None), "step_nm is None; give a number"),
-        (lambda p: SpectralGrid(1e-300, 1e300, 1e-300), "too many steps"),
-        (lambda p: read_spectrum(None), "path None is no path"),
-        (lambda p: read_spectrum(5), "path 5 is no path"),
-        (lambda p: read_spectrum(b"lamp.csv"), "is no path; give text"),
-        (lambda p: read_spectrum(p, kind="foo"), r"lamp\.csv: kind 'foo' is unknown; choose refl"),
-        (lambda p: SpectralImage.load(p, "foo"), "kind 'foo' is unknown"),
-        (lambda p: SpectralImage.load(None), "path None is no path"),
-        (lambda p: IMAGE.save(None), "path None is no path"),
-        (lambda p: IMAGE.save("a\0.exr"), "NUL"),
-        (lambda p: light("lamp.csv", folder=None), "folder None is no path"),
-        (lambda p: reflectance("paint.csv", folder=None), "folder None is no path"),
-        (lambda p: light("a\0b.csv"), r"'a\\x00b.csv' holds a NUL"),
-        (lambda p: light("a\0b.csv*1+A"), "NUL"),
-        (lambda p: read_spectrum("a\0b.exr"), "NUL"),
-        (lambda p: IMAGE.mean("abc"), r"box 'abc' is not four whole numbers; give \(x0, y0"),
-        (lambda p: IMAGE.mean((1, 2)), "is not four"),
-        (lambda p: IMAGE.mean(5), "is not four"),
-        (lambda p: IMAGE.mean((0.5, 0, 2, 2)), "is not four"),
-        (lambda p: Spectrum([400, 500], [1, 1], notes=None), "notes are None; give a dict"),
-        (lambda p: Spectrum([400, 500], [1, 1], notes=[1]), r"notes are \[1\]; give a dict"),
+        (lambda p: light("D65", None), "type", "grid"),
+        (lambda p: light("D65", (400, 700, 10)), "type", "grid"),
+        (lambda p: light_set("smooth", None), "type", "grid"),
+        (lambda p: reflectance("white", None), "type", "grid"),
+        (lambda p: FLAT.on(None), "type", "grid"),
+        (lambda p: IMAGE.on((400, 700, 10)), "type", "grid"),
+        (lambda p: SpectralGrid("a", 700, 10), "type", "grid.start_nm"),
+        (lambda p: SpectralGrid(400, 700, None), "type", "grid.step_nm"),
+        (lambda p: SpectralGrid(1e-300, 1e300, 1e-300), "size", "grid"),
+        (lambda p: read_spectrum(None), "type", None),
+        (lambda p: read_spectrum(5), "type", None),
+        (lambda p: read_spectrum(b"lamp.csv"), "type", None),
+        (lambda p: read_spectrum(p, kind="foo"), "unknown", None),
+        (lambda p: SpectralImage.load(p, "foo"), "unknown", None),
+        (lambda p: SpectralImage.load(None), "type", None),
+        (lambda p: IMAGE.save(None), "type", None),
+        (lambda p: IMAGE.save("a\0.exr"), "syntax", None),
+        (lambda p: light("lamp.csv", folder=None), "type", None),
+        (lambda p: reflectance("paint.csv", folder=None), "type", None),
+        (lambda p: light("a\0b.csv"), "syntax", None),
+        (lambda p: light("a\0b.csv*1+A"), "syntax", None),
+        (lambda p: read_spectrum("a\0b.exr"), "syntax", None),
+        (lambda p: IMAGE.mean("abc"), "type", None),
+        (lambda p: IMAGE.mean((1, 2)), "type", None),
+        (lambda p: IMAGE.mean(5), "type", None),
+        (lambda p: IMAGE.mean((0.5, 0, 2, 2)), "type", None),
+        (lambda p: Spectrum([400, 500], [1, 1], notes=None), "type", "spectrum: notes"),
+        (lambda p: Spectrum([400, 500], [1, 1], notes=[1]), "type", "spectrum: notes"),
     ],
 )
 def test_what_callers_get_wrong_is_one_clear_line(
-    lamp: Path, call: Callable[[Path], Any], part: str
+    lamp: Path, call: Callable[[Path], Any], code: str, field: str | None
 ) -> None:
-    with pytest.raises(SpectrumError, match=part) as caught:
+    with raises(SpectrumError, code, field):
         call(lamp)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["lamp.csv", "lamp.spdx", "lamp.exr"])
@@ -89,20 +89,20 @@ def test_a_file_that_may_not_be_read_says_so(
 
     for method in ("open", "stat", "read_bytes"):
         monkeypatch.setattr(Path, method, refuse)
-    with pytest.raises(SpectrumError, match=rf"{name}: cannot be read: Permission denied"):
+    with raises(SpectrumError, "damaged"):
         light(name, folder=tmp_path)
 
 
 @pytest.mark.parametrize("text", [rows("0,20007"), "nm,power\n" + rows("0,20007")])
 def test_whole_numbers_in_unnamed_columns_may_be_decimal_commas(lamp: Path, text: str) -> None:
     lamp.write_text(text)
-    with pytest.raises(SpectrumError, match="are the commas decimal marks"):
+    with raises(SpectrumError, "missing"):
         light(str(lamp))
     lamp.write_text("nm,warm,cold\n" + rows("0,20007"))
-    with pytest.raises(SpectrumError, match=r"2 columns .*lamp\.csv#warm$"):
+    with raises(SpectrumError, "missing"):
         light(str(lamp))
     lamp.write_text("380,1\n390,0,5\n")
-    with pytest.raises(SpectrumError, match=r"line 2: 3 cells, .*decimal points, not commas"):
+    with raises(SpectrumError, "shape"):
         light(str(lamp))
 
 
@@ -128,25 +128,25 @@ def test_a_light_whose_peak_lies_far_outside_the_grid_is_scaled(lamp: Path) -> N
     lamp.write_text("300,1\n" + rows("1e-312", 320))
     assert light(str(lamp), SpectralGrid(400, 700, 20)).values == pytest.approx(1.0)
     lamp.write_text("300,1e308\n" + rows("1e-312", 320))
-    with pytest.raises(SpectrumError, match=r"lamp\.csv has no luminous energy"):
+    with raises(SpectrumError, "conflict"):
         light(str(lamp))
 
 
 @pytest.mark.parametrize(
-    ("wavelengths", "part"),
+    ("wavelengths", "code"),
     [
-        ((3.8e-7, 5e-7, 7.8e-7), "are they metres"),
-        ((0.38, 0.5, 0.78), r"are they micrometres\? multiply by 1000"),
-        ((1.6, 2.2, 3.3), "are they electronvolts"),
-        ((3800, 5000, 7800), r"are they Ångström\? divide by 10"),
-        ((26300, 20000, 12800), "are they wavenumbers in 1/cm"),
+        ((3.8e-7, 5e-7, 7.8e-7), "range"),
+        ((0.38, 0.5, 0.78), "range"),
+        ((1.6, 2.2, 3.3), "range"),
+        ((3800, 5000, 7800), "range"),
+        ((26300, 20000, 12800), "range"),
     ],
 )
 def test_wavelengths_in_other_units_are_recognised(
-    lamp: Path, wavelengths: tuple[float, ...], part: str
+    lamp: Path, wavelengths: tuple[float, ...], code: str
 ) -> None:
     lamp.write_text("".join(f"{w},1\n" for w in wavelengths))
-    with pytest.raises(SpectrumError, match=rf"lamp\.csv: .*none visible; {part}"):
+    with raises(SpectrumError, code):
         read_spectrum(lamp)
 
 
@@ -157,29 +157,29 @@ def test_tables_that_begin_or_end_far_from_the_visible_are_nanometres(lamp: Path
 
 def test_underscores_make_no_numbers(lamp: Path) -> None:
     for text in ("grey:0.1_8", "grey:_1"):
-        with pytest.raises(SpectrumError, match=r"not in 0\.\.1"):
+        with raises(SpectrumError, "range"):
             reflectance(text)
-    for text, part in (("planck:5_000", "not a temperature"), ("A*0_1", "unknown")):
-        with pytest.raises(SpectrumError, match=part):
+    for text, code in (("planck:5_000", "syntax"), ("A*0_1", "unknown")):
+        with raises(SpectrumError, code):
             light(text)
     lamp.write_text("4_00,1\n5_00,1\n")
-    with pytest.raises(SpectrumError, match=r"'4_00,1' is not a row of numbers"):
+    with raises(SpectrumError, "syntax"):
         light(str(lamp))
     IMAGE.save(lamp.with_suffix(".exr"))
-    with pytest.raises(SpectrumError, match=r"'0_0,1' is no part of an image"):
+    with raises(SpectrumError, "syntax"):
         read_spectrum(f"{lamp.with_suffix('.exr')}#0_0,1")
 
 
 def test_a_part_of_weight_0_is_not_read_but_must_be_a_name(lamp: Path) -> None:
     lamp.write_text(rows(0))
     assert np.array_equal(light(f"{lamp}*0+A").values, light("A").values)
-    with pytest.raises(SpectrumError, match="'Q' in the mix"):
+    with raises(SpectrumError, "unknown"):
         light("Q*0+A")
 
 
 def test_a_grid_beyond_the_eye_is_refused_before_any_warning(lamp: Path) -> None:
     # Warnings are errors in this suite.
-    with pytest.raises(SpectrumError, match="colour-matching functions span 360-830 nm"):
+    with raises(SpectrumError, "range"):
         light(str(lamp), SpectralGrid(300, 900, 10))
 
 
@@ -192,7 +192,7 @@ def test_one_exr_channel_in_two_parts_is_refused(tmp_path: Path) -> None:
         for name in ("left", "right")
     ]
     OpenEXR.File(parts).write(str(path))
-    with pytest.raises(SpectrumError, match=r"two\.exr: two parts hold a channel 'T\.500nm'"):
+    with raises(SpectrumError, "range"):
         read_spectrum(path)
 
 
@@ -211,12 +211,12 @@ def test_exr_faults_are_raised_as_the_callers_error_in_its_words(tmp_path: Path)
     with pytest.raises(ImageError, match=r"a\.exr: gone"):
         read_exr(path, ImageError, missing="gone")
     path.write_text("no image")
-    with pytest.raises(ImageError, match="not a readable OpenEXR file, or truncated; render again"):
+    with raises(ImageError, "damaged"):
         read_exr(path, ImageError, again="render again")
     with pytest.raises(ImageError, match=r"a\.exr: is a folder"):
         path.unlink()
         path.mkdir()
         read_exr(path, ImageError)
-    with pytest.raises(ImageError, match=r"b\.exr: cannot be written"):
+    with raises(ImageError, "unwritable"):
         write_exr(tmp_path / "b.exr", {}, {"Z": np.ones((2, 3)), "A": np.ones((3, 2))}, ImageError)
     assert not (tmp_path / "b.exr").exists()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.errors import SpectrumError
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, read_spectrum
 
@@ -26,16 +27,16 @@ def test_equal_grids_hash_alike_whatever_the_number_type() -> None:
 
 
 @pytest.mark.parametrize(
-    ("args", "part"),
+    ("args", "code"),
     [
-        ((400, 700, 0), "positive step"),
-        ((700, 400, 10), "start < stop"),
-        ((400, 705, 10), "use stop_nm=700"),
-        ((400, float("nan"), 10), "finite"),
+        ((400, 700, 0), "range"),
+        ((700, 400, 10), "range"),
+        ((400, 705, 10), "range"),
+        ((400, float("nan"), 10), "range"),
     ],
 )
-def test_bad_grids_name_the_remedy(args: tuple[float, float, float], part: str) -> None:
-    with pytest.raises(SpectrumError, match=part):
+def test_bad_grids_name_the_remedy(args: tuple[float, float, float], code: str) -> None:
+    with raises(SpectrumError, code):
         SpectralGrid(*args)
 
 
@@ -76,7 +77,7 @@ def test_half_covered_end_bands_average_the_covered_half() -> None:
 
 
 def test_an_uncovered_centre_names_the_missing_range() -> None:
-    with pytest.raises(SpectrumError, match=r"400-420 nm and 690-700 nm missing"):
+    with raises(SpectrumError, "range"):
         DEFAULT_GRID.band_means([420, 690], [1, 1])
 
 
@@ -90,31 +91,31 @@ def test_spectrum_is_a_read_only_copy() -> None:
 
 
 @pytest.mark.parametrize(
-    ("w", "v", "part"),
+    ("w", "v", "code"),
     [
-        ([400, 500], [1, 2, 3], "equal lengths"),
-        ([400], [1], "at least 2"),
-        ([400, 400], [1, 1], "increase strictly"),
-        ([500, 400], [1, 1], "500 nm is followed by 400 nm"),
-        ([400, 500], [1, float("nan")], "value number 2 is nan"),
-        ([400, 500], ["a", "b"], "not numbers"),
+        ([400, 500], [1, 2, 3], "shape"),
+        ([400], [1], "shape"),
+        ([400, 400], [1, 1], "range"),
+        ([500, 400], [1, 1], "range"),
+        ([400, 500], [1, float("nan")], "range"),
+        ([400, 500], ["a", "b"], "type"),
     ],
 )
-def test_bad_spectra_say_what_is_wrong(w: list[float], v: list[float], part: str) -> None:
-    with pytest.raises(SpectrumError, match=part):
+def test_bad_spectra_say_what_is_wrong(w: list[float], v: list[float], code: str) -> None:
+    with raises(SpectrumError, code):
         Spectrum(np.array(w), np.array(v), "probe")
 
 
 def test_grid_of_a_spectrum_is_found_and_irregular_ones_are_refused() -> None:
     assert Spectrum(np.arange(400.0, 701, 5), np.ones(61)).grid == SpectralGrid(400, 700, 5)
-    with pytest.raises(SpectrumError, match="not equidistant"):
+    with raises(SpectrumError, "conflict"):
         _ = Spectrum(np.array([400.0, 410, 430]), np.ones(3)).grid
 
 
 def test_sums_need_the_same_wavelengths() -> None:
     a = Spectrum(np.array([400.0, 500]), np.array([1.0, 2.0]), "a")
     assert (2 * a + a).values.tolist() == [3.0, 6.0]
-    with pytest.raises(SpectrumError, match="put both on one grid"):
+    with raises(SpectrumError, "conflict"):
         a + Spectrum(np.array([400.0, 510]), np.ones(2), "b")
 
 
@@ -144,32 +145,32 @@ def test_csv_tolerates_headers_comments_and_separators(tmp_path: Path, text: str
 
 
 @pytest.mark.parametrize(
-    ("text", "part"),
+    ("text", "code"),
     [
-        ("nm,value\n400,1\nx,2\n", "line 3"),
-        ("400,1,7\n500,2\n", "line 2: 2 cells, but 3 in line 1"),
-        ("400,1,7\n500,2,7\n", r"2 columns of values \(1, 2\); choose one: bad.csv#1"),
-        ("400\n500\n", "line 1: one column, expected nm,value"),
-        ("400,2,1\n500,2,7\n600,,7\n", "line 3: .600,,7. is not a row"),
-        ("nm;value\n400;0,5\n500;0,6\n", "decimal points, not commas"),
-        ("400,1 W\n500,2\n600,2\n", "line 1: '400,1 W' is not a row of numbers"),
-        ("0.4,1\n0.7,1\n", "micrometres"),
-        ("400,1\n", "1 rows of numbers"),
-        ("", "0 rows of numbers"),
-        ("500,1\n400,1\n", "increase strictly"),
-        ("400,1\n500,nan\n", "not finite"),
+        ("nm,value\n400,1\nx,2\n", "syntax"),
+        ("400,1,7\n500,2\n", "shape"),
+        ("400,1,7\n500,2,7\n", "missing"),
+        ("400\n500\n", "missing"),
+        ("400,2,1\n500,2,7\n600,,7\n", "syntax"),
+        ("nm;value\n400;0,5\n500;0,6\n", "syntax"),
+        ("400,1 W\n500,2\n600,2\n", "syntax"),
+        ("0.4,1\n0.7,1\n", "range"),
+        ("400,1\n", "missing"),
+        ("", "missing"),
+        ("500,1\n400,1\n", "range"),
+        ("400,1\n500,nan\n", "range"),
     ],
 )
-def test_bad_csv_names_file_and_fault(tmp_path: Path, text: str, part: str) -> None:
+def test_bad_csv_names_file_and_fault(tmp_path: Path, text: str, code: str) -> None:
     path = tmp_path / "bad.csv"
     path.write_text(text)
-    with pytest.raises(SpectrumError, match=r"bad\.csv.*" + part):
+    with raises(SpectrumError, code):
         read_spectrum(path)
 
 
 def test_missing_and_binary_csv_are_one_line_errors(tmp_path: Path) -> None:
-    with pytest.raises(SpectrumError, match="no such file"):
+    with raises(SpectrumError, "not-found"):
         read_spectrum(tmp_path / "absent.csv")
     (tmp_path / "binary.csv").write_bytes(bytes(range(128, 256)))
-    with pytest.raises(SpectrumError, match="cannot be read"):
+    with raises(SpectrumError, "damaged"):
         read_spectrum(tmp_path / "binary.csv")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.support.errors import raises
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra import SpectralGrid, SpectralImage, light, read_spectrum, reflectance
 
@@ -123,18 +124,18 @@ def test_addresses_choose_the_mean_a_pixel_or_a_box(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("selector", "part"),
+    ("selector", "code"),
     [
-        ("#3,0", r"chart\.exr: box \(3, 0, 4, 1\) is not inside the image of 3 x 2"),
-        ("#-1,0", "not inside"),
-        ("#1,1,1,2", "not inside"),
-        ("#1", r"write chart\.exr#X,Y or chart\.exr#X0,Y0,X1,Y1"),
-        ("#a,b", "write"),
+        ("#3,0", "range"),
+        ("#-1,0", "range"),
+        ("#1,1,1,2", "range"),
+        ("#1", "syntax"),
+        ("#a,b", "syntax"),
     ],
 )
-def test_bad_boxes_name_the_size_or_the_form(tmp_path: Path, selector: str, part: str) -> None:
+def test_bad_boxes_name_the_size_or_the_form(tmp_path: Path, selector: str, code: str) -> None:
     SpectralImage(ramp(), W, "reflective").save(tmp_path / "chart.exr")
-    with pytest.raises(SpectrumError, match=part):
+    with raises(SpectrumError, code):
         read_spectrum(f"{tmp_path / 'chart.exr'}{selector}")
 
 
@@ -144,9 +145,9 @@ def test_images_stand_for_lights_and_reflectances_by_kind(tmp_path: Path) -> Non
     assert reflectance("paint.exr#0,0", folder=tmp_path).designed
     mix = light("sky.exr#1,1*0.5+E*0.5", folder=tmp_path)
     assert mix.name == "sky.exr#1,1*0.5+E*0.5"
-    with pytest.raises(SpectrumError, match=r"paint\.exr: holds no emissive .*use it as a refl"):
+    with raises(SpectrumError, "missing"):
         light("paint.exr", folder=tmp_path)
-    with pytest.raises(SpectrumError, match=r"sky\.exr: holds no reflective .*use it as a light"):
+    with raises(SpectrumError, "missing"):
         reflectance("sky.exr", folder=tmp_path)
 
 
@@ -157,51 +158,51 @@ def test_every_pixel_is_resampled_like_a_single_spectrum() -> None:
     assert (on.values.shape, on.notes) == ((2, 3, 31), image.notes)
     expected = image.mean((2, 1, 3, 2)).on(grid).values
     assert on.values[1, 2] == pytest.approx(expected, rel=1e-6)
-    with pytest.raises(SpectrumError, match="360-380 nm and 780-830 nm missing"):
+    with raises(SpectrumError, "range"):
         image.on(SpectralGrid(360, 830, 1))
 
 
 def test_damaged_and_foreign_files_are_one_clear_line(tmp_path: Path) -> None:
     rgb = write_exr(tmp_path / "rgb.exr", {"R": 1.0, "G": 1.0, "B": 1.0})
-    with pytest.raises(SpectrumError, match=r"rgb\.exr: holds no spectral channels"):
+    with raises(SpectrumError, "missing"):
         SpectralImage.load(rgb)
     (tmp_path / "text.exr").write_text("no image")
-    with pytest.raises(SpectrumError, match=r"text\.exr: not a readable OpenEXR file"):
+    with raises(SpectrumError, "damaged"):
         SpectralImage.load(tmp_path / "text.exr")
     SpectralImage(np.ones((64, 64, 9)), np.arange(400.0, 409), "reflective").save(
         tmp_path / "cut.exr"
     )
     whole = (tmp_path / "cut.exr").read_bytes()
     (tmp_path / "cut.exr").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(SpectrumError, match=r"cut\.exr: "):
+    with raises(SpectrumError, "damaged"):
         SpectralImage.load(tmp_path / "cut.exr")
     one = write_exr(tmp_path / "one.exr", {"T.550nm": 0.5})
-    with pytest.raises(SpectrumError, match=r"one\.exr: .*one wavelength; at least 2 are needed"):
+    with raises(SpectrumError, "shape"):
         SpectralImage.load(one)
     twice = write_exr(tmp_path / "twice.exr", {"T.550nm": 0.5, "T.0,55um": 0.5})
-    with pytest.raises(SpectrumError, match=r"twice\.exr: .*remove duplicates"):
+    with raises(SpectrumError, "range"):
         SpectralImage.load(twice)
 
 
 def test_only_exr_names_are_written(tmp_path: Path) -> None:
-    with pytest.raises(SpectrumError, match=r"name it \.exr"):
+    with raises(SpectrumError, "unsupported"):
         SpectralImage(ramp(), W, "reflective").save(tmp_path / "a.tif")
 
 
 @pytest.mark.parametrize(
-    ("values", "w", "kind", "part"),
+    ("values", "w", "kind", "code"),
     [
-        (np.ones((2, 3)), W, "reflective", "expected"),
-        (np.ones((2, 3, 4)), W, "reflective", "expected"),
-        (np.ones((0, 3, 3)), W, "reflective", "expected"),
-        (np.ones((2, 3, 3)), W[::-1], "reflective", "increase strictly"),
-        (np.ones((2, 3, 3)), W, "absorbing", "choose reflective or emissive"),
-        (np.where(np.arange(18) == 13, np.nan, 1).reshape(2, 3, 3), W, "emissive", r"\(1, 1\)"),
-        ([[["x"]]], W, "emissive", "not arrays of numbers"),
+        (np.ones((2, 3)), W, "reflective", "shape"),
+        (np.ones((2, 3, 4)), W, "reflective", "shape"),
+        (np.ones((0, 3, 3)), W, "reflective", "shape"),
+        (np.ones((2, 3, 3)), W[::-1], "reflective", "range"),
+        (np.ones((2, 3, 3)), W, "absorbing", "unknown"),
+        (np.where(np.arange(18) == 13, np.nan, 1).reshape(2, 3, 3), W, "emissive", "range"),
+        ([[["x"]]], W, "emissive", "type"),
     ],
 )
-def test_bad_images_say_what_is_wrong(values: Any, w: Any, kind: Any, part: str) -> None:
-    with pytest.raises(SpectrumError, match=part):
+def test_bad_images_say_what_is_wrong(values: Any, w: Any, kind: Any, code: str) -> None:
+    with raises(SpectrumError, code):
         SpectralImage(values, w, kind)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.errors import raises
 from volspec.errors import SpectrumError
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, light, light_names, light_set
 from volspec.spectra.lamps import (
@@ -116,24 +117,23 @@ def test_lumens_per_watt_of_radiation():
 
 
 @pytest.mark.parametrize(
-    ("call", "part"),
+    ("call", "code"),
     [
-        (lambda: light("lamp:halogen-3301"), "did you mean 'lamp:halogen-3300'"),
-        (lambda: light("lamp:"), "known: lamp:north-sky-7500"),
-        (lambda: light("lamp:candle*0.5+D65"), "'lamp:candle' in the mix"),
-        (lambda: light("lamp:candle-1900*-1"), "weight of lamp:candle-1900 is -1"),
-        (lambda: lamp("candel-1900"), "did you mean 'candle-1900'"),
-        (lambda: flux_lm("candle-1900", 40.0), "no lumens per watt for candle flame"),
-        (lambda: flux_lm("halogen-3300", 40.0), "no lumens per watt"),
-        (lambda: flux_lm("halogen-3000", 0.0), "power_W is 0"),
-        (lambda: lamp_illuminance_lux("halogen-3000", 50.0, 0.0), "distance_m is 0"),
-        (lambda: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 0.0), "beam_deg is 0"),
-        (lambda: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 361.0), "beam_deg is 361"),
-        (lambda: monochromatic_lm(1.0, 300.0), "within 360-830 nm"),
-        (lambda: irradiance(light("D65"), 0.0), "illuminance is 0"),
+        (lambda: light("lamp:halogen-3301"), "unknown"),
+        (lambda: light("lamp:"), "unknown"),
+        (lambda: light("lamp:candle*0.5+D65"), "unknown"),
+        (lambda: light("lamp:candle-1900*-1"), "range"),
+        (lambda: lamp("candel-1900"), "unknown"),
+        (lambda: flux_lm("candle-1900", 40.0), "missing"),
+        (lambda: flux_lm("halogen-3300", 40.0), "missing"),
+        (lambda: flux_lm("halogen-3000", 0.0), "range"),
+        (lambda: lamp_illuminance_lux("halogen-3000", 50.0, 0.0), "range"),
+        (lambda: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 0.0), "range"),
+        (lambda: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 361.0), "range"),
+        (lambda: monochromatic_lm(1.0, 300.0), "range"),
+        (lambda: irradiance(light("D65"), 0.0), "range"),
     ],
 )
-def test_bad_lamps_are_one_clear_line(call, part):
-    with pytest.raises(SpectrumError, match=part) as caught:
+def test_bad_lamps_are_one_clear_line(call, code):
+    with raises(SpectrumError, code):
         call()
-    assert "\n" not in str(caught.value)

@@ -8,6 +8,7 @@ import colour
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.errors import SpectrumError
 from volspec.spectra import (
     DEFAULT_GRID,
@@ -38,7 +39,7 @@ def test_equal_energy_matching_functions_have_equal_areas() -> None:
 
 
 def test_matching_functions_refuse_a_grid_outside_their_table() -> None:
-    with pytest.raises(SpectrumError, match="360-830 nm"):
+    with raises(SpectrumError, "range"):
         colour_matching_functions(SpectralGrid(300, 830, 10))
 
 
@@ -83,7 +84,7 @@ def test_every_named_light_has_the_flat_lights_luminous_energy() -> None:
 
 
 def test_a_light_that_ends_in_the_visible_is_refused() -> None:
-    with pytest.raises(SpectrumError, match=r"Sensitometric Printer.*560-700 nm missing"):
+    with raises(SpectrumError, "range", "light 'ISO 7589 Sensitometric Printer'"):
         light("ISO 7589 Sensitometric Printer")
 
 
@@ -93,7 +94,7 @@ def test_what_is_listed_loads_and_what_is_not_listed_does_not() -> None:
     for name in light_names():
         assert light(name).values.min() >= 0.0, name
     for name in known - set(light_names()):
-        with pytest.raises(SpectrumError, match=r"cover|missing"):
+        with raises(SpectrumError, "range", "light 'ISO 7589 Sensitometric Printer'"):
             light(name)
 
 
@@ -129,25 +130,24 @@ def test_extreme_planck_lights_stay_finite(kelvin: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "part"),
+    ("text", "code"),
     [
-        ("D66", "did you mean .*D65"),
-        ("D65*0.7+Q", "'Q' in the mix"),
-        ("A*-1", "weight of A is -1"),
-        ("A*nan", "weight of A is nan"),
-        ("A*0+E*0", "every weight is 0"),
-        ("planck:499", "outside 500-100000 K"),
-        ("planck:nan", "outside 500-100000 K"),
-        ("planck:warm", "not a temperature"),
-        ("daylight:3999", "outside 4000-25000 K"),
-        ("", "empty name"),
-        ("absent.csv", "no such file"),
+        ("D66", "unknown"),
+        ("D65*0.7+Q", "unknown"),
+        ("A*-1", "range"),
+        ("A*nan", "range"),
+        ("A*0+E*0", "range"),
+        ("planck:499", "range"),
+        ("planck:nan", "range"),
+        ("planck:warm", "syntax"),
+        ("daylight:3999", "range"),
+        ("", "missing"),
+        ("absent.csv", "not-found"),
     ],
 )
-def test_bad_lights_are_one_clear_line(text: str, part: str) -> None:
-    with pytest.raises(SpectrumError, match=part) as caught:
+def test_bad_lights_are_one_clear_line(text: str, code: str) -> None:
+    with raises(SpectrumError, code):
         light(text)
-    assert "\n" not in str(caught.value)
 
 
 def test_light_files_are_scaled_like_names_and_mix_with_them(tmp_path: Path) -> None:
@@ -157,19 +157,17 @@ def test_light_files_are_scaled_like_names_and_mix_with_them(tmp_path: Path) -> 
     assert light(f"{path}*0.5+E*0.5").values == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(
-    ("level", "part"), [("0", "no luminous energy"), ("-1", "negative"), ("nan", "not finite")]
-)
-def test_dark_or_negative_light_files_are_refused(tmp_path: Path, level: str, part: str) -> None:
+@pytest.mark.parametrize(("level", "code"), [("0", "conflict"), ("-1", "range"), ("nan", "range")])
+def test_dark_or_negative_light_files_are_refused(tmp_path: Path, level: str, code: str) -> None:
     path = tmp_path / "lamp.csv"
     path.write_text("".join(f"{w},{level}\n" for w in range(380, 781, 5)))
-    with pytest.raises(SpectrumError, match=part):
+    with raises(SpectrumError, code):
         light(str(path))
 
 
 def test_light_sets_have_the_sizes_of_method_section_2() -> None:
     assert (len(light_set("smooth")), len(light_set("spiky"))) == (26, 89)
-    with pytest.raises(SpectrumError, match="choose smooth or spiky"):
+    with raises(SpectrumError, "unknown"):
         light_set("all")
 
 
@@ -179,7 +177,7 @@ def test_reflectance_sets_have_the_sizes_of_method_section_2() -> None:
     assert len(reflectance_set_names("test")) == 84
     assert reflectance_set("natural").shape == (170, 31)
     assert reflectance_set("patches").shape == (175, 31)
-    with pytest.raises(SpectrumError, match="choose training, test, natural"):
+    with raises(SpectrumError, "unknown"):
         reflectance_set("all")
 
 
@@ -221,31 +219,31 @@ def test_metals_reflect_as_published() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "part"),
+    ("text", "code"),
     [
-        ("golden", "did you mean .*'gold'"),
-        ("dark skin", "ColorChecker/dark skin"),
-        ("grey:1.5", r"not in 0\.\.1"),
-        ("grey:x", "grey:0.18"),
-        ("absent.csv", "no such file"),
+        ("golden", "unknown"),
+        ("dark skin", "unknown"),
+        ("grey:1.5", "range"),
+        ("grey:x", "range"),
+        ("absent.csv", "not-found"),
     ],
 )
-def test_bad_reflectances_are_one_clear_line(text: str, part: str) -> None:
-    with pytest.raises(SpectrumError, match=part):
+def test_bad_reflectances_are_one_clear_line(text: str, code: str) -> None:
+    with raises(SpectrumError, code):
         reflectance(text)
 
 
 def test_per_cent_reflectance_files_are_told_so(tmp_path: Path) -> None:
     path = tmp_path / "paint.csv"
     path.write_text("".join(f"{w},50\n" for w in range(400, 701, 10)))
-    with pytest.raises(SpectrumError, match="per cent"):
+    with raises(SpectrumError, "range"):
         reflectance(str(path))
 
 
 def test_arrays_of_another_grid_are_refused() -> None:
-    with pytest.raises(SpectrumError, match=r"expected \(\.\.\., 31\)"):
+    with raises(SpectrumError, "shape"):
         XYZ_from_spectra(light("D65"), np.ones(30))
-    with pytest.raises(SpectrumError, match="no luminous energy"):
+    with raises(SpectrumError, "conflict"):
         white_XYZ(Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark"))
 
 

@@ -1,4 +1,4 @@
-"""What every basis does the same way: colours of channels, its report, its file.
+"""Base class of bases: colours of channels, report, file; and checks of its data.
 
     [base] -> SpectralBasis, MaterialBasis
 
@@ -49,19 +49,19 @@ class StoredBasis(ABC):
 
     @abstractmethod
     def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[Any]:
-        """(3, m) what takes a picture's channels to XYZ under a light, Y = 100 for white."""
+        """Return the (3, m) matrix from channels to XYZ under a light, Y = 100 for white."""
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """Everything as JSON types, with a format version; numbers keep every digit."""
+        """Return JSON types with a format version; numbers keep every digit."""
 
     @classmethod
     @abstractmethod
     def from_dict(cls, data: dict[str, Any]) -> Self:
-        """The inverse of `to_dict`."""
+        """Invert `to_dict`."""
 
     def xyz(self, coefficients: ArrayLike, light: Spectrum) -> NDArray[Any]:
-        """Colour of reflectance coefficients under a light, componentwise.
+        """Return the colour of reflectance coefficients under a light, componentwise.
 
         Parameters
         ----------
@@ -79,7 +79,7 @@ class StoredBasis(ABC):
         BasisError
             If the last axis is not m, or holds anything but finite numbers.
         SpectrumError
-            If the light cannot be seen by or does not cover the grid.
+            If the light is invisible or does not cover the grid.
         """
         return require_channels(self, coefficients) @ self.colour_matrix(light).T
 
@@ -88,10 +88,9 @@ class StoredBasis(ABC):
         lights: Sequence[Spectrum] | None = None,
         reflectances: Sequence[Spectrum] | ArrayLike | None = None,
     ) -> BasisReport:
-        """CIEDE2000 against full spectra; see `volspec.basis.report.basis_report`.
+        """Return CIEDE2000 against full spectra; see `volspec.basis.report.basis_report`.
 
-        By default under the 26 smooth lights, of the 84 held-out samples or, where channels are
-        materials, of these.
+        Defaults: the 26 smooth lights on the 84 held-out samples, or on the basis' materials.
 
         Examples
         --------
@@ -120,12 +119,12 @@ class StoredBasis(ABC):
 
     @classmethod
     def load(cls, name_or_path: str | os.PathLike[str]) -> Self:
-        """A shipped basis by name (``"general-7"``), or a file written by `save`.
+        """Load a shipped basis by name (``"general-7"``), or a file written by `save`.
 
         Raises
         ------
         BasisError
-            Names the file and what is wrong with it; an unknown name lists the shipped ones.
+            If the name is unknown, or the file is missing or damaged.
 
         Examples
         --------
@@ -139,7 +138,7 @@ class StoredBasis(ABC):
 Array = NDArray[np.float64]
 
 ROUND_TRIP_TOLERANCE = 1e-5
-"""Channels lose this much on the way to a spectrum and back: rounding, where B is large."""
+"""Largest loss of channels to a spectrum and back: rounding if B is large."""
 _WHITE_TOLERANCE = 1e-6
 # Controls, halves of characters, and breaks of lines.
 _UNPRINTABLE = ("Cc", "Cs", "Zl", "Zp")
@@ -147,34 +146,24 @@ _UNPRINTABLE = ("Cc", "Cs", "Zl", "Zp")
 
 @contextmanager
 def basis_errors(label: str = "") -> Iterator[None]:
-    """What is wrong with a spectrum inside is wrong with the basis that is made of it."""
+    """Turn a SpectrumError inside into a BasisError."""
     try:
         yield
     except SpectrumError as error:
-        raise BasisError(f"{label}: {error}" if label else str(error)) from None
+        raise error.within(label, BasisError) from None
 
 
 def require_text(value: Any, what: str) -> str:
-    """A name or a note: text without control characters.
-
-    Raises
-    ------
-    BasisError
-    """
+    """Return a text, or raise BasisError if it is none or has control characters."""
     if not isinstance(value, str):
         raise BasisError.refused(what, value, "expected text", "type")
     if any(unicodedata.category(character) in _UNPRINTABLE for character in value):
-        raise BasisError.refused(what, value, "leave out its control characters")
+        raise BasisError.refused(what, value, "leave out its control characters", "syntax")
     return value
 
 
 def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> int:
-    """Check both; the observer as a plain int.
-
-    Raises
-    ------
-    BasisError
-    """
+    """Check both, or raise BasisError; return the observer as a plain int."""
     if not isinstance(grid, SpectralGrid):
         raise BasisError.refused(
             f"{label}: grid",
@@ -188,13 +177,12 @@ def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> int:
 
 
 def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
-    """A, B and D by field name: read-only float64 copies that fit together.
+    """Return A, B and D by field name: read-only float64 copies that fit together.
 
     Raises
     ------
     BasisError
-        If shapes do not fit, a value is not finite, flat white is not kept, or the synthesis
-        is not the analysis' own.
+        If shapes do not fit, a value is not finite, flat white changes, or A B is not I.
     """
     label = f"basis {basis.name!r}"
     found: dict[str, Array] = {}
@@ -202,9 +190,9 @@ def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
         try:
             array = real_array(getattr(basis, field), field)
         except SpectrumError:
-            raise BasisError(f"{label}: {field} is not an array of numbers") from None
+            raise BasisError(f"{label}: {field} is not an array of numbers", code="type") from None
         if array.ndim != 2 or not np.isfinite(array).all():
-            raise BasisError(f"{label}: {field} is not a matrix of finite numbers")
+            raise BasisError(f"{label}: {field} is not a matrix of finite numbers", code="range")
         array.flags.writeable = False
         found[field] = array
     m, N = found["analysis"].shape[0], basis.grid.size
@@ -212,54 +200,51 @@ def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
         shape = found[field].shape
         if shape != expected or m < 1:
             raise BasisError(
-                f"{label}: {field} has shape {shape}, expected {expected} on {basis.grid}"
+                f"{label}: {field} has shape {shape}, expected {expected} on {basis.grid}",
+                code="shape",
             )
     off = float(np.abs(found["analysis"].sum(1) - 1).max())
     if off > _WHITE_TOLERANCE:
         raise BasisError(
             f"{label}: flat white does not analyse to ones (a row sums to 1 +- {off:.2g}); "
-            "scale the channels by A 1"
+            "scale the channels by A 1",
+            code="damaged",
         )
     loss = round_trip_loss(found["analysis"], found["synthesis"])
     if loss > ROUND_TRIP_TOLERANCE:
         raise BasisError(
             f"{label}: analysis and synthesis do not belong together (A B differs from the "
-            f"identity by {loss:.2g}); were the numbers edited? Fit the basis again"
+            f"identity by {loss:.2g}); were the numbers edited? Fit the basis again",
+            code="damaged",
         )
     return found
 
 
 def round_trip_loss(A: Array, B: Array) -> float:
-    """How far A B is from the identity."""
+    """Return the largest difference of A B from the identity."""
     return float(np.abs(A @ B - np.eye(len(A))).max())
 
 
 def require_channels(basis: StoredBasis, coefficients: ArrayLike) -> Array:
-    """(..., m) float64 coefficients of a basis.
-
-    Raises
-    ------
-    BasisError
-        If they are not finite numbers, or their last axis is not the basis' m.
-    """
+    """Return (..., m) float64 coefficients; raise BasisError if not finite or of another m."""
     with basis_errors():
         c = real_array(coefficients, "coefficients")
     if c.ndim == 0 or c.shape[-1] != basis.size:
         raise BasisError(
             f"coefficients have shape {c.shape}, basis {basis.name!r} has {basis.size} channels; "
-            "were they made with another basis?"
+            "were they made with another basis?",
+            code="shape",
         )
     if not np.isfinite(c).all():
-        raise BasisError("coefficients hold NaN or infinite values; leave those pixels out")
+        raise BasisError(
+            "coefficients hold NaN or infinite values; leave those pixels out", code="range"
+        )
     return c
 
 
 def require_materials(given: Any, label: str) -> None:
-    """Refuse what is not a mapping of names to something.
-
-    Raises
-    ------
-    BasisError
-    """
+    """Raise BasisError unless this is a mapping with an entry."""
     if not isinstance(given, Mapping) or not given:
-        raise BasisError(f"{label}: no materials in {given!r:.40}; give {{name: reflectance}}")
+        raise BasisError(
+            f"{label}: no materials in {given!r:.40}; give {{name: reflectance}}", code="missing"
+        )

@@ -1,40 +1,39 @@
-"""A basis in one picture: its sensors, its errors light by light, its worst colours.
+"""Figure of a basis: its sensors, its errors light by light, its worst colours.
 
-basis, error table -> [figure] -> PNG, PDF, SVG
+    basis, error table -> [figure] -> PNG, PDF, SVG
 
-Lines keep to colours that the colour-blind can tell apart, and to shapes besides. matplotlib is
-imported late and draws on a canvas of its own: no window, no global state.
+Lines differ in shape, and in colours that are distinct to the colour-blind.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._figures import (
+    DPI,
     FAINT,
     HAIR,
     INK,
-    PAPER,
     inch_axes,
+    new_figure,
     shorten,
     spread_apart,
     style_axes,
     write,
+    write_figure,
 )
-from volspec._files import write_whole
 from volspec.appearance import constants as k
 from volspec.appearance import srgb
 from volspec.appearance.models.cielab import XYZ_from_cielab, cielab
 from volspec.appearance.wavelengths import spectrum_colours
 from volspec.basis.materials import MaterialBasis
 from volspec.basis.report import RGB_PRODUCT, WAYS, BasisReport, WorstPair, own_way
-from volspec.basis.report_table import class_heading, number
+from volspec.basis.report_table import class_heading, format_delta_e
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 
@@ -47,7 +46,6 @@ if TYPE_CHECKING:
     from volspec.basis.report_table import ErrorTable
 
 WIDTH_IN = 10.0
-DPI = 160
 _MARGIN = 0.42
 _CAPTION_LINE = 0.165
 _DEFAULT_NM = (DEFAULT_GRID.start_nm, DEFAULT_GRID.stop_nm, DEFAULT_GRID.step_nm)
@@ -60,22 +58,17 @@ def basis_figure(basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> Fi
     ----------
     basis : SpectralBasis or MaterialBasis
     errors : ErrorTable
-        Its own.
+        The basis' errors.
 
     Returns
     -------
     matplotlib.figure.Figure
-        On an Agg canvas; ``savefig`` writes it.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     caption = _CAPTION_LINE * (len(errors.classes) + 1) + 0.2
     strip = caption + 0.13
     plots = strip + (STRIP_IN if _has_colours(errors) else 0.0) + 0.84
     height = plots + 2.5 + 1.06
-    figure = Figure(figsize=(WIDTH_IN, height), dpi=DPI, facecolor=PAPER)
-    FigureCanvasAgg(figure)
+    figure = new_figure(WIDTH_IN, height)
     _draw_title(figure, basis, errors)
     draw_spectra(inch_axes(figure, 0.62, plots, 3.98 - name_width(basis), 2.5), basis)
     draw_errors(inch_axes(figure, 5.32, plots, WIDTH_IN - 5.32 - _MARGIN, 2.5), errors)
@@ -88,14 +81,12 @@ def basis_figure(basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> Fi
 def save_figure(
     basis: SpectralBasis | MaterialBasis, errors: ErrorTable, path: str | os.PathLike[str]
 ) -> None:
-    """Write `basis_figure` as the kind of file that the name says; whole or not at all."""
-    kind = Path(path).suffix.lstrip(".").lower()
-    with write_whole(path) as temporary:
-        basis_figure(basis, errors).savefig(temporary, format=kind, dpi=DPI)
+    """Write `basis_figure` in the format of the file's suffix; whole or not at all."""
+    write_figure(basis_figure(basis, errors), path)
 
 
 def _has_colours(errors: ErrorTable) -> bool:
-    """Whether any colour is off, so that there are worst ones to show."""
+    """Return True if any colour is off, so that there are worst ones to show."""
     return errors.worst.delta_e > NOTHING
 
 
@@ -121,7 +112,7 @@ def _draw_title(figure: Figure, basis: SpectralBasis | MaterialBasis, errors: Er
 
 
 def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
-    """A small table: one line a class, one column a way of making the colour."""
+    """Draw a small table: one line a class, one column a mode."""
     chained = all(report.products for report in errors.classes.values())
     ways = ("componentwise", compared_way(errors), RGB_PRODUCT)
     columns = [WAYS[way] for way in ways]
@@ -148,16 +139,16 @@ def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
 
 def _four(summary: ErrorSummary) -> str:
     values = (summary.mean, summary.median, summary.p95, summary.max)
-    shown = (f"{v:.3f}" if v < 0.001 else number(v) for v in values)
+    shown = (f"{v:.3f}" if v < 0.001 else format_delta_e(v) for v in values)
     return " / ".join(text.removeprefix("0") for text in shown)
 
 
-# Okabe and Ito's blue, vermilion and green: told apart by the colour-blind.
+# Okabe and Ito's blue, vermilion and green: distinct to the colour-blind.
 _BLUE, _VERMILION, _GREEN = "#0072b2", "#d55e00", "#009e73"
 _FLOORS = (1e-4, 1e-2)
 _MOST_NAMED = 9
 NOTHING = 1e-6
-"""A CIEDE2000 that is rounding."""
+"""Rounding of CIEDE2000."""
 _STYLES: dict[str, dict[str, Any]] = {
     RGB_PRODUCT: {"marker": "^", "markersize": 3.4, "color": _VERMILION, "zorder": 3,
                   "markeredgewidth": 0},
@@ -171,7 +162,7 @@ _STYLES: dict[str, dict[str, Any]] = {
 
 
 def draw_errors(axes: Axes, errors: ErrorTable) -> None:
-    """Every light's mean error, sorted within its class; a hair rises to its largest."""
+    """Draw every light's mean error, sorted in its class; a hair rises to its largest."""
     ways = (RGB_PRODUCT, compared_way(errors), "componentwise")
     means = {
         name: {way: report.pairs.delta_e[way].mean(axis=1) for way in ways}
@@ -220,12 +211,12 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
 
 
 def compared_way(errors: ErrorTable) -> str:
-    """Which picture by matrix stands beside the one by components."""
+    """Return the matrix mode that is compared with componentwise."""
     return "linear-model" if own_way(errors.method) == "linear-model" else "exact"
 
 
 def _name_lights(axes: Axes, named: list[tuple[float, str]]) -> None:
-    """Slanted names under the axis, with hairs up to the lights they belong to."""
+    """Write slanted names under the axis, with hairs up to their lights."""
     at = np.array([x for x, _ in named])
     places = spread_apart(at, 0.062, 0.03, 0.99)
     below = axes.get_xaxis_transform()
@@ -249,11 +240,11 @@ _GREY, _ON_GREY, _QUIET = "#777777", "white", "#e4e4e4"
 _MOST = 9
 _GAP = 0.14
 STRIP_IN = 1.92
-"""Height of the strip."""
+"""Height of the strip of swatches."""
 
 
 def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
-    """The worst reflectance under each of the worst lights, class by class, on neutral grey.
+    """Draw the worst reflectance under each of the worst lights, by class, on neutral grey.
 
     The upper left half is the colour of the full spectra, the lower right half the channels'.
     Axes are in inches.
@@ -289,7 +280,11 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
             across, along = (left, left, left + size, left + size), (low, top, top, low)
             axes.fill(across, along, color=pair.sRGB_shown, linewidth=0)
             axes.fill(across[:3], along[:3], color=pair.sRGB, linewidth=0)
-            lines = (pair.reflectance, f"under {pair.light}", f"ΔE00 {number(pair.delta_e)}")
+            lines = (
+                pair.reflectance,
+                f"under {pair.light}",
+                f"ΔE00 {format_delta_e(pair.delta_e)}",
+            )
             for row, line in enumerate(lines):
                 weight = "bold" if row == 2 else "normal"
                 text = write(axes, left, low - 0.1 - 0.128 * row, line, fontsize=6.4, va="center",
@@ -300,7 +295,7 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
 
 
 def share_out(places: int, wanted: list[int]) -> list[int]:
-    """As many places for each as it wants, no one more than one ahead of who still wants."""
+    """Distribute places evenly: none gets two more than another that still wants one."""
     given = [0] * len(wanted)
     while sum(given) < places and given != wanted:
         least = min(g for g, w in zip(given, wanted, strict=True) if g < w)
@@ -313,7 +308,7 @@ def share_out(places: int, wanted: list[int]) -> list[int]:
 
 
 def worst_pairs(report: BasisReport, count: int, way: str = "componentwise") -> list[WorstPair]:
-    """The worst pairs, each of another light, and of another reflectance while there are some."""
+    """Return the worst pairs, of different lights and, if possible, reflectances."""
     delta_e = report.pairs.delta_e[way]
     found: list[tuple[int, int]] = []
     for once in (True, False):
@@ -331,18 +326,18 @@ Array = NDArray[np.float64]
 
 _LINE_LIGHTNESS = (30.0, 58.0)
 _WIDEST_NAME = 1.1
-# More curves than this cannot be followed in one plot; each gets its own line, most with names.
+# More curves than this become ridges, a line each; so many get names.
 _MOST_CURVES = 10
 _MOST_RIDGE_NAMES = 30
-# How many numbers fit across and along the plot.
+# Numbers that fit across and along the plot.
 _ACROSS, _ALONG = 28.0, 16.0
-# Colours nearer than this in CIELAB are told apart by strokes.
+# Colours nearer than this in CIELAB get different strokes.
 _ALIKE = 14.0
 _STROKES = ("-", (0, (4.0, 1.2)), (0, (1.2, 1.0)), (0, (6.0, 1.2, 1.2, 1.2)))
 
 
 def draw_spectra(axes: Axes, basis: SpectralBasis | MaterialBasis) -> None:
-    """Sensors, basis vectors or reflectances over the basis' grid, in colours they stand for."""
+    """Draw sensors, basis vectors or reflectances over the grid, in their colours."""
     from matplotlib.ticker import MultipleLocator
 
     grid = basis.grid
@@ -367,14 +362,14 @@ def draw_spectra(axes: Axes, basis: SpectralBasis | MaterialBasis) -> None:
 
 
 def name_width(basis: SpectralBasis | MaterialBasis) -> float:
-    """Inches that the names of materials take beside their curves."""
+    """Return the width of the names of materials next to their curves, inches."""
     if not isinstance(basis, MaterialBasis):
         return 0.0
     return min(0.062 * max(map(len, basis.materials)) + 0.05, _WIDEST_NAME)
 
 
 def line_colour(curve: Array, grid: SpectralGrid) -> tuple[float, float, float]:
-    """sRGB of what a curve passes of flat light, light or dark enough for a line on white."""
+    """Return sRGB of flat light filtered by a curve, light or dark enough for a line."""
     Q = colour_matching_functions(grid)
     XYZ = Q @ np.maximum(curve, 0.0)
     white = Q.sum(1)
@@ -389,7 +384,7 @@ def line_colour(curve: Array, grid: SpectralGrid) -> tuple[float, float, float]:
 
 
 def _draw_sensors(axes: Axes, curves: Array, grid: SpectralGrid) -> None:
-    """Curves from below zero to their peaks, numbered."""
+    """Draw curves from below zero to their peaks, numbered."""
     low, high = min(float(curves.min()), 0.0), float(curves.max())
     room = 0.1 * (high - low)
     axes.set(ylim=(low - (room if low < 0 else 0), high + room), yticks=[0])
@@ -399,13 +394,13 @@ def _draw_sensors(axes: Axes, curves: Array, grid: SpectralGrid) -> None:
 
 
 def _draw_reflectances(axes: Axes, curves: Array, labels: list[str], grid: SpectralGrid) -> None:
-    """Curves from zero to one, named at their ends."""
+    """Draw curves from zero to one, named at their ends."""
     axes.set_ylim(0, max(1.0, 1.05 * float(curves.max())))
     _name_ends(axes, curves[:, -1], labels, _draw_curves(axes, curves, grid))
 
 
 def _draw_ridges(axes: Axes, curves: Array, labels: list[str], grid: SpectralGrid) -> None:
-    """Each curve on a line of its own, filled, and named at the line."""
+    """Draw each curve on a line of its own, filled and named."""
     K = len(curves)
     axes.set(ylim=(K + 0.15, 0), yticks=[])
     every = -(-K // _MOST_RIDGE_NAMES)
@@ -421,7 +416,7 @@ def _draw_ridges(axes: Axes, curves: Array, labels: list[str], grid: SpectralGri
 
 
 def _draw_curves(axes: Axes, curves: Array, grid: SpectralGrid) -> list[Any]:
-    """Curves in their colours, which are given back."""
+    """Draw curves in their colours, and return these."""
     colours = [line_colour(curve, grid) for curve in curves]
     axes.axhline(0, color=FAINT, linewidth=0.6, zorder=1)
     for curve, colour, stroke in zip(curves, colours, _strokes(colours), strict=True):
@@ -431,7 +426,7 @@ def _draw_curves(axes: Axes, curves: Array, grid: SpectralGrid) -> list[Any]:
 
 
 def _strokes(colours: list[tuple[float, float, float]]) -> list[Any]:
-    """Solid, or another stroke for a colour much like one before."""
+    """Return a stroke for each colour: solid, or another if similar to a previous one."""
     linear = srgb.decode(np.array(colours))
     Lab = cielab(linear @ k.XYZ_FROM_sRGB.T, k.DISPLAY_WHITE_XYZ)
     kinds: list[int] = []
@@ -445,7 +440,7 @@ def _strokes(colours: list[tuple[float, float, float]]) -> list[Any]:
 def _number_peaks(
     axes: Axes, w: Array, curves: Array, labels: list[str], colours: list[Any]
 ) -> None:
-    """Each curve's number near its peak, where no other curve or number is in the way."""
+    """Write each curve's number near its peak, clear of other curves and numbers."""
     bottom, top = axes.get_ylim()
     scale = np.array([(w[-1] - w[0]) / _ACROSS, (top - bottom) / _ALONG])
     placed: list[Array] = []
@@ -467,7 +462,7 @@ def _number_peaks(
 
 
 def _name_ends(axes: Axes, ends: Array, labels: list[str], colours: list[Any]) -> None:
-    """Names beside the curves' right ends, pushed apart, hairs where they had to move."""
+    """Write names at the curves' right ends, spread apart, with hairs."""
     bottom, top = axes.get_ylim()
     share = (ends - bottom) / (top - bottom)
     frame = axes.transAxes
@@ -480,7 +475,7 @@ def _name_ends(axes: Axes, ends: Array, labels: list[str], colours: list[Any]) -
 
 
 def _draw_spectrum(axes: Axes, grid: SpectralGrid) -> None:
-    """The colours of the wavelengths, as a strip under the axis."""
+    """Draw the colours of the wavelengths as a strip under the axis."""
     strip = axes.inset_axes((0.0, -0.048, 1.0, 0.035))
     nm = np.linspace(grid.start_nm, grid.stop_nm, 600)
     strip.imshow(spectrum_colours(nm)[None], aspect="auto")

@@ -1,4 +1,4 @@
-"""A basis that was fitted before, to the same spectra by the same code, is read, not fitted again.
+"""Cache of fitted bases, keyed by the training spectra, the options and the code.
 
 lights, reflectances -> [fit_cache] -> scene
 """
@@ -18,7 +18,7 @@ from volspec._cache import cached_arrays
 from volspec.basis.model import SpectralBasis
 from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
 
-# What the outcome of a fit hangs on, besides what is fitted.
+# Source files that determine a fit's result.
 _SOURCES = (
     *("basis/fit/*.py", "basis/model.py", "basis/base.py", "appearance/models/cielab.py"),
     *("spectra/spectrum.py", "spectra/grid.py"),
@@ -40,9 +40,9 @@ def fit_cached(
     name: str,
     trained_on: str,
 ) -> SpectralBasis:
-    """As `SpectralBasis.fit`, which documents the arguments; kept in the user's cache folder.
+    """Fit a basis, or read it from the user's cache folder; arguments as of `SpectralBasis.fit`.
 
-    For what is fitted again and again, as a scene's basis is whenever the scene is opened.
+    A scene's basis would otherwise be fitted whenever the scene is opened.
     """
 
     def fit() -> dict[str, NDArray[np.float64]]:
@@ -81,7 +81,7 @@ def fit_cached(
 
 @cache
 def _code() -> str:
-    """Changes with what fits: this package's sources, NumPy."""
+    """Return a hash of the fit's sources and of NumPy's version."""
     root = Path(__file__).resolve().parent.parent
     files = sorted(file for each in _SOURCES for file in root.glob(each))
     digest = hashlib.sha256(f"{__version__} {np.__version__}".encode())

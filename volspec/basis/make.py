@@ -19,8 +19,8 @@ from volspec.spectra.lights import light_set
 from volspec.spectra.reflectances import reflectance_set
 
 SIZES = (5, 7, 9)
-# All spiky lights together count this much against the smooth ones: enough to quarter their
-# error, little enough that smooth lights stay far below what an eye can tell apart.
+# Weight of all spiky lights together against the smooth ones: enough to quarter their error,
+# little enough that the errors of smooth lights stay invisible.
 SPIKY_SHARE = 0.03
 # Sensors held positive have several minima.
 _POSITIVE_RESTARTS = 8
@@ -46,7 +46,7 @@ def fit_library(
     Parameters
     ----------
     size, method, positive, observer_deg
-        As `SpectralBasis.fit`.
+        See `SpectralBasis.fit`.
     lights : {"smooth", "all"}, optional
         The smooth lights, or the spiky ones too, which ``virtual-sensors`` sees at a small
         weight. By default smooth for the methods of principal components, else all.
@@ -54,7 +54,7 @@ def fit_library(
     Raises
     ------
     BasisError
-        As `SpectralBasis.fit`, or if there are no such lights.
+        See `SpectralBasis.fit`; or if ``lights`` is unknown.
     """
     if lights not in (None, "smooth", "all"):
         raise BasisError(f"lights {lights!r:.40} are unknown; choose smooth or all", code="unknown")
@@ -63,16 +63,16 @@ def fit_library(
     options: dict[str, Any] = {}
     if sensors:
         options["restarts"] = _POSITIVE_RESTARTS if positive else 0
-    said = f"{len(smooth)} smooth"
+    trained_on_lights = f"{len(smooth)} smooth"
     if lights == "smooth" or (lights is None and method in ("pca", "pca-sharpened")):
         spiky = []
-        said += " lights"
+        trained_on_lights += " lights"
     elif sensors:
         shares = [1.0 / len(smooth), SPIKY_SHARE / len(spiky)]
         options["light_weights"] = np.repeat(shares, [len(smooth), len(spiky)])
-        said += f" lights and, weighted {SPIKY_SHARE:g}, {len(spiky)} spiky lights"
+        trained_on_lights += f" lights and, weighted {SPIKY_SHARE:g}, {len(spiky)} spiky lights"
     else:
-        said += f" and {len(spiky)} spiky lights"
+        trained_on_lights += f" and {len(spiky)} spiky lights"
     return SpectralBasis.fit(
         smooth + spiky,
         reflectance_set("training"),
@@ -80,7 +80,7 @@ def fit_library(
         method=method,
         positive=positive,
         observer_deg=observer_deg,
-        trained_on=f"{said}; {_REFLECTANCES}",
+        trained_on=f"{trained_on_lights}; {_REFLECTANCES}",
         **options,
     )
 

@@ -2,10 +2,10 @@
 
     materials -> [materials] -> transfer function, raycast, relight
 
-Where opacity is achromatic, a ray gathers only *how much* of each material it met. These
-abundances are the channels; under a light the display matrix holds the XYZ of every material.
-Nothing is projected, so that the colours are those of the full spectra; another reflectance
-changes the matrix and not the picture, so that no new cast is needed.
+With achromatic opacity a ray accumulates *how much* of each material it met. These weights are
+the channels; under a light the display matrix contains the XYZ of every material. Nothing is
+projected: the colours are those of the full spectra, and another reflectance changes the matrix,
+not the picture, so that no new cast is needed.
 
 References
 ----------
@@ -51,18 +51,18 @@ class MaterialBasis(StoredBasis):
     Parameters
     ----------
     materials : {name: Spectrum}
-        Reflectances by the names that the transfer function uses; put on the grid.
+        Reflectances by the names of the transfer function; resampled to the grid.
     name : str
     grid : SpectralGrid
         N bands.
     observer_deg : 2 or 10
-        Whose colour-matching functions.
+        Standard observer.
 
     Raises
     ------
     BasisError
-        If there is no material, a reflectance is none (`reflectance_values`) or does not cover
-        the grid, the observer is unknown, or a name is no text.
+        If there is no material, a reflectance is impossible (`reflectance_values`) or does not
+        cover the grid, the observer is unknown, or a name is no text.
 
     Examples
     --------
@@ -88,7 +88,7 @@ class MaterialBasis(StoredBasis):
             *((m, "name of a material") for m in self.materials),
         ]:
             if not require_text(name, f"material basis: {what}"):
-                raise BasisError(f"material basis: {what} is empty; give one")
+                raise BasisError(f"material basis: {what} is empty; give one", code="missing")
         observer_deg = require_grid_and_observer(self.grid, self.observer_deg, "material basis")
         object.__setattr__(self, "observer_deg", observer_deg)
         rows = {name: self._resample(name, s) for name, s in self.materials.items()}
@@ -104,7 +104,7 @@ class MaterialBasis(StoredBasis):
 
     @property
     def trained_on(self) -> str:
-        """Its materials, in words."""
+        """Names of the materials."""
         return ", ".join(self.materials)
 
     @property
@@ -118,7 +118,7 @@ class MaterialBasis(StoredBasis):
         return np.eye(self.size)[-1]
 
     def channels_for_materials(self, materials: Mapping[str, Spectrum]) -> Array:
-        """(L, K + 1) channels of some of the basis' own materials, by name.
+        """Return (L, K + 1) channels of some of the basis' own materials, by name.
 
         Raises
         ------
@@ -137,16 +137,17 @@ class MaterialBasis(StoredBasis):
             if not np.allclose(self._resample(name, spectrum).values, self.materials[name].values):
                 raise BasisError(
                     f"material {name!r} has another reflectance in the basis; make both of the "
-                    "same, and change it afterwards by Relighter.set_reflectances"
+                    "same, and change it afterwards by Relighter.set_reflectances",
+                    code="conflict",
                 )
         return np.eye(self.size)[[own.index(name) for name in materials]]
 
     def synthesise(self, coefficients: ArrayLike) -> Array:
-        """(..., K + 1) channels to (..., N) spectra: the mixture itself."""
+        """Convert (..., K + 1) channels to (..., N) spectra: the mixture itself."""
         return require_channels(self, coefficients) @ self._reflectances()
 
     def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> Array:
-        """(3, K + 1): the XYZ of every material and of white under a light; every mode is exact.
+        """Return (3, K + 1) XYZ of the materials and of white under a light; all modes are exact.
 
         Raises
         ------
@@ -161,21 +162,21 @@ class MaterialBasis(StoredBasis):
         return np.asarray((Q * E) @ self._reflectances().T * (100.0 / (Q[1] @ E)))
 
     def with_reflectances(self, changes: Mapping[str, Spectrum]) -> MaterialBasis:
-        """The same channels with other reflectances.
+        """Replace reflectances; the channels stay.
 
         Parameters
         ----------
         changes : {name: Spectrum}
-            Those that change.
+            New reflectances of some materials.
 
         Raises
         ------
         BasisError
-            If it is no mapping, a name is unknown, or a reflectance is none
+            If it is no mapping, a name is unknown, or a reflectance is impossible
             (`reflectance_values`) or does not cover the grid.
         """
         if not isinstance(changes, Mapping):
-            raise BasisError(f"with_reflectances: {changes!r:.40}; give {{name: reflectance}}")
+            raise BasisError.refused("changes", changes, "give {name: reflectance}", "type")
         for name in changes:
             if name not in self.materials:
                 raise BasisError(
@@ -186,28 +187,31 @@ class MaterialBasis(StoredBasis):
         return replace(self, materials={**self.materials, **changes})
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as JSON types, with a format version; numbers keep every digit."""
+        """Return JSON types with a format version; numbers keep every digit."""
         rows = {name: spectrum.values.tolist() for name, spectrum in self.materials.items()}
         return storage.to_dict(self, {"materials": rows})
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> MaterialBasis:
-        """The inverse of `to_dict`.
+        """Invert `to_dict`.
 
         Raises
         ------
         BasisError
             If it is not a basis of materials, of another version, a field is missing or wrong,
-            or the numbers are not those of its fingerprint.
+            or the numbers do not have its fingerprint.
         """
         names = ("name", "materials") if storage.is_material_basis(data) else ("name",)
         head = storage.head_from_dict(data, names)
         if not storage.is_material_basis(data):
             raise BasisError(
-                "it is no basis of materials; use volspec.load_basis or volspec.SpectralBasis"
+                "it is no basis of materials; use volspec.load_basis or volspec.SpectralBasis",
+                code="type",
             )
         if not isinstance(data["materials"], dict):
-            raise BasisError("material basis: field 'materials' is not a table of reflectances")
+            raise BasisError(
+                "material basis: field 'materials' is not a table of reflectances", code="type"
+            )
         w = head["grid"].wavelengths_nm
         with basis_errors("material basis"):
             rows = {
@@ -222,7 +226,7 @@ class MaterialBasis(StoredBasis):
     def fingerprint(self) -> str:
         """Short hash of the grid, the observer, the materials' names and the numbers.
 
-        Not of the basis' own name. Equal after save and load.
+        The basis' own name is left out. Equal after save and load.
         """
         digest = hashlib.sha256(f"{self.grid}, {self.observer_deg} degrees".encode())
         for name, spectrum in self.materials.items():
@@ -231,7 +235,7 @@ class MaterialBasis(StoredBasis):
         return digest.hexdigest()[:12]
 
     def _reflectances(self) -> Array:
-        """(K + 1, N): the materials, and white."""
+        """Return (K + 1, N): the materials, and white."""
         rows = [spectrum.values for spectrum in self.materials.values()]
         return np.array([*rows, np.ones(self.grid.size)])
 
@@ -249,11 +253,11 @@ class MaterialBasis(StoredBasis):
 
 
 Basis = SpectralBasis | MaterialBasis
-"""What a coefficient image's channels mean."""
+"""Either kind of basis, as in a coefficient image's header."""
 
 
 def basis_from_dict(data: Any) -> Basis:
-    """The inverse of either basis' ``to_dict``.
+    """Invert either basis' ``to_dict``.
 
     Raises
     ------
@@ -266,11 +270,11 @@ def basis_from_dict(data: Any) -> Basis:
 
 
 def load_basis(name_or_path: str | os.PathLike[str]) -> Basis:
-    """A shipped basis by name (``"general-7"``), or a file that ``save`` of either kind wrote.
+    """Load a shipped basis by name (``"general-7"``), or a file written by ``save``.
 
     Raises
     ------
     BasisError
-        Names the file and what is wrong with it; an unknown name lists the shipped ones.
+        If the name is unknown, or the file is missing or damaged.
     """
     return storage.load(name_or_path, basis_from_dict)

@@ -51,26 +51,26 @@ class SpectralBasis(StoredBasis):
     Parameters
     ----------
     name, method : str
-        What it is called and how it was made.
+        Name, and method of fitting.
     grid : SpectralGrid
         The N bands.
     analysis : (m, N) array
         A; its rows sum to 1.
     synthesis : (N, m) array
-        B, with A B = I. B 1 = 1 for ``virtual-sensors`` and ``reduced-rank``; for the
-        methods of principal components as near as white lies to the subspace.
+        B, with A B = I. B 1 = 1 for ``virtual-sensors`` and ``reduced-rank``; nearly so for
+        the methods of principal components.
     XYZ_from_channels : (3, m) array
         D; scaled so that the flat light of ones on a perfect diffuser has Y near 100.
     trained_on : str
         The lights and reflectances, in words.
     observer_deg : {2, 10}
-        Whose colours D gives: CIE 1931 2 degrees or CIE 1964 10 degrees.
+        Observer of D: CIE 1931 2 degrees or CIE 1964 10 degrees.
 
     Raises
     ------
     BasisError
-        If shapes do not fit, a value is not finite, flat white is not kept, A B is not the
-        identity, the observer is unknown, or a word is no text.
+        If shapes do not fit, a value is not finite, flat white changes, A B is not the
+        identity, the observer is unknown, or a name is no text.
     """
 
     name: str
@@ -109,12 +109,12 @@ class SpectralBasis(StoredBasis):
         return np.ones(self.size)
 
     def analyse(self, spectra: Spectra) -> NDArray[np.float64]:
-        """Channels of lights or reflectances.
+        """Return the channels of lights or reflectances.
 
         Parameters
         ----------
         spectra : Spectrum, list of Spectrum, or (..., N) array
-            Spectra are put on the basis' grid; arrays must already be on it.
+            Spectra are resampled to the basis' grid; arrays must be on it.
 
         Returns
         -------
@@ -129,7 +129,7 @@ class SpectralBasis(StoredBasis):
         return stack(spectra, self.grid) @ self.analysis.T
 
     def channels_for_materials(self, materials: Mapping[str, Spectrum]) -> NDArray[np.float64]:
-        """(K, m) channels of the materials of a transfer function, in the mapping's order.
+        """Return (K, m) channels of a transfer function's materials, in the mapping's order.
 
         Raises
         ------
@@ -142,11 +142,11 @@ class SpectralBasis(StoredBasis):
         return self.analyse(list(materials.values())).reshape(-1, self.size)
 
     def synthesise(self, coefficients: ArrayLike) -> NDArray[np.float64]:
-        """(..., m) channels to (..., N) spectra: the basis' best guess."""
+        """Convert (..., m) channels to (..., N) spectra: the basis' best guess."""
         return require_channels(self, coefficients) @ self.synthesis.T
 
     def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[np.float64]:
-        """What takes a picture's channels to XYZ under a light.
+        """Return the matrix from a picture's channels to XYZ under a light.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ class SpectralBasis(StoredBasis):
         BasisError
             If the mode is unknown.
         SpectrumError
-            As `display_matrix`.
+            See `display_matrix`.
         """
         display.require_mode(mode)
         if mode == "exact":
@@ -179,13 +179,13 @@ class SpectralBasis(StoredBasis):
         return display.display_matrix(self.XYZ_from_channels @ R, self.white, E, self._Q)
 
     def display_matrix(self, light: Spectrum) -> NDArray[np.float64]:
-        """K with XYZ = K (e * c), e = analyse(light), c the reflectance's channels.
+        """Return K with XYZ = K (e * c), e = analyse(light), c the reflectance's channels.
 
         K is D with each row scaled so that the light's white is exactly the XYZ of its full
-        spectrum. Where that would stretch a row beyond a factor of two (a light with little
-        X or Z), the row stops there and the rest is added in proportion to Y; a row below a
-        thousandth of Y is all in proportion to Y. K varies continuously with the light, but not
-        linearly: pictures under two lights add up to the one under both only nearly.
+        spectrum. Stretch stops at a factor of two (lights with little X or Z), and the rest is
+        added in proportion to Y; a row below a thousandth of Y follows Y entirely. K varies
+        continuously with the light, but not linearly: pictures under two lights add up to the
+        picture under both only approximately.
 
         Returns
         -------
@@ -201,11 +201,10 @@ class SpectralBasis(StoredBasis):
         return display.display_matrix(self.XYZ_from_channels, self.analysis @ E, E, self._Q)
 
     def light_matrix(self, light: Spectrum) -> NDArray[np.float64]:
-        """P_E = kappa Q diag(E) B: XYZ = P_E c with no factor model.
+        """Return P_E = kappa Q diag(E) B: XYZ = P_E c with no factor model.
 
-        Linear in the light's share where B 1 = 1, so that lights add. Elsewhere
-        (``pca``, ``pca-sharpened``) its rows are stretched as `display_matrix`'s are, so that
-        white is exact.
+        Linear in the light if B 1 = 1, so that lights add. With ``pca`` and ``pca-sharpened``
+        its rows are stretched as in `display_matrix`, so that white is exact.
 
         Returns
         -------
@@ -215,25 +214,25 @@ class SpectralBasis(StoredBasis):
         Raises
         ------
         SpectrumError
-            As `display_matrix`.
+            See `display_matrix`.
         """
         return display.light_matrix(self.synthesis, light_power(light, self.grid), self._Q)
 
     def illumination_matrix(self, light: Spectrum) -> NDArray[np.float64]:
-        """R(e): a reflectance's channels to the colour signal's, inside the subspace.
+        """Return R(e): a reflectance's channels to the colour signal's, inside the subspace.
 
-        R(e)_ij = sum_k A_i (B_j * B_k) e_k ([1] eq. 7, where A = B^+). Linear in the light;
-        diagonal where the componentwise product is exact.
+        R(e)_ij = sum_k A_i (B_j * B_k) e_k ([1] eq. 7, A = B^+). Linear in the light; diagonal
+        if the componentwise product is exact.
 
         Returns
         -------
         (m, m) float64
-            On the light's own scale, as `analyse`.
+            On the light's scale, see `analyse`.
 
         Raises
         ------
         SpectrumError
-            As `display_matrix`.
+            See `display_matrix`.
         """
         e = self.analysis @ light_power(light, self.grid)
         return display.illumination_matrix(self.analysis, self.synthesis, e)
@@ -267,17 +266,17 @@ class SpectralBasis(StoredBasis):
         method : {"virtual-sensors", "pca", "pca-sharpened", "reduced-rank"}
             See `volspec.basis.fit`.
         positive : bool
-            Keep A >= 0, so that reflectances have channels in 0..1 (``virtual-sensors``).
+            Constrain A >= 0, so that reflectances have channels in 0..1 (``virtual-sensors``).
         observer_deg : {2, 10}
-            Whose colours shall be right.
+            Observer of the colours.
         smoothness : float, optional
             Weight of the second-difference penalty on A's rows (``virtual-sensors``).
         restarts : int, optional
-            Perturbed starts tried besides the regular one; deterministic
+            Number of perturbed starts after the regular one; deterministic
             (``virtual-sensors``).
         light_weights, reflectance_weights : (J,) and (K,) array, optional
-            How much each light's and each reflectance's errors count, by use; above 0, of
-            any scale. Equally by default.
+            Weight of each light's and each reflectance's errors; above 0, of any scale.
+            Equal by default.
 
         Raises
         ------
@@ -318,9 +317,9 @@ class SpectralBasis(StoredBasis):
 
     @classmethod
     def bands(cls, grid: SpectralGrid = DEFAULT_GRID, observer_deg: int = 2) -> SpectralBasis:
-        """No reduction at all: every band is a channel, and every product exact.
+        """Return the basis without reduction: every band is a channel, and every product exact.
 
-        What other bases are measured against, where a picture can be cast with so many channels.
+        The reference for other bases, if a picture can be cast with so many channels.
 
         Examples
         --------
@@ -340,23 +339,24 @@ class SpectralBasis(StoredBasis):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as JSON types, with a format version; numbers keep every digit."""
+        """Return JSON types with a format version; numbers keep every digit."""
         matrices = ("analysis", "synthesis", "XYZ_from_channels")
         return storage.to_dict(self, {name: getattr(self, name).tolist() for name in matrices})
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> SpectralBasis:
-        """The inverse of `to_dict`.
+        """Invert `to_dict`.
 
         Raises
         ------
         BasisError
             If it is not a basis, of another version or kind, a field is missing or wrong, or
-            the numbers are not those of its fingerprint.
+            the numbers do not have its fingerprint.
         """
         if storage.is_material_basis(data):
             raise BasisError(
-                "it is a basis of materials; use volspec.load_basis or volspec.MaterialBasis"
+                "it is a basis of materials; use volspec.load_basis or volspec.MaterialBasis",
+                code="type",
             )
         names = ("name", "method", "trained_on", "analysis", "synthesis", "XYZ_from_channels")
         basis = cls(**storage.head_from_dict(data, names), **{name: data[name] for name in names})

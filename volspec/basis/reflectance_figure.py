@@ -1,6 +1,6 @@
-"""A constructed reflectance in one picture: the curve, what it was mixed from, its colours.
+"""Figure of a constructed reflectance: its curve, the mixed base spectra, its colours.
 
-    spectrum, base spectra -> [reflectance] -> PNG, PDF, SVG
+    spectrum, base spectra -> [reflectance_figure] -> PNG, PDF, SVG
 
 After figure 3b of Wang, Xu & Sun (2004).
 """
@@ -9,14 +9,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._figures import FAINT, INK, PAPER, inch_axes, shorten, style_axes, write
-from volspec._files import write_whole
+from volspec._figures import (
+    DPI,
+    FAINT,
+    INK,
+    inch_axes,
+    new_figure,
+    shorten,
+    style_axes,
+    write,
+    write_figure,
+)
 from volspec.appearance import srgb
 from volspec.basis.figure import line_colour
 from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
@@ -27,7 +35,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-WIDTH_IN, HEIGHT_IN, DPI = 6.4, 3.4, 160
+WIDTH_IN, HEIGHT_IN = 6.4, 3.4
 _LEFT, _BOTTOM, _PLOT_WIDE, _PLOT_TALL = 0.42, 0.5, 4.1, 2.4
 _SWATCH = 0.62
 
@@ -38,28 +46,23 @@ def reflectance_figure(
     lights: Sequence[Spectrum],
     observer_deg: int = 2,
 ) -> Figure:
-    """Draw a reflectance, the base spectra that it mixes, and its colour under lights.
+    """Draw a reflectance, its base spectra, and its colour under lights.
 
     Parameters
     ----------
     made : Spectrum
         N bands; its name is the title.
     parts : {name: (share, (N,) float64)}
-        Empty where it was not mixed.
+        Base spectra and weights; empty if it was not mixed.
     lights : list of Spectrum
-        On its grid. A swatch each, adapted to the light's white (Bradford).
+        Lights on its grid; a swatch each, adapted to the light's white (Bradford).
     observer_deg : {2, 10}
 
     Returns
     -------
     matplotlib.figure.Figure
-        On an Agg canvas.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), dpi=DPI, facecolor=PAPER)
-    FigureCanvasAgg(figure)
+    figure = new_figure(WIDTH_IN, HEIGHT_IN)
     how = made.notes.get("constructed", "")
     title = write(figure, _LEFT / WIDTH_IN, 1 - 0.3 / HEIGHT_IN, made.name, fontsize=12,
                   weight="bold", color=INK)  # fmt: skip
@@ -104,15 +107,12 @@ def save_reflectance_figure(
     path: str | os.PathLike[str],
     observer_deg: int = 2,
 ) -> None:
-    """Write `reflectance_figure` as the kind of file that the name says; whole or not at all."""
-    kind = Path(path).suffix.lstrip(".").lower()
-    with write_whole(path) as temporary:
-        drawn = reflectance_figure(made, parts, lights, observer_deg)
-        drawn.savefig(temporary, format=kind, dpi=DPI)
+    """Write `reflectance_figure` in the format of the file's suffix; whole or not at all."""
+    write_figure(reflectance_figure(made, parts, lights, observer_deg), path)
 
 
 def _shown(made: Spectrum, lamp: Spectrum, observer_deg: int) -> tuple[float, float, float]:
-    """Encoded sRGB of a surface under a light, to an eye adapted to it."""
+    """Return encoded sRGB of a surface under a light, adapted to its white."""
     to_linear = np.linalg.inv(XYZ_from_linear_sRGB(white_XYZ(lamp, observer_deg)))
     red, green, blue = srgb.encode(to_linear @ XYZ_from_spectra(lamp, made, observer_deg)).tolist()
     return red, green, blue

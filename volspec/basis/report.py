@@ -1,10 +1,10 @@
-"""How far the m-channel picture is from the full spectra, in CIEDE2000.
+"""CIEDE2000 of the m-channel picture against full spectra.
 
     basis, lights, reflectances -> [report] -> error table -> figure
 
-The reference is the XYZ of the full spectra, the white is the light. Every error is that of
-one reflectance, or one product of reflectances, under one light; 1 is about what an eye can just
-tell apart.
+Every error is of one reflectance, or one product of reflectances, under one light, which is the
+white; 1 is about a just noticeable difference. A product of surfaces results from interreflection
+and coloured absorption: light * S1 * S2 in full spectra, e * s1 * s2 in channels.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ Reflectances = Sequence[Spectrum] | ArrayLike
 Indices = NDArray[np.intp]
 
 RGB_PRODUCT = "rgb-product"
-"""The RGB renderer's way, beside the modes of a basis."""
+"""The RGB renderer's product, compared with the modes of a basis."""
 PRODUCTS = (2, 3)
-"""How many surfaces a ray may have met."""
+"""Numbers of surfaces that a ray may have met."""
 _MOST_PRODUCTS = 4000
 _SEED = 20090128
 
@@ -53,18 +53,18 @@ class PairErrors:
     Parameters
     ----------
     lights, reflectances : tuple of str
-        What they are called.
+        Names.
     delta_e : {way: (J, K) float64}
-        By the modes of ``colour_matrix`` and `RGB_PRODUCT`.
+        Errors by the modes of ``colour_matrix`` and `RGB_PRODUCT`.
     XYZ : (J, K, 3) float64
         The full spectra's colours, Y = 100 for white.
     shown_XYZ : {mode: (J, K, 3) float64}
         The channels' colours.
     white_XYZ : (J, 3) float64
-        Each light's, no component below what an eye sees.
+        The lights' whites, see `visible_white`.
     products, rgb_products : {2: (J, P), 3: (J, P)}
-        Of two and of three reflectances, componentwise and the RGB renderer's; empty where a
-        basis has no products.
+        Errors of two and of three reflectances, componentwise and the RGB renderer's; empty if
+        a basis has no products.
     """
 
     lights: tuple[str, ...]
@@ -95,20 +95,18 @@ def pair_errors(
     names: Sequence[str],
     chained: bool,
 ) -> PairErrors:
-    """Compare everything, light by light.
+    """Compare all modes with full spectra, light by light.
 
     Parameters
     ----------
     basis : SpectralBasis or MaterialBasis
     lights : list of Spectrum
-        On the basis' grid.
+        Lights on the basis' grid.
     reflectances : (K, N) float64
     channels : (K, m) float64
-        Theirs.
     names : list of str
-        Theirs.
     chained : bool
-        Whether channels multiply like spectra do, so that products have an error.
+        True if channels multiply as spectra do, so that products have an error.
     """
     chosen = {n: product_rows(len(reflectances), n) for n in PRODUCTS} if chained else {}
     spectra = {n: reflectances[rows].prod(axis=1) for n, rows in chosen.items()}
@@ -146,10 +144,10 @@ def pair_errors(
 
 
 def product_rows(count: int, factors: int) -> Indices:
-    """(P, factors) rows of ``count`` reflectances to multiply, in no order, repeats allowed.
+    """Return (P, factors) rows of ``count`` reflectances to multiply, repeats allowed.
 
-    All of two; all of three up to 4000, beyond that as many drawn at random, always the same.
-    Two are drawn as well once there are more than can be compared in a second.
+    All pairs, and up to 4000 triples; beyond, a fixed random sample (of pairs too if there are
+    more than can be compared in a second).
     """
     total = comb(count + factors - 1, factors)
     if total <= _MOST_PRODUCTS or (factors == 2 and count <= 150):
@@ -159,14 +157,14 @@ def product_rows(count: int, factors: int) -> Indices:
 
 
 def sharp_surfaces(reflectances: Array, grid: SpectralGrid, observer_deg: int) -> Array:
-    """(K, 3) Sharp-sensor responses of surfaces under the flat light, 1 for white."""
+    """Return (K, 3) Sharp-sensor responses of surfaces under the flat light, 1 for white."""
     Q = colour_matching_functions(grid, observer_deg)
     sharp = _sharp()
     return np.asarray(((reflectances @ Q.T) @ sharp.T) / (sharp @ Q.sum(1)))
 
 
 class _Reference:
-    """One light's full-spectrum colours, and distances from them."""
+    """Full-spectrum colours under one light, and distances from them."""
 
     def __init__(self, light: Spectrum, observer_deg: int) -> None:
         self._light, self._observer = light, observer_deg
@@ -177,7 +175,7 @@ class _Reference:
         return XYZ_from_spectra(self._light, reflectances, self._observer)
 
     def lit(self, surfaces: Array) -> Array:
-        """The RGB renderer's way: surface times light in Sharp sensors, back in XYZ."""
+        """Multiply surfaces by the light in Sharp sensors, as an RGB renderer; return XYZ."""
         sharp = _sharp()
         return np.asarray((surfaces * (sharp @ self._own_white)) @ np.linalg.inv(sharp).T)
 
@@ -186,12 +184,12 @@ class _Reference:
 
 
 def _sharp() -> Array:
-    """XYZ to the Sharp sensors of Finlayson and Suesstrunk (2000), the best of the usual here."""
+    """Return XYZ to the Sharp sensors of Finlayson and Suesstrunk (2000), the best of the usual."""
     return np.asarray(colour_science().CHROMATIC_ADAPTATION_TRANSFORMS["Sharp"])
 
 
 ADAPTATION = "CAT02, complete, to the display's D65"
-"""How colours under other lights are carried to the display, to be shown side by side."""
+"""Adaptation of colours under other lights to the display, for comparison side by side."""
 
 WAYS = {
     "componentwise": "componentwise",
@@ -199,13 +197,13 @@ WAYS = {
     "linear-model": "linear model",
     RGB_PRODUCT: "RGB product",
 }
-"""The ways of making a colour, in words: the modes of a basis, and the RGB renderer's."""
-# What a method is made for, where that is not light times surface by components.
+"""Names of the modes of a basis, and of the RGB renderer's product."""
+# Mode that a method is optimised for, if not componentwise.
 _MADE_FOR = {"pca": "linear-model", "reduced-rank": "exact"}
 
 
 def own_way(method: str) -> str:
-    """The mode that a method's bases are made for: a key of `WAYS`."""
+    """Return the mode that a method's bases are optimised for: a key of `WAYS`."""
     return _MADE_FOR.get(method, "componentwise")
 
 
@@ -238,10 +236,10 @@ class ProductErrors:
 
 @dataclass(frozen=True, slots=True)
 class WorstPair:
-    """A light and a reflectance far off: its true colour, and the one shown by the channels.
+    """Pair of a light and a reflectance with a large error: true colour, and the channels'.
 
     ``way`` is the mode of the channels' colour. XYZ have Y = 100 for white; the sRGB codes are
-    the same colours carried to the display (`ADAPTATION`).
+    the same colours adapted to the display (`ADAPTATION`).
     """
 
     light: str
@@ -257,7 +255,7 @@ class WorstPair:
     def at(
         cls, pairs: PairErrors, light: int, reflectance: int, way: str = "componentwise"
     ) -> WorstPair:
-        """One pair of many, shown one way: a mode of the basis."""
+        """Return one of many pairs in one mode of the basis."""
         true, shown = pairs.XYZ[light, reflectance], pairs.shown_XYZ[way][light, reflectance]
         codes = sRGB_codes(np.array([true, shown]), pairs.white_XYZ[light])
         sRGB, sRGB_shown = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in codes.tolist())
@@ -275,43 +273,43 @@ class WorstPair:
 
 @dataclass(frozen=True, slots=True)
 class BasisReport:
-    """The error table of a basis; ``str`` prints it."""
+    """Error table of a basis; ``str`` prints it."""
 
     basis: str
     size: int
     method: str
     trained_on: str
     errors: dict[str, ErrorSummary]
-    """By way of making a colour (`WAYS`)."""
+    """Keyed by `WAYS`."""
     products: dict[int, ProductErrors]
-    """By the number of surfaces, 2 and 3; empty where channels do not multiply (materials)."""
+    """Keyed by the number of surfaces, 2 and 3; empty if channels do not multiply (materials)."""
     worst: WorstPair
-    """Of the way that the basis' method is made for."""
+    """Worst pair in the mode that the method is optimised for."""
     pairs: PairErrors = field(repr=False, compare=False)
     """Every single error, for figures."""
 
     @property
     def componentwise(self) -> ErrorSummary:
-        """Light times surface, channel by channel."""
+        """Errors of light times surface, channel by channel."""
         return self.errors["componentwise"]
 
     @property
     def exact(self) -> ErrorSummary:
-        """By the light's matrix."""
+        """Errors of the light's matrix."""
         return self.errors["exact"]
 
     @property
     def linear_model(self) -> ErrorSummary:
-        """By the product of two spectra of the basis, measured again."""
+        """Errors of the analysed product of two spectra of the basis."""
         return self.errors["linear-model"]
 
     @property
     def rgb_product(self) -> ErrorSummary:
-        """The RGB renderer's: light times surface in three sharp sensors."""
+        """Errors of the RGB renderer: light times surface in three sharp sensors."""
         return self.errors[RGB_PRODUCT]
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types, without the single pairs."""
+        """Return JSON types, without the single pairs."""
         return {
             "basis": self.basis,
             "size": self.size,
@@ -349,7 +347,7 @@ def basis_report(
     reflectances: Reflectances | None = None,
     names: Sequence[str] | None = None,
 ) -> BasisReport:
-    """Compare the picture by components, by matrix and by RGB with the full spectra.
+    """Compare componentwise, matrix and RGB colours with full spectra.
 
     Parameters
     ----------
@@ -357,16 +355,16 @@ def basis_report(
     lights : list of Spectrum, optional
         Default: the 26 smooth lights.
     reflectances : list of Spectrum or (K, N) array, optional
-        Default: the 84 held-out samples of ``reflectance_set("test")``; a `MaterialBasis` knows
-        its own materials only.
+        Default: the 84 held-out samples of ``reflectance_set("test")``, or the materials of a
+        `MaterialBasis`, which has channels for no others.
     names : list of str, optional
-        What to call the reflectances; a list of Spectrum brings its own.
+        Names of the reflectances; by default those of the spectra.
 
     Raises
     ------
     BasisError
-        If a list is empty, the names do not match, or a basis of materials is given a
-        reflectance that is none of them.
+        If a list is empty, the names do not match, or a `MaterialBasis` is given a reflectance
+        of other materials.
     SpectrumError
         If a spectrum does not cover the basis' grid.
     """
@@ -375,7 +373,9 @@ def basis_report(
         reflectances, names = _own_samples(basis)
     S, names = _samples(reflectances, names, basis.grid)
     if not lights or not len(S):
-        raise BasisError("report: no lights or no reflectances given; nothing to compare")
+        raise BasisError(
+            "report: no lights or no reflectances given; nothing to compare", code="missing"
+        )
     chained = not isinstance(basis, MaterialBasis)
     pairs = pair_errors(basis, lights, S, _channels(basis, S, names), names, chained=chained)
     way = own_way(basis.method)
@@ -396,7 +396,7 @@ def basis_report(
 
 
 def sRGB_codes(XYZ: Array, white_XYZ: Array) -> NDArray[np.uint8]:
-    """(..., 3) sRGB codes of colours seen under a white, by `ADAPTATION`, clipped to the gamut."""
+    """Return (..., 3) sRGB codes of colours under a white, by `ADAPTATION`, clipped."""
     CAT02 = k.CAT02_FROM_XYZ
     # A nearly monochromatic white may have a response near 0: keep its gain finite.
     white = np.maximum(CAT02 @ white_XYZ, 1e-3 * white_XYZ[1])
@@ -408,7 +408,8 @@ def _lights(lights: Sequence[Spectrum], grid: SpectralGrid) -> list[Spectrum]:
     if not isinstance(lights, list | tuple) or not all(isinstance(s, Spectrum) for s in lights):
         raise BasisError(
             f"report: lights are {' '.join(repr(lights).split()):.60}; give a list of Spectrum, "
-            "such as [volspec.light('A')]"
+            "such as [volspec.light('A')]",
+            code="type",
         )
     return [light.on(grid) for light in lights]
 
@@ -416,7 +417,7 @@ def _lights(lights: Sequence[Spectrum], grid: SpectralGrid) -> list[Spectrum]:
 def _own_samples(
     basis: SpectralBasis | MaterialBasis,
 ) -> tuple[Reflectances, Sequence[str]]:
-    """What a basis is measured with when nothing is asked for, and what it is called."""
+    """Return the default reflectances for a basis, and their names."""
     if isinstance(basis, MaterialBasis):
         return list(basis.materials.values()), list(basis.materials)
     return reflectance_set("test", basis.grid), reflectance_set_names("test")
@@ -425,7 +426,7 @@ def _own_samples(
 def _samples(
     reflectances: Reflectances, names: Sequence[str] | None, grid: SpectralGrid
 ) -> tuple[Array, list[str]]:
-    """(K, N) values of reflectances, and a name for each."""
+    """Return (K, N) values of reflectances, and a name for each."""
     if isinstance(reflectances, Spectrum):
         reflectances = [reflectances]
     S = reflectance_values(reflectances, grid, "report: reflectances").reshape(-1, grid.size)
@@ -433,12 +434,14 @@ def _samples(
         names = [r.name if isinstance(r, Spectrum) else "" for r in reflectances]
     given = [""] * len(S) if names is None else list(names)
     if len(given) != len(S):
-        raise BasisError(f"report: {len(given)} names for {len(S)} reflectances; give one each")
+        raise BasisError(
+            f"report: {len(given)} names for {len(S)} reflectances; give one each", code="shape"
+        )
     return S, [name or f"reflectance {i}" for i, name in enumerate(given, start=1)]
 
 
 def _channels(basis: SpectralBasis | MaterialBasis, S: Array, names: Sequence[str]) -> Array:
-    """(K, m): measured by the basis, or looked up among its materials."""
+    """Return (K, m) channels: analysed by the basis, or looked up among its materials."""
     if not isinstance(basis, MaterialBasis):
         return np.asarray(basis.analyse(S))
     own = basis.materials
@@ -449,7 +452,8 @@ def _channels(basis: SpectralBasis | MaterialBasis, S: Array, names: Sequence[st
         if not match.size:
             raise BasisError(
                 f"report: {name} is none of the materials of basis {basis.name!r}, which holds "
-                f"{', '.join(own)}; it has no channels for others"
+                f"{', '.join(own)}; it has no channels for others",
+                code="unknown",
             )
         found.append(int(match[0]))
     return np.asarray(basis.channels_for_materials(own))[found]

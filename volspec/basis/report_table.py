@@ -1,6 +1,6 @@
-"""The error table of a basis over several classes of lights, for people and machines.
+"""Error table of a basis over several classes of lights: data, JSON, terminal.
 
-basis, {class: lights}, reflectances -> [table] -> terminal, JSON, figure
+basis, {class: lights}, reflectances -> [report_table] -> command line, figure
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     from volspec.basis.model import SpectralBasis
 
 CLASSES = ("smooth", "spiky")
-"""The classes of the library's lights."""
+"""Classes of the library's lights."""
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorTable:
-    """A basis' reports by class of lights.
+    """Reports of a basis by class of lights.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class ErrorTable:
     size, observer_deg : int
     grid_nm : (start, stop, step)
     measured_on : str
-        The reflectances, in words.
+        Description of the reflectances.
     classes : {name: BasisReport}
         ``smooth`` and ``spiky``, a scene's own as ``scene``.
     """
@@ -62,23 +62,23 @@ class ErrorTable:
 
     @property
     def worst_class(self) -> str:
-        """The class of the worst pair of all."""
+        """Class of the worst pair of all."""
         return max(self.classes, key=lambda name: self.classes[name].worst.delta_e)
 
     @property
     def worst(self) -> WorstPair:
-        """The worst pair of all classes."""
+        """Worst pair of all classes."""
         return self.classes[self.worst_class].worst
 
     @property
     def rgb_product(self) -> ErrorSummary:
-        """The RGB renderer's errors over all classes."""
+        """Errors of the RGB renderer over all classes."""
         return ErrorSummary.of(
             np.concatenate([r.pairs.rgb_product.ravel() for r in self.classes.values()])
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """What ``volspec basis --json`` prints."""
+        """Return JSON types, as ``volspec basis --json`` prints them."""
         return {
             "name": self.name,
             "method": self.method,
@@ -103,7 +103,7 @@ def error_table(
     names: Sequence[str] | None = None,
     *,
     measured_on: str = "",
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda fraction: None,
 ) -> ErrorTable:
     """Report on a basis class by class.
 
@@ -113,16 +113,16 @@ def error_table(
     classes : {name: list of Spectrum}, optional
         Default: the library's smooth and spiky lights.
     reflectances, names
-        As `volspec.basis.report.basis_report`.
+        See `volspec.basis.report.basis_report`.
     measured_on : str
-        The reflectances in words; default their number.
+        Description of the reflectances; by default their number.
     progress : callable
-        Called with the finished share, 0…1.
+        Called with the finished fraction, 0…1.
 
     Raises
     ------
     BasisError, SpectrumError
-        As `report`.
+        See `basis_report`.
 
     Examples
     --------
@@ -136,7 +136,7 @@ def error_table(
     if classes is None:
         classes = {name: light_set(name, basis.grid) for name in CLASSES}
     if not classes:
-        raise BasisError("report: no lights given; nothing to compare")
+        raise BasisError("report: no lights given; nothing to compare", code="missing")
     reports: dict[str, BasisReport] = {}
     total = sum(map(len, classes.values()))
     for name, lights in classes.items():
@@ -181,8 +181,8 @@ def _worst_dict(worst: WorstPair) -> dict[str, Any]:
 _SURFACES = {2: "two surfaces", 3: "three surfaces"}
 
 
-def number(delta_e: float) -> str:
-    """A CIEDE2000 to three figures, never in powers of ten."""
+def format_delta_e(delta_e: float) -> str:
+    """Format a CIEDE2000 to three figures, never in powers of ten."""
     if delta_e < 0.001:
         return "< .001" if delta_e > 1e-9 else "0"
     decimals = 3 if delta_e < 1 else 2 if delta_e < 10 else 1 if delta_e < 100 else 0
@@ -190,7 +190,7 @@ def number(delta_e: float) -> str:
 
 
 def terminal_table(errors: ErrorTable) -> Table:
-    """Classes of lights below each other, the RGB renderer beside the basis."""
+    """Return a table with a block for each class of lights; the RGB renderer in columns."""
     table = Table(box=None, pad_edge=False, header_style="", show_edge=False)
     table.add_column("ΔE00, the light as white", style="dim", header_style="dim", min_width=24)
     for heading in ("mean", "median", "95 %", "max"):
@@ -202,28 +202,30 @@ def terminal_table(errors: ErrorTable) -> Table:
             table.add_row()
         table.add_row(Text(class_heading(name, len(report.pairs.lights)), style="bold not dim"))
         for label, summary, rgb in _rows(report):
-            cells = [number(v) for v in (summary.mean, summary.median, summary.p95, summary.max)]
+            cells = [
+                format_delta_e(v) for v in (summary.mean, summary.median, summary.p95, summary.max)
+            ]
             if rgb:
-                cells += [number(rgb.mean), number(rgb.max)]
+                cells += [format_delta_e(rgb.mean), format_delta_e(rgb.max)]
             style = "bold" if label == WAYS[own_way(errors.method)] else ""
             table.add_row(f"  {label}", *(Text(cell, style=style) for cell in cells))
     return table
 
 
 def class_heading(name: str, count: int) -> str:
-    """A class of lights in words."""
+    """Return the heading of a class of lights."""
     owner = "the scene's lights" if name == "scene" else f"{name} lights"
     return f"{owner} ({count})"
 
 
 def worst_line(errors: ErrorTable, colours: bool) -> Text:
-    """The worst pair, its colours beside each other where the terminal has some."""
+    """Return the worst pair, with colour swatches if the terminal has colours."""
     worst = errors.worst
     text = Text("worst: ")
     text.append(worst.reflectance, style="bold")
     text.append(" under ")
     text.append(worst.light, style="bold")
-    text.append(f", ΔE00 {number(worst.delta_e)} ({WAYS[worst.way]})\n  full spectra ")
+    text.append(f", ΔE00 {format_delta_e(worst.delta_e)} ({WAYS[worst.way]})\n  full spectra ")
     _swatch(text, worst.sRGB, colours)
     text.append(f"   {errors.size} channels ")
     _swatch(text, worst.sRGB_shown, colours)
@@ -231,7 +233,7 @@ def worst_line(errors: ErrorTable, colours: bool) -> Text:
 
 
 def verdict(errors: ErrorTable) -> str:
-    """How the RGB renderer stands against the basis, in one sentence."""
+    """Return one sentence that compares the RGB renderer with the basis."""
     parts = []
     for name, report in errors.classes.items():
         ours = report.errors[own_way(errors.method)].mean

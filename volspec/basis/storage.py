@@ -31,7 +31,7 @@ _LONGEST_LABEL = 200
 
 
 def to_dict(basis: SpectralBasis | MaterialBasis, numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """JSON types; Python writes floats so that they read back to the last bit."""
+    """Convert to JSON types; Python writes floats that read back to the last bit."""
     grid = basis.grid
     words = {} if basis.method == MATERIALS else {"trained_on": basis.trained_on}
     return {
@@ -48,34 +48,28 @@ def to_dict(basis: SpectralBasis | MaterialBasis, numbers: Mapping[str, Any]) ->
 
 
 def is_material_basis(data: Any) -> bool:
-    """Whether a dictionary means to be a `MaterialBasis`."""
+    """Return True if a dictionary is of a `MaterialBasis`."""
     return isinstance(data, dict) and data.get("method") == MATERIALS
 
 
 def require_unedited(basis: SpectralBasis | MaterialBasis, data: Mapping[str, Any]) -> None:
-    """Refuse numbers that are not those the fingerprint was taken of.
-
-    Files had no fingerprint at first; those pass.
-
-    Raises
-    ------
-    BasisError
-    """
-    said = data.get("fingerprint", basis.fingerprint)
-    if said != basis.fingerprint:
+    """Raise BasisError if the fingerprint is of other numbers; the first files had none."""
+    stored = data.get("fingerprint", basis.fingerprint)
+    if stored != basis.fingerprint:
         raise BasisError(
             f"its numbers, grid and observer have the fingerprint {basis.fingerprint}, but it "
-            f"says {said!r:.40}: were the numbers edited? Fit it again"
+            f"says {stored!r:.40}: were the numbers edited? Fit it again",
+            code="damaged",
         )
 
 
 def head_from_dict(data: Any, names: Sequence[str]) -> dict[str, Any]:
-    """Grid and observer of a basis that has the named fields too.
+    """Return grid and observer of a basis, checked to have the named fields too.
 
     Returns
     -------
     {"grid": SpectralGrid, "observer_deg": object}
-        2 degrees where the file does not say: files had no such field at first.
+        2 degrees if the field is missing, as in the first files.
 
     Raises
     ------
@@ -83,32 +77,36 @@ def head_from_dict(data: Any, names: Sequence[str]) -> dict[str, Any]:
         If it is not a basis, of another version, or a field is missing.
     """
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise BasisError(f"not a spectral basis: field 'format' is not {FORMAT!r}")
+        raise BasisError(f"not a spectral basis: field 'format' is not {FORMAT!r}", code="type")
     version = data.get("version")
     if isinstance(version, bool) or version != FORMAT_VERSION:
         raise BasisError(
             f"spectral basis of version {version!r:.40}; this volspec reads version "
-            f"{FORMAT_VERSION}: fit it again, or use the volspec that wrote it"
+            f"{FORMAT_VERSION}: fit it again, or use the volspec that wrote it",
+            code="unsupported",
         )
     missing = [n for n in (*names, "grid_nm") if n not in data]
     if missing:
-        raise BasisError(f"spectral basis: field {missing[0]!r} is missing; fit it again")
+        raise BasisError(
+            f"spectral basis: field {missing[0]!r} is missing; fit it again", code="missing"
+        )
     try:
         start_nm, stop_nm, step_nm = (float(v) for v in data["grid_nm"])
     except (TypeError, ValueError, OverflowError):
         raise BasisError(
             f"spectral basis: field 'grid_nm' is {data['grid_nm']!r:.40}, "
-            "expected [start, stop, step]"
+            "expected [start, stop, step]",
+            code="type",
         ) from None
     try:
         grid = SpectralGrid(start_nm, stop_nm, step_nm)
     except SpectrumError as error:
-        raise BasisError(f"spectral basis: field 'grid_nm': {error}") from None
+        raise error.within("spectral basis: field 'grid_nm'", BasisError) from None
     return {"grid": grid, "observer_deg": data.get("observer_deg", 2)}
 
 
 def write(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
-    """One matrix row a line, so that two files can be compared.
+    """Write one matrix row a line, so that two files can be compared.
 
     Raises
     ------
@@ -118,14 +116,16 @@ def write(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
         If nothing can be written there.
     """
     if isinstance(path, str | os.PathLike) and Path(path).suffix.lower() != ".json":
-        raise BasisError(f"{os.fspath(path)!r:.80}: bases are JSON; name the file .json")
+        raise BasisError(
+            f"{os.fspath(path)!r:.80}: bases are JSON; name the file .json", code="unsupported"
+        )
     lines = (f"  {json.dumps(key)}: {_rows(value)}" for key, value in data.items())
     with write_whole(path) as temporary:
         temporary.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 def load(name_or_path: str | os.PathLike[str], from_dict: Callable[[Any], _Basis]) -> _Basis:
-    """A shipped basis by name, or a file; what is wrong with it is said of the file.
+    """Load a shipped basis by name, or a file; errors name the file.
 
     Raises
     ------
@@ -138,15 +138,15 @@ def load(name_or_path: str | os.PathLike[str], from_dict: Callable[[Any], _Basis
     try:
         return from_dict(data)
     except BasisError as error:
-        raise BasisError(f"{path}: {error}") from None
+        raise error.within(str(path)) from None
 
 
 def _path(name_or_path: str | os.PathLike[str]) -> Path:
-    """The file that a name or a path means."""
+    """Return the file of a name or a path."""
     if not isinstance(name_or_path, str | os.PathLike):
         raise BasisError(
             f"{name_or_path!r:.40} is neither the name of a basis nor the path of a .json file",
-            code="not-found",
+            code="type",
         )
     path = Path(name_or_path)
     if path.suffix.lower() == ".json" or path.name != str(name_or_path):
@@ -162,23 +162,23 @@ def _path(name_or_path: str | os.PathLike[str]) -> Path:
 
 
 def _json(path: Path) -> Any:
-    """What a file holds; a mark of byte order is none of it."""
+    """Parse a JSON file, with or without a byte order mark."""
     label = str(path) if len(str(path)) <= _LONGEST_LABEL else f"{str(path)[:_LONGEST_LABEL]}…"
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise BasisError(f"{label}: no such file; check the path", code="not-found") from None
     except IsADirectoryError:
-        raise BasisError(f"{label}: is a folder; give a .json file") from None
+        raise BasisError(f"{label}: is a folder; give a .json file", code="type") from None
     except OSError as error:
-        said = (error.strerror or str(error)).lower()
-        raise BasisError(f"{label}: cannot be read: {said}", code="damaged") from None
+        reason = (error.strerror or str(error)).lower()
+        raise BasisError(f"{label}: cannot be read: {reason}", code="damaged") from None
     except UnicodeDecodeError:
         raise BasisError(
             f"{label}: cannot be read as JSON: it is not UTF-8 text", code="damaged"
         ) from None
     except ValueError:
-        raise BasisError(f"{label!r} is no path; give a file name") from None
+        raise BasisError(f"{label!r} is no path; give a file name", code="syntax") from None
     try:
         return parse_json(text)
     except ValueError as error:
@@ -186,7 +186,7 @@ def _json(path: Path) -> Any:
 
 
 def shipped_names() -> list[str]:
-    """The bases that come with the package."""
+    """Return the names of the shipped bases."""
     return sorted(path.stem for path in asset("data/bases").glob("*.json"))
 
 

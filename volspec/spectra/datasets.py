@@ -1,9 +1,9 @@
-"""colour-science's tables of lights, reflectances and observers; kept on disk once they were read.
+"""Tables from colour-science: observers, illuminants, lamps, measured reflectances.
 
-    colour-science -> [datasets] -> observer, lights, samples
+    colour-science, grid -> [datasets] -> spectrum, photometry, lights, reflectances
 
-To import colour-science takes over a second; later runs read what was read from it in the user's
-cache folder (`volspec._cache`), in milliseconds.
+colour-science takes over a second to import; its tables are cached in the user's cache folder
+(`volspec._cache`), from which they are read in milliseconds.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ Table = tuple[NDArray[np.float64], NDArray[np.float64]]
 def observers() -> Mapping[str, Table]:
     """Colour-matching functions x, y, z by colour-science's name: values are (L, 3)."""
     names = ("CIE 1931 2 Degree Standard Observer", "CIE 1964 10 Degree Standard Observer")
-    return _cached("observers", lambda: _of(colour_science().MSDS_CMFS, names))
+    return _cached("observers", lambda: _tables(colour_science().MSDS_CMFS, names))
 
 
 @cache
 def illuminants() -> Mapping[str, Table]:
     """Illuminants of the CIE and ISO."""
-    return _cached("illuminants", lambda: _of(colour_science().SDS_ILLUMINANTS))
+    return _cached("illuminants", lambda: _tables(colour_science().SDS_ILLUMINANTS))
 
 
 @cache
 def light_sources() -> Mapping[str, Table]:
     """Measured lamps."""
-    return _cached("light-sources", lambda: _of(colour_science().SDS_LIGHT_SOURCES))
+    return _cached("light-sources", lambda: _tables(colour_science().SDS_LIGHT_SOURCES))
 
 
 @cache
@@ -52,7 +52,7 @@ def daylight_components() -> Mapping[str, Table]:
     """S0, S1 and S2, of which daylight of any temperature is a sum (CIE 15:2018, table T.2)."""
     return _cached(
         "daylight",
-        lambda: _of(colour_science().colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES),
+        lambda: _tables(colour_science().colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES),
     )
 
 
@@ -76,7 +76,7 @@ def _reflectances() -> dict[str, Table]:
         ("VS", samples.SDS_VS["NIST CQS 9.0"]),
         ("VS 7.4", samples.SDS_VS["NIST CQS 7.4"]),
     ):
-        for name, table in _of(group).items():
+        for name, table in _tables(group).items():
             # TCS01 and VS1 become TCS/1 and VS/1; charts keep their patches' names.
             short = name.removeprefix(space.split()[0]).lstrip("0") or name
             tables[f"{space}/{short}"] = table
@@ -90,20 +90,20 @@ def _reflectances() -> dict[str, Table]:
     return tables
 
 
-def _of(group: Mapping[str, Any], names: Iterable[str] | None = None) -> dict[str, Table]:
-    """The tables of colour-science's distributions."""
+def _tables(group: Mapping[str, Any], names: Iterable[str] | None = None) -> dict[str, Table]:
+    """Convert colour-science's distributions to tables."""
     return {name: (group[name].wavelengths, group[name].values) for name in names or group}
 
 
 def _cached(group: str, read: Callable[[], Mapping[str, Table]]) -> dict[str, Table]:
-    """Tables from the cache, or as read from colour-science."""
+    """Return tables from the cache, or read them from colour-science."""
     reader = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
     maker = f"colour-science {version('colour-science')}, reader {reader}"
     return _unpack(cached_arrays(f"spectra/{group}", maker, lambda: _pack(read())))
 
 
 def _pack(tables: Mapping[str, Table]) -> dict[str, NDArray[Any]]:
-    """Tables in few arrays, one after the other: an archive of hundreds is slow to read."""
+    """Concatenate tables to few arrays: an archive of hundreds is slow to read."""
     return {
         "names": np.array(list(tables)),
         "ends": np.cumsum([len(nm) for nm, _ in tables.values()]),
@@ -119,10 +119,9 @@ def _unpack(packed: Mapping[str, NDArray[Any]]) -> dict[str, Table]:
 
 @cache
 def colour_science() -> ModuleType:
-    """The ``colour`` module, without its side effects.
+    """Import ``colour`` late and without its side effects.
 
-    On import it warns of optional packages that are absent and switches NumPy's printing to
-    a legacy style; neither is the caller's business.
+    It warns of missing optional packages and switches NumPy's printing to a legacy style.
     """
     with warnings.catch_warnings(), np.printoptions():
         warnings.simplefilter("ignore")
@@ -139,7 +138,7 @@ _OBSERVERS = {
 # One grid in most programs; spectra that are measured or tried bring their own.
 @lru_cache(maxsize=64)
 def colour_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDArray[np.float64]:
-    """Colour-matching functions of a standard observer as band means.
+    """Return the colour-matching functions of a standard observer as band means.
 
     Parameters
     ----------
@@ -171,15 +170,9 @@ def colour_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDAr
 
 
 def check_observer(observer_deg: object) -> None:
-    """Refuse what is neither the 2 nor the 10 degree observer.
-
-    Raises
-    ------
-    SpectrumError
-    """
+    """Raise SpectrumError unless the observer is 2 or 10 degrees."""
     whole = isinstance(observer_deg, int | np.integer) and not isinstance(observer_deg, bool)
     if not whole or observer_deg not in (2, 10):
-        raise SpectrumError(
-            f"observer_deg {observer_deg!r} is unknown; use 2 (CIE 1931) or 10 (CIE 1964)",
-            code="unknown",
+        raise SpectrumError.refused(
+            "observer_deg", observer_deg, "use 2 (CIE 1931) or 10 (CIE 1964)", "unknown"
         )

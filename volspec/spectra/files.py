@@ -1,4 +1,4 @@
-"""Measured spectra from files of any format: text tables, IES TM-27, spectral OpenEXR images.
+"""Measured spectra from files: text tables, IES TM-27, spectral OpenEXR images, palettes.
 
     tables, spectral_image, palettes, photometry -> [files] -> lights, reflectances
 
@@ -38,12 +38,12 @@ from volspec.spectra.tables import (
 
 Address = str | os.PathLike[str]
 FILE_FORMS = "FILE.csv, FILE.csv#column, FILE.spdx, FILE.exr, PALETTE.toml#name"
-"""How messages show the forms of `read_spectrum`."""
+"""Address forms of `read_spectrum`, for messages."""
 
 _ADDRESS = re.compile(r"(.*?\.(csv|txt|tsv|spdx|xml|exr|toml))(?:#(.*))?", re.IGNORECASE)
-# A gap at the end of a table that needs no word: frequencies round to such wavelengths.
+# A gap at the end of a table that needs no warning: rounding of frequencies.
 _NOTHING_NM = 1e-3
-# What TM-27 calls the values, by what they can serve as; `relative` and `other` serve as both.
+# TM-27 quantities that each kind cannot be; `relative` and `other` serve as both.
 _REFUSED = {
     "emissive": ("reflectance", "transmittance", "absorptance", "r-factor", "t-factor"),
     "reflective": ("flux", "intensity", "irradiance", "radiance", "exitance", "absorptance"),
@@ -52,12 +52,12 @@ _ROLE = {"emissive": "light", "reflective": "reflectance"}
 
 
 def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
-    """Read one measured spectrum; what the file says of it goes into its notes.
+    """Read one measured spectrum; the file's metadata become its notes.
 
     Parameters
     ----------
     path : path
-        By suffix:
+        Its suffix decides the format:
 
         - ``.csv``, ``.txt``, ``.tsv``: rows of nm and values, separated by commas, semicolons,
           tabs or blanks, after at most one header line. ``# key: value`` lines are notes, other
@@ -70,14 +70,14 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
         - ``.toml``: a palette that ``volspec design`` wrote; ``PALETTE.toml#name`` is the values
           of its light or reflectance of that name, or number from 1.
     kind : "emissive" or "reflective", optional
-        What it is to serve as, a light or a reflectance. Files that say they are the other, in
-        TM-27's SpectralQuantity or the note ``spectral quantity``, are refused; of an image that
-        holds both, that one is taken.
+        Its use, as a light or a reflectance. Files declared to be the other, in TM-27's
+        SpectralQuantity or the note ``spectral quantity``, are refused; of an image with both,
+        this one is read.
 
     Returns
     -------
     Spectrum
-        As stored: nm, the file's own units.
+        Stored values: nm, the file's own units.
 
     Raises
     ------
@@ -90,7 +90,8 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     if address is None:
         raise SpectrumError(
             f"{os.fspath(path)}: the suffix says no format; use .csv, .txt, .tsv (text), "
-            ".spdx, .xml (IES TM-27), .exr (spectral image) or .toml (palette)"
+            ".spdx, .xml (IES TM-27), .exr (spectral image) or .toml (palette)",
+            code="unsupported",
         )
     file, selector = address
     suffix = Path(file).suffix.lower()
@@ -101,20 +102,21 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     if suffix not in (".spdx", ".xml"):
         spectrum = read_table(file).spectrum(selector)
     elif selector:
-        raise SpectrumError(f"{file}: holds one spectrum; leave out '#{selector}'")
+        raise SpectrumError(f"{file}: holds one spectrum; leave out '#{selector}'", code="unknown")
     else:
         spectrum = _tm27(file)
     quantity = spectrum.notes.get("spectral quantity", "")
     if kind and quantity.lower().removeprefix("spectral ") in _REFUSED[kind]:
         raise SpectrumError(
             f"{os.fspath(path)}: its spectral quantity is {quantity!r}, which is no "
-            f"{_ROLE[kind]}; give another file, or mend that field if it is wrong"
+            f"{_ROLE[kind]}; give another file, or mend that field if it is wrong",
+            code="type",
         )
     return spectrum
 
 
 def split_address(text: Address) -> tuple[str, str] | None:
-    """``FILE#selector`` as (FILE, selector), either may stand alone; None if no file is named."""
+    """Split ``FILE#selector`` into (FILE, selector or ""); None if no file is named."""
     match = _ADDRESS.fullmatch(path_text(text))
     return (match[1], (match[3] or "").strip()) if match else None
 
@@ -122,21 +124,21 @@ def split_address(text: Address) -> tuple[str, str] | None:
 def named_in_palette(
     address: tuple[str, str], role: str, folder: Address
 ) -> tuple[str, str] | None:
-    """What a palette's address stands for where it is no spectrum of the palette's own making.
+    """Return the name that a palette's address refers to, unless the palette has its values.
 
     Parameters
     ----------
     address : (FILE, selector)
-        As `split_address`.
+        See `split_address`.
     role : "light" or "reflectance"
     folder : path
-        What the file's relative name starts from.
+        Base of the file's relative name.
 
     Returns
     -------
     (name, folder) or None
-        Such as ``D65``, and what a file in it starts from. None for a spectrum with values, and
-        for any file that is no palette.
+        Such as ``D65``, and the base of a file in it. None for a spectrum with values, and for
+        any other kind of file.
 
     Raises
     ------
@@ -151,24 +153,24 @@ def named_in_palette(
 
 
 def rebase_address(text: str, folder: Path, to: Path) -> str:
-    """``FILE#selector`` as it reads from another folder; other names as they are."""
+    """Rewrite ``FILE#selector`` relative to another folder; other names stay."""
     if (address := split_address(text)) is None:
         return text
     return rebase_path(address[0], folder, to) + text[len(address[0]) :]
 
 
 def rebase_path(file: str, folder: Path, to: Path) -> str:
-    """A file's name as it reads from another folder; absolute ones stay."""
+    """Rewrite a file's name relative to another folder; absolute ones stay."""
     if os.path.isabs(file):
         return file
-    # Of a folder behind a link, `..` is what stands above the folder, not above the link.
+    # `..` of a folder behind a link is the folder's parent, not the link's.
     return Path(os.path.relpath(folder.resolve() / file, to.resolve())).as_posix()
 
 
 def resample(
     measured: Spectrum, grid: SpectralGrid, label: str, *, unit: float = 1.0, stacklevel: int
 ) -> NDArray[np.float64]:
-    """Band means of a file's spectrum; where it ends too soon, continued with a warning.
+    """Return band means of a file's spectrum; extrapolated ends are warned about.
 
     Parameters
     ----------
@@ -178,9 +180,9 @@ def resample(
     label : str
         The file, for messages.
     unit : float
-        What the values are divided by first.
+        Divisor of the values.
     stacklevel : int
-        As for `warnings.warn`, counted from here.
+        See `warnings.warn`; counted from here.
 
     Returns
     -------
@@ -189,13 +191,13 @@ def resample(
     Raises
     ------
     SpectrumError
-        If it does not cover the grid and the eye sees what is missing.
+        If it does not cover the visible part of the grid.
     """
     w, v = measured.wavelengths_nm, measured.values
     try:
         means = extended_band_means(w, v / unit, grid)
     except SpectrumError as error:
-        raise SpectrumError(f"{label}: {error}") from None
+        raise error.within(label) from None
     filled = []
     if w[0] > grid.start_nm + _NOTHING_NM:
         filled.append(f"{grid.start_nm:g}-{w[0]:g} nm with its first value, {v[0]:g}")
@@ -219,7 +221,7 @@ def _tm27(path: str) -> Spectrum:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             document = colour.SpectralDistribution_IESTM2714(path)
-    except Exception as error:  # it expects what it reads, and says so in any class
+    except Exception as error:  # of any class: it validates nothing
         raise SpectrumError(
             f"{path}: cannot be read as IES TM-27 ({one_line(error)}); mend or export it again",
             code="damaged",
@@ -231,7 +233,7 @@ def _tm27(path: str) -> Spectrum:
             if isinstance(value, bool):
                 value = "yes" if value else "no"
             text = str(value).strip()
-            # The reader makes what is absent or empty None, "None" or NaN; instruments write N/A.
+            # The reader returns None, "None" or NaN for absent fields; instruments write N/A.
             if text.lower() not in ("", "none", "nan", "n/a"):
                 notes[item.attribute.replace("_", " ")] = text
     name = notes.get("description") or Path(path).stem
@@ -239,22 +241,22 @@ def _tm27(path: str) -> Spectrum:
     try:
         return Spectrum(document.wavelengths, document.values, name, notes)
     except SpectrumError as error:
-        raise SpectrumError(f"{path}: {error}") from None
+        raise error.within(path) from None
 
 
 class _NoEntities(ElementTree.TreeBuilder):
-    """Refuses a document type before its entities fill the memory: TM-27 has none."""
+    """XML builder that refuses a document type, whose entities could fill the memory."""
 
     def doctype(self, *_: object) -> None:
         raise ValueError("it declares a document type")
 
 
 def _check_tm27(path: str) -> None:
-    """Refuse what colour-science would misread: it takes any XML and joins distributions."""
+    """Refuse XML that colour-science would misread: it takes any and joins distributions."""
     content = file_content(path)
     try:
         root = ElementTree.fromstring(content, ElementTree.XMLParser(target=_NoEntities()))
-    # An encoding that Python does not know, or that the parser cannot take.
+    # LookupError, ValueError: an unknown or unusable encoding.
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise SpectrumError(
             f"{path}: damaged XML ({error}); export the file again", code="damaged"
@@ -263,16 +265,19 @@ def _check_tm27(path: str) -> None:
     if tag != "IESTM2714" or "}" not in root.tag:
         raise SpectrumError(
             f"{path}: its root is <{tag}>, expected <IESTM2714 xmlns=…> (IES TM-27-14); "
-            "export it so, or as CSV"
+            "export it so, or as CSV",
+            code="unsupported",
         )
     found = root.findall("{*}SpectralDistribution")
     if not found:
         raise SpectrumError(
-            f"{path}: holds no <SpectralDistribution>, where the values are; export the file again"
+            f"{path}: holds no <SpectralDistribution> with the values; export the file again",
+            code="damaged",
         )
     if len(found) > 1:
         raise SpectrumError(
-            f"{path}: holds {len(found)} spectral distributions, expected one; split the file"
+            f"{path}: holds {len(found)} spectral distributions, expected one; split the file",
+            code="unsupported",
         )
     last = -np.inf
     number = 0
@@ -284,7 +289,8 @@ def _check_tm27(path: str) -> None:
         except ValueError:
             raise SpectrumError(
                 f"{path}: SpectralData number {number}: wavelength {given[0]!r}, value "
-                f"{given[1]!r}; expected two numbers"
+                f"{given[1]!r}; expected two numbers",
+                code="syntax",
             ) from None
         if not np.isfinite((wavelength, value)).all():
             raise SpectrumError(
@@ -299,7 +305,8 @@ def _check_tm27(path: str) -> None:
         last = wavelength
     if number < 2:
         raise SpectrumError(
-            f"{path}: holds {number} <SpectralData>, expected at least 2; export the file again"
+            f"{path}: holds {number} <SpectralData>, expected at least 2; export the file again",
+            code="damaged",
         )
 
 
@@ -316,11 +323,12 @@ def _pixels(path: str, selector: str, kind: Kind | None) -> Spectrum:
         if len(box) != 4:
             raise SpectrumError(
                 f"{path}: {selector!r} is no part of an image; write "
-                f"{Path(path).name}#X,Y or {Path(path).name}#X0,Y0,X1,Y1"
+                f"{Path(path).name}#X,Y or {Path(path).name}#X0,Y0,X1,Y1",
+                code="syntax",
             )
     image = SpectralImage.load(path, kind)
     try:
         spectrum = image.mean(box)
     except SpectrumError as error:
-        raise SpectrumError(f"{path}: {error}") from None
+        raise error.within(path) from None
     return replace(spectrum, name=Path(path).stem + (f"#{selector}" if selector else ""))

@@ -1,4 +1,4 @@
-"""The wavelengths everything is sampled on, and the way onto them.
+"""Equidistant wavelength grid, and band means of spectra on it.
 
     [grid] -> spectrum -> photometry, library -> basis
 
@@ -57,20 +57,27 @@ class SpectralGrid:
                 object.__setattr__(self, field, float(given))
             except (TypeError, ValueError, OverflowError):
                 raise SpectrumError.refused(
-                    f"grid: {field}", given, "give a number of nm"
+                    f"grid.{field}", given, "give a number of nm", "type"
                 ) from None
-        text = f"grid {self.start_nm:g}-{self.stop_nm:g}/{self.step_nm:g} nm"
+        text = f"{self.start_nm:g}-{self.stop_nm:g}/{self.step_nm:g} nm"
         if not all(math.isfinite(v) for v in (self.start_nm, self.stop_nm, self.step_nm)):
-            raise SpectrumError(f"{text}: start, stop and step must be finite numbers")
+            raise SpectrumError(
+                f"{text}: not finite; give finite start, stop and step", field="grid"
+            )
         if self.step_nm <= 0 or self.start_nm <= 0 or self.stop_nm <= self.start_nm:
-            raise SpectrumError(f"{text}: expected 0 < start < stop and a positive step")
+            raise SpectrumError(
+                f"{text}: no grid; expected 0 < start < stop and a positive step", field="grid"
+            )
         steps = (self.stop_nm - self.start_nm) / self.step_nm
         if not math.isfinite(steps):
-            raise SpectrumError(f"{text}: too many steps to count; give a longer step")
+            raise SpectrumError(
+                f"{text}: too many steps to count; give a longer step", code="size", field="grid"
+            )
         if abs(steps - round(steps)) * self.step_nm > _SAME_NM:
             raise SpectrumError(
                 f"{text}: the range is {steps:g} steps, expected a whole number; "
-                f"use stop_nm={self.start_nm + math.floor(steps) * self.step_nm:g}"
+                f"use stop_nm={self.start_nm + math.floor(steps) * self.step_nm:g}",
+                field="grid",
             )
 
     @property
@@ -120,7 +127,8 @@ class SpectralGrid:
         if w.ndim != 1 or w.size < 2 or v.ndim not in (1, 2) or v.shape[0] != w.size:
             raise SpectrumError(
                 f"band_means: wavelengths have shape {w.shape}, values {v.shape}; "
-                "expected (L,) with L >= 2 and (L,) or (L, K)"
+                "expected (L,) with L >= 2 and (L,) or (L, K)",
+                code="shape",
             )
         if not np.all(np.diff(w) > 0):
             raise SpectrumError("band_means: wavelengths must increase strictly; sort them")
@@ -150,15 +158,10 @@ class SpectralGrid:
 
 
 def require_grid(grid: object) -> None:
-    """Refuse what is no `SpectralGrid`.
-
-    Raises
-    ------
-    SpectrumError
-    """
+    """Raise SpectrumError if this is not a `SpectralGrid`."""
     if not isinstance(grid, SpectralGrid):
-        raise SpectrumError(
-            f"grid {grid!r} is no SpectralGrid; give one, such as SpectralGrid(400, 700, 10)"
+        raise SpectrumError.refused(
+            "grid", grid, "give a SpectralGrid, such as SpectralGrid(400, 700, 10)", "type"
         )
 
 

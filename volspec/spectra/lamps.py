@@ -1,11 +1,11 @@
 """Lamps and the sky by name: temperature, lumens per watt, lux at a distance.
 
-    observer, photometry -> [lamps] -> lights (``lamp:halogen-3300``), scene
+    photometry -> [lamps] -> lights (``lamp:halogen-3300``), scene
 
 References
 ----------
 [1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity",
-    section 3, eq. 2-4, table 4 (temperatures, and efficacies where it has them).
+    section 3, eq. 2-4, table 4 (temperatures and efficacies).
 [2] BIPM, SI brochure, 9th edition: 683 lm/W at 540 THz.
 """
 
@@ -29,13 +29,13 @@ PREFIX = "lamp"
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """A row of table 4 [1]: a source as the Planck radiator that comes nearest to it."""
+    """Row of table 4 [1]: a source and its nearest Planck radiator."""
 
     name: str
     what: str
     kelvin: float
     efficacy_lm_per_W: float | None = None
-    """Lumens per watt of electrical power; None where the table has none."""
+    """Lumens per watt of electrical power; None if not in the table."""
 
 
 _TABLE = (
@@ -61,12 +61,12 @@ LAMPS: Mapping[str, Lamp] = MappingProxyType({row.name: row for row in _TABLE})
 
 
 def lamp(name: str) -> Lamp:
-    """A lamp by name, with or without ``lamp:``, in any case.
+    """Return a lamp by name, with or without ``lamp:``, in any case.
 
     Raises
     ------
     SpectrumError
-        If there is none of that name; the nearest are given.
+        If the name is unknown; the nearest are listed.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def lamp(name: str) -> Lamp:
 
 
 def lamp_for_light(light: str) -> Lamp:
-    """The lamp that a light's text names: what watts and metres can be counted for.
+    """Return the lamp that a light's text names, whose illuminance follows from its watts.
 
     Raises
     ------
@@ -99,12 +99,13 @@ def lamp_for_light(light: str) -> Lamp:
         return LAMPS[name.strip()]
     raise SpectrumError(
         f"light {light!r}: only a lamp's light is counted from its watts; take one, as "
-        "lamp:tungsten-2850, or give lux"
+        "lamp:tungsten-2850, or give lux",
+        code="unsupported",
     )
 
 
 def flux_lm(of: str | Lamp, power_W: float) -> float:
-    """Luminous flux of a lamp, lm: power times efficacy.
+    """Return the luminous flux of a lamp, lm: power times efficacy.
 
     Parameters
     ----------
@@ -123,7 +124,8 @@ def flux_lm(of: str | Lamp, power_W: float) -> float:
         known = (row.name for row in _TABLE if row.efficacy_lm_per_W is not None)
         raise SpectrumError(
             f"lamp {source.name!r}: the table has no lumens per watt for {source.what}; give lux "
-            f"yourself, or take one of {', '.join(known)}"
+            f"yourself, or take one of {', '.join(known)}",
+            code="missing",
         )
     return power_W * source.efficacy_lm_per_W
 
@@ -131,7 +133,7 @@ def flux_lm(of: str | Lamp, power_W: float) -> float:
 def lamp_illuminance_lux(
     of: str | Lamp, power_W: float, distance_m: float, beam_deg: float | None = None
 ) -> float:
-    """Illuminance at normal incidence from a lamp as a point, lux.
+    """Return the illuminance at normal incidence from a point-like lamp, lux.
 
         E = Φ / (Ω d²),  Ω = 4π, or 2π (1 - cos(beam / 2)) for a spotlight
 
@@ -142,7 +144,7 @@ def lamp_illuminance_lux(
         Electrical power.
     distance_m : float
     beam_deg : float, optional
-        Full angle of a cone that takes all of the flux, evenly; None shines all around.
+        Full angle of the cone that receives all flux evenly; None is all around.
 
     Returns
     -------
@@ -151,7 +153,7 @@ def lamp_illuminance_lux(
     Raises
     ------
     SpectrumError
-        As `flux_lm`, or if the distance is not above 0 or the angle not within 0…360.
+        See `flux_lm`; or if the distance is not above 0 or the angle not within 0…360.
 
     Examples
     --------
@@ -161,9 +163,7 @@ def lamp_illuminance_lux(
     _require_above_0("distance_m", distance_m)
     beam = 360.0 if beam_deg is None else beam_deg
     if not 0.0 < beam <= 360.0:
-        raise SpectrumError.refused(
-            "lamp.beam_deg", beam_deg, "expected above 0, 360 at most", "range"
-        )
+        raise SpectrumError.refused("lamp.beam_deg", beam_deg, "expected above 0, 360 at most")
     solid_angle = 4.0 * math.pi * math.sin(math.radians(beam) / 4.0) ** 2
     lit_m2 = solid_angle * distance_m * distance_m
     lux = flux_lm(of, power_W) / lit_m2 if lit_m2 > 0.0 else math.inf
@@ -176,9 +176,9 @@ def lamp_illuminance_lux(
 
 
 def lumens_per_watt(radiation: Spectrum) -> float:
-    """Luminous efficacy of radiation, lm/W: 683 ∑ E V / ∑ E over the spectrum's own range.
+    """Return the luminous efficacy of radiation, lm/W: 683 ∑ E V / ∑ E over the spectrum's range.
 
-    Not a lamp's efficacy, which also counts what it radiates elsewhere and does not radiate.
+    A lamp's efficacy is lower: it also counts power outside that range, and power lost.
     """
     grid = radiation.grid
     power = light_power(radiation, grid)
@@ -186,7 +186,7 @@ def lumens_per_watt(radiation: Spectrum) -> float:
 
 
 def monochromatic_lm(power_W: float, wavelength_nm: float) -> float:
-    """Lumens of light of one wavelength: 683 V(λ) P [1, eq. 2].
+    """Return the lumens of light of one wavelength: 683 V(λ) P [1, eq. 2].
 
     Raises
     ------
@@ -199,18 +199,18 @@ def monochromatic_lm(power_W: float, wavelength_nm: float) -> float:
     683.0
     """
     if not 360.0 <= wavelength_nm <= 830.0:
-        raise SpectrumError(f"lamp: wavelength {wavelength_nm:g} nm; expected within 360-830 nm")
+        raise SpectrumError.refused("wavelength_nm", wavelength_nm, "expected within 360-830 nm")
     return LUMINOUS_EFFICACY * luminosity(wavelength_nm) * power_W
 
 
 def luminosity(wavelength_nm: float) -> float:
-    """V(λ) of CIE 1931, linear between whole nanometres; 0 outside of 360-830 nm."""
+    """Interpolate V(λ) of CIE 1931 linearly between whole nanometres; 0 beyond 360-830 nm."""
     nm, xyz = observers()["CIE 1931 2 Degree Standard Observer"]
     return float(np.interp(wavelength_nm, nm, xyz[:, 1], left=0, right=0))
 
 
 def irradiance(light: Spectrum, illuminance: float, grid: SpectralGrid | None = None) -> Spectrum:
-    """A light's shape as spectral irradiance that gives so many lux: photometric to radiometric.
+    """Scale a light to the spectral irradiance of an illuminance.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def irradiance(light: Spectrum, illuminance: float, grid: SpectralGrid | None = 
     illuminance : float
         E_v, lux.
     grid : SpectralGrid, optional
-        None is the light's own.
+        Default: the light's own.
 
     Returns
     -------
@@ -242,6 +242,4 @@ def irradiance(light: Spectrum, illuminance: float, grid: SpectralGrid | None = 
 
 def _require_above_0(name: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise SpectrumError.refused(
-            f"lamp: {name}", value, "expected a finite number above 0", "type"
-        )
+        raise SpectrumError.refused(f"lamp: {name}", value, "expected a finite number above 0")

@@ -1,10 +1,9 @@
 """Named lights, Planck radiators, daylights, files, and mixes of them.
 
-    grid, spectrum, photometry, datasets, files -> [lights] -> library
+    grid, spectrum, photometry, datasets, files, lamps -> [lights] -> scene, basis, command line
 
-Every light is scaled so that its luminous energy equals that of the flat light of ones
-(the V-weighted mean of its values is 1). A weight in a mix is therefore the component's
-share of the illuminance.
+Every light is scaled to the luminous energy of the flat light of ones (the V-weighted mean of
+its values is 1): a weight in a mix is the component's share of the illuminance.
 """
 
 from __future__ import annotations
@@ -40,10 +39,10 @@ from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.spectra.palettes import palette_holds
 from volspec.spectra.photometry import C2_NM_K, extended_band_means
 from volspec.spectra.spectrum import Spectrum, light_power
-from volspec.spectra.tables import path_text, read_number
+from volspec.spectra.tables import fold_name, path_text, read_number
 
 # Thermal and xenon lamps are smooth; without them and the two "Natural" tubes the class
-# has the 89 lights of METHOD section 2.
+# has the 89 lights of docs/method.md, section 2.
 _NOT_SPIKY = {
     "SA",
     "SC",
@@ -54,15 +53,14 @@ _NOT_SPIKY = {
     "Natural",
     "F40/N (Natural FL)",
 }
-# Ends at 560 nm, at its peak, as the paper it exposes does: no grid that covers the eye takes it,
-# and to go on by that value would be to make it up. `light` says what is missing.
+# Ends at 560 nm, at its peak: it cannot be extrapolated to a grid that covers the visible.
 _UNUSABLE = {"ISO 7589 Sensitometric Printer"}
 Folder = str | os.PathLike[str]
 _SMOOTH = ("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E")
 
 
 def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".") -> Spectrum:
-    """A light by name, as the command line writes it.
+    """Return a light by name, as the command line writes it.
 
     Parameters
     ----------
@@ -71,27 +69,26 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
         ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), a file (``FILE.csv``,
         ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``, ``PALETTE.toml#name``, …; see
         `read_spectrum`), or a mix ``NAME*WEIGHT+NAME*WEIGHT`` whose weights are shares of
-        illuminance (default 1).
-        The name ``3-LED-1 (457/540/605)`` and its like are taken whole; in a mix, address a
-        column whose name holds ``+`` or ``*`` by its number.
+        illuminance (default 1). Known names with ``+`` or ``/`` are matched whole; in a mix,
+        address a column with ``+`` or ``*`` in its name by its number.
     grid : SpectralGrid
     folder : path
-        What a file's relative name starts from.
+        Base of a file's relative name.
 
     Returns
     -------
     Spectrum
         On the grid, relative power; for a single light the V-weighted mean is 1, for a mix
-        the sum of the weights. Tables that end inside the grid are continued by their last
-        value (CIE 167:2005) where the eye hardly sees; for a file with a `VolspecWarning`.
-        A file's notes are kept; a mix keeps those that hold for all its parts (`Spectrum`).
+        the sum of the weights. Tables that end inside the grid are extrapolated by their last
+        value (CIE 167:2005) at the ends of the visible; for a file with a `VolspecWarning`.
+        With a file's notes; a mix has those common to its parts (`Spectrum`).
 
     Raises
     ------
     SpectrumError
-        If the name is unknown (the nearest ones are given), a weight is negative, a
-        temperature out of range, or a light has no energy or does not cover the grid, or a
-        file cannot be read or holds a reflectance; the message names the file.
+        If the name is unknown (the nearest are listed), a weight is negative, a temperature
+        out of range, a light has no energy or does not cover the grid, or a file cannot be read
+        or contains a reflectance.
 
     Examples
     --------
@@ -100,9 +97,11 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     """
     wanted = str(text).strip()
     if not wanted:
-        raise SpectrumError("light: empty name; give a name such as D65, planck:3200 or FILE.csv")
+        raise SpectrumError(
+            "light: empty name; give a name such as D65, planck:3200 or FILE.csv", code="missing"
+        )
     require_grid(grid)
-    # No light can be scaled on a grid that leaves the eye's range: said before any warning.
+    # Refuses a grid beyond the visible before any warning.
     colour_matching_functions(grid)
     folder = path_text(folder, "folder")
     terms = None if _is_known(wanted, folder) else _parse_mix(wanted, folder)
@@ -133,7 +132,7 @@ class _Term:
 
 
 def light_terms(text: str, folder: Folder = ".") -> list[tuple[str, float]]:
-    """(name, weight) of every light of a mix; of a single light, itself.
+    """Return (name, weight) of every light of a mix, or of the single light.
 
     Raises
     ------
@@ -145,14 +144,14 @@ def light_terms(text: str, folder: Folder = ".") -> list[tuple[str, float]]:
 
 
 def rebase_light(text: str, folder: Path, to: Path) -> str:
-    """A light's name, mixes too, as it reads from another folder.
+    """Rewrite file names in a light's name or mix relative to another folder.
 
     Parameters
     ----------
     text : str
-        As `volspec.light` takes it.
+        A name for `light`.
     folder, to : path
-        What relative names in it start from, and shall start from.
+        Base of relative names now, and afterwards.
 
     Raises
     ------
@@ -170,12 +169,12 @@ def rebase_light(text: str, folder: Path, to: Path) -> str:
 
 
 def light_names() -> tuple[str, ...]:
-    """Every name `light` takes by itself: CIE and ISO illuminants, then measured lamps."""
+    """Return the names of tabulated lights: CIE and ISO illuminants, then measured lamps."""
     return tuple(name for name in _tables() if name not in _UNUSABLE)
 
 
 def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
-    """Lights to fit and to test bases with (METHOD section 2).
+    """Return a set of lights for fitting and testing bases (docs/method.md, section 2).
 
     ``smooth``: A, B, C, D50, D55, D60, D65, D75, E and Planck 2000-10000 K every 500 K (26).
     ``spiky``: FL, HP and LED illuminants and measured discharge, fluorescent and LED lamps (89).
@@ -203,8 +202,8 @@ def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
 
 
 def _is_known(name: str, folder: Folder) -> bool:
-    """Whether the text is one light, not a mix; says nothing about its being valid."""
-    low = _folded(name)
+    """Return True if the text is one light, not a mix; it need not be valid."""
+    low = fold_name(name)
     if low in _by_folded_name():
         return True
     if address := split_address(name):
@@ -223,7 +222,7 @@ def _is_known(name: str, folder: Folder) -> bool:
 
 
 def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
-    """The terms of a mix; names may hold ``+``, so the longest readable term goes first."""
+    """Parse the terms of a mix; names may contain ``+``, so the longest term goes first."""
 
     def read(parts: list[str]) -> Iterator[list[_Term]]:
         if not parts:
@@ -239,15 +238,19 @@ def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
         return terms
     for part in text.split("+"):
         if not part.strip("* "):
-            raise SpectrumError(f"light {text!r}: a name is missing; write NAME*WEIGHT+NAME*WEIGHT")
+            raise SpectrumError(
+                f"light {text!r}: a name is missing; write NAME*WEIGHT+NAME*WEIGHT", code="syntax"
+            )
         if part.rstrip().endswith("*"):
-            raise SpectrumError(f"light {text!r}: a weight is missing after {part.strip()!r}")
+            raise SpectrumError(
+                f"light {text!r}: a weight is missing after {part.strip()!r}", code="syntax"
+            )
         name, _, weight = part.strip().rpartition("*")
         bare = name.strip() if name and _number(weight) is not None else part.strip()
         if not _is_known(bare, folder):
             raise _unknown(bare, f" in the mix {text!r}")
     raise SpectrumError(
-        f"light {text!r}: cannot be read as a mix NAME*WEIGHT+NAME*WEIGHT", code="damaged"
+        f"light {text!r}: cannot be read as a mix NAME*WEIGHT+NAME*WEIGHT", code="syntax"
     )
 
 
@@ -262,11 +265,7 @@ def _read_term(text: str, folder: Folder) -> _Term | None:
 
 
 def _canonical(name: str) -> str:
-    return _by_folded_name().get(_folded(name), name)
-
-
-def _folded(name: str) -> str:
-    return " ".join(name.split()).casefold()
+    return _by_folded_name().get(fold_name(name), name)
 
 
 def _number(text: str) -> float | None:
@@ -282,19 +281,20 @@ def _named_light(name: str, grid: SpectralGrid) -> Spectrum:
     try:
         return _normalise(extended_band_means(w, v, grid), grid, name)
     except SpectrumError as error:
-        raise SpectrumError(f"light {name!r}: {error}") from None
+        raise error.within(f"light {name!r}") from None
 
 
 def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
     canonical = _canonical(name)
     if canonical in _tables():
         return _named_light(canonical, grid)
-    prefix, _, number = _folded(name).partition(":")
+    prefix, _, number = fold_name(name).partition(":")
     kelvin = _number(number)
     if prefix in ("planck", "daylight"):
         if kelvin is None:
             raise SpectrumError(
-                f"light {name!r}: {number!r} is not a temperature; write {prefix}:5000"
+                f"light {name!r}: {number!r} is not a temperature; write {prefix}:5000",
+                code="syntax",
             )
         low, high = (500, 100_000) if prefix == "planck" else (4000, 25_000)
         if not low <= kelvin <= high:
@@ -317,7 +317,7 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
 def as_light(
     measured: Spectrum, grid: SpectralGrid, label: str = "", *, stacklevel: int = 2
 ) -> Spectrum:
-    """A measured spectrum as `light` gives it: on the grid, its V-weighted mean 1, notes kept.
+    """Convert a measured spectrum to a light on the grid: V-weighted mean 1, with its notes.
 
     Parameters
     ----------
@@ -325,14 +325,14 @@ def as_light(
         Relative power.
     grid : SpectralGrid
     label : str, optional
-        What messages call it; its own name by default.
+        Name for messages; its own by default.
     stacklevel : int
-        As for `warnings.warn`, counted from here.
+        See `warnings.warn`; counted from here.
 
     Raises
     ------
     SpectrumError
-        If its power is negative, or none is seen, or it does not cover the grid.
+        If its power is negative or nowhere visible, or it does not cover the grid.
     """
     label = label or f"light {measured.name!r}"
     # A spectrometer's dark noise dips below zero a little; a wrong column dips a lot.
@@ -354,15 +354,15 @@ def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
     return as_light(read_spectrum(path, kind="emissive"), grid, path, stacklevel=5)
 
 
-def _unknown(name: str, where: str = "") -> SpectrumError:
+def _unknown(name: str, context: str = "") -> SpectrumError:
     lamps = [f"{PREFIX}:{each}" for each in LAMPS]
-    if _folded(name).startswith(f"{PREFIX}:"):
+    if fold_name(name).startswith(f"{PREFIX}:"):
         return SpectrumError(
-            f"light {name!r}{where} is unknown; {nearest(name, lamps)}known: {', '.join(lamps)}",
+            f"light {name!r}{context} is unknown; {nearest(name, lamps)}known: {', '.join(lamps)}",
             code="unknown",
         )
     return SpectrumError(
-        f"light {name!r}{where} is unknown; {nearest(name, light_names())}"
+        f"light {name!r}{context} is unknown; {nearest(name, light_names())}"
         f"other forms: planck:3200, daylight:6500, lamp:candle-1900, {FILE_FORMS}",
         code="unknown",
     )
@@ -412,4 +412,4 @@ def _tables() -> Mapping[str, Table]:
 
 @cache
 def _by_folded_name() -> dict[str, str]:
-    return {_folded(name): name for name in _tables()}
+    return {fold_name(name): name for name in _tables()}

@@ -1,8 +1,8 @@
-"""The spectra in a palette's file, by the address ``PALETTE.toml#name``.
+"""Spectra of a palette file, by the address ``PALETTE.toml#name``.
 
     TOML -> [palettes] -> files, lights, reflectances
 
-Only spectra are read here; what else a palette is stands in `volspec.palette`.
+The rest of the file is read by `volspec.palette`.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from volspec._parse import parse_toml
 from volspec.errors import SpectrumError, nearest
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.tables import file_content
+from volspec.spectra.tables import file_content, fold_name
 
 SUFFIX = ".toml"
 _NOTE = {"designed": "volspec design"}
 
 
 def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
-    """A spectrum whose values stand in a palette's file: one that was designed, as a rule.
+    """Return a spectrum with values in a palette file, usually a designed one.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
     selector : str
         A name, any case; or its number from 1.
     role : "light" or "reflectance", optional
-        What it is to serve as; None looks among both.
+        Its use; None searches both.
 
     Raises
     ------
@@ -40,10 +40,13 @@ def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
     name = str(entry["name"])
     if "values" not in entry:
         if isinstance(given := entry.get("spectrum"), str) and not entry.get("design"):
-            raise SpectrumError(f"{path}: {name!r} has no values of its own, it is {given!r}")
+            raise SpectrumError(
+                f"{path}: {name!r} has no values of its own, it is {given!r}", code="missing"
+            )
         raise SpectrumError(
             f"{path}: {name!r} is open and not designed yet; run volspec design {Path(path).name} "
-            "-o OUT.toml first, and take it from there"
+            "-o OUT.toml first, and take it from there",
+            code="missing",
         )
     grid = _grid(path, data)
     try:
@@ -56,12 +59,13 @@ def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
         )
     except SpectrumError as error:
         raise SpectrumError(
-            f"{path}: {name!r}: {error}; its values belong on [criteria] grid_nm, {grid}"
+            f"{path}: {name!r}: {error}; its values belong on [criteria] grid_nm, {grid}",
+            code=error.code,
         ) from None
 
 
 def named_spectrum(path: str, selector: str, role: str) -> str | None:
-    """What a palette's given spectrum is called, such as ``D65``; None where it has values.
+    """Return the name of a palette's given spectrum, such as ``D65``; None if it has values.
 
     Raises
     ------
@@ -73,12 +77,14 @@ def named_spectrum(path: str, selector: str, role: str) -> str | None:
     if "values" in entry or entry.get("design") or not isinstance(given, str):
         return None
     if Path(path).name in given:
-        raise SpectrumError(f"{path}: {entry['name']!r} is {given!r}, itself; name another")
+        raise SpectrumError(
+            f"{path}: {entry['name']!r} is {given!r}, itself; name another", code="conflict"
+        )
     return given
 
 
 def palette_holds(path: str, selector: str, role: str) -> bool:
-    """Whether a file is a palette with a spectrum of that name."""
+    """Return True if a file is a palette with a spectrum of that name."""
     if Path(path).suffix.lower() != SUFFIX:
         return False
     try:
@@ -95,14 +101,18 @@ def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], 
     names = [str(row["name"]) for row in rows]
     what = role or "light or reflectance"
     if not names:
-        raise SpectrumError(f"{path}: holds no {what}; a palette has [[{role or 'light'}]] tables")
+        raise SpectrumError(
+            f"{path}: holds no {what}; a palette has [[{role or 'light'}]] tables",
+            code="missing",
+        )
     if not selector:
         raise SpectrumError(
             f"{path}: is a palette; choose a {what}: {Path(path).name}#{names[0]} "
-            f"(there is {', '.join(names)})"
+            f"(there is {', '.join(names)})",
+            code="missing",
         )
-    wanted = _folded(selector)
-    found = [row for row, name in zip(rows, names, strict=True) if _folded(name) == wanted]
+    wanted = fold_name(selector)
+    found = [row for row, name in zip(rows, names, strict=True) if fold_name(name) == wanted]
     if not found and selector.isdecimal() and 1 <= int(selector) <= len(rows):
         found = [rows[int(selector) - 1]]
     if len(found) == 1:
@@ -123,7 +133,7 @@ def _content(path: str) -> dict[str, Any]:
     try:
         return parse_toml(content.decode("utf-8-sig"))
     except ValueError as error:  # no TOML, or no text
-        raise SpectrumError(f"{path}: not valid TOML: {error}") from None
+        raise SpectrumError(f"{path}: not valid TOML: {error}", code="syntax") from None
 
 
 def _rows(data: dict[str, Any], role: str) -> list[dict[str, Any]]:
@@ -141,10 +151,6 @@ def _grid(path: str, data: dict[str, Any]) -> SpectralGrid:
         start, stop, step = (float(number) for number in given)
     except (TypeError, ValueError):
         raise SpectrumError.refused(
-            f"{path}: [criteria] grid_nm", given, "give [start, stop, step] in nm"
+            f"{path}: [criteria] grid_nm", given, "give [start, stop, step] in nm", "type"
         ) from None
     return SpectralGrid(start, stop, step)
-
-
-def _folded(name: str) -> str:
-    return " ".join(name.split()).casefold()

@@ -1,9 +1,15 @@
-"""What the standard eye makes of a spectrum: tristimulus values, lux, candela.
+"""Tristimulus values, lux, candela and correlated colour temperature of spectra.
 
-    grid, spectrum, observer, values -> [photometry] -> basis, appearance, room
+    grid, datasets, spectrum -> [photometry] -> lights, basis, appearance, relight
 
 XYZ = kappa Q (E * S), kappa such that a perfect diffuser has Y = 100; absolute scale
 683 lm/W. Lux and candela are defined by the 2 degree observer.
+
+References
+----------
+[1] Ohno (2013), "Practical Use and Calculation of CCT and Duv", LEUKOS 10(1), 47-55: a table of
+    the Planckian locus, and a parabola through the distances from it.
+[2] CIE 15:2004, section 9.5: no correlated temperature further than 0.05 from the locus.
 """
 
 from __future__ import annotations
@@ -30,16 +36,16 @@ def XYZ_from_spectra(
     reflectances: Spectrum | Sequence[Spectrum] | ArrayLike,
     observer_deg: int = 2,
 ) -> NDArray[np.float64]:
-    """Colour of reflectances under a light.
+    """Return the colour of reflectances under a light.
 
     Parameters
     ----------
     light : Spectrum
         On an equidistant grid of N bands.
     reflectances : Spectrum, list of Spectrum, or (..., N) array
-        Spectra are put on the light's grid; arrays must already be on it.
+        Spectra are resampled to the light's grid; arrays must be on it.
     observer_deg : {2, 10}
-        As `colour_matching_functions`.
+        See `colour_matching_functions`.
 
     Returns
     -------
@@ -59,7 +65,7 @@ def XYZ_from_spectra(
 
 
 def white_XYZ(light: Spectrum, observer_deg: int = 2) -> NDArray[np.float64]:
-    """(3,) XYZ of the perfect diffuser, Y = 100: the light's adopted white."""
+    """Return the (3,) XYZ of the perfect diffuser, Y = 100: the light's adopted white."""
     return XYZ_from_spectra(light, np.ones(light.values.size), observer_deg)
 
 
@@ -78,10 +84,10 @@ def luminance(spectrum: Spectrum) -> float:
 def extended_band_means(
     wavelengths_nm: NDArray[np.float64], values: NDArray[np.float64], grid: SpectralGrid
 ) -> NDArray[np.float64]:
-    """Band means of a table, continued by its end values where the eye hardly sees.
+    """Return band means of a table, extrapolated by its end values.
 
     Allowed while each colour-matching function has under 1 % of its area in the missing
-    range (400-700 nm data pass, 350-560 nm data do not); otherwise the grid's error stands.
+    range (400-700 nm data pass, 350-560 nm data do not); otherwise the grid's error is raised.
     """
     low, high = wavelengths_nm[0], wavelengths_nm[-1]
     if low <= grid.start_nm and high >= grid.stop_nm:
@@ -99,16 +105,16 @@ def extended_band_means(
 
 
 C2_NM_K = 1.438776877e7
-"""Second radiation constant h c / k (CODATA 2018; 000 eq. 7 has a misprint)."""
+"""Second radiation constant h c / k (CODATA 2018)."""
 
-# Where the table goes to, K, and how far from Planck's locus a temperature has a meaning.
+# Ends of the table, K, and the largest distance from Planck's locus [2].
 _KELVIN, _FURTHEST = (1_000.0, 100_000.0), 0.05
-# From row to row.
+# Temperature ratio of neighbouring rows.
 _RATIO = 1.002
 
 
 class Temperature(NamedTuple):
-    """Of the nearest Planck radiator in CIE 1960 u, v."""
+    """Nearest Planck radiator in CIE 1960 u, v."""
 
     kelvin: float
     Duv: float
@@ -116,7 +122,7 @@ class Temperature(NamedTuple):
 
 
 def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
-    """Correlated colour temperature and Duv of a light.
+    """Return correlated colour temperature and Duv of a light [1].
 
     Parameters
     ----------
@@ -126,8 +132,7 @@ def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
     Returns
     -------
     Temperature or None
-        None where the light is too far from Planck's locus to have one, or colder than 1000 K or
-        hotter than 100 000 K.
+        None if the light is too far from Planck's locus, or outside 1000 K to 100 000 K.
 
     Examples
     --------
@@ -141,8 +146,7 @@ def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
     nearest = int(squares.argmin())
     if not 0 < nearest < len(kelvin) - 1:
         return None
-    # The vertex of the parabola through three squares: unlike distances, they have no kink where
-    # the light is on the locus.
+    # Vertex of the parabola through three squares: distances have a kink on the locus.
     before, here, after = squares[nearest - 1 : nearest + 2]
     rows = 0.5 * (before - after) / (before - 2.0 * here + after)
     found = float(kelvin[nearest] * _RATIO**rows)
@@ -155,20 +159,20 @@ def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
 
 @cache
 def _planckian() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Temperatures (K,) and their u, v (K, 2), a row further than `_KELVIN` at both ends."""
+    """Return temperatures (K,) and their u, v (K, 2), a row beyond `_KELVIN` at both ends."""
     low, high = np.log(_KELVIN) / np.log(_RATIO)
     kelvin = _RATIO ** np.arange(low - 1.0, high + 2.0)
     return kelvin, _uv(_planck_XYZ(kelvin))
 
 
 def _planck_XYZ(kelvin: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(K, 3), on no scale."""
+    """Return (K, 3) XYZ of Planck radiators, unscaled."""
     nm, xyz = observers()["CIE 1931 2 Degree Standard Observer"]
     power = (560.0 / nm) ** 5 / np.expm1(C2_NM_K / (nm * kelvin[:, None]))
     return power @ xyz
 
 
 def _uv(XYZ: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 2) CIE 1960 u, v."""
+    """Convert to (..., 2) CIE 1960 u, v."""
     X, Y, Z = np.moveaxis(XYZ, -1, 0)
     return np.stack([4.0 * X, 6.0 * Y], axis=-1) / (X + 15.0 * Y + 3.0 * Z)[..., None]

@@ -1,6 +1,8 @@
 """Named reflectances: colour charts, colour-rendering samples, metals, greys, files.
 
-grid, files, samples -> [reflectances] -> library
+    files, tables, datasets -> [reflectances] -> construct, scene, basis, command line
+
+No basis was fitted to the sets ``natural`` and ``patches``.
 """
 
 from __future__ import annotations
@@ -26,13 +28,13 @@ from volspec.spectra.files import (
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.tables import path_text, read_number, read_table
+from volspec.spectra.tables import fold_name, path_text, read_number, read_table
 
 
 def reflectance(
     text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: str | os.PathLike[str] = "."
 ) -> Spectrum:
-    """A reflectance by name, as scene files write it.
+    """Return a reflectance by name, as scene files write it.
 
     Parameters
     ----------
@@ -46,21 +48,20 @@ def reflectance(
         ``PALETTE.toml#name``, …; see `read_spectrum`).
     grid : SpectralGrid
     folder : path
-        What a file's relative name starts from.
+        Base of a file's relative name.
 
     Returns
     -------
     Spectrum
         On the grid, values in 0..1, with a file's notes. Tables that end inside the grid are
-        continued by their last value where the eye hardly sees; for a file with a
-        `VolspecWarning`. A file's values of 1..2 (fluorescent paper) are kept, with a warning.
+        extrapolated by their last value at the ends of the visible; for a file with a
+        `VolspecWarning`. A file's values of 1..2 (fluorescent paper) pass with a warning.
 
     Raises
     ------
     SpectrumError
-        If the name is unknown (the nearest ones are given), a value is negative or above 2,
-        the table does not cover the grid, or a file cannot be read or holds a light; the
-        message names the file.
+        If the name is unknown (the nearest are listed), a value is negative or above 2, the
+        table does not cover the grid, or a file cannot be read or contains a light.
 
     Examples
     --------
@@ -70,7 +71,7 @@ def reflectance(
     require_grid(grid)
     folder = path_text(folder, "folder")
     name = str(text).strip()
-    folded = " ".join(name.split()).casefold()
+    folded = fold_name(name)
     prefix, _, number = folded.partition(":")
     if folded in ("white", "black") or prefix in ("grey", "gray"):
         return _flat(name, {"white": "1", "black": "0"}.get(folded, number), grid)
@@ -90,17 +91,17 @@ def reflectance(
     try:
         values = extended_band_means(w, v, grid)
     except SpectrumError as error:
-        raise SpectrumError(f"reflectance {known[folded]!r}: {error}") from None
+        raise error.within(f"reflectance {known[folded]!r}") from None
     return Spectrum(grid.wavelengths_nm, values, known[folded])
 
 
 def reflectance_names() -> tuple[str, ...]:
-    """Every name `reflectance` knows, apart from files and ``grey:…``."""
+    """Return every name that `reflectance` knows, apart from files and ``grey:…``."""
     return ("white", "black", *sample_tables())
 
 
 def reflectance_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> NDArray[np.float64]:
-    """Reflectances to fit and to test bases with, (K, N); `reflectance_set_names` lists them."""
+    """Return the (K, N) reflectances of a set for fitting or testing bases; see its names."""
     return np.array([reflectance(n, grid).values for n in reflectance_set_names(name)])
 
 
@@ -117,7 +118,7 @@ def _flat(name: str, level: str, grid: SpectralGrid) -> Spectrum:
 def as_reflectance(
     measured: Spectrum, grid: SpectralGrid, label: str = "", *, stacklevel: int = 2
 ) -> Spectrum:
-    """A measured spectrum as `reflectance` gives it: on the grid, checked, notes kept.
+    """Convert a measured spectrum to a reflectance on the grid: checked, with its notes.
 
     Parameters
     ----------
@@ -125,9 +126,9 @@ def as_reflectance(
         0 to 1; to 2 with a warning.
     grid : SpectralGrid
     label : str, optional
-        What messages call it; its own name by default.
+        Name for messages; its own by default.
     stacklevel : int
-        As for `warnings.warn`, counted from here.
+        See `warnings.warn`; counted from here.
 
     Raises
     ------
@@ -149,7 +150,7 @@ def as_reflectance(
         )
     if v[high] > 1:
         warnings.warn(
-            f"{label}: reflectance {v[high]:g} at {w[high]:g} nm is above 1, kept as it is; "
+            f"{label}: reflectance {v[high]:g} at {w[high]:g} nm is above 1, left as it is; "
             "only fluorescence does that",
             VolspecWarning,
             stacklevel=stacklevel,
@@ -175,14 +176,15 @@ _ACES_DROPPED = {66, 104, 106, 129, 142, 145, 175, 177, 2, 3, 11, 131, 114, 125,
 
 
 def reflectance_set_names(name: str) -> tuple[str, ...]:
-    """The names of a set of reflectances.
+    """Return the names of a set of reflectances.
 
     Parameters
     ----------
     name : str
         ``training``: 99 colour evaluation samples of CIE 224:2017 and the 15 + 14 test colours
-        of the CIE colour rendering index (METHOD section 2). ``test``: 24 ColorChecker patches
-        (BabelColor average), 30 preferred memory colours, 15 + 15 samples of CQS 9.0 and 7.4.
+        of the CIE colour rendering index (docs/method.md, section 2). ``test``: 24 ColorChecker
+        patches (BabelColor average), 30 preferred memory colours, 15 + 15 samples of CQS 9.0
+        and 7.4.
         ``natural``: the 170 objects of Vrhel, Gershon & Iwan (1994): skin, leaves, rocks, wood,
         cloth. ``patches``: 175 of the Academy's 190 camera training patches.
 
@@ -201,15 +203,15 @@ def reflectance_set_names(name: str) -> tuple[str, ...]:
 
 @cache
 def sample_tables() -> dict[str, Table]:
-    """Every named measured reflectance."""
+    """Return the tables of all measured reflectances by name."""
     tables = dict(reflectances())
     for number in _ACES_DROPPED:
         del tables[f"ACES/{number}"]
     for name, (nm, values) in tables.items():
         if name.startswith("ACES/"):
-            # Some are 0 below 400 nm, where nothing was measured.
-            seen = (nm >= 400) & (nm <= 700)
-            tables[name] = (nm[seen], values[seen])
+            # Some are 0 below 400 nm: not measured.
+            measured = (nm >= 400) & (nm <= 700)
+            tables[name] = (nm[measured], values[measured])
     for prefix, file in (("", "metals"), ("Vrhel/", "vrhel")):
         table = read_table(asset(f"data/spectra/{file}.csv"))
         for name, column in zip(table.names, table.columns.T, strict=True):

@@ -51,7 +51,7 @@ _LONGEST_NOTE = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectralImage:
-    """A spectrum in every pixel; the arrays are read-only.
+    """Image with a spectrum in every pixel; the arrays are read-only.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class SpectralImage:
         Strictly increasing, nm, N >= 2.
     kind : "reflective" or "emissive"
     notes : {str: str}
-        What the file's header says; keys as in `Spectrum`.
+        Metadata of the file's header; keys as in `Spectrum`.
 
     Raises
     ------
@@ -87,13 +87,18 @@ class SpectralImage:
             values = np.ascontiguousarray(self.values, dtype=np.float32).view()
             w = np.array(self.wavelengths_nm, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise SpectrumError(f"spectral image: not arrays of numbers: {error}") from error
+            raise SpectrumError(
+                f"spectral image: not arrays of numbers: {error}", code="type"
+            ) from error
         if w.size == 1:
-            raise SpectrumError("spectral image: one wavelength; at least 2 are needed")
+            raise SpectrumError(
+                "spectral image: one wavelength; at least 2 are needed", code="shape"
+            )
         if values.ndim != 3 or 0 in values.shape or w.shape != values.shape[2:] or w.size < 2:
             raise SpectrumError(
                 f"spectral image: values have shape {values.shape}, wavelengths {w.shape}; "
-                "expected (H, W, N) and (N,) with N of at least 2"
+                "expected (H, W, N) and (N,) with N of at least 2",
+                code="shape",
             )
         if not (np.isfinite(w).all() and np.all(np.diff(w) > 0) and w[0] > 0):
             raise SpectrumError(
@@ -113,7 +118,7 @@ class SpectralImage:
         object.__setattr__(self, "notes", read_only_notes(self.notes, "spectral image"))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A read-only view of a dictionary cannot be pickled as it stands.
+        # A read-only view of a dictionary cannot be pickled.
         return SpectralImage, (self.values, self.wavelengths_nm, self.kind, dict(self.notes))
 
     def __repr__(self) -> str:
@@ -130,7 +135,7 @@ class SpectralImage:
         return width, height
 
     def on(self, grid: SpectralGrid) -> SpectralImage:
-        """Every pixel's band means on a grid; see `SpectralGrid.band_means`.
+        """Return every pixel's band means on a grid; see `SpectralGrid.band_means`.
 
         Raises
         ------
@@ -138,23 +143,23 @@ class SpectralImage:
             If the wavelengths do not cover the grid; nothing is extrapolated.
         """
         require_grid(grid)
-        # Band means are linear in the samples: those of unit samples are the (N, L) matrix.
+        # Linear in the samples: the band means of unit samples are the (N, L) matrix.
         means = grid.band_means(self.wavelengths_nm, np.eye(self.wavelengths_nm.size))
         values = self.values @ means.T.astype(np.float32)
         return SpectralImage(values, grid.wavelengths_nm, self.kind, self.notes)
 
     def mean(self, box: Sequence[int] | None = None) -> Spectrum:
-        """Mean spectrum of the image or of a box of pixels.
+        """Return the mean spectrum of the image or of a box of pixels.
 
         Parameters
         ----------
         box : (x0, y0, x1, y1), optional
-            From the upper left of the image; x1 and y1 are not included.
+            Pixels counted from the upper left of the image; x1 and y1 are excluded.
 
         Returns
         -------
         Spectrum
-            With the image's notes, and its kind as ``spectral quantity``.
+            Its notes are the image's, and its kind as ``spectral quantity``.
 
         Raises
         ------
@@ -166,7 +171,7 @@ class SpectralImage:
             x0, y0, x1, y1 = map(operator.index, (0, 0, width, height) if box is None else box)
         except (TypeError, ValueError):
             raise SpectrumError(
-                f"box {box!r} is not four whole numbers; give (x0, y0, x1, y1)"
+                f"box {box!r} is not four whole numbers; give (x0, y0, x1, y1)", code="type"
             ) from None
         if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
             raise SpectrumError(
@@ -187,7 +192,9 @@ class SpectralImage:
         """
         name = path_text(path)
         if Path(name).suffix.lower() != ".exr":
-            raise SpectrumError(f"{name}: spectral images are OpenEXR; name it .exr")
+            raise SpectrumError(
+                f"{name}: spectral images are OpenEXR; name it .exr", code="unsupported"
+            )
         units = self.notes.get("emissive units", _DEFAULT_UNITS)
         header = spectral_header(self.kind, units) | {"volspec:notes": json.dumps(dict(self.notes))}
         names = spectral_channels(self.kind, self.wavelengths_nm)
@@ -204,8 +211,8 @@ class SpectralImage:
             Half or float channels. R, G, B, A and others are left out; so are polarisation
             (S1…S3) and re-radiation (fluorescence), with a `VolspecWarning`.
         kind : "reflective" or "emissive", optional
-            Which to take; without it reflective where a file holds both, which the note
-            ``also holds`` then says.
+            Kind to read; by default reflective if a file has both, and then the note
+            ``also holds`` names the other.
 
         Raises
         ------
@@ -220,10 +227,11 @@ class SpectralImage:
         held: list[Kind] = [k for k in get_args(Kind) if pixels[_LAYER[k]]]
         wanted = kind or next(iter(held), None)
         if wanted is None or wanted not in held:
-            wish, example = ("", "S0 or T") if wanted is None else (f"{wanted} ", _LAYER[wanted])
+            sought, example = ("", "S0 or T") if wanted is None else (f"{wanted} ", _LAYER[wanted])
             raise SpectrumError(
-                f"{name}: holds no {wish}spectral channels ({example}.550,000000nm and so on; "
-                f"Fichet et al. 2021){_only(held)}"
+                f"{name}: holds no {sought}spectral channels ({example}.550,000000nm and so on; "
+                f"Fichet et al. 2021){_only(held)}",
+                code="missing",
             )
         if wanted == "reflective" and "reradiation" in ignored:
             _warn(f"{name}: its fluorescence (T.in.out channels) is left out")
@@ -236,12 +244,14 @@ class SpectralImage:
         try:
             values = np.stack([image for _, image in samples], axis=-1)
             return cls(values, np.array([w for w, _ in samples]), wanted, notes)
-        except (SpectrumError, ValueError) as error:
-            raise SpectrumError(f"{name}: {error}") from None
+        except SpectrumError as error:
+            raise error.within(name) from None
+        except ValueError as error:
+            raise SpectrumError(f"{name}: {error}", code="damaged") from None
 
 
 def spectral_channels(kind: Kind, wavelengths_nm: ArrayLike) -> list[str]:
-    """The layout's names of channels.
+    """Return the layout's channel names.
 
     >>> spectral_channels("emissive", [400, 547.5])
     ['S0.400,000000nm', 'S0.547,500000nm']
@@ -251,18 +261,13 @@ def spectral_channels(kind: Kind, wavelengths_nm: ArrayLike) -> list[str]:
 
 
 def spectral_header(kind: Kind, units: str = _DEFAULT_UNITS) -> dict[str, str]:
-    """The attributes that the layout asks for; ``units`` are those of radiances."""
+    """Return the layout's header attributes; ``units`` are those of radiances."""
     header = {"spectralLayoutVersion": "1.0"}
     return header | {"emissiveUnits": units} if kind == "emissive" else header
 
 
 def require_kind(kind: object, label: str) -> None:
-    """Refuse what is no `Kind`.
-
-    Raises
-    ------
-    SpectrumError
-    """
+    """Raise SpectrumError unless this is a `Kind`."""
     if kind not in get_args(Kind):
         raise SpectrumError(
             f"{label}: kind {kind!r} is unknown; choose reflective or emissive", code="unknown"
@@ -282,7 +287,7 @@ _Samples = dict[str, list[tuple[float, NDArray[np.float32]]]]
 
 
 def _read(name: str) -> tuple[dict[str, Any], _Samples, set[str]]:
-    """The header, (nm, pixels) of every channel by layer, and what else there is."""
+    """Return the header, (nm, pixels) of every channel by layer, and kinds left out."""
     header, channels = read_exr(name, SpectrumError)
     pixels: _Samples = {layer: [] for layer in _LAYER.values()}
     ignored: set[str] = set()

@@ -1,4 +1,4 @@
-"""A light or a reflectance: values over wavelength.
+"""A light or a reflectance: values over wavelength, and checked arrays of them.
 
 grid -> [spectrum] -> photometry, library -> basis
 """
@@ -32,8 +32,8 @@ class Spectrum:
     name : str
         For messages and legends.
     notes : {str: str}
-        What is known of its making: ``manufacturer``, ``instrument``, ``spectral quantity``,
-        ``designed``, … Keys are kept in lower case with single blanks; read-only.
+        Metadata: ``manufacturer``, ``instrument``, ``spectral quantity``, ``designed``, … Keys
+        are stored in lower case with single blanks; read-only.
 
     Raises
     ------
@@ -43,8 +43,8 @@ class Spectrum:
 
     Notes
     -----
-    `on` and a factor keep the notes. A sum keeps what both sides say alike: a lamp's maker did
-    not make the sum. But a sum with a designed part is designed, whatever the other part is.
+    `on` and a factor keep the notes. A sum keeps those equal on both sides: a lamp's maker did
+    not make the sum. But a sum with a designed part is designed.
 
     Examples
     --------
@@ -64,7 +64,9 @@ class Spectrum:
             try:
                 array = np.array(getattr(self, key), dtype=np.float64)
             except (TypeError, ValueError) as error:
-                raise SpectrumError(f"{label}: {key} are not numbers: {error}") from error
+                raise SpectrumError(
+                    f"{label}: {key} are not numbers: {error}", code="type"
+                ) from error
             array.flags.writeable = False
             object.__setattr__(self, key, array)
         object.__setattr__(self, "notes", read_only_notes(self.notes, label))
@@ -72,7 +74,8 @@ class Spectrum:
         if w.ndim != 1 or w.shape != v.shape or w.size < 2:
             raise SpectrumError(
                 f"{label}: wavelengths have shape {w.shape}, values {v.shape}; "
-                "expected two equal lengths of at least 2"
+                "expected two equal lengths of at least 2",
+                code="shape",
             )
         for key, array in (("wavelength", w), ("value", v)):
             if not np.isfinite(array).all():
@@ -86,17 +89,17 @@ class Spectrum:
             )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A read-only view of a dictionary cannot be pickled as it stands.
+        # A read-only view of a dictionary cannot be pickled.
         return Spectrum, (self.wavelengths_nm, self.values, self.name, dict(self.notes))
 
     @property
     def designed(self) -> bool:
-        """Whether the notes say that a designer made it, not an instrument (``designed: yes``)."""
+        """True if the notes contain ``designed: yes``: computed, not measured."""
         return self.notes.get("designed", "no").casefold() not in ("", "no", "false", "0")
 
     @property
     def grid(self) -> SpectralGrid:
-        """The grid the samples lie on.
+        """Grid of the samples.
 
         Raises
         ------
@@ -107,7 +110,8 @@ class Spectrum:
         if np.ptp(steps) > 1e-6:
             raise SpectrumError(
                 f"spectrum {self.name!r} is not equidistant (steps {steps.min():g} to "
-                f"{steps.max():g} nm); put it on a grid first: spectrum.on(grid)"
+                f"{steps.max():g} nm); put it on a grid first: spectrum.on(grid)",
+                code="conflict",
             )
         start, stop = self.wavelengths_nm[[0, -1]]
         return SpectralGrid(start, stop, (stop - start) / (self.wavelengths_nm.size - 1))
@@ -118,8 +122,7 @@ class Spectrum:
         try:
             values = grid.band_means(self.wavelengths_nm, self.values)
         except SpectrumError as error:
-            label = f"{self.name!r}: " if self.name else ""
-            raise SpectrumError(f"{label}{error}") from None
+            raise error.within(repr(self.name) if self.name else "") from None
         return Spectrum(grid.wavelengths_nm, values, self.name, self.notes)
 
     def __mul__(self, factor: float) -> Spectrum:
@@ -137,7 +140,8 @@ class Spectrum:
         ):
             raise SpectrumError(
                 f"cannot add {self.name!r} and {other.name!r}: their wavelengths differ; "
-                "put both on one grid first: spectrum.on(grid)"
+                "put both on one grid first: spectrum.on(grid)",
+                code="conflict",
             )
         name = "+".join(n for n in (self.name, other.name) if n)
         notes = dict(self.notes.items() & other.notes.items())
@@ -148,17 +152,17 @@ class Spectrum:
 
     @classmethod
     def from_colour(cls, distribution: Any) -> Spectrum:
-        """From a ``colour.SpectralDistribution``."""
+        """Convert a ``colour.SpectralDistribution``."""
         return cls(distribution.wavelengths, distribution.values, str(distribution.name))
 
     def to_colour(self) -> Any:
-        """As a ``colour.SpectralDistribution``."""
+        """Return a ``colour.SpectralDistribution``."""
         data = dict(zip(self.wavelengths_nm.tolist(), self.values.tolist(), strict=True))
         return colour_science().SpectralDistribution(data, name=self.name)
 
 
 def read_only_notes(notes: Mapping[str, str], label: str) -> Mapping[str, str]:
-    """A read-only copy of notes, keys in lower case with single blanks.
+    """Return a read-only copy of notes, keys in lower case with single blanks.
 
     Raises
     ------
@@ -166,22 +170,26 @@ def read_only_notes(notes: Mapping[str, str], label: str) -> Mapping[str, str]:
         If it is no mapping, a key or a value is not text, or a key is empty or given twice.
     """
     if not isinstance(notes, Mapping):
-        raise SpectrumError(f"{label}: notes are {notes!r}; give a dict of texts")
-    kept: dict[str, str] = {}
+        raise SpectrumError.refused(f"{label}: notes", notes, "give a dict of texts", "type")
+    checked: dict[str, str] = {}
     for key, value in notes.items():
         if not (isinstance(key, str) and isinstance(value, str)):
-            raise SpectrumError(f"{label}: note {key!r}: {value!r}; notes are text, use str(…)")
+            raise SpectrumError(
+                f"{label}: note {key!r}: {value!r}; notes are text, use str(…)", code="type"
+            )
         short = " ".join(key.split()).lower()
-        if not short or short in kept:
+        if not short or short in checked:
             fault = "appears twice" if short else "is empty"
-            raise SpectrumError(f"{label}: the name of a note, {key!r}, {fault}; choose another")
-        kept[short] = value
-    return MappingProxyType(kept)
+            raise SpectrumError(
+                f"{label}: the name of a note, {key!r}, {fault}; choose another", code="duplicate"
+            )
+        checked[short] = value
+    return MappingProxyType(checked)
 
 
 # Band means of a measured table may dip this far below zero, as a share of the peak.
 _ROUNDING = 1e-6
-# Above this a reflectance is no fluorescence but a percentage, or a light.
+# A larger value is no fluorescent reflectance but a percentage, or a light.
 _MOST_REFLECTED = 2.0
 # Less light than this cannot be scaled to Y = 100.
 _LEAST_LIGHT = 1e-300
@@ -190,7 +198,7 @@ _LEAST_LIGHT = 1e-300
 def stack(
     spectra: Spectrum | Sequence[Spectrum] | ArrayLike, grid: SpectralGrid
 ) -> NDArray[np.float64]:
-    """Spectra as one (..., N) array on a grid; arrays only have their shape checked."""
+    """Stack spectra to one (..., N) array on a grid; of arrays only the shape is checked."""
     if isinstance(spectra, Spectrum):
         return spectra.on(grid).values
     if isinstance(spectra, list | tuple) and any(isinstance(s, Spectrum) for s in spectra):
@@ -200,19 +208,21 @@ def stack(
                 row = stack(spectrum, grid)
             except SpectrumError as error:
                 own = isinstance(spectrum, Spectrum) and spectrum.name
-                raise SpectrumError(str(error) if own else f"number {number}: {error}") from None
+                raise error.within("" if own else f"number {number}") from None
             rows.append(row)
             if row.shape != rows[0].shape:
                 raise SpectrumError(
                     f"spectrum number {number} is an array of shape {row.shape}; give one "
-                    "spectrum at a time"
+                    "spectrum at a time",
+                    code="shape",
                 )
         return np.array(rows)
     array = real_array(spectra, "spectra")
     if array.ndim == 0 or array.shape[-1] != grid.size:
         raise SpectrumError(
             f"spectra have shape {array.shape}; expected (..., {grid.size}) on the grid {grid}. "
-            "Were they sampled on another grid?"
+            "Were they sampled on another grid?",
+            code="shape",
         )
     finite = np.isfinite(array).all(-1)
     if not finite.all():
@@ -224,20 +234,28 @@ def stack(
 
 
 def real_array(values: Any, what: str) -> NDArray[np.float64]:
-    """Numbers as float64; text is none, even where it could be read as one.
+    """Convert numbers to float64; text is refused, even if it could be parsed.
+
+    Parameters
+    ----------
+    values : array_like
+    what : str
+        Name for messages, in the plural.
 
     Raises
     ------
     SpectrumError
-        Under the name of ``what`` they are, in the plural.
     """
     try:
         array = np.asarray(values)
     except (TypeError, ValueError):
-        raise SpectrumError(f"{what} are not a regular array of numbers: rows differ") from None
+        raise SpectrumError(
+            f"{what} are not a regular array of numbers: rows differ", code="shape"
+        ) from None
     if array.dtype.kind not in "biuf":
         raise SpectrumError(
-            f"{what} are not a regular array of numbers: {values!r:.40}; give a list or an array"
+            f"{what} are not a regular array of numbers: {values!r:.40}; give a list or an array",
+            code="type",
         )
     return array.astype(np.float64)
 
@@ -245,7 +263,7 @@ def real_array(values: Any, what: str) -> NDArray[np.float64]:
 def light_power(
     light: Spectrum | ArrayLike, grid: SpectralGrid, label: str = ""
 ) -> NDArray[np.float64]:
-    """The power of one light on a grid, checked: what can be seen by.
+    """Return the power of one light on a grid, checked to be visible and not negative.
 
     Parameters
     ----------
@@ -254,12 +272,12 @@ def light_power(
     grid : SpectralGrid
         N bands within 360-830 nm.
     label : str, optional
-        What messages call it; the light's own name by default.
+        Name for messages; the light's own by default.
 
     Returns
     -------
     (N,) float64
-        At least 0: what lies below by no more than a millionth of the peak becomes 0.
+        At least 0: values below by at most a millionth of the peak become 0.
 
     Raises
     ------
@@ -271,7 +289,9 @@ def light_power(
     own = f"light {light.name!r}" if isinstance(light, Spectrum) and light.name else "light"
     label = label or own
     if E.ndim != 1:
-        raise SpectrumError(f"{label}: an array of shape {E.shape}; give one light at a time")
+        raise SpectrumError(
+            f"{label}: an array of shape {E.shape}; give one light at a time", code="shape"
+        )
     lowest = int(E.argmin())
     if E[lowest] < -_ROUNDING * np.abs(E).max():
         raise SpectrumError(
@@ -292,7 +312,7 @@ def light_power(
 def reflectance_values(
     spectra: Spectrum | Sequence[Spectrum] | ArrayLike, grid: SpectralGrid, label: str
 ) -> NDArray[np.float64]:
-    """Reflectances on a grid, checked: what a surface can do.
+    """Return reflectances on a grid, checked to be 0 to 1 (2 with a warning).
 
     Parameters
     ----------
@@ -300,12 +320,12 @@ def reflectance_values(
     grid : SpectralGrid
         N bands.
     label : str
-        What messages call them.
+        Name for messages.
 
     Returns
     -------
     (N,) or (..., N) float64
-        At least 0: what lies below by no more than a millionth of the peak becomes 0.
+        At least 0: values below by at most a millionth of the peak become 0.
 
     Raises
     ------
@@ -325,7 +345,7 @@ def reflectance_values(
     try:
         S = stack(spectra, grid)
     except SpectrumError as error:
-        raise SpectrumError(f"{label}: {error}") from None
+        raise error.within(label) from None
     rows = S.reshape(-1, grid.size)
     names = [getattr(s, "name", "") for s in spectra] if isinstance(spectra, list | tuple) else []
 

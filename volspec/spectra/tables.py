@@ -1,6 +1,6 @@
-"""Text tables of spectra: a column of wavelengths, columns of values, notes in comments.
+"""Text tables of spectra, read and written: wavelengths, columns of values, notes in comments.
 
-spectrum -> [tables] -> files, reflectances
+spectrum -> [tables] -> files, lights, reflectances
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ class TextTable:
     ----------
     path : str
     wavelengths_nm : (L,) array
-        nm, as they stand.
+        nm, as written.
     columns : (L, K) array
     names : K strings
-        From the header; ``"1"``, ``"2"``, … where it names none.
+        Names in the header; ``"1"``, ``"2"``, … without one.
     lines : L numbers
-        Where each row stands in the file, from 1.
+        Line of each row in the file, from 1.
     notes : {str: str}
     decimal_commas : bool
-        Whether the commas between its columns may be decimal marks.
+        True if the commas between columns may be decimal marks.
     """
 
     path: str
@@ -51,7 +51,7 @@ class TextTable:
     decimal_commas: bool = False
 
     def spectrum(self, column: str = "") -> Spectrum:
-        """One column, by its name (any case) or number from 1; "" where there is only one.
+        """Return one column by its name (any case) or number from 1; "" for the only one.
 
         Raises
         ------
@@ -72,7 +72,7 @@ class TextTable:
         try:
             return Spectrum(self.wavelengths_nm, values, name, self.notes)
         except SpectrumError as error:
-            raise SpectrumError(f"{self.path}: {error}") from None
+            raise error.within(self.path) from None
 
     def _index(self, column: str) -> int:
         if not column and len(self.names) == 1:
@@ -83,10 +83,10 @@ class TextTable:
                 f"{self.path}: {len(self.names)} columns of values ({listed}); "
                 f"choose one: {Path(self.path).name}#{self.names[0]}"
                 + self.decimal_commas
-                * "; or are the commas decimal marks? write points"
+                * "; or are the commas decimal marks? write points",
+                code="missing",
             )
-        folded = [" ".join(name.split()).casefold() for name in self.names]
-        wanted = " ".join(column.split()).casefold()
+        folded, wanted = [fold_name(name) for name in self.names], fold_name(column)
         if wanted in folded:
             return folded.index(wanted)
         if column.isdecimal() and 1 <= int(column) <= len(self.names):
@@ -139,14 +139,19 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
                 f"{name}, line {number}: {len(row)} cells, but {len(rows[0])} in line "
                 f"{lines[0]}; give every row the same"
                 + (separator == ",")
-                * ", and write decimal points, not commas"
+                * ", and write decimal points, not commas",
+                code="shape",
             )
         rows.append(row)
         lines.append(number)
     if len(rows) < 2:
-        raise SpectrumError(f"{name}: {len(rows)} rows of numbers, expected at least 2 (nm,value)")
+        raise SpectrumError(
+            f"{name}: {len(rows)} rows of numbers, expected at least 2 (nm,value)", code="missing"
+        )
     if len(rows[0]) < 2:
-        raise SpectrumError(f"{name}, line {lines[0]}: one column, expected nm,value")
+        raise SpectrumError(
+            f"{name}, line {lines[0]}: one column, expected nm,value", code="missing"
+        )
     titles = _cells(header, separator)[1:]
     unnamed = len(titles) != len(rows[0]) - 1
     if unnamed:
@@ -158,7 +163,7 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
 
 
 def file_content(path: str | os.PathLike[str]) -> bytes:
-    """All of a file.
+    """Return the bytes of a file.
 
     Raises
     ------
@@ -177,12 +182,11 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
 
 
 def read_number(text: str) -> float:
-    """A number as people write it: Python's underscores are refused.
+    """Parse a number; Python's underscores are refused.
 
     Raises
     ------
     ValueError
-        If it is none.
     """
     if "_" in text:
         raise ValueError(f"could not convert string to float: {text!r}")
@@ -190,7 +194,7 @@ def read_number(text: str) -> float:
 
 
 def require_nanometres(wavelengths: NDArray[np.float64], label: str) -> None:
-    """Refuse wavelengths that are far from the visible in nm; guess what they are.
+    """Refuse wavelengths far from the visible in nm, and guess their unit.
 
     Parameters
     ----------
@@ -216,9 +220,7 @@ def require_nanometres(wavelengths: NDArray[np.float64], label: str) -> None:
         guess = "are they wavenumbers in 1/cm? nm = 1e7 / wavenumber, then sort"
     else:
         return
-    raise SpectrumError(
-        f"{label}: wavelengths of {low:g}-{high:g} nm, none visible; {guess}", code="unknown"
-    )
+    raise SpectrumError(f"{label}: wavelengths of {low:g}-{high:g} nm, none visible; {guess}")
 
 
 def _keep_note(line: str, notes: dict[str, str]) -> None:
@@ -252,11 +254,12 @@ def _not_numbers(path: str, number: int, line: str) -> SpectrumError:
     else:
         remedy = "put # before lines that are no data"
     return SpectrumError(
-        f"{path}, line {number}: {line[:40]!r} is not a row of numbers (nm,value); {remedy}"
+        f"{path}, line {number}: {line[:40]!r} is not a row of numbers (nm,value); {remedy}",
+        code="syntax",
     )
 
 
-# What the reader takes for the name of a note.
+# Names of notes that the reader accepts.
 _KEY = re.compile(r"[a-z][\w ()/%-]{0,39}")
 
 
@@ -290,7 +293,9 @@ def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
     """
     name = path_text(path)
     if Path(name).suffix.lower() != ".csv":
-        raise SpectrumError(f"{name}: spectra are written as text tables; name it .csv")
+        raise SpectrumError(
+            f"{name}: spectra are written as text tables; name it .csv", code="unsupported"
+        )
     lines = [
         f"# {key}: {' '.join(value.split())}"
         for key, value in spectrum.notes.items()
@@ -306,16 +311,23 @@ def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
 
 
 def path_text(path: object, what: str = "path") -> str:
-    """A path as text.
+    """Return a path as text.
 
     Raises
     ------
     SpectrumError
-        If it is neither text nor a path, or no file can be called so.
+        If it is neither text nor a path, or contains a NUL.
     """
     text = os.fspath(path) if isinstance(path, str | os.PathLike) else None
     if not isinstance(text, str):
-        raise SpectrumError(f"{what} {path!r} is no path; give text or a pathlib.Path")
+        raise SpectrumError(f"{what} {path!r} is no path; give text or a pathlib.Path", code="type")
     if "\0" in text:
-        raise SpectrumError(f"{what} {text!r} holds a NUL character; no file is called so")
+        raise SpectrumError(
+            f"{what} {text!r} holds a NUL character; no file is called so", code="syntax"
+        )
     return text
+
+
+def fold_name(name: str) -> str:
+    """Return a name for comparison: single blanks, no case."""
+    return " ".join(name.split()).casefold()

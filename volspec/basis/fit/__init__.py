@@ -1,4 +1,4 @@
-"""Fit a basis: choose the method, settle its options, add the synthesis.
+"""Fit a basis: dispatch to the method, resolve its options, add the synthesis.
 
     training set -> [fit] -> A, B, D
 
@@ -29,12 +29,11 @@ Array = NDArray[np.float64]
 _LINEAR = {"reduced-rank": reduced_rank, "pca-sharpened": sharpened_pca, "pca": pca}
 METHODS = ("virtual-sensors", *_LINEAR)
 DEFAULT_SMOOTHNESS = 5e-6
-# Up to this many light-reflectance pairs the fit is for designed spectra, which oscillate:
-# sensors must be allowed to.
+# Few light-reflectance pairs are of designed spectra, which oscillate: sensors must be able to.
 _FEW_PAIRS = 150
 _SCENE_SMOOTHNESS = 2e-7
-# Perturbed starts by the number of pairs: where few spectra are to be held there are several
-# minima, and each start is cheap.
+# Perturbed starts by the number of pairs: with few spectra there are several minima, and each
+# start is cheap.
 _RESTARTS = ((_FEW_PAIRS, 4), (2000, 2))
 # Strength of the prior "spectra are smooth" against the training spectra's own covariance.
 _PRIOR = 1e-5
@@ -42,7 +41,7 @@ _PRIOR_WIDTH_NM = 40.0
 # A penalty of the order of the colours' own errors leaves nothing but straight lines.
 _MOST_SMOOTHNESS = 1.0
 _USUAL_SIZES = (5, 9)
-# Sensors of a larger condition number than this are not worth having.
+# Sensors of a larger condition number are refused.
 _REFUSED_ALIKE = 100.0
 
 
@@ -55,10 +54,9 @@ def fit_basis(
     smoothness: float | None,
     restarts: int | None,
 ) -> tuple[Array, Array, Array]:
-    """A, B and D; `SpectralBasis.fit` is the public face and documents the arguments.
+    """Fit A, B and D; `SpectralBasis.fit` documents the arguments.
 
-    On one thread: the matrices are small, so that more threads gain nothing, stall each other
-    when the machine is busy, and change the last bits.
+    On one thread: for small matrices more gain nothing, and change the last bits.
     """
     _check_method(method)
     _check_size(size, training)
@@ -77,7 +75,8 @@ def fit_basis(
         except np.linalg.LinAlgError as error:
             raise BasisError(
                 f"basis size {size}: {training.label} do not determine it ({error}); "
-                "use a smaller size or more spectra"
+                "use a smaller size or more spectra",
+                code="impossible",
             ) from None
         alike = np.inf if method in _LINEAR else _REFUSED_ALIKE
         _check_determined(A, B, training, alike=alike)
@@ -85,11 +84,11 @@ def fit_basis(
 
 
 def best_synthesis(A: Array, training: Training) -> Array:
-    """B (N, m): the reflectances most likely to have given coefficients, with B 1 = 1.
+    """Return B (N, m): the most likely reflectances of given coefficients, with B 1 = 1.
 
     Linear regression of spectra on their channels, B = C A^T (A C A^T)^-1 with C the training
     covariance plus a weak smooth prior (so that m may exceed the number of reflectances),
-    then constrained to keep flat white. A B = I: what B makes, A reads back.
+    then constrained to preserve flat white. A B = I.
     """
     w = training.grid.wavelengths_nm
     smooth = np.exp(-0.5 * ((w[:, None] - w) / _PRIOR_WIDTH_NM) ** 2)
@@ -107,7 +106,8 @@ def _check_method(method: Any) -> None:
     if method == "materials":
         raise BasisError(
             "materials are not fitted: use volspec.MaterialBasis(materials), whose channels "
-            "they are"
+            "they are",
+            code="conflict",
         )
     if method not in METHODS:
         raise BasisError(
@@ -122,34 +122,38 @@ def _check_size(size: Any, training: Training) -> None:
     if most < LEAST_SIZE:
         raise BasisError(
             f"a grid of {most} bands is too coarse for a basis, which has {LEAST_SIZE} channels "
-            "or more; use a finer step_nm"
+            "or more; use a finer step_nm",
+            code="shape",
         )
     if not _is_whole(size) or not LEAST_SIZE <= size <= most:
         low, high = _USUAL_SIZES
         usual = f"; {low} to {high} is usual" if most > high else ""
         raise BasisError(
             f"basis size {size!r:.40} is not a whole number from {LEAST_SIZE} to {most}, the "
-            f"grid's bands{usual}"
+            f"grid's bands{usual}",
+            code="range",
         )
 
 
 def _check_determined(A: Array, B: Array, training: Training, *, alike: float) -> None:
-    """Refuse sensors so alike that no spectrum can be read back from their channels."""
+    """Raise BasisError for sensors too alike to recover spectra from their channels."""
     strength = np.linalg.svd(A, compute_uv=False)
     if strength[0] <= alike * strength[-1] and round_trip_loss(A, B) <= ROUND_TRIP_TOLERANCE:
         return
     most = min(int((strength > strength[0] / MOST_ALIKE).sum()), len(A) - 1)
     raise BasisError(
         f"basis size {len(A)}: {training.label} do not determine so many channels, which became "
-        f"mixtures of each other; {smaller_size(most)}"
+        f"mixtures of each other; {smaller_size(most)}",
+        code="impossible",
     )
 
 
 def _refuse_options(method: str, **options: Any) -> None:
-    """What only ``virtual-sensors`` takes."""
+    """Raise BasisError for options of ``virtual-sensors``."""
     if options.pop("positive"):
         raise BasisError(
-            f"{method} cannot keep its analysis positive; use method='virtual-sensors'"
+            f"{method} cannot keep its analysis positive; use method='virtual-sensors'",
+            code="conflict",
         )
     for name, value in options.items():
         if value is not None:
@@ -170,7 +174,8 @@ def _smoothness(value: Any, training: Training) -> float:
     if not number or not 0 <= value <= _MOST_SMOOTHNESS:
         raise BasisError(
             f"smoothness {value!r:.40} is not a number from 0 to {_MOST_SMOOTHNESS:g}; "
-            f"{DEFAULT_SMOOTHNESS:g} is usual"
+            f"{DEFAULT_SMOOTHNESS:g} is usual",
+            code="range",
         )
     return float(value)
 
@@ -179,5 +184,5 @@ def _restarts(value: Any, training: Training) -> int:
     if value is None:
         return next((count for most, count in _RESTARTS if training.pairs <= most), 0)
     if not _is_whole(value) or value < 0:
-        raise BasisError(f"restarts {value!r:.40} is not a whole number of 0 or more")
+        raise BasisError(f"restarts {value!r:.40} is not a whole number of 0 or more", code="range")
     return int(value)

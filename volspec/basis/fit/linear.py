@@ -1,21 +1,29 @@
-"""Fit ``reduced-rank``: the m numbers of a reflectance that foretell its colour best.
+"""Fit the linear methods: ``reduced-rank``, ``pca`` and ``pca-sharpened``.
 
-    training set -> [reduced_rank] -> A, B, D
+    training set -> [linear] -> A, B, D
 
-Minimises, over A and B with A B = I and A 1 = 1, B 1 = 1 (white is kept exactly), the mean
-square colour error of the exact light matrix
+``reduced-rank`` minimises, over A and B with A B = I and A 1 = 1, B 1 = 1 (white is exact), the
+mean square colour error of the exact light matrix
 
     || G_jk Q diag(E_j) (S_k - B A S_k) ||^2  =  || S_k - B A S_k ||^2_Wk,  summed over j,
 
 with G_jk the CIE94 metric. With one W for all reflectances that is a singular-value
 decomposition [1]; from there A and B are solved for in turn with every reflectance's own W_k.
-Any m independent mixtures of A's rows do as well; those are taken that multiply best
-componentwise (`volspec.basis.fit.sensors.choose_channels`), with the D that goes with them.
+Any m independent mixtures of A's rows are as good; those that multiply best componentwise are
+chosen (`volspec.basis.fit.sensors.choose_channels`), with their D.
+
+``pca`` and ``pca-sharpened`` use the first m right singular vectors of the colour signals
+E_i * S_j, uncentred, with the perfect diffuser added to the reflectances [2]. They differ in the
+vectors of that subspace that carry the channels, and so in the quality of a componentwise product;
+the full product inside the subspace, `SpectralBasis.illumination_matrix`, is the same. The papers'
+spectra span 400-700 nm: on a wider grid the bands outside count for little, or the invisible
+infrared of incandescent lamps would take up channels.
 
 References
 ----------
 [1] Marimont, Wandell (1992), "Linear models of surface and illuminant spectra", JOSA A 9(11),
     1905-1913. doi:10.1364/JOSAA.9.001905
+[2] Bergner, Drew, Moeller (2009), sections 2.2-2.3.
 """
 
 from __future__ import annotations
@@ -30,16 +38,16 @@ from volspec.errors import BasisError
 
 Array = NDArray[np.float64]
 
-# Two rounds bring most of the gain; more follow the training set only.
-_ROUNDS = 2
-# Keeps each solution near the one before where the training set has no say.
+# Two bring most of the gain; more overfit the training set.
+_ITERATIONS = 2
+# Keeps each solution near the previous one if the training set does not determine it.
 _RIDGE = 1e-6
-# Directions in which reflectances vary less than this share of the most are left out.
+# Directions in which reflectances vary less than this fraction of the most are left out.
 _VARIATION = 1e-5
 
 
 def reduced_rank(training: Training, size: int) -> tuple[Array, Array, Array]:
-    """A, B and D.
+    """Fit A, B and D of ``reduced-rank``.
 
     Raises
     ------
@@ -50,7 +58,7 @@ def reduced_rank(training: Training, size: int) -> tuple[Array, Array, Array]:
     t = training.S @ frame
     W = _colour_weights(training, frame)
     A, B = _one_metric_for_all(t, W, training.grid.size, size)
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         A = _better_analysis(A, B, t, W)
         B = _better_synthesis(A, B, t, W)
     rows = np.linalg.qr(A.T)[0].T
@@ -59,37 +67,37 @@ def reduced_rank(training: Training, size: int) -> tuple[Array, Array, Array]:
 
 
 def _frame(training: Training, size: int) -> Array:
-    """(N, r) orthonormal: flat white first, then how the reflectances vary about it."""
+    """Return (N, r) orthonormal: flat white, then the reflectances' variation about it."""
     N = training.grid.size
     S = training.S * np.sqrt(training.reflectance_weights)[:, None]
     _, strength, directions = np.linalg.svd(S - S.mean(1, keepdims=True), full_matrices=False)
     strength = np.append(np.linalg.norm(S), strength)
     check_rank(strength, size, f"{count_noun(len(S), 'reflectance')} and white")
-    kept = max(int((strength > strength[0] * _VARIATION).sum()), size)
-    return np.column_stack([np.full(N, N**-0.5), directions[: kept - 1].T])
+    count = max(int((strength > strength[0] * _VARIATION).sum()), size)
+    return np.column_stack([np.full(N, N**-0.5), directions[: count - 1].T])
 
 
 def _colour_weights(training: Training, frame: Array) -> Array:
-    """W_k (K, r, r): what an error of a reflectance costs in colour, over all lights."""
+    """Return W_k (K, r, r): the colour error of a reflectance's error, over all lights."""
     white, _, metric = relative_colours(training)
-    seen = np.matmul(training.Q * training.E[:, None], frame) / white[..., None]
-    rows = np.matmul(metric, seen[:, None])  # (J, K, 3, r)
+    colours = np.matmul(training.Q * training.E[:, None], frame) / white[..., None]
+    rows = np.matmul(metric, colours[:, None])  # (J, K, 3, r)
     rows = rows.swapaxes(0, 1).reshape(len(training.S), -1, frame.shape[1])
     return np.matmul(rows.swapaxes(1, 2), rows)
 
 
 def _one_metric_for_all(t: Array, W: Array, bands: int, size: int) -> tuple[Array, Array]:
-    """A (m, r) and B (r, m): the best for the sum of all W, white being one of the channels."""
+    """Return the best A (m, r) and B (r, m) for the sum of all W, white being a channel."""
     power, directions = np.linalg.eigh(W.sum(0))
     root = np.sqrt(np.maximum(power, 1e-9 * power[-1]))
     half, inverse = (directions * root) @ directions.T, (directions / root) @ directions.T
     white = half[:, 0] / np.linalg.norm(half[:, 0])
-    seen = t @ half
-    rest = seen - np.outer(seen @ white, white)
+    weighted = t @ half
+    rest = weighted - np.outer(weighted @ white, white)
     _, _, components = np.linalg.svd(rest, full_matrices=False)
     frame = np.vstack([white, components[: size - 1]])
     A, B = frame @ half, inverse @ frame.T
-    # White is one in the first channel and none in the others; added, it is one in all.
+    # White is 1 in the first channel and 0 in the others; added, it is 1 in all.
     scale = A[0, 0] * np.sqrt(bands)
     mix = np.eye(size)
     mix[:, 0] = 1.0 / scale
@@ -97,14 +105,14 @@ def _one_metric_for_all(t: Array, W: Array, bands: int, size: int) -> tuple[Arra
 
 
 def _better_analysis(A: Array, B: Array, t: Array, W: Array) -> Array:
-    """A for a given B; its first column, by which white is one in all channels, stays."""
+    """Solve A for a given B; its first column, which makes white 1 in all channels, stays."""
     A = A.copy()
     A[:, 1:] += _solve_ridge(W, B, t[:, 1:], t - t @ A.T @ B.T)
     return A
 
 
 def _better_synthesis(A: Array, B: Array, t: Array, W: Array) -> Array:
-    """B for a given A, among those with A B = I and the same B 1."""
+    """Solve B for a given A, among those with A B = I and the same B 1."""
     m = len(A)
     unseen = np.linalg.svd(A)[2][m:].T
     uneven = np.linalg.svd(np.ones((1, m)))[2][1:].T
@@ -114,7 +122,7 @@ def _better_synthesis(A: Array, B: Array, t: Array, W: Array) -> Array:
 
 
 def _reading_back(A: Array, B: Array, unseen: Array) -> Array:
-    """The B nearest in what A does not see that has A B = I and keeps white."""
+    """Return the B with A B = I that keeps white, nearest to B in A's null space."""
     plain = np.linalg.pinv(A)
     white = np.eye(A.shape[1])[0] * B.sum(1)[0]
     B = plain + unseen @ (unseen.T @ B)
@@ -122,7 +130,7 @@ def _reading_back(A: Array, B: Array, unseen: Array) -> Array:
 
 
 def _solve_ridge(W: Array, F: Array, x: Array, rest: Array) -> Array:
-    """The X of least sum_k || rest_k - F X x_k ||^2_Wk, kept small by a ridge.
+    """Return the X of least sum_k || rest_k - F X x_k ||^2_Wk, with a ridge.
 
     Shapes: W (K, r, r), F (r, a), x (K, b), rest (K, r); X (a, b).
     """
@@ -137,17 +145,17 @@ def _solve_ridge(W: Array, F: Array, x: Array, rest: Array) -> Array:
 
 
 _PAPERS_NM = (400.0, 700.0)
-# Root weight of a band outside: a thousandth of the squares.
+# Root weight of a band outside that range: a thousandth of the squares.
 _OUTSIDE = 0.03
 
 
 def pca(training: Training, size: int) -> tuple[Array, Array, Array]:
-    """A, B and D with the principal components themselves, scaled by white, as B's columns."""
+    """Fit A, B and D with the principal components, scaled by white, as B's columns."""
     return _scaled_by_white(training, _components(training, size))
 
 
 def sharpened_pca(training: Training, size: int) -> tuple[Array, Array, Array]:
-    """A, B and D with the subspace's vectors that are as narrow in wavelength as it allows.
+    """Fit A, B and D with the vectors of the subspace that are narrowest in wavelength.
 
     B = B0 T, T the eigenvectors of B0^T diag(lambda) B0.
     """
@@ -157,7 +165,7 @@ def sharpened_pca(training: Training, size: int) -> tuple[Array, Array, Array]:
 
 
 def _components(training: Training, size: int) -> Array:
-    """B0 (N, m), orthonormal, of signals times the bands' root weights."""
+    """Return B0 (N, m), orthonormal, of signals times the bands' root weights."""
     spanned = training.with_white()
     # Singular vectors of all J K signals from the N x N sum of their outer products: the sum
     # over lights of diag(E) C diag(E) is C times that of E E^T, entry by entry.
@@ -169,31 +177,27 @@ def _components(training: Training, size: int) -> Array:
     return np.asarray(directions[:, ::-1][:, :size])
 
 
-def _scaled_by_white(training: Training, weighed: Array) -> tuple[Array, Array, Array]:
-    """From orthonormal ``weighed`` (N, m): B's columns such that white analyses to ones, D = Q B.
+def _scaled_by_white(training: Training, weighted: Array) -> tuple[Array, Array, Array]:
+    """Scale orthonormal ``weighted`` (N, m) to a B by which white analyses to ones; D = Q B.
 
-    A = B^+ where the bands count alike.
-
-    Raises
-    ------
-    BasisError
-        If a channel does not see white.
+    A = B^+ for equal band weights. Raises BasisError if a channel does not respond to white.
     """
     root = _band_roots(training)
-    A = weighed.T * root
+    A = weighted.T * root
     channel_white = A.sum(1)
     if np.abs(channel_white).min() < 1e-9:
         raise BasisError(
             f"basis size {len(A)}: a channel does not respond to flat white; "
-            "add a grey reflectance to the training set or change the size"
+            "add a grey reflectance to the training set or change the size",
+            code="impossible",
         )
-    B = weighed / root[:, None] * channel_white
+    B = weighted / root[:, None] * channel_white
     Q = training.Q
     return A / channel_white[:, None], B, Q @ B * (100.0 / Q[1].sum())
 
 
 def _band_roots(training: Training) -> Array:
-    """(N,) square roots of the bands' weights."""
+    """Return (N,) square roots of the bands' weights."""
     low, high = _PAPERS_NM
     w = training.grid.wavelengths_nm
     return np.where((w >= low) & (w <= high), 1.0, _OUTSIDE)

@@ -1,11 +1,17 @@
-"""What a fit of ``virtual-sensors`` minimises: residuals and their normal equations.
+"""Residuals of fits: colour errors weighted by CIE94, and their normal equations.
 
-    training set -> [residuals] -> sensors
+    training set -> [residuals] -> sensors, linear
 
-J lights, K reflectances, m channels, P knots. The equations stand in `volspec.basis.fit.sensors`.
-A residual follows the sensors only through its light's channels e_j and its reflectance's s_k,
+J lights, K reflectances, m channels, P knots; the equations are in `volspec.basis.fit.sensors`.
+A residual depends on the sensors only through its light's channels e_j and its reflectance's s_k,
 so J^T J is summed up from small blocks by light and by reflectance; the Jacobian itself,
 (3 J K) x (m P), is never formed.
+
+References
+----------
+[1] CIE 116:1995, the CIE94 colour difference: CIELAB, with errors of chroma and hue counting
+    the less the more chroma there is. The local form of CIEDE2000 but for its corrections of
+    blue and of near-grey.
 """
 
 from __future__ import annotations
@@ -29,7 +35,7 @@ _LEAST_WHITE = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """What does not change while the sensors and D do."""
+    """Constants of a fit."""
 
     E: Array  # (J, P), each light on the knots
     S: Array  # (K, P)
@@ -43,7 +49,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """The unknowns: sensors A = heights @ knots, each of sum 1 over bands, and D."""
+    """Unknowns: sensors A = heights @ knots, each of sum 1 over bands, and D."""
 
     heights: Array  # (m, P), heights @ area = 1; positive=True keeps them >= 0
     D: Array  # (3, m)
@@ -66,7 +72,7 @@ class Value:
 def pose_problem(
     training: Training, knots: Array, roughness: Array, white_weight: float = _WHITE_WEIGHT
 ) -> Problem:
-    """The problem of a training set for sensors made of knots (P, N)."""
+    """Return the problem of a training set for sensors made of knots (P, N)."""
     white, target, metric = relative_colours(training)
     white_scale = np.maximum(white, 0.02 * white[:, 1:2])
     return Problem(
@@ -82,11 +88,11 @@ def pose_problem(
 
 
 def evaluate(problem: Problem, state: State) -> Value:
-    """The residuals and their sum of squares."""
+    """Return the residuals and their sum of squares."""
     e, s = problem.E @ state.heights.T, problem.S @ state.heights.T
     predicted = e @ state.D.T
-    # A light's predicted white may be far too small, or negative; a floor keeps errors in
-    # bounds while the penalty on whites mends it.
+    # A light's predicted white may be far too small, or negative; a floor bounds the errors
+    # while the penalty on whites corrects it.
     white = np.maximum(predicted, _LEAST_WHITE * problem.white)
     display = state.D * e[:, None] / white[..., None]  # (J, 3, m)
     ratio = np.matmul(s, display.swapaxes(1, 2))
@@ -100,7 +106,7 @@ def evaluate(problem: Problem, state: State) -> Value:
 
 
 def normal_equations(problem: Problem, state: State, value: Value) -> tuple[Array, Array]:
-    """J^T J, (n, n), and J^T r, (n,), for the n = m P + 3 m unknowns (heights, D)."""
+    """Return J^T J, (n, n), and J^T r, (n,), for the n = m P + 3 m unknowns (heights, D)."""
     by_e, by_s, by_D = _derivatives(problem, state, value)
     m, P = state.heights.shape
     J, K = len(value.e), len(value.s)
@@ -135,7 +141,7 @@ def normal_equations(problem: Problem, state: State, value: Value) -> tuple[Arra
 
 
 def _derivatives(problem: Problem, state: State, value: Value) -> tuple[Array, Array, Array]:
-    """Of the residual: by e and by s, (J, K, 3, m), and by D, (J, K, 3, 3m).
+    """Differentiate the residual: by e and by s, (J, K, 3, m), and by D, (J, K, 3, 3m).
 
     ratio_c = D_c (e * s) / (D_c e): the quotient rule.
     """
@@ -150,7 +156,7 @@ def _derivatives(problem: Problem, state: State, value: Value) -> tuple[Array, A
 
 
 def _white_rows(problem: Problem, state: State, value: Value) -> Array:
-    """(J, 3, 4m + 1): predicted whites' errors, by e, by D, and themselves."""
+    """Return (J, 3, 4m + 1): derivatives of whites' errors by e and by D, and the errors."""
     J, m = value.e.shape
     scale = 1.0 / problem.white_scale
     by_D = np.zeros((J, 3, 3, m))
@@ -161,7 +167,7 @@ def _white_rows(problem: Problem, state: State, value: Value) -> Array:
 
 
 def _outer_sum(weights: Array, spectra: Array) -> Array:
-    """sum_i weights_imn spectra_ip spectra_iq, axes (m, p, n, q)."""
+    """Return sum_i weights_imn spectra_ip spectra_iq, axes (m, p, n, q)."""
     count, m, _ = weights.shape
     P = spectra.shape[1]
     outer = (spectra[:, :, None] * spectra[:, None]).reshape(count, -1)
@@ -169,14 +175,14 @@ def _outer_sum(weights: Array, spectra: Array) -> Array:
 
 
 def _fix_sums(by_heights: Array, state: State, problem: Problem) -> Array:
-    """The derivative (m, P, ...) when each sensor is divided by its sum, which is now 1."""
+    """Project derivatives (m, P, ...) to sensors divided by their sum, which is now 1."""
     along = np.einsum("mp,mp...->m...", state.heights, by_heights)
     tail = (1,) * (by_heights.ndim - 2)
     return by_heights - problem.area.reshape(1, -1, *tail) * along[:, None]
 
 
 def _apply(matrices: Array, vectors: Array) -> Array:
-    """(..., 3, 3) on (..., 3)."""
+    """Multiply (..., 3, 3) matrices by (..., 3) vectors."""
     return np.matmul(matrices, vectors[..., None])[..., 0]
 
 
@@ -185,25 +191,24 @@ _WHITE = np.ones(3)
 
 
 def relative_colours(training: Training) -> tuple[Array, Array, Array]:
-    """Whites (J, 3), XYZ / white (J, K, 3), and G (J, K, 3, 3) of every light on reflectance.
+    """Return whites (J, 3), XYZ / white (J, K, 3), and G (J, K, 3, 3) of every pair.
 
-    A pair's weight and the number of pairs are folded into G: the sum of squares of errors
-    weighed by it is their mean square.
+    G includes the pair's weight and the number of pairs: the sum of squares of errors weighted by
+    it is their mean square.
     """
     E, S, Q = training.E, training.S, training.Q
     white = E @ Q.T
-    # Where a light has no X or Z to speak of there is no ratio to fit; `display_matrix`
-    # shows that row in proportion to Y.
-    seen = white > NO_COLOUR * white[:, 1:2]
+    # Without noticeable X or Z there is no ratio to fit; `display_matrix` derives it from Y.
+    visible = white > NO_COLOUR * white[:, 1:2]
     white = visible_white(white)
     ratio = np.matmul(S, (Q * E[:, None]).swapaxes(1, 2)) / white[:, None]
     weights = np.outer(training.light_weights, training.reflectance_weights) / training.pairs
-    metric = difference_metric(ratio) * seen[:, None, None, :]
+    metric = difference_metric(ratio) * visible[:, None, None, :]
     return white, ratio, metric * np.sqrt(weights)[..., None, None]
 
 
 def difference_metric(ratio: ArrayLike) -> Array:
-    """G with |G d| the CIE94 difference of a small change d of XYZ / white.
+    """Return G with |G d| the CIE94 difference of a small change d of XYZ / white.
 
     Parameters
     ----------
@@ -225,7 +230,7 @@ def difference_metric(ratio: ArrayLike) -> Array:
     slope = cielab_derivative(ratio)
     _, a, b = np.moveaxis(cielab(ratio, _WHITE), -1, 0)
     chroma = np.hypot(a, b)
-    # Grey has no hue: any direction does, since both losses are the same there.
+    # Grey has no hue: any direction will do, as both losses are equal there.
     hue = np.arctan2(b, a)
     toward = np.stack([np.cos(hue), np.sin(hue)], axis=-1)
     across = np.stack([-np.sin(hue), np.cos(hue)], axis=-1)

@@ -1,4 +1,4 @@
-"""Fit ``virtual-sensors``: m sensors whose channels multiply like spectra do.
+"""Fit ``virtual-sensors``: m sensors with channels that multiply as spectra do.
 
     training set -> [sensors] -> A, D
 
@@ -6,11 +6,10 @@ Minimises, over A (rows summing to 1) and D, the mean square colour error
 
     || G_jk ( D(A E_j * A S_k) / D(A E_j)  -  XYZ_jk / XYZ_white_j ) ||^2
 
-where G_jk is the CIE94 metric at the true colour (`volspec.basis.fit.residuals`), so that the
+with G_jk the CIE94 metric at the true colour (`volspec.basis.fit.residuals`), so that the
 residual is a colour difference, plus small penalties: second differences of the sensors,
-predicted whites off their lights' (the per-light correction of `SpectralBasis.display_matrix`,
-which is the division above, should have little to do), and large entries of D (which would
-cancel).
+errors of predicted whites (the division above, the correction of
+`SpectralBasis.display_matrix`, should be small), and large entries of D (which would cancel).
 Levenberg-Marquardt with analytic derivatives; the residuals are bilinear.
 
 References
@@ -41,7 +40,7 @@ _GOOD_ENOUGH = 0.02**2
 # Lighter than for free sensors: not every space holds every light's white.
 _CHANNEL_WHITE_WEIGHT = 8.0
 MOST_ALIKE = 30.0
-"""Sensors of a larger condition number are mixtures of each other: rounding would show."""
+"""Largest condition number of sensors; beyond, they are mixtures of each other."""
 _KNOT_NM = 10.0
 _MOST_FREE_BANDS = 64
 
@@ -49,11 +48,10 @@ _MOST_FREE_BANDS = 64
 def fit_sensors(
     training: Training, size: int, *, positive: bool, smoothness: float, restarts: int
 ) -> tuple[Array, Array]:
-    """A (m, N) and D (3, m).
+    """Fit A (m, N) and D (3, m).
 
     D is scaled so that whites are right in the least-squares sense over the training lights,
-    with Y = 100 for the flat light of ones. Deterministic: perturbed starts come from a fixed
-    seed, the best one is kept.
+    with Y = 100 for the flat light of ones. Deterministic: perturbed starts have a fixed seed.
     """
     grid = training.grid
     at_nm, knots = _knots(grid)
@@ -67,10 +65,10 @@ def fit_sensors(
 
 
 def choose_channels(training: Training, rows: Array) -> tuple[Array, Array]:
-    """T (m, m) and D: the sensors T @ rows of a row space (m, N) that multiply best.
+    """Return T (m, m) and D: the sensors T @ rows of a row space (m, N) that multiply best.
 
-    From the narrowest sensors that the space allows: the eigenvectors of diag(lambda) in it,
-    lambda no further out than there is colour. ``rows`` are orthonormal.
+    The descent starts at the narrowest sensors of the space: the eigenvectors of diag(lambda) in
+    it, with lambda clipped to the wavelengths of colour. ``rows`` are orthonormal.
     """
     problem = pose_problem(training, rows, np.zeros((0, len(rows))), _CHANNEL_WHITE_WEIGHT)
     _, narrow = np.linalg.eigh(rows * np.clip(training.grid.wavelengths_nm, *_COLOUR_NM) @ rows.T)
@@ -79,7 +77,7 @@ def choose_channels(training: Training, rows: Array) -> tuple[Array, Array]:
 
 
 def _perturb(heights: Array, count: int) -> Iterator[Array]:
-    """The heights themselves, then so many random changes of them."""
+    """Yield the heights, then so many random changes of them."""
     rng = np.random.default_rng(20090128)
     yield heights
     for _ in range(count):
@@ -87,7 +85,7 @@ def _perturb(heights: Array, count: int) -> Iterator[Array]:
 
 
 def _gaussians(at_nm: Array, size: int) -> Array:
-    """(m, P) values at P wavelengths of m Gaussians spread over the visible."""
+    """Return (m, P) values at P wavelengths of m Gaussians spread over the visible."""
     low, high = max(_CENTRES_NM[0], at_nm[0]), min(_CENTRES_NM[1], at_nm[-1])
     centres = np.linspace(low, high, size)
     sigma = (high - low) / (size - 1) / 3
@@ -95,7 +93,7 @@ def _gaussians(at_nm: Array, size: int) -> Array:
 
 
 def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> State:
-    """The state of least cost that a start leads to, of those whose sensors differ well."""
+    """Return the state of least cost over all starts; sensors too alike come last."""
     found: list[tuple[tuple[bool, float], State]] = []
     for heights in starts:
         state = _descend(problem, heights, positive)
@@ -108,7 +106,7 @@ def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> 
 
 
 def _descend(problem: Problem, heights: Array, positive: bool) -> State:
-    """From heights (m, P), and the best D for them, to the nearest minimum."""
+    """Minimise from heights (m, P) and the best D for them (Levenberg-Marquardt)."""
     state = _start(problem, heights, positive)
     value = evaluate(problem, state)
     damping = 1e-3
@@ -132,16 +130,16 @@ def _descend(problem: Problem, heights: Array, positive: bool) -> State:
 
 
 def _scaled_display(training: Training, problem: Problem, state: State) -> Array:
-    """D with whites right in the mean, Y = 100 for the flat light of ones."""
+    """Return D with whites right in the mean, Y = 100 for the flat light of ones."""
     predicted = evaluate(problem, state).e @ state.D.T
     scale = (problem.white * predicted).sum(0) / (predicted**2).sum(0)
     return state.D * scale[:, None] * (100.0 / training.Q[1].sum())
 
 
 def _knots(grid: SpectralGrid) -> tuple[Array, Array]:
-    """Wavelengths (P,) and knots (P, N): what a sensor is made of.
+    """Return wavelengths (P,) and knots (P, N), the basis functions of sensors.
 
-    One free value a band; on fine grids hat functions every 10 nm keep the fit small.
+    One a band; on fine grids hat functions every 10 nm keep the fit small.
     """
     w = grid.wavelengths_nm
     if grid.size <= _MOST_FREE_BANDS:
@@ -152,7 +150,7 @@ def _knots(grid: SpectralGrid) -> tuple[Array, Array]:
 
 
 def _start(problem: Problem, heights: Array, positive: bool) -> State:
-    """The best D for fixed sensors, by linear least squares before the white correction."""
+    """Solve the best D for fixed sensors by linear least squares, before white correction."""
     heights = heights / (heights @ problem.area)[:, None]
     m = len(heights)
     e, s = problem.E @ heights.T, problem.S @ heights.T
@@ -170,10 +168,10 @@ def _start(problem: Problem, heights: Array, positive: bool) -> State:
 
 
 def _step(state: State, H: Array, gradient: Array) -> Array:
-    """The minimum of the quadratic model where positive heights stay at 0 or more.
+    """Minimise the quadratic model; heights of positive sensors stay at 0 or more.
 
-    By an active set that only grows: heights that would fall below 0 are held there, and the
-    rest solved for again.
+    An active set that only grows: heights that would fall below 0 are fixed there, and the rest
+    is solved again.
     """
     x = np.concatenate([state.heights.ravel(), state.D.ravel()])
     bounded = np.arange(x.size) < (state.heights.size if state.positive else 0)
@@ -195,6 +193,6 @@ def _take_step(problem: Problem, state: State, step: Array) -> State:
     if state.positive:
         heights = np.maximum(heights, 0.0)  # rounding
     area = heights @ problem.area
-    # A sensor that would vanish costs more than any other; it only must not divide by zero.
+    # A vanishing sensor costs more than any other; it only must not divide by zero.
     heights = heights / np.where(np.abs(area) < 1e-9, 1e-9, area)[:, None]
     return replace(state, heights=heights, D=state.D + step[cut:].reshape(state.D.shape))

@@ -1,6 +1,6 @@
-"""What a basis is fitted to: lights and reflectances on one grid, and how much each counts.
+"""Training set of a basis: lights and reflectances on one grid, and their weights.
 
-lights, reflectances, weights -> [training] -> sensors, pca, reduced_rank
+lights, reflectances, weights -> [training] -> sensors, linear
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from volspec.spectra.spectrum import Spectrum, light_power, real_array, reflecta
 
 Array = NDArray[np.float64]
 
-# The perfect diffuser's share of the training set where it must lie in the subspace: channels
-# are scaled by white.
+# Weight of the perfect diffuser in the training set if it must lie in the subspace: channels are
+# scaled by white.
 _WHITE_SHARE = 0.08
-# Directions weaker than this share of the strongest are rounding, also of squares.
+# Directions weaker than this fraction of the strongest are rounding, also of squares.
 _RANK = 1e-7
-# What reflects less than this everywhere is black.
+# Reflectances below this are black.
 _BLACK = 1e-6
 LEAST_SIZE = 3
-"""Channels: as many as a colour has numbers."""
+"""Least number of channels: the numbers of a colour."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,12 +48,12 @@ class Training:
 
     @property
     def pairs(self) -> int:
-        """How many lights on reflectances there are."""
+        """Number of pairs of a light and a reflectance."""
         return len(self.E) * len(self.S)
 
     @property
     def label(self) -> str:
-        """In words."""
+        """Description such as ``115 lights x 128 reflectances``."""
         return f"{count_noun(len(self.E), 'light')} x {count_noun(len(self.S), 'reflectance')}"
 
     @property
@@ -62,7 +62,7 @@ class Training:
         return (self.S * self.reflectance_weights[:, None]).T @ self.S / len(self.S)
 
     def with_white(self) -> Training:
-        """The perfect diffuser added, at a twelfth of the reflectances' weight together."""
+        """Add the perfect diffuser, at a twelfth of the reflectances' weight together."""
         weights = np.append(self.reflectance_weights, _WHITE_SHARE * len(self.S))
         S = np.concatenate([self.S, np.ones((1, self.grid.size))])
         return Training(
@@ -84,13 +84,13 @@ def training_set(
     light_weights: ArrayLike | None,
     reflectance_weights: ArrayLike | None,
 ) -> Training:
-    """Put the data on the grid and check it.
+    """Resample the data to the grid and check it.
 
     Raises
     ------
     BasisError
         If a list is empty, a spectrum does not cover the grid, a light or a reflectance is
-        none, all reflectances are black, or weights do not fit.
+        impossible, all reflectances are black, or weights do not fit.
     """
     _require_some(lights, "lights")
     _require_some(reflectances, "reflectances")
@@ -102,7 +102,8 @@ def training_set(
         S = reflectance_values(reflectances, grid, "reflectances").reshape(-1, grid.size)
     if S.max() < _BLACK:
         raise BasisError(
-            f"reflectances are all black (at most {S.max():g}): there is nothing to fit"
+            f"reflectances are all black (at most {S.max():g}): there is nothing to fit",
+            code="impossible",
         )
     for k, row in enumerate(E):
         label = f"light {k + 1}"
@@ -131,7 +132,7 @@ def check_rank(strength: Array, size: int, what: str) -> None:
     size : int
         Channels m.
     what : str
-        What spans the space, for the message.
+        Name of the spanning set, for the message.
 
     Raises
     ------
@@ -142,12 +143,13 @@ def check_rank(strength: Array, size: int, what: str) -> None:
     if size > rank:
         raise BasisError(
             f"basis size {size} exceeds the {count_noun(rank, 'dimension')} that {what} span; "
-            f"{smaller_size(rank)}"
+            f"{smaller_size(rank)}",
+            code="impossible",
         )
 
 
 def smaller_size(most: int) -> str:
-    """What to do where the spectra determine so many channels at most."""
+    """Return the remedy if the spectra determine at most so many channels."""
     if most < LEAST_SIZE:
         return f"{LEAST_SIZE} is the least size: give more spectra"
     less = "" if most == LEAST_SIZE else " or less"
@@ -155,7 +157,7 @@ def smaller_size(most: int) -> str:
 
 
 def count_noun(count: int, noun: str) -> str:
-    """``"1 light"``, ``"2 lights"``."""
+    """Return ``"1 light"``, ``"2 lights"``."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
@@ -163,10 +165,12 @@ def _require_some(spectra: Sequence[Spectrum] | ArrayLike, what: str) -> None:
     if isinstance(spectra, Spectrum):
         return
     if not isinstance(spectra, list | tuple | np.ndarray):
-        raise BasisError(f"{what}: {spectra!r:.40} is neither a list of spectra nor an array")
+        raise BasisError(
+            f"{what}: {spectra!r:.40} is neither a list of spectra nor an array", code="type"
+        )
     count = spectra.size if isinstance(spectra, np.ndarray) else len(spectra)
     if count == 0:
-        raise BasisError(f"{what}: the list is empty; give at least one spectrum")
+        raise BasisError(f"{what}: the list is empty; give at least one spectrum", code="missing")
 
 
 def _weights(values: ArrayLike | None, count: int, what: str) -> Array:
@@ -175,10 +179,11 @@ def _weights(values: ArrayLike | None, count: int, what: str) -> Array:
     try:
         weights = real_array(values, what)
     except SpectrumError:
-        raise BasisError(f"{what} are not a list of numbers: {values!r:.40}") from None
+        raise BasisError(f"{what} are not a list of numbers: {values!r:.40}", code="type") from None
     if weights.shape != (count,):
         raise BasisError(
-            f"{what} have shape {weights.shape}; expected ({count},), one for each spectrum"
+            f"{what} have shape {weights.shape}; expected ({count},), one for each spectrum",
+            code="shape",
         )
     if not (np.isfinite(weights) & (weights > 0)).all():
         worst = int(np.argmin(np.where(np.isfinite(weights), weights, -np.inf)))

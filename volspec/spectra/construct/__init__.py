@@ -1,6 +1,6 @@
 """A plausible reflectance for any colour: mixed from measured ones, extended smoothly beyond.
 
-    colours, base -> search, outside, recovery -> [construct] -> scenes, command line
+    colours, base -> search -> [construct] -> scenes, command line
 
 References
 ----------

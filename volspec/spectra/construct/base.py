@@ -1,6 +1,6 @@
-"""The spectra that reflectances are mixed from: measured ones, enlarged by Bouguer's law.
+"""Base spectra for mixing reflectances, measured and enlarged by Bouguer's law; and the result.
 
-    samples -> [base] -> search, construct
+    reflectances -> [base] -> construct
 
 References
 ----------
@@ -26,26 +26,25 @@ from volspec.spectra.spectrum import real_array, reflectance_values
 Array = NDArray[np.float64]
 
 POWERS = (0.5, 2.0, 4.0, 8.0)
-"""Path lengths l beside the measured 1: half as thick (paler) to eight times (more saturated)."""
-# Every measured set but the ColorChecker in its three editions, which is what tests are made of,
-# and the metals, whose spectra are no paint's.
+"""Path lengths l in addition to 1: half as thick (paler) to eight times (more saturated)."""
+# All measured sets except the ColorChecker (used for testing) and metals (not paints).
 _MEASURED = ("CES/", "TCS/", "TCS 1995/", "PMC/", "VS/", "VS 7.4/", "Vrhel/", "ACES/")
 _FLATS = ("black", "white")
-# Flat greys, nearly even in lightness and closer to each other than to any measured one: between
-# them a ramp of grey stays flat, instead of taking on the casts of paints in turn.
+# Flat greys, nearly even in lightness and closer to each other than to measured spectra: a grey
+# ramp stays flat instead of taking on the casts of paints in turn.
 _GREYS = np.linspace(0.03, 0.99, 120) ** 2.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseSpectra:
-    """Reflectances to mix others from.
+    """Reflectances that others are mixed from.
 
     Parameters
     ----------
     names : K strings
-        For messages and reports.
+        Names for messages and reports.
     values : (K, N) array
-        Reflectances, 0 to 1; kept read-only.
+        Reflectances, 0 to 1; read-only.
     grid : SpectralGrid
         N bands.
 
@@ -53,7 +52,7 @@ class BaseSpectra:
     ------
     SpectrumError
         If names and values do not fit together, there are fewer than four (a tetrahedron), or
-        a value leaves 0 to 1: a mixture would too.
+        a value is outside 0 to 1.
 
     Examples
     --------
@@ -72,7 +71,8 @@ class BaseSpectra:
         if values.ndim != 2 or len(self.names) != len(values) or len(values) < 4:
             raise SpectrumError(
                 f"base spectra: {len(self.names)} names, values of shape {values.shape}; give "
-                f"(K, {self.grid.size}) and K names, K at least 4"
+                f"(K, {self.grid.size}) and K names, K at least 4",
+                code="shape",
             )
         if values.max() > 1:
             row = int(values.max(1).argmax())
@@ -92,7 +92,7 @@ class BaseSpectra:
 
 
 def bouguer(reflectances: ArrayLike, length: float, *, complementary: bool = False) -> Array:
-    """Reflectances over a longer path through the same matter (Bouguer's law) [1].
+    """Return reflectances over another path length by Bouguer's law [1].
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def bouguer(reflectances: ArrayLike, length: float, *, complementary: bool = Fal
     length : float
         l above 0; 1 is the path as measured.
     complementary : bool
-        Take eq. 6 as printed, 10^(-R l): the complementary hue, and still a valid spectrum.
+        Use eq. 6 as printed, 10^(-R l): the complementary hue, and still a valid spectrum.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def bouguer(reflectances: ArrayLike, length: float, *, complementary: bool = Fal
     if not (np.isfinite(R).all() and np.all((R >= 0) & (R <= 1))):
         raise SpectrumError("Bouguer's law: a reflectance is outside 0 to 1; clip it first")
     if not (np.isfinite(length) and length > 0):
-        raise SpectrumError(f"Bouguer's law: length {length!r}; give a number above 0")
+        raise SpectrumError.refused("length", length, "give a number above 0")
     return 10.0 ** (-R * length) if complementary else R**length
 
 
@@ -134,18 +134,16 @@ def base_spectra(
     *,
     complementary: Sequence[float] = (),
 ) -> BaseSpectra:
-    """The 533 measured reflectances of the library, enlarged by Bouguer's law, and flat greys.
+    """Return 533 measured reflectances of the library, enlarged by Bouguer's law, and greys.
 
-    Measured are the colour evaluation samples of CIE 224, the test colours of the CIE colour
-    rendering index, of CQS and the preferred memory colours, Vrhel's natural and man-made things
-    and the Academy's camera training patches (`reflectance_names`). The ColorChecker is left
-    out: it is what constructions are judged by.
+    The measured sets are CES, TCS, PMC, VS, Vrhel and ACES of `reflectance_names`; constructions
+    are tested on the ColorChecker, which is left out.
 
     Parameters
     ----------
     grid : SpectralGrid
     powers : sequence of float
-        Lengths l of R^l (`bouguer`); none leaves the measured ones.
+        Lengths l of R^l (`bouguer`).
     complementary : sequence of float
         Lengths l of 10^(-R l), eq. 6 of [1] as printed.
 
@@ -170,13 +168,13 @@ def base_spectra(
     return _base(grid, tuple(map(float, powers)), tuple(map(float, complementary)))
 
 
-# Each takes about 1 MB: a grid and its lengths, and a few that somebody tries.
+# About 1 MB each.
 @lru_cache(maxsize=8)
 def _base(
     grid: SpectralGrid, powers: tuple[float, ...], complementary: tuple[float, ...]
 ) -> BaseSpectra:
     measured = [name for name in sample_tables() if name.startswith(_MEASURED)]
-    # Noise of instruments and interpolation may leave 0 to 1 by a little.
+    # Noise and interpolation overshoot a little.
     R = np.clip([reflectance(name, grid).values for name in measured], 0.0, 1.0)
     names = [*_FLATS, *measured]
     rows = [np.array([reflectance(name, grid).values for name in _FLATS]), R]
@@ -192,10 +190,9 @@ def _base(
 
 
 ROUTES = ("tetrahedron", "delaunay", "extended", "smoothest", "nearest", "recovered")
-"""How a reflectance came about: mixed from the paper's tetrahedron or Delaunay's; extended smoothly
-from the mixture where the way from grey leaves the base colours; as smooth as can be; of the
-nearest colour there is, since no reflectance has the one asked for; or as a method of
-colour-science recovers it, whose colour may be off."""
+"""Origin of a reflectance: mixed in the paper's tetrahedron or in Delaunay's; extended smoothly
+from a mixture at the hull of the base colours; the smoothest; that of the nearest possible colour;
+or recovered by a method of colour-science, whose colour may be off."""
 
 _LEAST_SHARE = 1e-9
 
@@ -211,11 +208,10 @@ class MadeReflectances:
     route : (...) uint8
         Index into `ROUTES`.
     vertices : (..., 4) int
-        Which base spectra were mixed, or mixed and extended; -1 where none were.
+        Rows of the base spectra that were mixed or extended; -1 for none.
     shares : (..., 4) float64
-        Of each, summing to 1; 0 where none were.
+        Their weights, summing to 1; 0 for none.
     base : BaseSpectra
-        What was mixed from.
 
     Raises
     ------
@@ -239,7 +235,8 @@ class MadeReflectances:
             raise SpectrumError(
                 f"made reflectances: values {self.values.shape}, route {self.route.shape}, "
                 f"vertices {self.vertices.shape}, shares {self.shares.shape}; expected (..., "
-                f"{self.base.grid.size}), (...), (..., 4) and (..., 4)"
+                f"{self.base.grid.size}), (...), (..., 4) and (..., 4)",
+                code="shape",
             )
         for name in ("values", "route", "vertices", "shares"):
             view = getattr(self, name).view()
@@ -247,12 +244,12 @@ class MadeReflectances:
             object.__setattr__(self, name, view)
 
     def counts(self) -> dict[str, int]:
-        """How many colours went each of the `ROUTES`; those that none went are left out."""
+        """Count the colours of each of the `ROUTES` that occurs."""
         numbers = np.bincount(self.route.ravel(), minlength=len(ROUTES)).tolist()
         return {name: n for name, n in zip(ROUTES, numbers, strict=True) if n}
 
     def mix(self, index: Sequence[int] = ()) -> dict[str, float]:
-        """The base spectra that one reflectance was mixed or extended from, with shares."""
+        """Return the base spectra of one reflectance with their weights, largest first."""
         rows, shares = self.vertices[tuple(index)], self.shares[tuple(index)]
         parts = [
             (self.base.names[row], float(share))

@@ -1,6 +1,6 @@
-"""What people write for a colour, as XYZ of a surface under a light.
+"""Parse colours (names, hex codes, numbers) to the XYZ of a surface under a light.
 
-[colours] -> construct, command line
+tables, spectrum -> [colours] -> construct, palette, command line
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from volspec.spectra.tables import read_number
 Array = NDArray[np.float64]
 
 _HEX = re.compile(r"#(?:[0-9a-f]{3}|[0-9a-f]{6})")
-# No surface is this many times as bright as white: a number of another scale, such as 0-255.
+# Brighter than this relative to white, numbers are on another scale, such as 0-255.
 _MOST_OF_WHITE = 2.0
 
 
 def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
-    """The XYZ that a word or three numbers mean, as a surface's colour under a light.
+    """Return the XYZ of a colour word or three numbers, as a surface under a light.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
     Raises
     ------
     SpectrumError
-        If the name is unknown (the nearest are given), or as `checked_XYZ` says.
+        If the name is unknown (the nearest are listed); see also `checked_XYZ`.
 
     Examples
     --------
@@ -59,13 +59,14 @@ def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
     XYZ = checked_XYZ(colour, white)
     if XYZ.shape != (3,):
         raise SpectrumError(
-            f"colour: an array of shape {XYZ.shape}; give X Y Z, or use reflectances_from_colours"
+            f"colour: an array of shape {XYZ.shape}; give X Y Z, or use reflectances_from_colours",
+            code="shape",
         )
     return XYZ
 
 
 def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
-    """Colours of surfaces as float64, refused where they cannot be.
+    """Convert colours of surfaces to float64; impossible ones are refused.
 
     Parameters
     ----------
@@ -85,7 +86,9 @@ def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
     """
     array = real_array(XYZ, "colours")
     if array.ndim == 0 or array.shape[-1] != 3:
-        raise SpectrumError(f"colours have shape {array.shape}; expected (..., 3), X Y Z")
+        raise SpectrumError(
+            f"colours have shape {array.shape}; expected (..., 3), X Y Z", code="shape"
+        )
     rows = array.reshape(-1, 3)
     bright = rows > _MOST_OF_WHITE * white_XYZ
     for wrong, fault in (
@@ -102,7 +105,7 @@ def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
 
 
 def _too_bright(wrong: NDArray[np.bool_], rows: Array, white_XYZ: Array) -> str:
-    """What is wrong with the first colour that is too bright, if one is."""
+    """Describe the first colour that is too bright, if any."""
     if not wrong.any():
         return ""
     row, channel = divmod(int(wrong.argmax()), 3)
@@ -113,7 +116,7 @@ def _too_bright(wrong: NDArray[np.bool_], rows: Array, white_XYZ: Array) -> str:
 
 
 def XYZ_from_sRGB(encoded: ArrayLike, white_XYZ: ArrayLike) -> Array:
-    """XYZ under a light of surfaces that an sRGB picture shows.
+    """Return the XYZ under a light of surfaces in an sRGB picture.
 
     Parameters
     ----------
@@ -133,12 +136,12 @@ def XYZ_from_sRGB(encoded: ArrayLike, white_XYZ: ArrayLike) -> Array:
     [110.0, 100.0, 35.0]
     """
     linear = np.asarray(colour_science().models.eotf_sRGB(np.asarray(encoded, dtype=np.float64)))
-    # The adaptation to a very red light sends saturated blues below 0.
+    # Adaptation to a very red light makes saturated blues negative.
     return np.maximum(linear @ XYZ_from_linear_sRGB(white_XYZ).T, 0.0)
 
 
 def XYZ_from_linear_sRGB(white_XYZ: ArrayLike) -> Array:
-    """(3, 3): linear sRGB of 0 to 1 to XYZ, adapted from its white to another (Bradford)."""
+    """Return the (3, 3) matrix from linear sRGB to XYZ, adapted to another white (Bradford)."""
     colour = colour_science()
     matrix = 100.0 * np.asarray(colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ)
     adapted = colour.adaptation.matrix_chromatic_adaptation_VonKries(
@@ -154,28 +157,32 @@ def _numbers(text: str) -> list[float] | None:
     except ValueError:
         return None
     if len(numbers) != 3:
-        raise SpectrumError(f"colour {text!r}: {len(numbers)} numbers; give three, X Y Z")
+        raise SpectrumError(
+            f"colour {text!r}: {len(numbers)} numbers; give three, X Y Z", code="shape"
+        )
     return numbers
 
 
 def sRGB_from_word(text: str, others: str = "X Y Z with Y = 100 for white") -> Array:
-    """(3,) encoded sRGB, 0 to 1, of ``#rrggbb``, ``#rgb`` or a name of CSS Color 3, any case.
+    """Return (3,) encoded sRGB, 0 to 1, for ``#rrggbb``, ``#rgb`` or a CSS Color 3 name.
 
     Parameters
     ----------
     text : str
     others : str
-        What else may be written there, for messages.
+        Other accepted forms, for messages.
 
     Raises
     ------
     SpectrumError
-        If it is none of these; the nearest names are given.
+        If it is none of these; the nearest names are listed.
     """
     word = "".join(text.split()).casefold()
     if word.startswith("#"):
         if not _HEX.fullmatch(word):
-            raise SpectrumError(f"colour {quoted(text)}: expected #rrggbb or #rgb, in digits 0-f")
+            raise SpectrumError(
+                f"colour {quoted(text)}: expected #rrggbb or #rgb, in digits 0-f", code="syntax"
+            )
     else:
         names = {name.casefold(): code for name, code in _css_names().items()}
         if word not in names:

@@ -1,10 +1,22 @@
-"""A plausible reflectance for a colour, or for every colour of a picture.
+"""Plausible reflectances for a colour, or for every colour of a picture, by several methods.
 
-    colours, base, search, outside, recovery -> [construct] -> scenes, command line
+    colours, base, search -> [construct] -> scenes, command line
+
+The tables of Otsu, Mallett and Smits are resampled to the grid and solved there, so that only the
+method's own error is left. The optimisers of Jakob and Meng are given the grid.
 
 References
 ----------
 [1] Wang, Xu & Sun (2004), "Practical Construction of Reflectances for Spectral Rendering".
+[2] Smits (1999), "An RGB-to-Spectrum Conversion for Reflectances", J. Graphics Tools 4(4), 11-22.
+[3] Meng, Simon, Hanika & Dachsbacher (2015), "Physically Meaningful Rendering using Tristimulus
+    Colours", Computer Graphics Forum 34(4), 31-40.
+[4] Otsu, Yamamoto & Hachisuka (2018), "Reproducing Spectral Reflectances From Tristimulus
+    Colours", Computer Graphics Forum 37(6), 370-381.
+[5] Jakob & Hanika (2019), "A Low-Dimensional Function Space for Efficient Spectral Upsampling",
+    Computer Graphics Forum 38(2), 147-155.
+[6] Mallett & Yuksel (2019), "Spectral Primary Decomposition for Rendering with sRGB
+    Reflectance", EGSR.
 """
 
 from __future__ import annotations
@@ -38,7 +50,7 @@ Array = NDArray[np.float64]
 
 
 def recover_reflectances(method: str, XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
-    """Reflectances by a method of `RECOVERIES`.
+    """Return reflectances by a method of `RECOVERIES`.
 
     Parameters
     ----------
@@ -113,7 +125,7 @@ def _linear_sRGB(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
 def _optimiser(name: str) -> Callable[[Array, Spectrum, int], Array]:
     def made(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
         colour = colour_science()
-        # Keyed by what is exactly the grid: rounding in wavelengths would be another shape.
+        # Exact wavelengths: rounded ones would make another shape.
         w = light.wavelengths_nm
         Q = colour_matching_functions(light.grid, observer_deg)
         cmfs = colour.MultiSpectralDistributions(Q.T, w)
@@ -126,7 +138,8 @@ def _optimiser(name: str) -> Callable[[Array, Spectrum, int], Array]:
             except RuntimeError as error:
                 raise SpectrumError(
                     f"colour X Y Z {triple[0]:g} {triple[1]:g} {triple[2]:g}: {name} does not "
-                    "converge; take another method, such as delaunay"
+                    "converge; take another method, such as delaunay",
+                    code="impossible",
                 ) from error
         return np.array(rows)
 
@@ -140,12 +153,12 @@ RECOVERIES: dict[str, Callable[[Array, Spectrum, int], Array]] = {
     "mallett-2019": _mallett,
     "smits-1999": _smits,
 }
-"""By name: from (n, 3) XYZ, a light and an observer to (n, N)."""
+"""Functions of (n, 3) XYZ, a light and an observer that return (n, N), by method."""
 
 
 _ROUTE = {name: number for number, name in enumerate(ROUTES)}
 METHODS = ("delaunay", "tetrahedron", "smoothest", *RECOVERIES)
-"""What `reflectances_from_colours` takes for a method."""
+"""Methods of `reflectances_from_colours`."""
 
 
 def reflectance_from_colour(
@@ -157,32 +170,32 @@ def reflectance_from_colour(
     grid: SpectralGrid = DEFAULT_GRID,
     base: BaseSpectra | None = None,
 ) -> Spectrum:
-    """A plausible reflectance that has a colour under a light.
+    """Return a plausible reflectance that has a colour under a light.
 
     Parameters
     ----------
     colour : str or (3,) array_like
         ``"#c08040"``, a name of CSS Color 3, or X Y Z with Y = 100 for white, as three numbers or
-        as text. What is written in sRGB is adapted from its white to the light's.
+        as text. sRGB colours are adapted from its white to the light's.
     method, light, observer_deg, grid, base
-        As `reflectances_from_colours`.
+        See `reflectances_from_colours`.
 
     Returns
     -------
     Spectrum
-        0 to 1 on the grid. Its notes say how it was made: ``constructed`` (the route of
-        `ROUTES`), ``colour``, and ``mixed from`` or ``extended from``, the base spectra's shares.
+        0 to 1 on the grid, with the notes ``constructed`` (one of `ROUTES`), ``colour``, and
+        ``mixed from`` or ``extended from``, the base spectra and their weights.
 
     Raises
     ------
     SpectrumError
-        If the colour is unknown or none (not three numbers, negative, not finite, over twice
-        as bright as white), or the method or the light is unknown.
+        If the colour is unknown or impossible (not three numbers, negative, not finite, over
+        twice as bright as white), or the method or the light is unknown.
 
     Warns
     -----
     VolspecWarning
-        If no reflectance within 0 to 1 has the colour; that of the nearest one is given.
+        If no reflectance within 0 to 1 has the colour; the nearest one's is returned.
 
     Examples
     --------
@@ -209,14 +222,14 @@ def constructed_spectrum(
     method: str,
     observer_deg: int = 2,
 ) -> Spectrum:
-    """One made reflectance with notes on its making; warns as `reflectance_from_colour` does.
+    """Return one made reflectance with its notes; warns as `reflectance_from_colour` does.
 
     Parameters
     ----------
     made : MadeReflectances
-        Of one colour, values (N,).
+        One colour's, values (N,).
     name : str
-        What the colour was called.
+        The colour's name.
     XYZ : (3,) float64
     light : Spectrum
     method : str
@@ -256,44 +269,44 @@ def reflectances_from_colours(
     base: BaseSpectra | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> MadeReflectances:
-    """Plausible reflectances for a palette or a whole picture of colours at once.
+    """Return plausible reflectances for a palette or a whole picture of colours at once.
 
     Parameters
     ----------
     XYZ : (..., 3) array_like
         Colours of surfaces under the light, Y = 100 for white.
     method : str
-        - ``delaunay``: mixed from the four base spectra whose Delaunay tetrahedron in XYZ holds
-          the colour (eq. 7, 8 of [1]). Outside of all of them the mixture is taken where the way
-          from grey to the colour leaves them, and what is added to it is as smooth as can be;
-          so the spectra of neighbouring colours are neighbours, across the hull too.
+        - ``delaunay``: mixed from the four base spectra of the Delaunay tetrahedron in XYZ
+          around the colour (eq. 7, 8 of [1]). A colour outside all of them extends the mixture
+          on the hull towards grey by the smoothest difference; so neighbouring colours have
+          neighbouring spectra, across the hull too.
         - ``tetrahedron``: the search of [1], the nearest base colour in each octant around the
-          colour; where the five tetrahedra miss it, as ``delaunay``.
-        - ``smoothest``: of all reflectances within 0 to 1 with the colour the one of least
-          second differences; where there is none, the nearest colour's.
-        - ``otsu-2018``, ``jakob-2019``, ``meng-2015``, ``mallett-2019``, ``smits-1999``: as
-          colour-science recovers it, clipped to 0 to 1; the colour may be off.
+          colour; ``delaunay`` if its five tetrahedra miss the colour.
+        - ``smoothest``: the reflectance within 0 to 1 of least second differences with the
+          colour, or with the nearest possible colour.
+        - ``otsu-2018``, ``jakob-2019``, ``meng-2015``, ``mallett-2019``, ``smits-1999``:
+          recovered by colour-science, clipped to 0 to 1; the colour may be off.
     light : str or Spectrum
-        Under which the colours are meant; a name of `light`.
+        The colours' light; a name for `light`.
     observer_deg : {2, 10}
     grid : SpectralGrid
         N bands. The light is put on it.
     base : BaseSpectra, optional
-        What to mix from, on the same grid; `base_spectra` of the grid when left out.
-    progress : function of a share 0 to 1, optional
+        Spectra to mix, on the same grid; by default `base_spectra`.
+    progress : function of a fraction 0 to 1, optional
         Called while colours outside the base spectra are solved, about 0.3 ms each; every
         colour is solved once, however many pixels have it.
 
     Returns
     -------
     MadeReflectances
-        Values (..., N) within 0 to 1, and how each came about.
+        Values (..., N) within 0 to 1, and the origin of each.
 
     Raises
     ------
     SpectrumError
-        If a colour is none (`checked_XYZ`), the method or light is unknown, or the base is on
-        another grid.
+        If a colour is impossible (`checked_XYZ`), the method or light is unknown, or the base
+        is on another grid.
 
     Examples
     --------
@@ -306,7 +319,9 @@ def reflectances_from_colours(
     colours = checked_XYZ(XYZ, white_XYZ(lamp, observer_deg))
     base = base_spectra(grid) if base is None else base
     if base.grid != grid:
-        raise SpectrumError(f"base spectra are on {base.grid}, expected {grid}; make them there")
+        raise SpectrumError(
+            f"base spectra are on {base.grid}, expected {grid}; make them there", code="conflict"
+        )
     rows = colours.reshape(-1, 3)
     route = np.full(len(rows), _ROUTE["smoothest"], dtype=np.uint8)
     vertices = np.full((len(rows), 4), -1, dtype=np.intp)
@@ -316,9 +331,9 @@ def reflectances_from_colours(
         route[:] = _ROUTE["recovered"]
     else:
         if wanted != "smoothest" and len(rows):
-            white, kept, mesh = _mesh(base, lamp.values.tobytes(), observer_deg)
+            white, selected, mesh = _mesh(base, lamp.values.tobytes(), observer_deg)
             route, vertices, shares = _surround(rows / white, mesh, wanted == "tetrahedron")
-            vertices = np.where(vertices >= 0, kept[vertices], -1)
+            vertices = np.where(vertices >= 0, selected[vertices], -1)
         values = _mix(base.values, vertices, shares)
         outside = route >= _ROUTE["extended"]
         if outside.any():
@@ -342,7 +357,7 @@ def reflectances_from_colours(
 
 
 def _method(method: object) -> str:
-    """A method's name, however it is spelt: ``Otsu 2018`` is ``otsu-2018``."""
+    """Normalise a method's name: ``Otsu 2018`` is ``otsu-2018``."""
     word = "-".join(str(method).casefold().replace("_", "-").split())
     if word not in METHODS:
         raise SpectrumError(
@@ -362,22 +377,22 @@ def _lamp(light: str | Spectrum, grid: SpectralGrid) -> Spectrum:
 def _mesh(
     base: BaseSpectra, power: bytes, observer_deg: int
 ) -> tuple[Array, NDArray[np.intp], Mesh]:
-    """The light's white, which base spectra to search, and their colours relative to it.
+    """Return the light's white, the base spectra to search, and their colours relative to it.
 
-    Kept for palettes that are made colour by colour.
+    Cached for palettes that are made colour by colour.
     """
     lamp = Spectrum(base.grid.wavelengths_nm, np.frombuffer(power))
-    # Nothing to divide by where a light has no such part: one millionth of white is nothing.
+    # A light may lack X or Z: divide by a millionth of white instead.
     white = np.maximum(white_XYZ(lamp, observer_deg), 1e-4)
     points = XYZ_from_spectra(lamp, base.values, observer_deg) / white
-    kept = select_distinct(points)
-    return white, kept, Mesh.of(points[kept])
+    selected = select_distinct(points)
+    return white, selected, Mesh.of(points[selected])
 
 
 def _surround(
     colours: Array, mesh: Mesh, octants_first: bool
 ) -> tuple[NDArray[np.uint8], NDArray[np.intp], Array]:
-    """Route, vertices and shares of every colour's mixture, or of the one to extend."""
+    """Return route, vertices and weights of every colour's mixture, or of the one to extend."""
     n = len(colours)
     route = np.full(n, _ROUTE["tetrahedron"], dtype=np.uint8)
     vertices, shares = np.full((n, 4), -1, dtype=np.intp), np.zeros((n, 4))
@@ -389,13 +404,13 @@ def _surround(
     rest = vertices[:, 0] < 0
     vertices[rest], shares[rest] = locate_tetrahedra(mesh, clip_to_hull(mesh, colours[rest]))
     route[rest] = _ROUTE["extended"]
-    # A base without greys has no way out to follow.
+    # Without greys in the base no line leaves its hull.
     route[vertices[:, 0] < 0] = _ROUTE["smoothest"]
     return route, vertices, shares
 
 
 def _mix(base: Array, vertices: NDArray[np.intp], shares: Array) -> Array:
-    """(n, N) sum of shares times base spectra, eq. 8 of [1]; zeros where nothing is mixed."""
+    """Return (n, N) weighted sums of base spectra, eq. 8 of [1]; zeros if nothing is mixed."""
     from scipy.sparse import csr_matrix
 
     n = len(vertices)

@@ -1,6 +1,10 @@
-"""Which base colours surround a colour: four of them, and their shares.
+"""Mixtures of base spectra around a colour, and the smoothest reflectances beyond their hull.
 
-    base -> [search] -> construct
+    [search] -> construct
+
+Between the hull of the base colours and the object-colour solid (every reflectance within 0 to 1)
+the reflectance with the least second differences is taken, its own or those of its difference from
+a mixture at the hull. Beyond the solid there is none: the nearest colour's is taken.
 
 References
 ----------
@@ -21,7 +25,7 @@ from threadpoolctl import threadpool_limits
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Surrounded = tuple[Indices, Array]
-"""(n, 4) indices of base colours, -1 where none surround the colour, and (n, 4) shares."""
+"""(n, 4) indices of base colours, -1 if none surround the colour, and (n, 4) weights."""
 
 # The paper's eight points by the octant they lie in, as bits x + 2y + 4z. Its figure 2 has
 # ABCD below and EFGH above, both in a ring: the five tetrahedra then fill a cube.
@@ -30,18 +34,18 @@ _TETRAHEDRA = ((_A, _B, _C, _F), (_A, _C, _D, _H), (_A, _E, _F, _H), (_C, _F, _G
                (_A, _C, _F, _H))  # fmt: skip
 # Shares this far below zero are rounding.
 _ROUNDING = 1e-9
-# Of white: colours of one cell are the same for the search, far below what an eye tells apart.
+# Cell of the lattice that merges colours, relative to white; far below a visible difference.
 _CELL = 1e-3
-# A tetrahedron flatter than this, relative to its edges, holds nothing for sure.
+# A tetrahedron flatter than this, relative to its edges, has no reliable inside.
 _FLATTEST = 1e-12
 # Greys that are safely between black and white.
 _GREYS = (1e-3, 0.98)
-# Distances held at once: 32 MB of them.
+# Distances in memory at once: 32 MB.
 _AT_ONCE = 4_000_000
 
 
 def select_distinct(points: Array) -> Indices:
-    """Which of the base colours to search among: the first in every cell of a fine lattice.
+    """Return the first base colour in every cell of a fine lattice.
 
     Crowds of nearly equal colours, such as the black that high powers of dark paints tend to,
     make flat tetrahedra of unlike spectra, on which the triangulation breaks down.
@@ -62,17 +66,16 @@ def select_distinct(points: Array) -> Indices:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Base colours filled with tetrahedra.
+    """Tetrahedra between base colours.
 
     Parameters
     ----------
     points : (K, 3) float64
         The colours.
     delaunay : scipy.spatial.Delaunay or None
-        None where there are no tetrahedra: under light of one or two wavelengths all colours
-        lie in a plane.
+        None without tetrahedra: under light of one or two wavelengths all colours lie in a plane.
     planes : (F, 4) float64
-        Of the hull: n . P + d, above 0 outside.
+        Planes of the hull: n . P + d, above 0 outside.
     """
 
     points: Array
@@ -88,21 +91,20 @@ class Mesh:
             delaunay, planes = Delaunay(points), ConvexHull(points).equations
         except QhullError:
             return cls(points, None, np.empty((0, 4)))
-        # Some 15,000 factorisations of 3 x 3: threads would wait for each other at every one,
-        # for seconds where the machine is busy.
+        # Some 15,000 factorisations of 3 x 3: threads would wait for each other at each.
         with threadpool_limits(1):
             _ = delaunay.transform  # computed once, on first use
         return cls(points, delaunay, planes)
 
 
 def locate_tetrahedra(mesh: Mesh, XYZ: Array) -> Surrounded:
-    """The Delaunay tetrahedron around every colour, in one walk through the mesh.
+    """Find the Delaunay tetrahedron around every colour, in one walk through the mesh.
 
     Parameters
     ----------
     mesh : Mesh
     XYZ : (n, 3) float64
-        On the scale of the base colours.
+        Colours on the scale of the base colours.
 
     Returns
     -------
@@ -125,14 +127,14 @@ def locate_tetrahedra(mesh: Mesh, XYZ: Array) -> Surrounded:
 
 
 def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
-    """Where the lines from greys to colours outside leave the hull.
+    """Return the points at which lines from grey to colours outside leave the hull.
 
     Parameters
     ----------
     mesh : Mesh
-        With black and white in it; relative to white.
+        It contains black and white; relative to white.
     XYZ : (n, 3) float64
-        Each is sought from the grey of its Y.
+        Each line starts at the grey of its Y.
 
     Returns
     -------
@@ -147,7 +149,7 @@ def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
         way = XYZ[part] - grey
         room = -(grey @ mesh.planes[:, :3].T + mesh.planes[:, 3])
         speed = way @ mesh.planes[:, :3].T
-        # Of all planes that the line runs towards the first one ends it.
+        # The first plane on its way ends the line.
         reach = np.where(speed > 0, room / np.where(speed > 0, speed, 1.0), np.inf)
         share = np.clip(reach.min(1, initial=1.0), 0.0, 1.0) * (1.0 - _ROUNDING)
         on_edge[part] = grey + share[:, None] * way
@@ -155,7 +157,7 @@ def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
 
 
 def search_octants(points: Array, XYZ: Array) -> Surrounded:
-    """The paper's search: nearest base colour in each octant, first tetrahedron that holds P.
+    """Search as the paper: nearest base colour in each octant, first tetrahedron around P.
 
     Parameters
     ----------
@@ -166,8 +168,8 @@ def search_octants(points: Array, XYZ: Array) -> Surrounded:
     Returns
     -------
     vertices, shares
-        As `locate_tetrahedra`; -1 if the paper leaves it open: an octant that a tetrahedron
-        needs is empty, or none of the five holds P, which happens inside the hull too.
+        See `locate_tetrahedra`; -1 if an octant that a tetrahedron needs is empty, or none of
+        the five contains P, which happens inside the hull too.
     """
     vertices = np.full((len(XYZ), 4), -1, dtype=np.intp)
     shares = np.zeros((len(XYZ), 4))
@@ -202,7 +204,7 @@ def _octants(points: Array, XYZ: Array) -> Surrounded:
 
 
 def _barycentric(corners: Array, XYZ: Array) -> tuple[NDArray[np.bool_], Array]:
-    """Whether tetrahedra (n, 4, 3) hold points (n, 3), and the corners' shares."""
+    """Test if tetrahedra (n, 4, 3) contain points (n, 3), and return the corners' weights."""
     edges = np.swapaxes(corners[:, :3] - corners[:, 3:], 1, 2)
     size = np.linalg.norm(edges, axis=1).prod(1)
     solid = np.abs(np.linalg.det(edges)) > _FLATTEST * np.maximum(size, 1e-300)
@@ -212,10 +214,10 @@ def _barycentric(corners: Array, XYZ: Array) -> tuple[NDArray[np.bool_], Array]:
     return solid & (shares >= -_ROUNDING).all(1), np.maximum(shares, 0.0)
 
 
-# XYZ / 100. Constraints are met to 1e-9 and better; a colour missed by more is out of the solid.
+# XYZ / 100. The solver meets constraints to 1e-9; a colour missed by more is out of the solid.
 _REACHED = 1e-6
 _TOLERANCE = 1e-10
-# How much smoothness weighs where the colour itself cannot be met: it only settles ties.
+# Weight of smoothness if the colour cannot be met: it only settles ties.
 _TIES = 1e-7
 
 
@@ -225,25 +227,25 @@ def smoothest_reflectances(
     start: Array | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """The smoothest reflectances of colours: min |D2 (x - start)|^2, Q x = XYZ, 0 <= x <= 1.
+    """Return the smoothest reflectances: min |D2 (x - start)|^2, Q x = XYZ, 0 <= x <= 1.
 
     Parameters
     ----------
     XYZ : (n, 3) float64
         Y = 100 for white.
     Q : (3, N) float64
-        From reflectances to XYZ, the light included.
+        Reflectances to XYZ, the light included.
     start : (n, N) float64, optional
-        What to depart from smoothly; a flat spectrum when left out.
-    progress : function of a share 0 to 1, optional
+        Spectra from which the difference is smooth; flat by default.
+    progress : function of a fraction 0 to 1, optional
 
     Returns
     -------
     values : (n, N) float64
         Within 0 to 1.
     reached : (n,) bool
-        False where no reflectance has the colour: the values are those of the nearest one that
-        has, in X/X_n, Y/Y_n, Z/Z_n.
+        False if no reflectance has the colour: the values have the nearest one, in X/X_n,
+        Y/Y_n, Z/Z_n.
     """
     solve = _smoothest_solver(Q / 100.0)
     values = np.empty((len(XYZ), Q.shape[1]))
@@ -264,7 +266,7 @@ def _second_differences(size: int) -> Array:
 
 
 def _smoothest_solver(Q: Array) -> Callable[[Array, Array | None], Array]:
-    """One interior-point solver for all colours: only its two right sides change."""
+    """Make one interior-point solver for all colours: only its two right sides change."""
     N = Q.shape[1]
     D = _second_differences(N)
     P, q = 2.0 * D.T @ D, np.zeros(N)
@@ -279,7 +281,7 @@ def _smoothest_solver(Q: Array) -> Callable[[Array, Array | None], Array]:
 
 
 def _nearest(Q: Array, colour: Array) -> Array:
-    """min |(Q x - colour) / white|^2 within 0 to 1."""
+    """Minimise |(Q x - colour) / white|^2 within 0 to 1."""
     white = Q.sum(1)
     rows, target = Q / white[:, None], colour / white
     D = _second_differences(Q.shape[1])
@@ -288,7 +290,7 @@ def _nearest(Q: Array, colour: Array) -> Array:
 
 
 def _solver(P: Array, q: Array, equal: Array | None) -> tuple[Any, Array]:
-    """A clarabel solver of min x'Px/2 + q'x within 0 to 1, and its right-hand side."""
+    """Return a clarabel solver of min x'Px/2 + q'x within 0 to 1, and its right-hand side."""
     import clarabel
     from scipy.sparse import csc_matrix
 
