@@ -182,7 +182,7 @@ def test_other_settings_are_tried_without_writing_them(tmp_path: Path) -> None:
         ('name = "general-8"', "general-8.*general-7"),
         ('method = "magic"', "method"),
         ("observer_deg = 4", "observer_deg"),
-        ("grid_nm = [400, 705, 10]", "grid 400-705/10"),
+        ("grid_nm = [400, 705, 10]", "400-705/10"),
     ],
 )
 def test_wishes_that_do_not_fit_are_named(tmp_path: Path, basis: str, message: str) -> None:
