@@ -29,7 +29,9 @@ from volspec.spectra import (
     reflectances_from_colours,
     white_XYZ,
 )
-from volspec.spectra.construct import METHODS, ROUTES, XYZ_from_sRGB
+from volspec.spectra.construct import METHODS
+from volspec.spectra.construct.base import ROUTES
+from volspec.spectra.construct.colours import XYZ_from_sRGB
 from volspec.spectra.construct.search import Mesh, clip_to_hull, select_distinct
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from PIL import Image
 
 from volspec import cli
 from volspec.spectra import SpectralImage, XYZ_from_spectra, light, reflectance, white_XYZ
-from volspec.spectra.construct import XYZ_from_sRGB
+from volspec.spectra.construct.colours import XYZ_from_sRGB
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 

@@ -67,21 +67,30 @@ def test_more_sensors_than_the_spectra_determine_are_refused(
 @pytest.mark.parametrize(
     ("options", "code"),
     [
+        ({"method": "magic"}, "unknown"),
+        ({"method": "materials"}, "conflict"),
         ({"method": "reduced-rank"}, "impossible"),
+        ({"method": "pca", "size": 20}, "impossible"),
+        ({"method": "pca-sharpened", "size": 20}, "impossible"),
+        ({"method": "pca-sharpened", "positive": True}, "conflict"),
+        ({"method": "reduced-rank", "positive": True}, "conflict"),
         ({"method": "pca", "smoothness": 1e-6}, "conflict"),
         ({"method": "reduced-rank", "restarts": 2}, "conflict"),
-        ({"smoothness": "a"}, "range"),
-        ({"smoothness": 1e300}, "range"),
-        ({"restarts": float("inf")}, "range"),
-        ({"restarts": "a"}, "range"),
-        ({"light_weights": {}}, "type"),
-        ({"grid": None}, "type"),
-        ({"grid": (400, 700, 10)}, "type"),
+        *(({"size": wrong}, "range") for wrong in (32, 2, 5.5)),
+        *(({"smoothness": wrong}, "range") for wrong in (-1.0, "a", 1e300)),
+        *(({"restarts": wrong}, "range") for wrong in (-1, float("inf"), "a")),
+        ({"light_weights": [1.0]}, "shape"),
+        ({"light_weights": [1, 0, 1]}, "range"),
+        *(({"light_weights": wrong}, "type") for wrong in ("heavy", {})),
+        ({"reflectance_weights": np.ones(5)}, "shape"),
+        ({"reflectance_weights": [np.nan]}, "range"),
+        ({"observer_deg": 4}, "unknown"),
+        *(({"grid": wrong}, "type") for wrong in (None, (400, 700, 10))),
         ({"name": 5}, "type"),
         ({"trained_on": "a\0"}, "syntax"),
     ],
 )
-def test_options_of_the_wrong_kind_are_named(options: dict[str, Any], code: str) -> None:
+def test_bad_options_of_a_fit_are_refused(options: dict[str, Any], code: str) -> None:
     with raises(BasisError, code):
         SpectralBasis.fit(LIGHTS, [GOLD], **{"size": 3, **options})
 

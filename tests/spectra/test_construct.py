@@ -25,16 +25,9 @@ from volspec.spectra import (
     white_XYZ,
     write_spectrum,
 )
-from volspec.spectra.construct import (
-    METHODS,
-    ROUTES,
-    MadeReflectances,
-    XYZ_from_sRGB,
-    bouguer,
-    colour_XYZ,
-    reflectance_from_colour,
-    reflectances_from_colours,
-)
+from volspec.spectra.construct import METHODS, reflectance_from_colour, reflectances_from_colours
+from volspec.spectra.construct.base import ROUTES, MadeReflectances, bouguer
+from volspec.spectra.construct.colours import XYZ_from_sRGB, colour_XYZ
 from volspec.spectra.construct.search import (
     Mesh,
     clip_to_hull,

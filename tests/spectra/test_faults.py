@@ -133,21 +133,22 @@ def test_a_light_whose_peak_lies_far_outside_the_grid_is_scaled(lamp: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("wavelengths", "code"),
+    ("wavelengths", "unit"),
     [
-        ((3.8e-7, 5e-7, 7.8e-7), "range"),
-        ((0.38, 0.5, 0.78), "range"),
-        ((1.6, 2.2, 3.3), "range"),
-        ((3800, 5000, 7800), "range"),
-        ((26300, 20000, 12800), "range"),
+        ((3.8e-7, 5e-7, 7.8e-7), "metres"),
+        ((0.38, 0.5, 0.78), "micrometres"),
+        ((1.6, 2.2, 3.3), "electronvolts"),
+        ((3800, 5000, 7800), "Ångström"),
+        ((26300, 20000, 12800), "wavenumbers"),
     ],
 )
 def test_wavelengths_in_other_units_are_recognised(
-    lamp: Path, wavelengths: tuple[float, ...], code: str
+    lamp: Path, wavelengths: tuple[float, ...], unit: str
 ) -> None:
     lamp.write_text("".join(f"{w},1\n" for w in wavelengths))
-    with raises(SpectrumError, code):
+    with raises(SpectrumError, "range") as caught:
         read_spectrum(lamp)
+    assert f"are they {unit}" in caught.value.remedy
 
 
 def test_tables_that_begin_or_end_far_from_the_visible_are_nanometres(lamp: Path) -> None:
@@ -192,7 +193,7 @@ def test_one_exr_channel_in_two_parts_is_refused(tmp_path: Path) -> None:
         for name in ("left", "right")
     ]
     OpenEXR.File(parts).write(str(path))
-    with raises(SpectrumError, "range"):
+    with raises(SpectrumError, "duplicate"):
         read_spectrum(path)
 
 
@@ -208,12 +209,12 @@ def test_exr_files_keep_header_and_channels(tmp_path: Path) -> None:
 
 def test_exr_faults_are_raised_as_the_callers_error_in_its_words(tmp_path: Path) -> None:
     path = tmp_path / "a.exr"
-    with pytest.raises(ImageError, match=r"a\.exr: gone"):
+    with raises(ImageError, "not-found"):
         read_exr(path, ImageError, missing="gone")
     path.write_text("no image")
     with raises(ImageError, "damaged"):
         read_exr(path, ImageError, again="render again")
-    with pytest.raises(ImageError, match=r"a\.exr: is a folder"):
+    with raises(ImageError, "type"):
         path.unlink()
         path.mkdir()
         read_exr(path, ImageError)

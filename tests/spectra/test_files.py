@@ -101,7 +101,6 @@ def test_an_open_or_unknown_column_lists_what_there_is(table: Path, column: str,
 def test_columns_without_a_header_are_numbered(write: Callable[[str, str], str]) -> None:
     path = write("bare.tsv", "400\t1\t5\n500\t2\t6\n")
     assert read_spectrum(f"{path}#2").values.tolist() == [5, 6]
-    assert read_spectrum(f"{path}#2").values.tolist() == [5, 6]
 
 
 def test_a_header_may_hold_another_separator_than_the_rows(

@@ -27,16 +27,10 @@ def test_equal_grids_hash_alike_whatever_the_number_type() -> None:
 
 
 @pytest.mark.parametrize(
-    ("args", "code"),
-    [
-        ((400, 700, 0), "range"),
-        ((700, 400, 10), "range"),
-        ((400, 705, 10), "range"),
-        ((400, float("nan"), 10), "range"),
-    ],
+    "args", [(400, 700, 0), (700, 400, 10), (400, 705, 10), (400, float("nan"), 10)]
 )
-def test_bad_grids_name_the_remedy(args: tuple[float, float, float], code: str) -> None:
-    with raises(SpectrumError, code):
+def test_bad_grids_are_refused(args: tuple[float, float, float]) -> None:
+    with raises(SpectrumError, "range", "grid"):
         SpectralGrid(*args)
 
 

@@ -83,11 +83,6 @@ def test_every_named_light_has_the_flat_lights_luminous_energy() -> None:
     assert light("E").values == pytest.approx(1.0)
 
 
-def test_a_light_that_ends_in_the_visible_is_refused() -> None:
-    with raises(SpectrumError, "range", "light 'ISO 7589 Sensitometric Printer'"):
-        light("ISO 7589 Sensitometric Printer")
-
-
 def test_what_is_listed_loads_and_what_is_not_listed_does_not() -> None:
     known = {*colour.SDS_ILLUMINANTS, *colour.SDS_LIGHT_SOURCES}
     assert set(light_names()) < known and len(light_names()) == len(set(light_names())) == 114

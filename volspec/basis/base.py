@@ -179,10 +179,8 @@ def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> int:
 def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
     """Return A, B and D by field name: read-only float64 copies that fit together.
 
-    Raises
-    ------
-    BasisError
-        If shapes do not fit, a value is not finite, flat white changes, or A B is not I.
+    Raises BasisError if shapes do not fit, a value is not finite, flat white changes, or A B is not
+    I.
     """
     label = f"basis {basis.name!r}"
     found: dict[str, Array] = {}

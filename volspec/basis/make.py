@@ -86,18 +86,7 @@ def fit_library(
 
 
 def fit_shipped(name: str) -> SpectralBasis:
-    """Fit a shipped basis on the 128 training reflectances.
-
-    Parameters
-    ----------
-    name : str
-        One of `NAMES`.
-
-    Raises
-    ------
-    BasisError
-        If the name is unknown.
-    """
+    """Fit a shipped basis, one of `NAMES`, on the 128 training reflectances."""
     if name not in NAMES:
         raise BasisError(
             f"basis {name!r} does not ship; {nearest(name, NAMES)}shipped: {', '.join(NAMES)}",

@@ -97,16 +97,8 @@ def pair_errors(
 ) -> PairErrors:
     """Compare all modes with full spectra, light by light.
 
-    Parameters
-    ----------
-    basis : SpectralBasis or MaterialBasis
-    lights : list of Spectrum
-        Lights on the basis' grid.
-    reflectances : (K, N) float64
-    channels : (K, m) float64
-    names : list of str
-    chained : bool
-        True if channels multiply as spectra do, so that products have an error.
+    Lights are on the basis' grid, reflectances (K, N) and their channels (K, m). ``chained`` is
+    True if channels multiply as spectra do, so that products have an error.
     """
     chosen = {n: product_rows(len(reflectances), n) for n in PRODUCTS} if chained else {}
     spectra = {n: reflectances[rows].prod(axis=1) for n, rows in chosen.items()}

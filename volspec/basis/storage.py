@@ -66,15 +66,8 @@ def require_unedited(basis: SpectralBasis | MaterialBasis, data: Mapping[str, An
 def head_from_dict(data: Any, names: Sequence[str]) -> dict[str, Any]:
     """Return grid and observer of a basis, checked to have the named fields too.
 
-    Returns
-    -------
-    {"grid": SpectralGrid, "observer_deg": object}
-        2 degrees if the field is missing, as in the first files.
-
-    Raises
-    ------
-    BasisError
-        If it is not a basis, of another version, or a field is missing.
+    The observer is 2 degrees if missing, as in the first files. Raises BasisError for another
+    format or version, or a missing field.
     """
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise BasisError(f"not a spectral basis: field 'format' is not {FORMAT!r}", code="type")
@@ -108,12 +101,7 @@ def head_from_dict(data: Any, names: Sequence[str]) -> dict[str, Any]:
 def write(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
     """Write one matrix row a line, so that two files can be compared.
 
-    Raises
-    ------
-    BasisError
-        If the path does not end in ``.json``, by which `load` knows a file from a name.
-    InputError
-        If nothing can be written there.
+    Raises BasisError unless the path ends in ``.json``, by which `load` knows a file from a name.
     """
     if isinstance(path, str | os.PathLike) and Path(path).suffix.lower() != ".json":
         raise BasisError(
@@ -125,14 +113,7 @@ def write(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
 
 
 def load(name_or_path: str | os.PathLike[str], from_dict: Callable[[Any], _Basis]) -> _Basis:
-    """Load a shipped basis by name, or a file; errors name the file.
-
-    Raises
-    ------
-    BasisError
-        If it is missing, not JSON, or refused by ``from_dict``; an unknown name lists the
-        shipped ones.
-    """
+    """Load a shipped basis by name, or a file; a BasisError names the file."""
     path = _path(name_or_path)
     data = _json(path)
     try:

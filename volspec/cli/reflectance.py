@@ -120,8 +120,8 @@ def _construct(
     from volspec.basis.reflectance_figure import save_reflectance_figure
     from volspec.spectra import light as named_light
     from volspec.spectra import reflectances_from_colours, white_XYZ, write_spectrum
-    from volspec.spectra.construct import colour_XYZ
-    from volspec.spectra.construct.construct import constructed_spectrum
+    from volspec.spectra.construct import constructed_spectrum
+    from volspec.spectra.construct.colours import colour_XYZ
 
     by_name: dict[str, Spectrum] = {}
     for lamp in map(named_light, (asked.light, *under)):
@@ -209,7 +209,7 @@ def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
 
     from volspec.spectra import DEFAULT_GRID, SpectralImage, reflectances_from_colours, white_XYZ
     from volspec.spectra import light as named_light
-    from volspec.spectra.construct import XYZ_from_sRGB
+    from volspec.spectra.construct.colours import XYZ_from_sRGB
 
     if output is None or output.suffix.lower() != ".exr":
         raise ImageError(f"{image}: becomes a spectral picture; give -o FILE.exr")

@@ -1,13 +1,8 @@
 """Light and matter as functions of wavelength: grid, spectrum, photometry, files, library."""
 
 from volspec._deprecated import renamed
-from volspec.spectra.construct import (
-    BaseSpectra,
-    MadeReflectances,
-    base_spectra,
-    reflectance_from_colour,
-    reflectances_from_colours,
-)
+from volspec.spectra.construct import reflectance_from_colour, reflectances_from_colours
+from volspec.spectra.construct.base import BaseSpectra, MadeReflectances, base_spectra
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.files import read_spectrum
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid

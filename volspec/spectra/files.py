@@ -137,13 +137,7 @@ def named_in_palette(
     Returns
     -------
     (name, folder) or None
-        Such as ``D65``, and the base of a file in it. None for a spectrum with values, and for
-        any other kind of file.
-
-    Raises
-    ------
-    SpectrumError
-        If the palette has none of that name.
+        Such as ``D65``, and the base of a file in it. None for values, or no palette.
     """
     path = Path(path_text(folder), address[0])
     if path.suffix.lower() != PALETTE:
@@ -170,28 +164,10 @@ def rebase_path(file: str, folder: Path, to: Path) -> str:
 def resample(
     measured: Spectrum, grid: SpectralGrid, label: str, *, unit: float = 1.0, stacklevel: int
 ) -> NDArray[np.float64]:
-    """Return band means of a file's spectrum; extrapolated ends are warned about.
+    """Return (N,) band means of a file's spectrum divided by ``unit``.
 
-    Parameters
-    ----------
-    measured : Spectrum
-    grid : SpectralGrid
-        N bands.
-    label : str
-        The file, for messages.
-    unit : float
-        Divisor of the values.
-    stacklevel : int
-        See `warnings.warn`; counted from here.
-
-    Returns
-    -------
-    (N,) float64
-
-    Raises
-    ------
-    SpectrumError
-        If it does not cover the visible part of the grid.
+    Extrapolated ends are warned about, with ``stacklevel`` counted from here. Raises SpectrumError
+    if the visible part of the grid is not covered; ``label`` names the file.
     """
     w, v = measured.wavelengths_nm, measured.values
     try:

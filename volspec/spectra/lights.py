@@ -134,10 +134,7 @@ class _Term:
 def light_terms(text: str, folder: Folder = ".") -> list[tuple[str, float]]:
     """Return (name, weight) of every light of a mix, or of the single light.
 
-    Raises
-    ------
-    SpectrumError
-        If a part of a mix is unknown.
+    Raises SpectrumError if a part of a mix is unknown.
     """
     terms = None if _is_known(text, folder) else _parse_mix(text, folder)
     return [(term.name, term.weight) for term in terms or [_Term(text, 1.0)]]
@@ -146,17 +143,8 @@ def light_terms(text: str, folder: Folder = ".") -> list[tuple[str, float]]:
 def rebase_light(text: str, folder: Path, to: Path) -> str:
     """Rewrite file names in a light's name or mix relative to another folder.
 
-    Parameters
-    ----------
-    text : str
-        A name for `light`.
-    folder, to : path
-        Base of relative names now, and afterwards.
-
-    Raises
-    ------
-    SpectrumError
-        If a part of a mix is unknown.
+    Relative names start at ``folder`` now, and at ``to`` afterwards. Raises SpectrumError if a part
+    of a mix is unknown.
     """
     terms = light_terms(text, folder)
     names = [rebase_address(name, folder, to) for name, _ in terms]
@@ -319,20 +307,8 @@ def as_light(
 ) -> Spectrum:
     """Convert a measured spectrum to a light on the grid: V-weighted mean 1, with its notes.
 
-    Parameters
-    ----------
-    measured : Spectrum
-        Relative power.
-    grid : SpectralGrid
-    label : str, optional
-        Name for messages; its own by default.
-    stacklevel : int
-        See `warnings.warn`; counted from here.
-
-    Raises
-    ------
-    SpectrumError
-        If its power is negative or nowhere visible, or it does not cover the grid.
+    ``label`` is its name for messages, ``stacklevel`` that of warnings, counted from here. Raises
+    SpectrumError if its power is negative or nowhere visible, or it does not cover the grid.
     """
     label = label or f"light {measured.name!r}"
     # A spectrometer's dark noise dips below zero a little; a wrong column dips a lot.

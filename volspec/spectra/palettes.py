@@ -23,18 +23,8 @@ _NOTE = {"designed": "volspec design"}
 def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
     """Return a spectrum with values in a palette file, usually a designed one.
 
-    Parameters
-    ----------
-    path : str
-    selector : str
-        A name, any case; or its number from 1.
-    role : "light" or "reflectance", optional
-        Its use; None searches both.
-
-    Raises
-    ------
-    SpectrumError
-        If there is none of that name, or it is not designed yet.
+    ``selector`` is a name, any case, or a number from 1; without a role (light, reflectance) both
+    are searched. Raises SpectrumError if there is none of that name, or it is not designed yet.
     """
     data, entry = _entry(path, selector, role)
     name = str(entry["name"])
@@ -67,10 +57,7 @@ def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
 def named_spectrum(path: str, selector: str, role: str) -> str | None:
     """Return the name of a palette's given spectrum, such as ``D65``; None if it has values.
 
-    Raises
-    ------
-    SpectrumError
-        If there is none of that name.
+    Raises SpectrumError if there is none of that name.
     """
     _, entry = _entry(path, selector, role)
     given = entry.get("spectrum")

@@ -120,20 +120,8 @@ def as_reflectance(
 ) -> Spectrum:
     """Convert a measured spectrum to a reflectance on the grid: checked, with its notes.
 
-    Parameters
-    ----------
-    measured : Spectrum
-        0 to 1; to 2 with a warning.
-    grid : SpectralGrid
-    label : str, optional
-        Name for messages; its own by default.
-    stacklevel : int
-        See `warnings.warn`; counted from here.
-
-    Raises
-    ------
-    SpectrumError
-        If a value is negative or above 2, or it does not cover the grid.
+    ``label`` is its name for messages, ``stacklevel`` that of warnings, counted from here. Values
+    are 0 to 1, or to 2 with a warning; others, or an uncovered grid, raise SpectrumError.
     """
     label = label or f"reflectance {measured.name!r}"
     w, v = measured.wavelengths_nm, measured.values

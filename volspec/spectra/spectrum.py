@@ -164,10 +164,7 @@ class Spectrum:
 def read_only_notes(notes: Mapping[str, str], label: str) -> Mapping[str, str]:
     """Return a read-only copy of notes, keys in lower case with single blanks.
 
-    Raises
-    ------
-    SpectrumError
-        If it is no mapping, a key or a value is not text, or a key is empty or given twice.
+    Raises SpectrumError if it is no mapping of texts, or a key is empty or duplicate.
     """
     if not isinstance(notes, Mapping):
         raise SpectrumError.refused(f"{label}: notes", notes, "give a dict of texts", "type")
@@ -236,15 +233,7 @@ def stack(
 def real_array(values: Any, what: str) -> NDArray[np.float64]:
     """Convert numbers to float64; text is refused, even if it could be parsed.
 
-    Parameters
-    ----------
-    values : array_like
-    what : str
-        Name for messages, in the plural.
-
-    Raises
-    ------
-    SpectrumError
+    ``what`` is their name for the SpectrumError, in the plural.
     """
     try:
         array = np.asarray(values)

@@ -99,13 +99,7 @@ class TextTable:
 
 
 def read_table(path: str | os.PathLike[str]) -> TextTable:
-    """Read a text table; see `read_spectrum` for what it may hold.
-
-    Raises
-    ------
-    SpectrumError
-        Names the file, and the line where one is at fault.
-    """
+    """Read a text table, see `read_spectrum`; a SpectrumError names the file and the line."""
     name = path_text(path)
     try:
         text = file_content(name).decode("utf-8-sig")
@@ -163,13 +157,7 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
 
 
 def file_content(path: str | os.PathLike[str]) -> bytes:
-    """Return the bytes of a file.
-
-    Raises
-    ------
-    SpectrumError
-        If it cannot be read.
-    """
+    """Return the bytes of a file; raise SpectrumError if it cannot be read."""
     try:
         return Path(path_text(path)).read_bytes()
     except FileNotFoundError:
@@ -182,31 +170,14 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
 
 
 def read_number(text: str) -> float:
-    """Parse a number; Python's underscores are refused.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Parse a number; raise ValueError if it is none, or has Python's underscores."""
     if "_" in text:
         raise ValueError(f"could not convert string to float: {text!r}")
     return float(text)
 
 
 def require_nanometres(wavelengths: NDArray[np.float64], label: str) -> None:
-    """Refuse wavelengths far from the visible in nm, and guess their unit.
-
-    Parameters
-    ----------
-    wavelengths : (L,) array
-        L >= 1, finite, in any order.
-    label : str
-        The file, for messages.
-
-    Raises
-    ------
-    SpectrumError
-    """
+    """Raise SpectrumError for wavelengths far from the visible in nm, guessing their unit."""
     low, high = float(wavelengths.min()), float(wavelengths.max())
     if 0 < high < 1e-4:
         guess = "are they metres? multiply by 1e9"
@@ -311,13 +282,7 @@ def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
 
 
 def path_text(path: object, what: str = "path") -> str:
-    """Return a path as text.
-
-    Raises
-    ------
-    SpectrumError
-        If it is neither text nor a path, or contains a NUL.
-    """
+    """Return a path as text; raise SpectrumError if it is none, or contains a NUL."""
     text = os.fspath(path) if isinstance(path, str | os.PathLike) else None
     if not isinstance(text, str):
         raise SpectrumError(f"{what} {path!r} is no path; give text or a pathlib.Path", code="type")

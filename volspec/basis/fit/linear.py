@@ -49,10 +49,7 @@ _VARIATION = 1e-5
 def reduced_rank(training: Training, size: int) -> tuple[Array, Array, Array]:
     """Fit A, B and D of ``reduced-rank``.
 
-    Raises
-    ------
-    BasisError
-        If the reflectances and white span fewer than m dimensions.
+    Raises BasisError if the reflectances and white span fewer than m dimensions.
     """
     frame = _frame(training, size)
     t = training.S @ frame

@@ -123,21 +123,9 @@ def training_set(
 
 
 def check_rank(strength: Array, size: int, what: str) -> None:
-    """Refuse a basis of more channels than the training set determines.
+    """Raise BasisError if fewer than ``size`` singular values, largest first, exceed rounding.
 
-    Parameters
-    ----------
-    strength : (n,) float64
-        Singular values, the largest first.
-    size : int
-        Channels m.
-    what : str
-        Name of the spanning set, for the message.
-
-    Raises
-    ------
-    BasisError
-        If fewer than m are above rounding.
+    ``what`` names the spanning set.
     """
     rank = int((strength > strength[0] * _RANK).sum())
     if size > rank:

@@ -66,23 +66,10 @@ def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
 
 
 def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
-    """Convert colours of surfaces to float64; impossible ones are refused.
+    """Convert (..., 3) colours of surfaces to float64; Y = 100 for white.
 
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        Y = 100 for white.
-    white_XYZ : (3,) float64
-
-    Returns
-    -------
-    (..., 3) float64
-
-    Raises
-    ------
-    SpectrumError
-        If the last axis is not 3, or a number is not finite, negative, or more than twice
-        white's; the message names the first such colour.
+    Raises SpectrumError, naming the first such colour, if the last axis is not 3, or a number is
+    not finite, negative, or more than twice white's.
     """
     array = real_array(XYZ, "colours")
     if array.ndim == 0 or array.shape[-1] != 3:
@@ -166,16 +153,7 @@ def _numbers(text: str) -> list[float] | None:
 def sRGB_from_word(text: str, others: str = "X Y Z with Y = 100 for white") -> Array:
     """Return (3,) encoded sRGB, 0 to 1, for ``#rrggbb``, ``#rgb`` or a CSS Color 3 name.
 
-    Parameters
-    ----------
-    text : str
-    others : str
-        Other accepted forms, for messages.
-
-    Raises
-    ------
-    SpectrumError
-        If it is none of these; the nearest names are listed.
+    Other words raise a SpectrumError with the nearest names and ``others``, the forms accepted too.
     """
     word = "".join(text.split()).casefold()
     if word.startswith("#"):

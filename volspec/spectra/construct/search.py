@@ -45,20 +45,11 @@ _AT_ONCE = 4_000_000
 
 
 def select_distinct(points: Array) -> Indices:
-    """Return the first base colour in every cell of a fine lattice.
+    """Return the rows of the first base colour in every cell of a fine lattice, increasing.
 
-    Crowds of nearly equal colours, such as the black that high powers of dark paints tend to,
-    make flat tetrahedra of unlike spectra, on which the triangulation breaks down.
-
-    Parameters
-    ----------
-    points : (K, 3) float64
-        Relative to white.
-
-    Returns
-    -------
-    (L,) int
-        Increasing.
+    ``points`` (K, 3) are relative to white. Crowds of nearly equal colours, such as the black that
+    high powers of dark paints tend to, make flat tetrahedra of unlike spectra, on which the
+    triangulation breaks down.
     """
     _, first = np.unique(np.floor(points / _CELL), axis=0, return_index=True)
     return np.sort(first)
@@ -98,20 +89,9 @@ class Mesh:
 
 
 def locate_tetrahedra(mesh: Mesh, XYZ: Array) -> Surrounded:
-    """Find the Delaunay tetrahedron around every colour, in one walk through the mesh.
+    """Find the Delaunay tetrahedron around every colour (n, 3), in one walk through the mesh.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    XYZ : (n, 3) float64
-        Colours on the scale of the base colours.
-
-    Returns
-    -------
-    vertices : (n, 4) int
-        -1 outside of the hull of the base colours.
-    shares : (n, 4) float64
-        At least 0, summing to 1; 0 outside.
+    Weights are at least 0 and sum to 1; outside the hull vertices are -1 and weights 0.
     """
     delaunay = mesh.delaunay
     if delaunay is None:
@@ -127,19 +107,10 @@ def locate_tetrahedra(mesh: Mesh, XYZ: Array) -> Surrounded:
 
 
 def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
-    """Return the points at which lines from grey to colours outside leave the hull.
+    """Return the points (n, 3), just inside, at which lines from grey leave the hull.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        It contains black and white; relative to white.
-    XYZ : (n, 3) float64
-        Each line starts at the grey of its Y.
-
-    Returns
-    -------
-    (n, 3) float64
-        Just inside.
+    Each line runs from the grey of a colour's Y to the colour, which is relative to white; the mesh
+    contains black and white.
     """
     on_edge = np.empty_like(XYZ)
     rows = max(1, _AT_ONCE // max(len(mesh.planes), 1))
@@ -157,19 +128,10 @@ def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
 
 
 def search_octants(points: Array, XYZ: Array) -> Surrounded:
-    """Search as the paper: nearest base colour in each octant, first tetrahedron around P.
+    """Search as in the paper: nearest base colour in each octant, first tetrahedron around P.
 
-    Parameters
-    ----------
-    points : (K, 3) float64
-        Base colours.
-    XYZ : (n, 3) float64
-
-    Returns
-    -------
-    vertices, shares
-        See `locate_tetrahedra`; -1 if an octant that a tetrahedron needs is empty, or none of
-        the five contains P, which happens inside the hull too.
+    Returns `locate_tetrahedra`'s arrays; -1 if an octant that a tetrahedron needs is empty, or none
+    of the five contains P, which happens inside the hull too.
     """
     vertices = np.full((len(XYZ), 4), -1, dtype=np.intp)
     shares = np.zeros((len(XYZ), 4))
